@@ -1,0 +1,33 @@
+"""trexton: texton-based global localization for micro aerial vehicles.
+
+A flight becomes a map, a map and a frame become a position.
+
+Names are imported on first use, so that ``import trexton`` costs next to nothing.
+"""
+
+from importlib import import_module
+
+__version__ = "0.1.0"
+
+_EXPORTS = {
+    "Flight": "trexton.flights",
+    "read_flight": "trexton.flights",
+    "write_flight": "trexton.flights",
+    "TextonDictionary": "trexton.textons",
+    "texton_histogram": "trexton.histograms",
+    "sampled_histogram": "trexton.histograms",
+    "NearestHistograms": "trexton.neighbors",
+    "ParticleFilter": "trexton.particles",
+    "TextonMap": "trexton.localizer",
+    "Localizer": "trexton.localizer",
+    "Estimate": "trexton.localizer",
+    "TrextonError": "trexton.errors",
+}
+
+__all__ = ["__version__", *_EXPORTS]
+
+
+def __getattr__(name: str):
+    if name in _EXPORTS:
+        return getattr(import_module(_EXPORTS[name]), name)
+    raise AttributeError(f"module 'trexton' has no attribute {name!r}")

@@ -1,0 +1,88 @@
+"""Intermediate results, keyed by everything that went in: code, parameters, data; never by a file name."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import os
+import zipfile
+from collections.abc import Callable
+from functools import lru_cache
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from trexton.files import atomic_file, digest
+from trexton.records import software_versions
+
+__all__ = ["cache_folder", "cached", "code_hashes", "repository_root"]
+
+
+def repository_root() -> Path | None:
+    """The clone this package runs from, or None for an installed package."""
+    root = Path(__file__).resolve().parent.parent
+    return root if (root / "pyproject.toml").is_file() and (root / "notebooks").is_dir() else None
+
+
+def cache_folder() -> Path:
+    """``$TREXTON_CACHE``, else ``data/cache`` of the clone, else the user's cache."""
+    if folder := os.environ.get("TREXTON_CACHE"):
+        return Path(folder)
+    root = repository_root()
+    return root / "data" / "cache" if root else Path.home() / ".cache" / "trexton"
+
+
+@lru_cache
+def code_hashes(module: str) -> dict[str, str]:
+    """SHA-256 of the source of `module` and of every module of this package that it imports, however deep."""
+    hashes: dict[str, str] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name in hashes or (spec := find_spec(name)) is None or spec.origin is None:
+            continue
+        source = Path(spec.origin).read_bytes()
+        hashes[name] = hashlib.sha256(source).hexdigest()
+        for node in ast.walk(ast.parse(source)):
+            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
+                names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+            waiting += [name for name in names if name.split(".")[0] == "trexton" and _is_module(name)]
+    return dict(sorted(hashes.items()))
+
+
+def _is_module(name: str) -> bool:
+    try:
+        return find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def cached(kind: str, module: str, inputs: dict, compute: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Return the arrays that `compute` gives, from the cache if the same inputs were seen before.
+
+    Parameters
+    ----------
+    kind : str
+        A word that names the file, for people.
+    module : str
+        The module whose code (with all it imports from this package) makes the result.
+    inputs : dict
+        JSON values: parameters and data hashes.
+    compute : callable
+        Makes a dict of arrays; called only on a miss.
+    """
+    key = digest(kind, inputs, code_hashes(module), software_versions())
+    path = cache_folder() / f"{kind}-{key[:24]}.npz"
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return dict(stored)
+    except FileNotFoundError:
+        pass
+    except (OSError, ValueError, zipfile.BadZipFile):
+        path.unlink(missing_ok=True)  # damaged: make it again
+    arrays = compute()
+    with atomic_file(path, "wb") as stream:
+        np.savez(stream, **arrays)
+    return {name: np.asarray(array) for name, array in arrays.items()}

@@ -1,0 +1,138 @@
+"""`Flight`: the only thing that experiments know about data."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from trexton.camera import Camera, MapImage
+from trexton.errors import FlightError
+from trexton.files import digest
+from trexton.images import read_image
+
+__all__ = ["Flight"]
+
+_PER_FRAME = ("frame", "time", "position", "height", "attitude", "image_files", "histograms")
+
+
+@dataclass(frozen=True, eq=False)
+class Flight:
+    """Frames in time order, with what was recorded beside each.
+
+    Attributes
+    ----------
+    name : str
+    frame : (N,) int64 array
+        Frame numbers as the source counts them.
+    time : (N,) float64 array
+        Stamps in seconds, strictly increasing.
+    position : (N, 2) float64 array
+        Ground truth x, y in metres; NaN where it was not recorded.
+    height : (N,) array or None
+        Metres above the floor.
+    attitude : (N, 3) array or None
+        Roll, pitch, yaw in radians; see `trexton.camera`.
+    image_files : tuple of Path or None
+    histograms : (N, K) float64 array or None
+        Texton histograms where the source gives them.
+    area : (x_min, x_max, y_min, y_max)
+        The area in which the vehicle can be, in metres.
+    split : dict of str to (first, last)
+        Named ranges of frame numbers, both ends included.
+    floor_file, floor_from_pixel
+        A picture of the true floor, if known, and the ``(3, 3)`` homography from its pixels to metres.
+    """
+
+    name: str
+    frame: np.ndarray
+    time: np.ndarray
+    position: np.ndarray
+    area: tuple[float, float, float, float]
+    height: np.ndarray | None = None
+    attitude: np.ndarray | None = None
+    image_files: tuple[Path, ...] | None = None
+    histograms: np.ndarray | None = None
+    camera: Camera | None = None
+    split: dict[str, tuple[int, int]] = field(default_factory=dict)
+    floor_file: Path | None = None
+    floor_from_pixel: np.ndarray | None = None
+    source: str = ""
+    licence: str = ""
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.frame)
+
+    @property
+    def has_images(self) -> bool:
+        return self.image_files is not None
+
+    @property
+    def has_histograms(self) -> bool:
+        return self.histograms is not None
+
+    @property
+    def has_positions(self) -> bool:
+        return bool(np.isfinite(self.position).all())
+
+    @property
+    def diagonal(self) -> float:
+        """Length of the area's diagonal in metres, the scale of errors relative to the area."""
+        x_min, x_max, y_min, y_max = self.area
+        return float(np.hypot(x_max - x_min, y_max - y_min))
+
+    def image(self, index: int) -> np.ndarray:
+        """The image at row `index` as ``(H, W, 3) uint8`` Y, U, V."""
+        if self.image_files is None:
+            raise FlightError(f"flight {self.name!r} has no images, but this step needs them: use a flight that was recorded with images")
+        return read_image(self.image_files[index])
+
+    def images(self) -> Iterator[np.ndarray]:
+        """All images in time order."""
+        return (self.image(index) for index in range(len(self)))
+
+    def select(self, rows: np.ndarray | slice, name: str | None = None) -> Flight:
+        """The flight at these rows only (a slice, indices or a mask), in time order."""
+        rows = np.arange(len(self))[rows]
+        changes = {
+            key: tuple(value[row] for row in rows) if isinstance(value, tuple) else value[rows]
+            for key in _PER_FRAME
+            if (value := getattr(self, key)) is not None
+        }
+        return replace(self, name=name or self.name, **changes)
+
+    def part(self, name: str) -> Flight:
+        """The frames of the split `name`."""
+        if name not in self.split:
+            known = ", ".join(self.split) or "none"
+            raise FlightError(f"flight {self.name!r} has no split {name!r} (known: {known}): name it in flight.toml")
+        first, last = self.split[name]
+        return self.select((self.frame >= first) & (self.frame <= last))
+
+    @cached_property
+    def floor(self) -> MapImage | None:
+        """The true floor as a map image, if the flight carries one."""
+        if self.floor_file is None or self.floor_from_pixel is None:
+            return None
+        import cv2
+
+        picture = cv2.imread(str(self.floor_file), cv2.IMREAD_UNCHANGED)
+        if picture is None:
+            raise FlightError(f"{self.floor_file}: the floor picture cannot be read: restore it or drop [floor] from flight.toml")
+        if picture.ndim == 2:
+            picture = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
+        mask = picture[..., 3] > 0 if picture.shape[2] == 4 else None
+        return MapImage(np.ascontiguousarray(picture[..., :3]), self.floor_from_pixel, mask)
+
+    @cached_property
+    def data_hash(self) -> str:
+        """SHA-256 over everything an experiment can read from this flight, image bytes included."""
+        arrays = [value for key in _PER_FRAME if isinstance(value := getattr(self, key), np.ndarray)]
+        scalars = [self.name, list(self.area), {key: list(value) for key, value in self.split.items()}]
+        floor = [] if self.floor_file is None else [self.floor_file, np.asarray(self.floor_from_pixel)]
+        camera = None if self.camera is None else [self.camera.width, self.camera.height, self.camera.focal, *self.camera.principal_point]
+        return digest(scalars, camera, *arrays, *floor, *(self.image_files or ()))

@@ -1,0 +1,78 @@
+"""Images as the method sees them: ``(H, W, 3) uint8`` arrays of Y, U, V (full-range BT.601, as in JPEG).
+
+The camera delivers 4:2:2 UYVY; a file is decoded by OpenCV to BGR. Both end in the same representation here.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from trexton.errors import ImageError
+
+__all__ = ["read_image", "check_image", "yuv_from_bgr", "bgr_from_yuv", "yuv_from_uyvy"]
+
+# A camera's "video range" bytes: Y 16..235 and U, V 16..240 become 0..255 by a look-up, so that the result is exact.
+_LEVELS = np.arange(256, dtype=np.float64)
+_LUMA = np.clip(np.rint((_LEVELS - 16) * 255 / 219), 0, 255).astype(np.uint8)
+_CHROMA = np.clip(np.rint((_LEVELS - 128) * 255 / 224 + 128), 0, 255).astype(np.uint8)
+
+
+def check_image(image: np.ndarray) -> np.ndarray:
+    """Return `image` if it is an ``(H, W, 3) uint8`` array; raise `ImageError` otherwise."""
+    if not isinstance(image, np.ndarray) or image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+        found = f"{image.dtype} array of shape {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
+        raise ImageError(f"an image is an (H, W, 3) uint8 array of Y, U, V, found {found}: convert it with trexton.images")
+    return image
+
+
+def yuv_from_bgr(image: np.ndarray) -> np.ndarray:
+    """``(H, W, 3) uint8`` BGR to Y, U, V."""
+    return np.ascontiguousarray(cv2.cvtColor(check_image(image), cv2.COLOR_BGR2YCrCb)[..., (0, 2, 1)])
+
+
+def bgr_from_yuv(image: np.ndarray) -> np.ndarray:
+    """``(H, W, 3) uint8`` Y, U, V to BGR."""
+    return cv2.cvtColor(np.ascontiguousarray(check_image(image)[..., (0, 2, 1)]), cv2.COLOR_YCrCb2BGR)
+
+
+def yuv_from_uyvy(frame: np.ndarray, full_range: bool = False) -> np.ndarray:
+    """Camera bytes ``(H, W, 2) uint8`` in UYVY order to ``(H, W, 3)`` Y, U, V; both pixels of a pair share U and V.
+
+    `full_range` says that the camera already uses 0 to 255; most use the video range, which is stretched here.
+    """
+    if frame.ndim != 3 or frame.shape[2] != 2 or frame.shape[1] % 2 or frame.dtype != np.uint8:
+        raise ImageError(
+            f"a UYVY frame is (H, W even, 2) uint8, found {frame.dtype} {frame.shape}: check the camera's pixel format"
+        )
+    chroma = np.repeat(frame[..., 0].reshape(len(frame), -1, 2), 2, axis=1)
+    yuv = np.concatenate([frame[..., 1:], chroma], axis=2)
+    if not full_range:
+        yuv[..., 0] = _LUMA[yuv[..., 0]]
+        yuv[..., 1:] = _CHROMA[yuv[..., 1:]]
+    return yuv
+
+
+def read_image(path: str | os.PathLike) -> np.ndarray:
+    """Read an image file as ``(H, W, 3) uint8`` Y, U, V.
+
+    Raises
+    ------
+    ImageError
+        The file is missing, is no image, or ends too soon.
+    """
+    path = Path(path)
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror}): check the path") from None
+    # OpenCV fills the missing part of a truncated JPEG with grey and says nothing.
+    truncated = data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]
+    image = None if truncated or not data else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        fault = "the file is cut short" if truncated else "not an image that OpenCV can decode"
+        raise ImageError(f"{path}: {fault} ({len(data)} bytes): record or copy it again")
+    return yuv_from_bgr(image)

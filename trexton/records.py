@@ -1,0 +1,127 @@
+"""What an experiment returns: one frozen record, written as JSON with its pictures beside it.
+
+Equal inputs give equal bytes, except under ``timings``: whatever depends on the clock belongs there.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import platform
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+
+from trexton.errors import TrextonError
+from trexton.files import atomic_file, canonical_json
+
+__all__ = ["Record", "plain", "software_versions"]
+
+SCHEMA = 1
+_PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "matplotlib", "pandas")
+
+
+def plain(value: object) -> object:
+    """Arrays and NumPy scalars as JSON values; NaN and infinities become None."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    return str(value)
+
+
+def software_versions() -> dict[str, str]:
+    """Versions of Python and of the packages that results depend on."""
+    versions = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return versions
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """The result of one experiment on one flight.
+
+    Attributes
+    ----------
+    experiment, flight : str
+    parameters : dict
+        Everything that was chosen, seed included.
+    values : dict
+        Reproducible results, nested, in SI units unless the key's suffix says otherwise (``_cm``).
+    series : dict
+        Arrays that figures draw (lists in the file).
+    images : dict of str to (H, W[, 3]) uint8 array
+        Pictures (BGR), written as PNG files beside the record.
+    timings : dict
+        What depends on the clock and the machine.
+    provenance : dict
+        Data hashes and versions.
+    """
+
+    experiment: str
+    flight: str
+    parameters: dict
+    values: dict
+    series: dict = field(default_factory=dict)
+    images: dict = field(default_factory=dict)
+    timings: dict = field(default_factory=dict)
+    provenance: dict = field(default_factory=dict)
+    schema: int = SCHEMA
+
+    def __post_init__(self):
+        for name in ("parameters", "values", "series", "timings", "provenance"):
+            object.__setattr__(self, name, plain(getattr(self, name)))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``<experiment>.json`` and its pictures into `folder`; returns the path of the JSON file."""
+        import cv2
+
+        folder, pictures = Path(folder), {}
+        for name, image in self.images.items():
+            data = cv2.imencode(".png", image)[1].tobytes()
+            file = f"{self.experiment}-{name}.png"
+            with atomic_file(folder / file, "wb") as stream:
+                stream.write(data)
+            pictures[name] = {"file": file, "sha256": hashlib.sha256(data).hexdigest()}
+        content = {key: getattr(self, key) for key in self.__dataclass_fields__} | {"images": pictures}
+        with atomic_file(folder / f"{self.experiment}.json") as stream:
+            stream.write(canonical_json(content))
+        return folder / f"{self.experiment}.json"
+
+    @classmethod
+    def load(cls, path: str | Path) -> Record:
+        """Read a record and its pictures.
+
+        Raises
+        ------
+        TrextonError
+            The file is missing, damaged or of a newer schema.
+        """
+        import cv2
+
+        path = Path(path)
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            if content["schema"] > SCHEMA:
+                raise TrextonError(f"{path}: record schema {content['schema']} is newer than {SCHEMA}: update trexton")
+            pictures = content.pop("images")
+            record = cls(**content)
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise TrextonError(f"{path}: not a readable record ({error}): run its experiment again") from None
+        for name, entry in pictures.items():
+            record.images[name] = cv2.imread(str(path.parent / entry["file"]), cv2.IMREAD_UNCHANGED)
+        return record
