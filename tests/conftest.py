@@ -1,0 +1,82 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trexton.flights import Flight, write_flight
+from trexton.flights.registry import raw_files
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def _shared_data() -> Path | None:
+    named = os.environ.get("TREXTON_DATA")
+    candidates = ([Path(named)] if named else []) + [ROOT.parent / "shared" / "data"]
+    return next((folder for folder in candidates if (folder / "cyberzoo").is_dir()), None)
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """A local copy of the public data, laid out as the registry names them."""
+    folder = _shared_data()
+    if folder is None:
+        pytest.skip("the authors' data are not here: set TREXTON_DATA to a folder with cyberzoo/ in it")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def cyberzoo(shared_data) -> Flight:
+    """The authors' real flight."""
+    from trexton.flights.cyberzoo import read_cyberzoo
+
+    return read_cyberzoo(*(shared_data / key for key in raw_files("cyberzoo")))
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(20160620)
+
+
+def small_flight(frames: int = 40, textons: int = 4, name: str = "small") -> Flight:
+    """A flight with histograms only, on a circle of one metre."""
+    angle = np.linspace(0, 2 * np.pi, frames, endpoint=False)
+    rng = np.random.default_rng(7)
+    return Flight(
+        name=name,
+        frame=np.arange(1, frames + 1),
+        time=np.arange(frames) * 0.08,
+        position=np.column_stack([np.cos(angle), np.sin(angle)]),
+        area=(-1.0, 1.0, -1.0, 1.0),
+        histograms=rng.dirichlet(np.ones(textons), frames),
+        split={"train": (1, frames // 2), "test": (frames // 2 + 1, frames)},
+    )
+
+
+@pytest.fixture
+def flight_folder(tmp_path) -> Path:
+    """`small_flight` on disk."""
+    return write_flight(small_flight(), tmp_path / "small")
+
+
+@pytest.fixture
+def image_folder(tmp_path) -> Path:
+    """Six frames with images of 32x24 pixels, on disk."""
+    import cv2
+
+    images = tmp_path / "images"
+    images.mkdir()
+    rng = np.random.default_rng(8)
+    files = tuple(images / f"{number:04d}.jpg" for number in range(6))
+    for file in files:
+        cv2.imwrite(str(file), rng.integers(0, 256, (24, 32, 3), dtype=np.uint8))
+    line = np.linspace(0, 1, 6)
+    flight = Flight(
+        name="pictures", frame=np.arange(6), time=np.arange(6) * 0.08, position=np.column_stack([line, -line]),
+        area=(0.0, 1.0, -1.0, 0.0), image_files=files,
+    )
+    return write_flight(flight, tmp_path / "pictures")

@@ -1,0 +1,184 @@
+"""Flight folders: what is written reads back to the same bits; every kind of bad input is one named fault."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from conftest import small_flight
+
+from trexton.camera import Camera
+from trexton.errors import FlightError, ImageError
+from trexton.flights import Flight, read_flight, write_flight
+from trexton.flights.check import check_flight
+from trexton.flights.folder import load_folder
+
+
+def replace_line(path, row, text):
+    """Put `text` in place of row `row` (the header is row 1), as editors count."""
+    lines = path.read_text().splitlines()
+    lines[row - 1] = text
+    path.write_text("\n".join(lines) + "\n")
+
+
+def test_what_is_written_reads_back_bit_for_bit(tmp_path, rng):
+    count = 9
+    flight = Flight(
+        name='a "quoted" näme', frame=np.arange(5, 5 + count), time=np.cumsum(rng.random(count) + 0.01),
+        position=rng.normal(size=(count, 2)) * 1e3, area=(-1.5, 2.25, 0.1, 0.3), height=rng.random(count),
+        attitude=rng.normal(size=(count, 3)), histograms=rng.dirichlet(np.ones(7), count), camera=Camera(64, 48, 51.5),
+        split={"train": (5, 9), "odd name": (10, 13)}, source="here", licence="none", notes=("one", 'two \\ "x"'),
+    )
+    again = read_flight(write_flight(flight, tmp_path / "f"))
+    for key in ("frame", "time", "position", "height", "attitude", "histograms"):
+        np.testing.assert_array_equal(getattr(again, key), getattr(flight, key))
+    assert (again.name, again.area, again.split, again.notes) == (flight.name, flight.area, flight.split, flight.notes)
+    assert again.camera.principal_point == flight.camera.principal_point
+    assert again.data_hash == flight.data_hash
+
+
+def test_images_and_floor_travel_with_the_flight(image_folder, tmp_path):
+    flight = read_flight(image_folder)
+    assert flight.has_images and flight.image(0).shape == (24, 32, 3)
+    copy = read_flight(write_flight(flight, tmp_path / "copy"))
+    assert copy.data_hash == flight.data_hash
+    np.testing.assert_array_equal(copy.image(3), flight.image(3))
+
+
+def test_the_hash_sees_one_changed_byte_of_one_image(image_folder):
+    before = read_flight(image_folder).data_hash
+    picture = image_folder / "images" / "0003.jpg"
+    picture.write_bytes(picture.read_bytes() + b"\0")
+    assert read_flight(image_folder).data_hash != before
+
+
+def test_parts_follow_frame_numbers_with_both_ends():
+    flight = small_flight(40)
+    assert flight.part("train").frame.tolist() == list(range(1, 21))
+    assert flight.part("test").frame.tolist() == list(range(21, 41))
+    with pytest.raises(FlightError, match="no split 'dawn' .known: train, test."):
+        flight.part("dawn")
+
+
+@pytest.mark.parametrize(
+    ("file", "row", "text", "fault"),
+    [
+        ("frames.csv", 1, "frame,t_s,x_m,colour", "unknown column 'colour'"),
+        ("frames.csv", 1, "frame,t_s,x_m,x_m", "column 'y_m' is missing"),
+        ("frames.csv", 4, "3,0.16,1.0", "row 4: 3 fields where the header names 4"),
+        ("frames.csv", 4, "3,0.16,one,1.0", "row 4: x_m is 'one': expected a number"),
+        ("frames.csv", 4, "3,0.16,inf,1.0", "row 4: x_m is inf: expected a finite number"),
+        ("frames.csv", 4, "3,,1.0,1.0", "row 4: t_s is empty: expected a finite number"),
+        ("frames.csv", 4, "2.5,0.16,1.0,1.0", "row 4: frame is 2.5: expected a whole number"),
+        ("frames.csv", 4, "3,0.08,1.0,1.0", "row 4: duplicated stamp 0.08"),
+        ("frames.csv", 4, "3,0.01,1.0,1.0", "row 4: unsorted stamp 0.01"),
+        ("frames.csv", 4, "2,0.16,1.0,1.0", "row 4: duplicated frame number 2"),
+        ("histograms.csv", 4, "3,0.5,0.3,0.1,0.08", "row 4: the histogram sums to 0.98"),
+        ("histograms.csv", 4, "3,0.5,0.7,-0.1,-0.1", "row 4: the histogram sums to 1 (smallest entry -0.1)"),
+        ("histograms.csv", 4, "7,0.25,0.25,0.25,0.25", "row 4: its frames differ from those of frames.csv"),
+        ("histograms.csv", 1, "frame,a,b,c,d", "unknown columns frame,a,b,c"),
+        ("flight.toml", 1, "format = 2", "format 2 is newer than 1"),
+        ("flight.toml", 1, "colour = 2", "unknown key 'colour'"),
+        ("flight.toml", 1, "camera = 3", "camera is 3: expected a table"),
+        ("flight.toml", 2, "name = 3", "name is 3: expected text"),
+        ("flight.toml", 5, "area_m = [1, 0, 0, 1]", "expected [x_min, x_max, y_min, y_max]"),
+        ("flight.toml", 5, 'area_m = ["a", 0, 0, 1]', "expected [x_min, x_max, y_min, y_max]"),
+        ("flight.toml", 8, '"train" = [100, 200]', "split 'train' is 100 to 200, but the frames are 1 to 40"),
+        ("flight.toml", 8, '"train" = "all"', "expected [first frame, last frame]"),
+        ("flight.toml", 1, "= 2", "not valid TOML"),
+    ],
+)
+def test_each_fault_is_named_with_file_and_row(flight_folder, file, row, text, fault):
+    replace_line(flight_folder / file, row, text)
+    with pytest.raises(FlightError) as caught:
+        read_flight(flight_folder)
+    assert str(flight_folder / file) in str(caught.value) and fault in str(caught.value)
+    report = check_flight(flight_folder)
+    assert not report.usable and any(fault in line for line in report.faults)
+
+
+def test_rows_that_sum_to_1_0002_are_accepted(flight_folder):
+    replace_line(flight_folder / "histograms.csv", 4, "3,0.5002,0.3,0.1,0.1")
+    assert read_flight(flight_folder).histograms[2].sum() == pytest.approx(1.0002)
+
+
+def test_a_missing_position_is_reported_but_does_not_forbid_the_flight(flight_folder):
+    replace_line(flight_folder / "frames.csv", 6, "5,0.32,nan,")
+    report = check_flight(flight_folder)
+    assert report.usable and len(report.warnings) == 1 and "frames.csv, row 6: the position is missing" in report.warnings[0]
+    flight = read_flight(flight_folder)
+    assert not flight.has_positions and np.isnan(flight.position[4]).all()
+    assert ("positions", "39 of 40") in report.facts
+
+
+def test_an_empty_or_absent_folder_is_one_clear_fault(tmp_path):
+    with pytest.raises(FlightError, match="flight.toml: not found"):
+        read_flight(tmp_path)
+    with pytest.raises(FlightError, match="no such folder"):
+        read_flight(tmp_path / "nowhere")
+
+
+def test_a_flight_of_neither_images_nor_histograms_is_refused(flight_folder):
+    (flight_folder / "histograms.csv").unlink()
+    with pytest.raises(FlightError, match="neither images nor histograms.csv"):
+        read_flight(flight_folder)
+
+
+def test_binary_and_empty_tables_are_faults_not_crashes(flight_folder):
+    (flight_folder / "frames.csv").write_bytes(b"\xff\xfe\0\0")
+    assert "not a text table" in check_flight(flight_folder).faults[0]
+    (flight_folder / "frames.csv").write_text("")
+    assert "no frames" in check_flight(flight_folder).faults[0]
+
+
+def test_every_faulty_image_is_found_even_beside_other_faults(image_folder):
+    pictures = image_folder / "images"
+    whole = (pictures / "0001.jpg").read_bytes()
+    (pictures / "0001.jpg").write_bytes(whole[: len(whole) // 2])
+    (pictures / "0002.jpg").write_text("no picture")
+    cv2.imwrite(str(pictures / "0003.jpg"), np.zeros((10, 10, 3), np.uint8))
+    (pictures / "0004.jpg").unlink()
+    report = check_flight(image_folder)
+    text = "\n".join(report.faults)
+    assert len(report.faults) == 4 and not report.usable
+    assert "row 3" in text and "cut short" in text
+    assert "row 4" in text and "not an image" in text
+    assert "row 5" in text and "10x10 where most are 32x24" in text
+    assert "row 6: image '0004.jpg' is not in" in text
+
+
+def test_images_are_held_against_the_camera_where_one_is_given(image_folder):
+    with open(image_folder / "flight.toml", "a") as header:
+        header.write("\n[camera]\nwidth_px = 640\nheight_px = 480\nfocal_px = 520\n")
+    faults = check_flight(image_folder).faults
+    assert len(faults) == 6 and "32x24 where [camera] says 640x480" in faults[0]
+
+
+def test_a_truncated_image_raises_one_clear_error(image_folder):
+    file = image_folder / "images" / "0001.jpg"
+    file.write_bytes(file.read_bytes()[:200])
+    with pytest.raises(ImageError, match="cut short"):
+        read_flight(image_folder).image(1)
+
+
+def test_an_unreadable_floor_is_a_fault(image_folder):
+    (image_folder / "floor.png").write_text("no picture")
+    with open(image_folder / "flight.toml", "a") as header:
+        header.write('\n[floor]\nimage = "floor.png"\nworld_from_pixel = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]\n')
+    assert "floor picture cannot be read" in check_flight(image_folder).faults[0]
+
+
+def test_nothing_half_written_stays_when_writing_fails(tmp_path, image_folder):
+    flight = read_flight(image_folder)
+    (image_folder / "images" / "0005.jpg").unlink()
+    with pytest.raises(OSError):
+        write_flight(flight, tmp_path / "out" / "copy")
+    assert list((tmp_path / "out").iterdir()) == []
+
+
+def test_loading_collects_faults_of_several_files_at_once(flight_folder):
+    replace_line(flight_folder / "frames.csv", 4, "3,0.08,1.0,1.0")
+    replace_line(flight_folder / "histograms.csv", 9, "8,0.9,0,0,0")
+    replace_line(flight_folder / "flight.toml", 5, "area_m = 3")
+    faults = load_folder(flight_folder).faults
+    assert [sum(name in fault for fault in faults) for name in ("flight.toml", "frames.csv", "histograms.csv")] == [1, 1, 1]

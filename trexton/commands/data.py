@@ -1,0 +1,28 @@
+"""``trexton data``: list the public data, or make a data set ready as a Flight folder."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from trexton.flights.registry import data_folder, fetch, registry
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    verbs.add_parser("list", help="the names, what they are, and whether they are on this machine")
+    get = verbs.add_parser("fetch", help="download, check the SHA-256, write a Flight folder")
+    get.add_argument("name", metavar="NAME", help="a name from the list")
+    get.add_argument("--from", dest="source", metavar="DIR", help="take the raw files from this folder, download nothing")
+    get.add_argument("--out", metavar="DIR", help="where to put it (default: data/flights/NAME)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    if arguments.verb == "list":
+        for name, entry in registry().items():
+            here = all((data_folder() / file["key"]).is_file() for file in entry["files"])
+            print(f"{name}: {entry['title']}\n  licence: {entry['licence']}\n  on this machine: {'yes' if here else 'no'}")
+        return 0
+    out = Path(arguments.out or Path("data") / "flights" / arguments.name)
+    print(fetch(arguments.name, out, arguments.source))
+    return 0

@@ -1,0 +1,108 @@
+"""Public data: listed in ``data/registry.toml``, fetched by URL through pooch, never trusted without their SHA-256."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tomllib
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+
+from trexton.cache import cache_folder, repository_root
+from trexton.errors import DataError
+from trexton.files import atomic_file
+from trexton.flights.flight import Flight
+from trexton.flights.folder import write_flight
+from trexton.progress import say
+
+__all__ = ["data_folder", "fetch", "locate", "raw_files", "registry"]
+
+
+@cache
+def registry() -> dict[str, dict]:
+    """Every public data set by name: title, licence, files (key, url, sha256), reader if it is a flight."""
+    root = repository_root()
+    if root is None:
+        raise DataError("the data registry belongs to the repository and this is an installed package: run it from a clone")
+    return tomllib.loads((root / "data" / "registry.toml").read_text(encoding="utf-8"))
+
+
+def data_folder() -> Path:
+    """Where raw files are kept: ``$TREXTON_DATA`` (may be read-only if complete), else ``public`` in the cache folder."""
+    named = os.environ.get("TREXTON_DATA")
+    return Path(named) if named else cache_folder() / "public"
+
+
+def raw_files(name: str) -> dict[str, dict]:
+    """The raw files of the data set `name`: key (its path in the data folder) to url and sha256."""
+    if name not in registry():
+        raise DataError(f"no public data set is named {name!r}: the names are {', '.join(registry())}")
+    return {file["key"]: file for file in registry()[name]["files"]}
+
+
+def locate(name: str, source: str | os.PathLike | None = None) -> list[Path]:
+    """The raw files of `name` on this machine, hashes checked.
+
+    Parameters
+    ----------
+    source : path, optional
+        A folder that already holds the files, by key or by bare name; nothing is downloaded then.
+
+    Raises
+    ------
+    DataError
+        A file is missing, has another hash, or cannot be downloaded.
+    """
+    if source is not None:
+        return [_from_folder(Path(source), key, file["sha256"]) for key, file in raw_files(name).items()]
+    return [_from_cache(key, file) for key, file in raw_files(name).items()]
+
+
+def fetch(name: str, out: str | os.PathLike, source: str | os.PathLike | None = None) -> Path:
+    """Make the data set `name` ready at `out`: a Flight folder, or the file itself where it is no flight."""
+    files, out = locate(name, source), Path(out)
+    if "reader" in registry()[name]:
+        return write_flight(_reader(name)(*files), out)
+    target = out / files[0].name
+    with atomic_file(target, "wb") as stream, open(files[0], "rb") as raw:
+        shutil.copyfileobj(raw, stream)
+    return target
+
+
+def _reader(name: str) -> Callable[..., Flight]:
+    module, function = registry()[name]["reader"].split(":")
+    return getattr(import_module(module), function)
+
+
+def _from_folder(folder: Path, key: str, sha256: str) -> Path:
+    import pooch
+
+    path = next((path for path in (folder / key, folder / Path(key).name) if path.is_file()), None)
+    if path is None:
+        raise DataError(f"{folder}: neither {key} nor {Path(key).name} is there: give the folder that holds the raw files")
+    found = pooch.file_hash(str(path))
+    if found != sha256:
+        raise DataError(f"{path}: its SHA-256 is {found[:12]}..., expected {sha256[:12]}...: it is another version or damaged, fetch it again")
+    return path
+
+
+def _from_cache(key: str, file: dict) -> Path:
+    import pooch
+    import requests
+
+    pooch.get_logger().setLevel("WARNING")
+    folder = data_folder()
+    shelf = pooch.create(path=folder, base_url="", registry={key: f"sha256:{file['sha256']}"}, urls={key: file["url"]})
+    if not (folder / key).is_file():
+        say(f"fetching {file['url']}")
+    try:
+        return Path(shelf.fetch(key, downloader=pooch.HTTPDownloader(timeout=20)))
+    except ValueError:  # what pooch raises on a wrong hash; the file is not kept
+        raise DataError(f"{file['url']}: what was downloaded does not have the expected SHA-256: try again, or take the file from elsewhere (--from DIR)") from None
+    except (requests.RequestException, OSError) as error:
+        raise DataError(
+            f"{key} is not in {folder} and cannot be fetched from {file['url']} ({type(error).__name__}): "
+            "go online, or give a folder that holds the raw files (--from DIR, or TREXTON_DATA)"
+        ) from None
