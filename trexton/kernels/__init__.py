@@ -1,0 +1,55 @@
+"""Hot loops compiled by numba, one a file, imported on first use only; each has a NumPy twin that gives the same bits."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+
+from trexton.errors import ParameterError
+
+__all__ = ["BACKENDS", "compiled", "thread_count"]
+
+BACKENDS = ("numba", "numpy")
+
+
+@cache
+def _load(name: str) -> Callable | None:
+    try:
+        return getattr(import_module(f"trexton.kernels.{name}"), name)
+    except ImportError:
+        return None
+
+
+def compiled(name: str, backend: str | None = None) -> Callable | None:
+    """The compiled kernel `name`, or None where NumPy shall do the work.
+
+    Parameters
+    ----------
+    name : str
+        A module of this package; the kernel has the same name.
+    backend : {"numba", "numpy"} or None
+        None takes numba where it is installed.
+
+    Raises
+    ------
+    ParameterError
+        The backend is unknown, or is numba and numba is not installed.
+    """
+    if backend not in (None, *BACKENDS):
+        raise ParameterError(f"backend {backend!r} is unknown: choose one of {', '.join(BACKENDS)}")
+    kernel = None if backend == "numpy" else _load(name)
+    if kernel is None and backend == "numba":
+        raise ParameterError("backend 'numba' was asked for, but numba cannot be imported: install it or choose 'numpy'")
+    return kernel
+
+
+def thread_count(threads: int | None = None) -> int:
+    """How many threads a kernel may use: `threads`, else ``$OMP_NUM_THREADS``, else the processors given to this process."""
+    if threads is None:
+        given = os.environ.get("OMP_NUM_THREADS", "")
+        return int(given) if given.isdigit() and int(given) else len(os.sched_getaffinity(0))
+    if threads < 1:
+        raise ParameterError(f"threads is {threads}: expected at least 1")
+    return threads

@@ -1,0 +1,49 @@
+"""Patches of an image: where they can lie, drawing positions, cutting them out.
+
+A position is the (row, column) of a patch's top left corner; an image is ``(H, W, 3) uint8`` (Y, U, V), P the patch size.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from trexton.errors import ImageError, ParameterError
+from trexton.images import check_image
+
+__all__ = ["position_grid", "sample_positions", "gather_patches", "draw_patches"]
+
+
+def position_grid(shape: tuple[int, ...], patch: int) -> tuple[int, int]:
+    """How many rows and columns of positions an image of `shape` has: (H - P + 1, W - P + 1).
+
+    Raises
+    ------
+    ImageError
+        The image is smaller than a patch.
+    """
+    rows, columns = shape[0] - patch + 1, shape[1] - patch + 1
+    if rows < 1 or columns < 1:
+        raise ImageError(f"the image has {shape[1]}x{shape[0]} pixels, a patch {patch}x{patch}: give a larger image")
+    return rows, columns
+
+
+def sample_positions(shape: tuple[int, ...], patch: int, n: int, rng: np.random.Generator) -> np.ndarray:
+    """``(n, 2) int64``: random positions, uniform over an image of `shape`, with replacement."""
+    rows, columns = position_grid(shape, patch)
+    if n < 1:
+        raise ParameterError(f"the number of samples is {n}: expected at least 1")
+    return np.column_stack(np.divmod(rng.integers(rows * columns, size=n), columns))
+
+
+def gather_patches(image: np.ndarray, positions: np.ndarray, patch: int) -> np.ndarray:
+    """``(N, P, P, 3) uint8``: the patches at `positions` ``(N, 2)``."""
+    windows = np.lib.stride_tricks.sliding_window_view(check_image(image), (patch, patch), axis=(0, 1))
+    return np.ascontiguousarray(windows[positions[:, 0], positions[:, 1]].transpose(0, 2, 3, 1))
+
+
+def draw_patches(images: Iterable[np.ndarray], patch: int, per_image: int, rng: np.random.Generator) -> np.ndarray:
+    """``(N, P, P, 3) uint8``: `per_image` random patches (with replacement) from each image in turn."""
+    drawn = [gather_patches(image, sample_positions(image.shape, patch, per_image, rng), patch) for image in images]
+    return np.concatenate(drawn) if drawn else np.empty((0, patch, patch, 3), np.uint8)
