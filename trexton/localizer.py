@@ -156,8 +156,8 @@ class TextonMap:
             {"flight": flight.name, "data_hash": flight.data_hash, "parameters": parameters, "versions": _versions()},
         )
 
-    def save(self, path: str | os.PathLike) -> Path:
-        """Write the map as ``.npz``, whole or not at all."""
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """The map as named arrays, the form in which it is stored."""
         arrays = {
             "schema": np.int64(SCHEMA),
             "histograms": self.histograms,
@@ -172,8 +172,30 @@ class TextonMap:
             arrays["image_shape"] = np.asarray(self.image_shape, dtype=np.int64)
         if self.dictionary is not None:
             arrays["textons"] = self.dictionary.textons
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, arrays: dict[str, np.ndarray]) -> TextonMap:
+        """The map that `to_arrays` described; raises `MapError` for a newer schema, `KeyError` for a missing array."""
+        schema = int(arrays["schema"])
+        if schema > SCHEMA:
+            raise MapError(f"map schema {schema} is newer than {SCHEMA}, the newest this version reads: update trexton")
+        return cls(
+            TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
+            arrays["histograms"],
+            arrays["positions"],
+            arrays["rank_covariance"],
+            arrays["process_covariance"],
+            tuple(arrays["area"].tolist()),
+            tuple(arrays["image_shape"].tolist()) if "image_shape" in arrays else None,
+            float(arrays["period_s"]),
+            json.loads(arrays["provenance"].tobytes()),
+        )
+
+    def save(self, path: str | os.PathLike) -> Path:
+        """Write the map as ``.npz``, whole or not at all."""
         with atomic_file(path, "wb") as stream:
-            np.savez(stream, **arrays)
+            np.savez(stream, **self.to_arrays())
         return Path(path)
 
     @classmethod
@@ -187,21 +209,9 @@ class TextonMap:
         """
         try:
             with np.load(path, allow_pickle=False) as stored:
-                arrays = dict(stored)
-            schema = int(arrays["schema"])
-            if schema > SCHEMA:
-                raise MapError(f"{path}: map schema {schema} is newer than {SCHEMA}, the newest this version reads: update trexton")
-            return cls(
-                TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
-                arrays["histograms"],
-                arrays["positions"],
-                arrays["rank_covariance"],
-                arrays["process_covariance"],
-                tuple(arrays["area"].tolist()),
-                tuple(arrays["image_shape"].tolist()) if "image_shape" in arrays else None,
-                float(arrays["period_s"]),
-                json.loads(arrays["provenance"].tobytes()),
-            )
+                return cls.from_arrays(dict(stored))
+        except MapError as error:
+            raise MapError(f"{path}: {error}") from None
         except FileNotFoundError:
             raise MapError(f"{path}: no such map: make one with trexton train FLIGHT -o {path}") from None
         except (OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, zipfile.BadZipFile) as error:

@@ -1,20 +1,22 @@
-"""Errors of a track of estimates: per axis as the paper prints them, Euclidean, with intervals and yardsticks.
+"""Errors of tracks of estimates: per axis as the paper prints them, Euclidean, with intervals and yardsticks.
 
 Nothing is aligned before it is compared: estimates and ground truth share one frame of reference.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 
 from trexton.errors import ParameterError
 
-__all__ = ["block_bootstrap", "constant_guess", "errors", "shuffled_neighbors", "summarize", "wilson_interval"]
+__all__ = ["absolute_errors", "block_rows", "constant_guess", "shuffled_neighbors", "summarize", "wilson_interval"]
+
+BLOCK = 12  # frames, about a second
 
 
-def errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
+def absolute_errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """``(N, 2)`` absolute errors per axis in metres; NaN where either side is unknown.
 
     Raises
@@ -28,58 +30,77 @@ def errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return np.abs(estimates - truth)
 
 
-def block_bootstrap(
-    samples: np.ndarray, statistic: Callable[[np.ndarray], float], *, rng: np.random.Generator, block=12, draws=1000
-) -> tuple[float, float]:
-    """95 % interval of `statistic` over samples in time order, by resampling whole (circular) blocks.
+def block_rows(count: int, rng: np.random.Generator, block: int = BLOCK) -> np.ndarray:
+    """``(count,)`` rows resampled in whole circular blocks.
 
     Neighbouring frames err alike; blocks of about a second keep that dependence, single frames would not.
     """
-    count = len(samples)
     block = min(block, count)
-    starts = rng.integers(count, size=(draws, -(-count // block)))
-    rows = (starts[:, :, None] + np.arange(block)) % count
-    values = [statistic(samples[row]) for row in rows.reshape(draws, -1)[:, :count]]
-    low, high = np.percentile(values, (2.5, 97.5))
-    return float(low), float(high)
+    starts = rng.integers(count, size=-(-count // block))
+    return ((starts[:, None] + np.arange(block)) % count).ravel()[:count]
 
 
-def summarize(estimates: np.ndarray, truth: np.ndarray, diagonal: float, *, rng: np.random.Generator) -> dict:
-    """Everything that tables print about one track.
+def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, float]:
+    """All statistics of one ``(N, 2)`` array of absolute errors in cm, NaN rows left out."""
+    absolute = absolute[np.isfinite(absolute).all(axis=1)]
+    euclidean = np.hypot(*absolute.T)
+    mean, std = absolute.mean(axis=0), absolute.std(axis=0)
+    return {
+        "error_cm_x": mean[0],
+        "error_cm_y": mean[1],
+        "std_cm_x": std[0],
+        "std_cm_y": std[1],
+        "axis_mean_cm": mean.mean(),
+        "axis_std_cm": std.mean(),
+        "mean_cm": euclidean.mean(),
+        "median_cm": np.median(euclidean),
+        "p95_cm": np.percentile(euclidean, 95),
+        "rmse_cm": np.sqrt(np.mean(euclidean**2)),
+        "relative": euclidean.mean() / diagonal_cm if diagonal_cm > 0 else np.nan,
+    }
+
+
+def summarize(
+    runs: Sequence[np.ndarray], truth: np.ndarray, diagonal: float, *, rng: np.random.Generator, draws: int = 1000
+) -> dict:
+    """Everything that tables print about one or several runs over the same flight.
 
     Parameters
     ----------
-    estimates, truth : (N, 2) array
-        Metres; rows with NaN are counted as missing and left out.
+    runs : sequence of (N, 2) array
+        Estimates in metres; frames with NaN are counted as missing and left out.
+    truth : (N, 2) array
+        Metres.
     diagonal : float
         Length of the area's diagonal in metres, for the relative error.
 
     Returns
     -------
     dict
-        ``error_cm`` and ``std_cm`` with keys x and y (mean and standard deviation of the absolute error, the paper's
-        two rows), their 95 % intervals ``error_cm_ci``, Euclidean ``mean_cm``, ``median_cm``, ``p95_cm``, ``rmse_cm``,
-        ``mean_cm_ci``, ``relative`` (mean Euclidean error over the diagonal), ``frames`` and ``missing``.
+        For each statistic a dict: ``median`` over the runs, ``low`` and ``high`` (95 % interval: a run and blocks of
+        frames are drawn anew each time), ``runs_low`` and ``runs_high`` (the same over the runs alone). The statistics
+        are ``error_cm_*`` and ``std_cm_*`` for x and y (mean and standard deviation of the absolute error, the paper's two
+        rows), their means over the axes ``axis_mean_cm`` and ``axis_std_cm``, and of the Euclidean error ``mean_cm``,
+        ``median_cm``, ``p95_cm``, ``rmse_cm`` and ``relative`` (mean over diagonal). Further ``frames`` and ``missing``,
+        counts a run on average.
     """
-    absolute = errors(estimates, truth)
-    known = np.isfinite(absolute).all(axis=1)
-    absolute = 100 * absolute[known]
-    counts = {"frames": int(known.sum()), "missing": int((~known).sum())}
-    if not len(absolute):
-        return counts
-    euclidean = np.hypot(*absolute.T)
-    axes = dict(zip("xy", absolute.T))
-    return counts | {
-        "error_cm": {axis: float(values.mean()) for axis, values in axes.items()},
-        "std_cm": {axis: float(values.std()) for axis, values in axes.items()},
-        "error_cm_ci": {axis: block_bootstrap(values, np.mean, rng=rng) for axis, values in axes.items()},
-        "mean_cm": float(euclidean.mean()),
-        "mean_cm_ci": block_bootstrap(euclidean, np.mean, rng=rng),
-        "median_cm": float(np.median(euclidean)),
-        "p95_cm": float(np.percentile(euclidean, 95)),
-        "rmse_cm": float(np.sqrt(np.mean(euclidean**2))),
-        "relative": float(euclidean.mean() / (100 * diagonal)) if diagonal > 0 else float("nan"),
-    }
+    absolute = 100 * np.stack([absolute_errors(run, truth) for run in runs])
+    missing = float((~np.isfinite(absolute).all(axis=2)).sum(axis=1).mean())
+    result: dict = {"runs": len(runs), "frames": absolute.shape[1] - missing, "missing": missing}
+    if result["frames"] == 0:
+        return result
+    single = [_statistics(run, 100 * diagonal) for run in absolute]
+    drawn = []
+    for _ in range(draws):
+        sample = absolute[rng.integers(len(absolute)), block_rows(absolute.shape[1], rng)]
+        if np.isfinite(sample).all(axis=1).any():
+            drawn.append(_statistics(sample, 100 * diagonal))
+    for name in single[0]:
+        values = [entry[name] for entry in single]
+        low, high = np.percentile([entry[name] for entry in drawn], (2.5, 97.5))
+        runs_low, median, runs_high = np.percentile(values, (2.5, 50, 97.5))
+        result[name] = {"median": median, "low": low, "high": high, "runs_low": runs_low, "runs_high": runs_high}
+    return result
 
 
 def constant_guess(train: np.ndarray, count: int) -> np.ndarray:
@@ -94,9 +115,11 @@ def shuffled_neighbors(positions: np.ndarray, count: int, k: int, *, rng: np.ran
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
     """95 % Wilson interval of a success rate."""
+    from scipy.stats import binomtest
+
     if trials < 1 or not 0 <= successes <= trials:
-        raise ParameterError(f"{successes} successes in {trials} trials: expected 0 <= successes <= trials, at least one trial")
-    z, rate = 1.959963984540054, successes / trials
-    center = (rate + z**2 / (2 * trials)) / (1 + z**2 / trials)
-    half = z / (1 + z**2 / trials) * np.sqrt(rate * (1 - rate) / trials + z**2 / (4 * trials**2))
-    return float(center - half), float(center + half)
+        raise ParameterError(
+            f"{successes} successes in {trials} trials: expected 0 <= successes <= trials, at least one trial"
+        )
+    interval = binomtest(successes, trials).proportion_ci(method="wilson")
+    return float(interval.low), float(interval.high)

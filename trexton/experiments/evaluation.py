@@ -1,0 +1,132 @@
+"""What several experiments share: a trained map, tracks of the localizer over a test flight, provenance."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+
+import cv2
+import numpy as np
+
+from trexton.cache import cached
+from trexton.flights.flight import Flight
+from trexton.localizer import Localizer, TextonMap
+from trexton.metrics import absolute_errors, block_rows, constant_guess, shuffled_neighbors, summarize
+from trexton.records import software_versions
+
+__all__ = ["Track", "drift", "evaluate", "floor_picture", "fly", "frames_of", "provenance", "trained_map", "tracks"]
+
+
+def provenance(*flights: Flight) -> dict:
+    """Data hashes of the flights and the versions of the software."""
+    return {"flights": {flight.name: flight.data_hash for flight in flights}, "versions": software_versions()}
+
+
+def trained_map(train: Flight, *, textons=20, patch=6, neighbors=5, seed=1, positions: np.ndarray | None = None) -> TextonMap:
+    """The texton map of `train`, from the cache if the same inputs were seen before."""
+    inputs = {"flight": train.data_hash, "textons": textons, "patch": patch, "neighbors": neighbors, "seed": seed}
+    if positions is not None:
+        inputs["positions"] = [[float(value).hex() for value in row] for row in positions]
+
+    def compute():
+        rng = np.random.default_rng([seed, 0])
+        options = {"n_textons": textons, "patch": patch, "neighbors": neighbors, "positions": positions}
+        return TextonMap.train(train, rng=rng, **options).to_arrays()
+
+    return TextonMap.from_arrays(cached("map", "trexton.localizer", inputs, compute))
+
+
+def frames_of(flight: Flight) -> Sequence[np.ndarray]:
+    """What the localizer takes, one a frame: the images where there are any, else the histograms."""
+    return list(flight.images()) if flight.has_images else list(flight.histograms)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One run of the localizer over a flight: ``(N, 2)`` arrays in metres, and what it took.
+
+    `knn` is the plain mean of the k neighbours in every frame, the method without its filter.
+    """
+
+    estimate: np.ndarray
+    spread: np.ndarray
+    knn: np.ndarray
+    lost: np.ndarray
+    step_s: np.ndarray
+
+
+def fly(localizer: Localizer, frames: Sequence[np.ndarray]) -> Track:
+    """Step the localizer through all frames."""
+    rows, step_s = [], []
+    for frame in frames:
+        start = perf_counter()
+        estimate = localizer.step(frame)
+        step_s.append(perf_counter() - start)
+        rows.append((estimate.position, estimate.spread, estimate.neighbors.position.mean(axis=0), estimate.lost))
+    position, spread, knn, lost = (np.array(column) for column in zip(*rows))
+    return Track(position, spread, knn, lost, np.array(step_s))
+
+
+def tracks(texton_map: TextonMap, frames: Sequence[np.ndarray], *, repeats: int, seed: int, **options) -> list[Track]:
+    """`repeats` independent runs; run i draws from the generator seeded with (seed, 1 + i)."""
+    return [
+        fly(Localizer(texton_map, rng=np.random.default_rng([seed, 1 + i]), **options), frames) for i in range(repeats)
+    ]
+
+
+def drift(runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 500) -> dict:
+    """Slope of the Euclidean error over time in cm a minute, with its 95 % interval: does the error accumulate?"""
+    minutes = (test.time - test.time[0]) / 60
+    euclidean = [100 * np.hypot(*absolute_errors(run.estimate, test.position).T) for run in runs]
+
+    def slope(run: int, rows: np.ndarray) -> float:
+        return float(np.polyfit(minutes[rows], euclidean[run][rows], 1)[0])
+
+    drawn = [slope(rng.integers(len(runs)), block_rows(len(test), rng)) for _ in range(draws)]
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    return {"median": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]), "low": low, "high": high}
+
+
+def evaluate(runs: list[Track], train_positions: np.ndarray, test: Flight, *, k: int, seed: int) -> tuple[dict, dict]:
+    """Values and series of a set of runs beside the k-NN alone and the yardsticks.
+
+    Returns
+    -------
+    values : dict
+        ``filter``, ``knn``, ``constant_guess``, ``shuffled_neighbors``: each what `trexton.metrics.summarize` gives.
+    series : dict
+        Time, truth, estimate, spread, k-NN mean of the typical run, the one of median mean error.
+    """
+    rng = np.random.default_rng([seed, 10_000])
+
+    def summary(estimates):
+        return summarize(estimates, test.position, test.diagonal, rng=rng)
+
+    values = {
+        "filter": summary([run.estimate for run in runs]),
+        "knn": summary([run.knn for run in runs]),
+        "constant_guess": summary([constant_guess(train_positions, len(test))]),
+        "shuffled_neighbors": summary([shuffled_neighbors(train_positions, len(test), k, rng=rng)]),
+    }
+    means = [absolute_errors(run.estimate, test.position).mean() for run in runs]
+    run = runs[int(np.argsort(means, kind="stable")[(len(means) - 1) // 2])]
+    series = {
+        "time_s": test.time - test.time[0],
+        "truth_m": test.position,
+        "estimate_m": run.estimate,
+        "spread_m": run.spread,
+        "knn_m": run.knn,
+        "area_m": test.area,
+    }
+    return values, series
+
+
+def floor_picture(flight: Flight, width: int = 700) -> tuple[dict, dict]:
+    """The floor as figures draw it: its extent (a series) and a picture of `width` pixels; both empty where unknown."""
+    if flight.floor is None:
+        return {}, {}
+    rows, columns = flight.floor.image.shape[:2]
+    (left, top), (right, bottom) = flight.floor.to_world([(-0.5, -0.5), (columns - 0.5, rows - 0.5)])
+    picture = cv2.resize(flight.floor.image, (width, round(width * rows / columns)), interpolation=cv2.INTER_AREA)
+    return {"floor": {"extent_m": [left, right, bottom, top]}}, {"floor": picture}

@@ -1,0 +1,57 @@
+"""Figures of the experiments that follow one track of estimates: floor plan, error over time, spread."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
+from trexton.records import Record
+
+__all__ = ["error_over_time", "floor_plan", "spread_over_time"]
+
+
+def floor_plan(record: Record) -> Figure:
+    """Truth and estimate over the floor."""
+    series = record.series
+    truth, estimate = np.array(series["truth_m"]), np.array(series["estimate_m"])
+    with canvas(size=(5.4, 5.0)) as (figure, axes):
+        plan = axes[0, 0]
+        floor_axes(plan, series["area_m"])
+        show_floor(plan, series.get("floor"), record.images.get("floor"))
+        for start in range(0, len(truth), 5):  # every fifth frame: where the estimate was against the truth
+            plan.plot(*zip(truth[start], estimate[start]), color=COLORS["estimate"], linewidth=0.5, alpha=0.6)
+        plan.plot(*truth.T, color=COLORS["truth"], linewidth=2, label="motion capture")
+        plan.plot(*estimate[::5].T, "o", color=COLORS["estimate"], markersize=3, label="estimate (every 5th frame)")
+        plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+    return figure
+
+
+def error_over_time(record: Record) -> Figure:
+    """Absolute error in x and y over the flight, filter and k-NN alone, with the paper's mean where there is one."""
+    series = record.series
+    time, truth = np.array(series["time_s"]), np.array(series["truth_m"])
+    with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
+        for axis, name in enumerate("xy"):
+            plot = axes[axis, 0]
+            for key, label in (("knn", "k-NN alone"), ("estimate", "particle filter")):
+                error = 100 * np.abs(np.array(series[f"{key}_m"])[:, axis] - truth[:, axis])
+                plot.plot(time, error, color=COLORS[key], label=label, linewidth=1.0)
+                plot.axhline(error.mean(), color=COLORS[key], linestyle="--", linewidth=1.0)
+            plot.set(ylabel=f"error in {name} (cm)", ylim=(0, None))
+        axes[0, 0].legend(ncols=2, loc="upper right")
+        axes[0, 0].set_title("Dashed: mean")
+        axes[1, 0].set_xlabel("time (s)")
+    return figure
+
+
+def spread_over_time(record: Record) -> Figure:
+    """Standard deviation of the particles in x and y over the flight."""
+    series = record.series
+    time, spread = np.array(series["time_s"]), 100 * np.array(series["spread_m"])
+    with canvas(size=(7.2, 2.4)) as (figure, axes):
+        for axis, (name, color) in enumerate((("x", COLORS["accent"]), ("y", COLORS["warm"]))):
+            axes[0, 0].plot(time, spread[:, axis], color=color, label=f"{name}", linewidth=1.0)
+        axes[0, 0].set(xlabel="time (s)", ylabel="particle spread (cm)", ylim=(0, None))
+        axes[0, 0].legend(ncols=2, loc="upper right")
+    return figure

@@ -1,0 +1,80 @@
+"""The look that all figures share: colours that survive colour blindness, readable on light and dark pages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+__all__ = ["COLORS", "canvas", "floor_axes", "show_floor"]
+
+# Okabe & Ito (2008), without yellow, which fades on white.
+COLORS = {
+    "truth": "#4d4d4d",
+    "estimate": "#D55E00",
+    "knn": "#56B4E9",
+    "paper": "#CC79A7",
+    "spread": "#009E73",
+    "accent": "#0072B2",
+    "warm": "#E69F00",
+}
+
+_STYLE = {
+    "svg.hashsalt": "trexton",
+    "svg.fonttype": "path",
+    "font.size": 10,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.labelcolor": "#333333",
+    "axes.edgecolor": "#999999",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.prop_cycle": matplotlib.cycler(
+        color=["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4d4d4d"]
+    ),
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.6,
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "lines.linewidth": 1.4,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    # A page in dark mode shows its figures on their own white card.
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "figure.constrained_layout.use": True,
+    "image.interpolation": "nearest",
+}
+
+
+@contextmanager
+def canvas(rows: int = 1, columns: int = 1, *, size=(7.2, 3.2), **options) -> Iterator[tuple[Figure, np.ndarray]]:
+    """A figure and its axes (always a 2-D array) in the common style; it is not kept by pyplot."""
+    with plt.rc_context(_STYLE):
+        figure = Figure(figsize=size)
+        yield figure, figure.subplots(rows, columns, squeeze=False, **options)
+        # Text and ticks take their style when they are drawn.
+        figure.draw_without_rendering()
+
+
+def floor_axes(axes, area) -> None:
+    """Axes of a floor plan in metres, both to the same scale."""
+    x_min, x_max, y_min, y_max = area
+    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), xlabel="x (m)", ylabel="y (m)", aspect="equal")
+    axes.grid(False)
+
+
+def show_floor(axes, floor: dict | None, picture: np.ndarray | None, fade: float = 0.45) -> None:
+    """Put the floor's picture (BGR) under a plan; `floor` holds its extent, as records carry it."""
+    if floor is None or picture is None:
+        axes.grid(True)
+        return
+    pale = 255 - (255 - picture[..., 2::-1].astype(float)) * fade
+    axes.imshow(pale.astype(np.uint8), extent=floor["extent_m"], interpolation="bilinear", zorder=0)

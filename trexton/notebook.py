@@ -1,0 +1,147 @@
+"""What every experiment notebook does around its one library call: load flights, keep the record, show figures, tables."""
+
+from __future__ import annotations
+
+import io
+import os
+from pathlib import Path
+
+import pandas as pd
+from IPython.display import HTML, SVG
+from matplotlib.figure import Figure
+
+from trexton.cache import repository_root
+from trexton.claims import Finding, judge, load_claims
+from trexton.experiments import EXPERIMENTS
+from trexton.files import atomic_file
+from trexton.flights import Flight, read_flight
+from trexton.paper import look_up, published
+from trexton.records import Record
+
+__all__ = ["Page", "claims_table", "load_pair", "show_table"]
+
+
+def _resolve(path: str | os.PathLike) -> Path:
+    """`path` from here or, for a notebook opened in its own folder, from the top of the clone."""
+    path, root = Path(path), repository_root()
+    return root / path if root and not path.exists() and (root / path).exists() else path
+
+
+def load_pair(flight: str, test_flight: str | None = None, train: str = "train", test: str = "test") -> tuple[Flight, Flight]:
+    """The training and the test flight: two folders, or the named splits of one."""
+    first = read_flight(_resolve(flight))
+    if test_flight is None:
+        return first.part(train), first.part(test)
+    second = read_flight(_resolve(test_flight))
+    return (first.part(train) if train in first.split else first), (second.part(test) if test in second.split else second)
+
+
+class Page:
+    """A record and the folder its notebook writes to.
+
+    Parameters
+    ----------
+    record : Record
+    out : str
+        Folder of results; the record goes to ``<out>/<flight>/``.
+    """
+
+    def __init__(self, record: Record, out: str):
+        root = repository_root()
+        base = Path(out) if Path(out).exists() or root is None else root / out
+        self.record, self.folder = record, base / record.flight
+        record.save(self.folder)
+
+    def show(self, name: str, figure: Figure) -> SVG:
+        """Write the figure as ``<experiment>-<name>.svg`` beside the record, and display it."""
+        stream = io.BytesIO()
+        figure.savefig(stream, format="svg", metadata={"Date": None})
+        with atomic_file(self.folder / f"{self.record.experiment}-{name}.svg", "wb") as file:
+            file.write(stream.getvalue())
+        return SVG(stream.getvalue())
+
+    def claims(self) -> HTML:
+        """What the paper claims of this experiment, and the verdicts of this flight."""
+        records = {self.record.experiment: self.record}
+        for name in EXPERIMENTS[self.record.experiment].after:
+            if (path := self.folder / f"{name}.json").exists():
+                records[name] = Record.load(path)
+        mine = [claim for claim in load_claims() if claim.experiment == self.record.experiment]
+        return claims_table([(claim, judge(claim, records, self.record.flight)) for claim in mine])
+
+    def table(self, rows: dict[str, str]) -> HTML:
+        """Errors per axis in cm beside the paper's.
+
+        Parameters
+        ----------
+        rows : dict of str to str
+            Label of each row, and the place of its summary in the record's values.
+        """
+        columns = {"error_cm": "Error", "std_cm": "STD"}
+        printed = published().get(self.record.experiment, {})
+        table = []
+        if "error_cm" in printed:
+            cells = {f"{title} in {axis}": f"{printed[key][axis]}" for key, title in columns.items() for axis in "xy"}
+            table.append({"cm": "Paper", **cells})
+        for label, path in rows.items():
+            summary = look_up(self.record.values, path) or {}
+            cells = {
+                f"{title} in {axis}": _interval(summary.get(f"{key}_{axis}")) for key, title in columns.items() for axis in "xy"
+            }
+            table.append({"cm": label, **cells, "Euclidean median": _interval(summary.get("median_cm"))})
+        return show_table(pd.DataFrame(table).fillna(""))
+
+    def footer(self) -> HTML:
+        """The command that runs this experiment again, its parameters, and what can be downloaded."""
+        record = self.record
+        files = sorted(path.name for path in self.folder.glob(f"{record.experiment}[-.]*") if path.suffix in (".json", ".svg", ".png"))
+        links = " · ".join(f'<a href="{name}" download>{name}</a>' for name in [f"{record.experiment}.ipynb", *files])
+        settings = ", ".join(f"{key} = {value}" for key, value in record.parameters.items())
+        return HTML(
+            f"<p>Parameters: {settings}.</p><pre>trexton run FLIGHT --only {record.experiment} --set KEY=VALUE --out results</pre>"
+            f'<p class="downloads">Take home: {links}</p>'
+        )
+
+
+def show_table(table: pd.DataFrame) -> HTML:
+    """A plain HTML table without an index."""
+    return HTML(table.to_html(index=False, border=0, escape=False, classes="table"))
+
+
+def _interval(entry: dict | float | None, digits: int = 0) -> str:
+    if entry is None:
+        return ""
+    if not isinstance(entry, dict):
+        return f"{entry:.{digits}f}"
+    return f"{entry['median']:.{digits}f} <small>[{entry['low']:.{digits}f}, {entry['high']:.{digits}f}]</small>"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def _found(finding: Finding) -> str:
+    """Our side of a claim as text."""
+    parts = []
+    for quantity in (finding.ours, finding.other):
+        if quantity is not None:
+            span = quantity.low != quantity.value or quantity.high != quantity.value
+            interval = f" <small>[{_number(quantity.low)}, {_number(quantity.high)}]</small>" if span else ""
+            parts.append(_number(quantity.value) + interval)
+    return " against ".join(parts)
+
+
+def claims_table(rows: list) -> HTML:
+    """Claims, published values, ours and verdicts; `rows` holds pairs of claim and finding."""
+    table = []
+    for claim, finding in rows:
+        unit = f" {claim.unit}" if claim.unit else ""
+        reason = f"<br><small>{finding.reason}</small>" if finding.reason else ""
+        value = claim.published_value
+        table.append({
+            "The paper says": f"{claim.text}<br><small>{claim.place}</small>",
+            "Published": "" if value is None else _number(value) + unit,
+            "Ours": _found(finding) + (unit if finding.ours else ""),
+            "Verdict": f'<span class="verdict {finding.verdict.replace(" ", "-")}">{finding.verdict}</span>{reason}',
+        })  # fmt: skip
+    return show_table(pd.DataFrame(table))

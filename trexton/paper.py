@@ -1,0 +1,35 @@
+"""The paper's published numbers, read from ``data/paper/published.toml``."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import lru_cache
+from pathlib import Path
+
+from trexton.cache import repository_root
+from trexton.errors import DataError
+
+__all__ = ["look_up", "paper_file", "published"]
+
+
+def paper_file(name: str) -> Path:
+    """The file `name` of ``data/paper``; raises `DataError` outside a clone."""
+    root = repository_root()
+    if root is None:
+        raise DataError(f"data/paper/{name} is not at hand: the paper's numbers come with the repository, work in a clone of it")
+    return root / "data" / "paper" / name
+
+
+@lru_cache
+def published() -> dict:
+    """All published values, by experiment."""
+    return tomllib.loads(paper_file("published.toml").read_text(encoding="utf-8"))
+
+
+def look_up(tree: dict, path: str) -> object | None:
+    """The entry at a dotted `path` of nested dicts; None where there is none."""
+    for key in path.split("."):
+        if not isinstance(tree, dict) or key not in tree:
+            return None
+        tree = tree[key]
+    return tree
