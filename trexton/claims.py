@@ -24,16 +24,29 @@ import tomllib
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from trexton.errors import ParameterError
+from trexton.errors import ParameterError, TrextonError
+from trexton.files import atomic_file, canonical_json
 from trexton.paper import look_up, paper_file, published
 from trexton.records import Record, plain
 
-__all__ = ["Claim", "Finding", "VERDICTS", "judge", "ledger", "load_claims", "load_records"]
+__all__ = [
+    "Claim",
+    "Finding",
+    "Quantity",
+    "VERDICTS",
+    "count_verdicts",
+    "judge",
+    "judge_all",
+    "load_claims",
+    "load_records",
+    "write_ledger",
+]
 
 REPRODUCED, DIRECTION, FAILED, UNTESTABLE = VERDICTS = (
     "reproduced", "reproduced in direction", "not reproduced", "not testable here",
 )  # fmt: skip
 TOLERANCE, FACTOR = 0.25, 2.0
+SCHEMA = 1
 _KINDS = ("value", "below", "above", "order", "exact", "untestable")
 
 
@@ -158,12 +171,31 @@ def _ordered(less: Quantity, greater: Quantity) -> str:
     return REPRODUCED if less.high < greater.low else DIRECTION if less.value < greater.value else FAILED
 
 
-def ledger(records: dict[str, dict[str, Record]], claims: list[Claim] | None = None) -> list[dict]:
-    """Every claim with its findings on every flight, as JSON values."""
+def judge_all(records: dict[str, dict[str, Record]], claims: list[Claim] | None = None) -> list[tuple[Claim, list[Finding]]]:
+    """Every claim, in the order of the paper, with its finding on each flight."""
     claims = load_claims() if claims is None else claims
-    return [
-        asdict(claim)
-        | {"published": claim.published_value}
-        | {"findings": [plain(asdict(judge(claim, records[flight], flight))) for flight in sorted(records)]}
-        for claim in claims
+    return [(claim, [judge(claim, records[flight], flight) for flight in sorted(records)]) for claim in claims]
+
+
+def count_verdicts(rows: list[tuple[Claim, list[Finding]]]) -> dict[str, dict[str, int]]:
+    """How often each verdict was given, by flight."""
+    flights = [finding.flight for finding in rows[0][1]] if rows else []
+    return {
+        flight: {verdict: sum(findings[i].verdict == verdict for _, findings in rows) for verdict in VERDICTS}
+        for i, flight in enumerate(flights)
+    }
+
+
+def write_ledger(folder: Path) -> list[tuple[Claim, list[Finding]]]:
+    """Judge the records below `folder` and write ``claims.json`` there; raises `TrextonError` where there are none."""
+    records = load_records(folder)
+    if not records:
+        raise TrextonError(f"{folder}: no records found: run the experiments first (trexton run FLIGHT --out {folder})")
+    rows = judge_all(records)
+    entries = [
+        plain(asdict(claim)) | {"published": claim.published_value, "findings": [plain(asdict(finding)) for finding in findings]}
+        for claim, findings in rows
     ]
+    with atomic_file(Path(folder) / "claims.json") as stream:
+        stream.write(canonical_json({"schema": SCHEMA, "counts": count_verdicts(rows), "claims": entries}))
+    return rows

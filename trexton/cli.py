@@ -15,6 +15,7 @@ COMMANDS = {
     "data": ("data", "list or fetch public flights"),
     "simulate": ("simulate", "fly in the virtual room and record a flight"),
     "train": ("train", "make a texton map from a flight"),
+    "claims": ("claims", "judge every claim of the paper by the results at hand"),
     "run": ("run", "run the experiment notebooks on a flight"),
 }
 

@@ -11,14 +11,14 @@ from IPython.display import HTML, SVG
 from matplotlib.figure import Figure
 
 from trexton.cache import repository_root
-from trexton.claims import Finding, judge, load_claims
+from trexton.claims import Claim, Finding, count_verdicts, judge_all, load_claims, write_ledger
 from trexton.experiments import EXPERIMENTS
 from trexton.files import atomic_file
 from trexton.flights import Flight, read_flight
 from trexton.paper import look_up, published
 from trexton.records import Record
 
-__all__ = ["Page", "claims_table", "load_pair", "show_table"]
+__all__ = ["Page", "claims_table", "ledger", "load_pair", "show_table"]
 
 
 def _resolve(path: str | os.PathLike) -> Path:
@@ -36,6 +36,12 @@ def load_pair(flight: str, test_flight: str | None = None, train: str = "train",
     return (first.part(train) if train in first.split else first), (second.part(test) if test in second.split else second)
 
 
+def _results_folder(out: str) -> Path:
+    """`out` from here if it exists, else from the top of the clone."""
+    root = repository_root()
+    return Path(out) if Path(out).exists() or root is None else root / out
+
+
 class Page:
     """A record and the folder its notebook writes to.
 
@@ -47,9 +53,7 @@ class Page:
     """
 
     def __init__(self, record: Record, out: str):
-        root = repository_root()
-        base = Path(out) if Path(out).exists() or root is None else root / out
-        self.record, self.folder = record, base / record.flight
+        self.record, self.folder = record, _results_folder(out) / record.flight
         record.save(self.folder)
 
     def show(self, name: str, figure: Figure) -> SVG:
@@ -67,7 +71,7 @@ class Page:
             if (path := self.folder / f"{name}.json").exists():
                 records[name] = Record.load(path)
         mine = [claim for claim in load_claims() if claim.experiment == self.record.experiment]
-        return claims_table([(claim, judge(claim, records, self.record.flight)) for claim in mine])
+        return claims_table(judge_all({self.record.flight: records}, mine))
 
     def table(self, rows: dict[str, str]) -> HTML:
         """Errors per axis in cm beside the paper's.
@@ -131,17 +135,29 @@ def _found(finding: Finding) -> str:
     return " against ".join(parts)
 
 
-def claims_table(rows: list) -> HTML:
-    """Claims, published values, ours and verdicts; `rows` holds pairs of claim and finding."""
+def _verdict(finding: Finding) -> str:
+    reason = f"<br><small>{finding.reason}</small>" if finding.reason else ""
+    return f'<span class="verdict {finding.verdict.replace(" ", "-")}">{finding.verdict}</span>{reason}'
+
+
+def claims_table(rows: list[tuple[Claim, list[Finding]]]) -> HTML:
+    """Claims, published values, and for each flight ours and the verdict."""
     table = []
-    for claim, finding in rows:
-        unit = f" {claim.unit}" if claim.unit else ""
-        reason = f"<br><small>{finding.reason}</small>" if finding.reason else ""
-        value = claim.published_value
-        table.append({
+    for claim, findings in rows:
+        unit, value = f" {claim.unit}" if claim.unit else "", claim.published_value
+        row = {
             "The paper says": f"{claim.text}<br><small>{claim.place}</small>",
             "Published": "" if value is None else _number(value) + unit,
-            "Ours": _found(finding) + (unit if finding.ours else ""),
-            "Verdict": f'<span class="verdict {finding.verdict.replace(" ", "-")}">{finding.verdict}</span>{reason}',
-        })  # fmt: skip
+        }
+        for finding in findings:
+            found = _found(finding) + unit + "<br>" if finding.ours else ""
+            row[finding.flight] = found + _verdict(finding)
+        table.append(row)
     return show_table(pd.DataFrame(table))
+
+
+def ledger(out: str) -> tuple[HTML, HTML]:
+    """Judge all records below the folder `out`, write ``claims.json``; the counts of verdicts and the whole ledger."""
+    rows = write_ledger(_results_folder(out))
+    counts = pd.DataFrame(count_verdicts(rows)).rename_axis("Verdict").reset_index()
+    return show_table(counts), claims_table(rows)

@@ -1,0 +1,234 @@
+"""The filter against exact ones: Kalman (linear, Gaussian), a fine grid (mixture), plain loops for its parts."""
+
+import numpy as np
+import pytest
+
+from trexton.errors import ParameterError
+from trexton.particles import (
+    RESAMPLERS,
+    Belief,
+    GaussianMotion,
+    ParticleFilter,
+    RankMixture,
+    estimate_highest_weight,
+    estimate_map,
+    estimate_mean,
+    resampling_wheel,
+    systematic_resampling,
+)
+
+PROCESS = np.array([[0.04, 0.01], [0.01, 0.03]])
+MEASUREMENT = np.array([[0.25, -0.05], [-0.05, 0.2]])
+AREA = (0.0, 5.0, 0.0, 5.0)
+
+
+def gaussian(deviation, covariance):
+    """Density of N(0, covariance) at (..., 2) deviations, written out."""
+    exponent = np.einsum("...a,ab,...b->...", deviation, np.linalg.inv(covariance), deviation)
+    return np.exp(-exponent / 2) / (2 * np.pi * np.sqrt(np.linalg.det(covariance)))
+
+
+def make_filter(covariances, seed, particles=2000, resampling="systematic", **options):
+    return ParticleFilter(
+        GaussianMotion(PROCESS), RankMixture(covariances), AREA, particles,
+        resampling=resampling, rng=np.random.default_rng(seed), **options,
+    )  # fmt: skip
+
+
+def kalman(measurements, mean, covariance):
+    """Exact posterior of a random walk observed in Gaussian noise."""
+    for z in measurements:
+        covariance = covariance + PROCESS
+        gain = covariance @ np.linalg.inv(covariance + MEASUREMENT)
+        mean, covariance = mean + gain @ (z - mean), (np.eye(2) - gain) @ covariance
+    return mean, covariance
+
+
+@pytest.mark.parametrize("resampling", RESAMPLERS)
+def test_agrees_with_the_kalman_filter_within_standard_errors(resampling):
+    rng = np.random.default_rng(5)
+    truth = np.array([2.5, 2.5]) + np.cumsum(rng.multivariate_normal([0, 0], PROCESS, 12), axis=0)
+    measurements = truth + rng.multivariate_normal([0, 0], MEASUREMENT, 12)
+    prior = np.diag([0.3, 0.3])
+    mean, covariance = kalman(measurements, np.array([2.5, 2.5]), prior)
+    found = []
+    for seed in range(60):
+        particle_filter = make_filter(MEASUREMENT[None], seed, 800, resampling)
+        start = np.random.default_rng([seed, 1]).multivariate_normal([2.5, 2.5], prior, 800)
+        particle_filter.belief = Belief(start, np.full(800, 1 / 800), np.zeros(800))
+        for z in measurements:
+            particle_filter.step(z[None])
+        estimate, spread = particle_filter.moments()
+        found.append([*estimate, spread[0, 0], spread[0, 1], spread[1, 1]])
+    found = np.array(found)
+    exact = np.array([*mean, covariance[0, 0], covariance[0, 1], covariance[1, 1]])
+    standard_error = found.std(axis=0, ddof=1) / np.sqrt(len(found))
+    # Four standard errors, plus the O(1/M) bias that any finite particle set has.
+    assert (np.abs(found.mean(axis=0) - exact) < 4 * standard_error + 2 / 800).all()
+    # One run with 800 particles is close as well, or the mean over many would prove little.
+    assert (found.std(axis=0) < 0.05).all()
+
+
+def test_agrees_with_a_grid_filter_for_the_mixture():
+    covariances = np.stack([np.diag([0.2, 0.25]), np.array([[0.3, 0.1], [0.1, 0.4]])])
+    measurements = [np.array([[1.2, 3.5], [3.8, 1.4]]), np.array([[3.6, 1.5], [1.3, 3.4]])]
+    axis = np.linspace(-2, 7, 226)
+    grid = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
+    cell = axis[1] - axis[0]
+    density = ((grid >= 0) & (grid <= 5)).all(axis=-1).astype(float)
+    offsets = np.arange(-25, 26) * cell
+    kernel = gaussian(np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1), PROCESS)
+    from scipy.signal import fftconvolve
+
+    for z in measurements:
+        density = fftconvolve(density, kernel, mode="same") * sum(gaussian(z[j] - grid, covariances[j]) for j in range(2))
+        density = np.maximum(density, 0) / density.sum()
+    exact_mean = (density[..., None] * grid).sum(axis=(0, 1))
+    exact_share = density[grid[..., 0] > 2.5].sum()
+    found = []
+    for seed in range(50):
+        particle_filter = make_filter(covariances, seed, 3000)
+        for z in measurements:
+            belief = particle_filter.step(z)
+        found.append([*particle_filter.moments()[0], belief.weights[belief.particles[:, 0] > 2.5].sum()])
+    found = np.array(found)
+    error = np.abs(found.mean(axis=0) - [*exact_mean, exact_share])
+    assert (error < 4 * found.std(axis=0, ddof=1) / np.sqrt(len(found)) + 0.003).all()
+    assert 0.1 < exact_share < 0.9  # both modes matter, else this tests little
+
+
+def test_the_mixture_equals_the_plain_sum():
+    rng = np.random.default_rng(0)
+    roots = rng.normal(size=(5, 2, 2))
+    covariances = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(2)
+    particles, z = rng.uniform(0, 5, (40, 2)), rng.uniform(0, 5, (5, 2))
+    plain = [sum(gaussian(z[j] - particle, covariances[j]) for j in range(5)) for particle in particles]
+    np.testing.assert_allclose(RankMixture(covariances).log_likelihood(particles, z), np.log(plain), rtol=1e-10)
+
+
+def test_the_predictive_equals_the_plain_double_sum():
+    rng = np.random.default_rng(1)
+    particles, previous = rng.normal(2, 0.3, (30, 2)), rng.normal(2, 0.3, (30, 2))
+    weights = rng.dirichlet(np.ones(30))
+    plain = [sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, weights)) for x in particles]
+    found = GaussianMotion(PROCESS).log_predictive(particles, previous, weights)
+    constant = np.log(2 * np.pi * np.sqrt(np.linalg.det(PROCESS)))
+    np.testing.assert_allclose(found - constant, np.log(plain), rtol=1e-9)
+
+
+def test_the_map_estimate_is_the_best_of_the_plain_scores():
+    rng = np.random.default_rng(2)
+    particles, previous = rng.uniform(0, 2, (25, 2)), rng.uniform(0, 2, (25, 2))
+    before, now = rng.dirichlet(np.ones(25)), rng.dirichlet(np.ones(25))
+    likelihood = rng.random(25)
+    score = [likelihood[i] * sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, before)) for i, x in enumerate(particles)]
+    belief = Belief(particles, now, np.log(likelihood))
+    estimate = estimate_map(belief, Belief(previous, before, np.zeros(25)), GaussianMotion(PROCESS))
+    np.testing.assert_array_equal(estimate, particles[np.argmax(score)])
+    np.testing.assert_array_equal(estimate_highest_weight(belief, None, None), particles[np.argmax(now)])
+    np.testing.assert_allclose(estimate_mean(belief, None, None), (now[:, None] * particles).sum(axis=0))
+
+
+def walked_wheel(weights, rng):
+    """The resampling wheel as it is usually told: step by step."""
+    index = int(rng.integers(len(weights)))
+    steps = rng.random(len(weights)) * 2 * weights.max()
+    beta, drawn = 0.0, []
+    for step in steps:
+        beta += step
+        while weights[index] < beta:
+            beta -= weights[index]
+            index = (index + 1) % len(weights)
+        drawn.append(index)
+    return drawn
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_the_wheel_draws_what_walking_it_draws(seed):
+    weights = np.random.default_rng([seed, 1]).dirichlet(np.full(50, 0.2))
+    drawn = resampling_wheel(weights, np.random.default_rng(seed))
+    np.testing.assert_array_equal(drawn, walked_wheel(weights, np.random.default_rng(seed)))
+
+
+@pytest.mark.parametrize("name", RESAMPLERS)
+def test_counts_follow_the_weights(name):
+    weights = np.random.default_rng(3).dirichlet(np.ones(40))
+    trials = 4000
+    counts = np.stack([
+        np.bincount(RESAMPLERS[name](weights, np.random.default_rng([4, trial])), minlength=40) for trial in range(trials)
+    ])  # fmt: skip
+    # The wheel starts at the edge of a particle, not anywhere on it: a bias of a few hundredths of a draw.
+    slack = 0.06 if name == "wheel" else 0
+    standard_error = np.maximum(counts.std(axis=0, ddof=1), np.sqrt(40 * weights)) / np.sqrt(trials)
+    assert (np.abs(counts.mean(axis=0) - 40 * weights) < 4.5 * standard_error + slack).all()
+
+
+def test_systematic_counts_are_within_one():
+    weights = np.random.default_rng(6).dirichlet(np.full(64, 0.3))
+    counts = np.bincount(systematic_resampling(weights, np.random.default_rng(7)), minlength=64)
+    assert (np.abs(counts - 64 * weights) < 1).all()
+
+
+def test_permuting_particles_changes_nothing():
+    rng = np.random.default_rng(8)
+    particles, previous = rng.uniform(0, 5, (60, 2)), rng.uniform(0, 5, (60, 2))
+    covariances = np.stack([MEASUREMENT, 2 * MEASUREMENT])
+    z, order = rng.uniform(0, 5, (2, 2)), rng.permutation(60)
+    mixture, motion = RankMixture(covariances), GaussianMotion(PROCESS)
+    results = []
+    for p in (particles, particles[order]):
+        log_likelihood = mixture.log_likelihood(p, z)
+        weights = np.exp(log_likelihood) / np.exp(log_likelihood).sum()
+        belief = Belief(p, weights, log_likelihood)
+        before = Belief(previous, np.full(60, 1 / 60), np.zeros(60))
+        results.append([estimate_map(belief, before, motion), estimate_mean(belief, before, motion)])
+    np.testing.assert_allclose(results[0], results[1], rtol=1e-12)
+
+
+def test_a_missing_measurement_only_predicts():
+    particle_filter = make_filter(MEASUREMENT[None], 9, 5000)
+    particle_filter.step(np.array([[2.0, 3.0]]))
+    mean, covariance = particle_filter.moments()
+    belief = particle_filter.step(None)
+    after, grown = particle_filter.moments()
+    assert not belief.lost and np.ptp(belief.weights) == 0
+    np.testing.assert_allclose(after, mean, atol=0.05)
+    np.testing.assert_allclose(grown - covariance, PROCESS, atol=0.03)
+    assert np.isfinite(particle_filter.estimate()).all()
+
+
+def test_vanished_weights_start_again_and_say_lost():
+    particle_filter = make_filter(np.diag([1e-4, 1e-4])[None], 10, 200)
+    belief = particle_filter.step(np.array([[1e4, 1e4]]))
+    assert belief.lost and np.isfinite(particle_filter.estimate()).all()
+    assert particle_filter.moments()[1][0, 0] > 1  # spread over the whole area again
+    for _ in range(20):
+        belief = particle_filter.step(np.array([[2.0, 2.0]]))
+    assert not belief.lost
+    np.testing.assert_allclose(particle_filter.estimate(), [2, 2], atol=0.3)
+
+
+def test_equal_seeds_give_equal_bits():
+    def track():
+        particle_filter = make_filter(MEASUREMENT[None], 11, 50, "wheel")
+        return [tuple(particle_filter.step(np.array([[2.0, i / 10]])).particles.ravel()) for i in range(10)]
+
+    assert track() == track()
+
+
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: GaussianMotion(np.zeros((2, 2))),
+        lambda: GaussianMotion(np.full((2, 2), np.nan)),
+        lambda: RankMixture(np.eye(2)),
+        lambda: RankMixture(np.array([[[1.0, 2.0], [2.0, 1.0]]])),
+        lambda: make_filter(MEASUREMENT[None], 0, 0),
+        lambda: make_filter(MEASUREMENT[None], 0, 5, "roulette"),
+        lambda: make_filter(MEASUREMENT[None], 0, 5, estimator="median"),
+        lambda: make_filter(MEASUREMENT[None], 0, 5).step(np.zeros((3, 2))),
+    ],
+)
+def test_bad_parameters_are_one_clear_error(build):
+    with pytest.raises(ParameterError, match="expected|choose"):
+        build()

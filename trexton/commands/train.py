@@ -1,0 +1,39 @@
+"""``trexton train FLIGHT -o MAP``"""
+
+from __future__ import annotations
+
+import argparse
+
+from trexton.progress import say
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("flight", help="flight folder; its train split is used where it has one")
+    parser.add_argument("-o", "--output", required=True, metavar="MAP", help="the texton map to write (.npz)")
+    parser.add_argument("--textons", type=int, default=20, help="textons in the dictionary (default %(default)s)")
+    parser.add_argument("--patch", type=int, default=6, help="side of a patch in pixels (default %(default)s)")
+    parser.add_argument("--neighbors", type=int, default=5, help="neighbours, the ranks of the measurement model (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="of the random patches (default %(default)s)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    import numpy as np
+
+    from trexton.flights import read_flight
+    from trexton.localizer import TextonMap
+
+    flight = read_flight(arguments.flight)
+    flight = flight.part("train") if "train" in flight.split else flight
+    texton_map = TextonMap.train(
+        flight,
+        n_textons=arguments.textons,
+        patch=arguments.patch,
+        neighbors=arguments.neighbors,
+        # The stream that experiments train with, so that equal seeds give equal maps.
+        rng=np.random.default_rng([arguments.seed, 0]),
+    )
+    path = texton_map.save(arguments.output)
+    say(f"{len(texton_map.positions)} frames of {flight.name} became {path}")
+    return 0
