@@ -1,0 +1,141 @@
+"""The floor of the virtual room: a picture with a place, the plain ground around it, and the light on both."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from trexton.camera import MapImage
+from trexton.errors import ImageError, ParameterError
+from trexton.simulator.effects import Light
+from trexton.simulator.hall import paint_hall
+from trexton.simulator.mats import PIXELS_PER_METRE
+
+__all__ = ["Floor", "Texture"]
+
+MARGIN = 1.25  # metres of ground around the floor, so that a camera above its edge still sees something
+GROUND = (140, 147, 150)  # BGR of bare concrete
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """The lit floor as the renderer needs it.
+
+    Attributes
+    ----------
+    levels : list of (h, w, 3) uint8 arrays
+        Y, Cr, Cb (OpenCV's order); each level has half the resolution of the one before.
+    from_world : (3, 3) array
+        Metres to pixels of level 0.
+    """
+
+    levels: list[np.ndarray]
+    from_world: np.ndarray
+
+    def level(self, pixels_per_metre: float) -> tuple[np.ndarray, np.ndarray]:
+        """The level that suits a camera of this resolution on the floor, and the homography from metres to its pixels."""
+        wanted = np.log2(PIXELS_PER_METRE / pixels_per_metre)
+        number = int(np.clip(np.floor(wanted + 0.25), 0, 5))
+        while len(self.levels) <= number:
+            self.levels.append(cv2.pyrDown(self.levels[-1]))
+        return self.levels[number], np.diag([0.5**number, 0.5**number, 1.0]) @ self.from_world
+
+
+@dataclass(frozen=True, eq=False)
+class Floor:
+    """A picture of the floor; where its mask is False, and all around it, lies plain ground."""
+
+    picture: MapImage
+
+    @classmethod
+    def hall(cls, seed: int = 0) -> Floor:
+        """The default floor, this project's own painted hall of 5 m x 5 m."""
+        return _painted(seed)
+
+    @classmethod
+    def from_file(cls, path: str | os.PathLike, width: float) -> Floor:
+        """A picture file as a floor `width` metres wide, its lower left corner at the origin; alpha 0 is not mapped.
+
+        Raises
+        ------
+        ImageError
+            The file is no picture.
+        ParameterError
+            The width is not positive.
+        """
+        if not (np.isfinite(width) and 0.5 <= width <= 50):
+            raise ParameterError(f"the floor's width is {width} m: expected 0.5 to 50")
+        data = np.frombuffer(Path(path).read_bytes(), np.uint8) if Path(path).is_file() else np.empty(0, np.uint8)
+        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        if image is None or image.dtype != np.uint8:
+            raise ImageError(f"{path}: not a picture of 8 bits a channel that can be read: give a PNG or JPEG file of the floor")
+        if image.ndim == 2:
+            image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+        mask = image[..., 3] > 0 if image.shape[2] == 4 else None
+        scale = image.shape[1] / width
+        return cls(MapImage.from_extent(np.ascontiguousarray(image[..., :3]), 0.0, image.shape[0] / scale, scale, mask))
+
+    @property
+    def area(self) -> tuple[float, float, float, float]:
+        """x_min, x_max, y_min, y_max of the picture in metres."""
+        height, width = self.picture.image.shape[:2]
+        corners = np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
+        x, y = np.round(self.picture.to_world(corners), 6).T
+        return (float(x.min()), float(x.max()), float(y.min()), float(y.max()))
+
+    def png(self) -> bytes:
+        """The picture as a PNG file, with an alpha channel where parts are not mapped."""
+        image = self.picture.image
+        if self.picture.mask is not None:
+            image = np.dstack([image, np.where(self.picture.mask, 255, 0).astype(np.uint8)])
+        return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 4])[1].tobytes()
+
+    def texture(self, light: Light = Light()) -> Texture:
+        """The floor and the ground around it under this light."""
+        x_min, x_max, y_min, y_max = self.area
+        size = (round((x_max - x_min + 2 * MARGIN) * PIXELS_PER_METRE), round((y_max - y_min + 2 * MARGIN) * PIXELS_PER_METRE))
+        canvas = np.full((size[1], size[0], 3), GROUND, np.uint8)
+        place = MapImage.from_extent(canvas, x_min - MARGIN, y_max + MARGIN, PIXELS_PER_METRE)
+        from_world = np.linalg.inv(place.world_from_pixel)
+        inset = round(MARGIN * PIXELS_PER_METRE)
+        shift = np.array([[1, 0, -inset], [0, 1, -inset], [0, 0, 1]])
+        self._draw(canvas[inset : size[1] - inset, inset : size[0] - inset], shift @ from_world @ self.picture.world_from_pixel)
+        _illuminate(canvas, light)
+        return Texture([cv2.cvtColor(canvas, cv2.COLOR_BGR2YCrCb)], from_world)
+
+    def _draw(self, target: np.ndarray, target_from_pixel: np.ndarray) -> None:
+        """Resample the picture into `target`, which shows the ground."""
+        image, extent = self.picture.image, target.shape[1::-1]
+        coarser = 1 / np.sqrt(abs(np.linalg.det(target_from_pixel[:2, :2])))
+        if coarser > 1.2:  # the picture is finer than the texture: what cannot be shown is filtered out first
+            image = cv2.GaussianBlur(image, (0, 0), 0.5 * coarser)
+        if self.picture.mask is None:
+            target[:] = cv2.warpPerspective(image, target_from_pixel, extent, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            return
+        mask = self.picture.mask[..., None].astype(np.float32)
+        known = cv2.warpPerspective(image * mask, target_from_pixel, extent)
+        alpha = cv2.warpPerspective(mask, target_from_pixel, extent)[..., None]
+        target[:] = np.rint(known + (1 - alpha) * target)
+
+
+@lru_cache(maxsize=2)
+def _painted(seed: int) -> Floor:
+    return Floor(paint_hall(np.random.default_rng(seed)))
+
+
+def _illuminate(canvas: np.ndarray, light: Light) -> None:
+    """Multiply by brightness, colour and gradient in place, in strips that keep the memory small."""
+    if light == Light():
+        return
+    height, width = canvas.shape[:2]
+    right, far = np.linspace(-1, 1, width), np.linspace(1, -1, height)
+    for top in range(0, height, 256):
+        strip = canvas[top : top + 256]
+        even = 1 + light.gradient[0] * right + light.gradient[1] * far[top : top + 256, None]
+        factor = (even[..., None] * light.channel_gains()).astype(np.float32)
+        strip[:] = np.clip(np.rint(strip * factor), 0, 255)

@@ -1,0 +1,148 @@
+"""The virtual room, live: a vehicle over a floor, and what its camera sees."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from trexton.camera import Camera, MapImage, transform_points
+from trexton.simulator.effects import Effects, Light
+from trexton.simulator.floor import Floor
+from trexton.simulator.sensor import Sensor
+from trexton.simulator.vehicle import Vehicle, VehicleState
+
+__all__ = ["Simulator", "PERIOD"]
+
+PERIOD = 0.08  # seconds between frames: the 12.5 Hz of the paper's camera
+TRUTH_NOISE = np.array([0.001, 0.001, 0.001, 0.002, 0.002, 0.002])  # of the motion capture, in metres and radians
+_NODE = 16  # pixels between the nodes at which the geometry is computed
+_EXPOSURE_TIME = 3.0  # seconds over which the camera's gain changes
+
+
+class Simulator:
+    """A camera on a vehicle over a floor.
+
+    Parameters
+    ----------
+    floor : Floor, MapImage or None
+        None is the painted hall.
+    camera : Camera
+    effects : Effects
+    light : Light
+    start : (2,) array or None
+        First position in metres; the floor's middle unless given.
+    height, speed : float
+        See `Vehicle`.
+    rng : numpy.random.Generator
+        Flight, camera and motion capture each get their own stream of it, so that looking changes nothing.
+    """
+
+    def __init__(
+        self,
+        floor: Floor | MapImage | None = None,
+        *,
+        camera: Camera = Camera(),
+        effects: Effects = Effects(),
+        light: Light = Light(),
+        start: np.ndarray | None = None,
+        height: float = 1.0,
+        speed: float = 0.5,
+        rng: np.random.Generator,
+    ):
+        self.floor = Floor.hall() if floor is None else Floor(floor) if isinstance(floor, MapImage) else floor
+        self.camera, self.effects = camera, effects
+        flight_rng, sensor_rng, self._camera_rng, self._truth_rng = rng.spawn(4)
+        x_min, x_max, y_min, y_max = self.floor.area
+        start = ((x_min + x_max) / 2, (y_min + y_max) / 2) if start is None else start
+        self.vehicle = Vehicle(start, height=height, speed=speed, height_ripple=effects.height_ripple, yaw=effects.yaw, rng=flight_rng)
+        self._texture = self.floor.texture(light)
+        self._sensor = Sensor(camera, effects, sensor_rng)
+        self._nodes = _node_grid(camera)
+        self._gain = 1.0 + effects.exposure * self._camera_rng.standard_normal()
+        self._offset = Sensor.draw_offset(self._camera_rng)
+
+    @property
+    def state(self) -> VehicleState:
+        """The camera's true state: the vehicle's, or level where the effects keep the camera level."""
+        state, share = self.vehicle.state, np.array([self.effects.roll_pitch, self.effects.roll_pitch, 1.0])
+        return replace(state, attitude=state.attitude * share, rates=state.rates * share)
+
+    def step(self, goal: np.ndarray | None = None) -> VehicleState:
+        """Fly towards `goal` for one frame period (None: brake and hover) and return the true state."""
+        self.vehicle.advance(PERIOD, goal)
+        fading = np.exp(-PERIOD / _EXPOSURE_TIME)
+        kick = self.effects.exposure * np.sqrt(1 - fading**2) * self._camera_rng.standard_normal()
+        self._gain = 1 + fading * (self._gain - 1) + kick
+        self._offset = Sensor.draw_offset(self._camera_rng)
+        return self.state
+
+    def measure(self) -> np.ndarray:
+        """``(6,)`` what motion capture reports now: x, y, z, roll, pitch, yaw with millimetre noise."""
+        state = self.state
+        return np.concatenate([state.position, state.attitude]) + TRUTH_NOISE * self._truth_rng.standard_normal(6)
+
+    def render(self) -> np.ndarray:
+        """The frame at this moment, ``(H, W, 3) uint8`` Y, U, V; the same as `capture` would write."""
+        return self._sensor.deliver(self._frame())
+
+    def capture(self) -> tuple[bytes, str]:
+        """The frame at this moment as a file's bytes and its suffix."""
+        return self._sensor.encode(self._frame()), self._sensor.suffix
+
+    def _frame(self) -> np.ndarray:
+        state = self.state
+        scene = self._blur(self._project(state), state)
+        return self._sensor.develop(scene, max(self._gain, 0.1), self._offset)
+
+    def _world_from_pixel(self, state: VehicleState, delay: float) -> np.ndarray:
+        return self.camera.world_from_pixel(*state.pose(delay))
+
+    def _project(self, state: VehicleState) -> np.ndarray:
+        """The floor as the camera sees it, row after row while it moves: ``(H, W, 3) uint8`` Y, Cr, Cb."""
+        texture, from_world = self._texture.level(self.camera.focal / state.position[2])
+        readout = self.effects.rolling_shutter
+        first, last = (from_world @ self._world_from_pixel(state, delay) for delay in (-readout / 2, readout / 2))
+        # Within a readout the homography is linear in time to a hundredth of a pixel.
+        time = (self._nodes[:, :1, 1] / max(self.camera.height - 1, 1))[..., None]
+        start, change = self._nodes @ first.T, self._nodes @ (last - first).T
+        nodes = start + time * change
+        coarse = (nodes[..., :2] / nodes[..., 2:]).astype(np.float32)
+        rows, columns = coarse.shape[:2]
+        fine = cv2.resize(coarse, (columns * _NODE, rows * _NODE), interpolation=cv2.INTER_LINEAR)
+        fine = fine[_NODE : _NODE + self.camera.height, _NODE : _NODE + self.camera.width]
+        return cv2.remap(texture, fine, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+
+    def _blur(self, scene: np.ndarray, state: VehicleState) -> np.ndarray:
+        """Smear along the path that the floor under the image centre takes during the exposure."""
+        half = self.effects.motion_blur / 2
+        center = np.array([self.camera.principal_point])
+        seen = transform_points(self._world_from_pixel(state, -half), center)
+        path = transform_points(np.linalg.inv(self._world_from_pixel(state, half)), seen)[0] - center[0]
+        kernel = _line_kernel(path)
+        return scene if kernel is None else cv2.filter2D(scene, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
+
+
+def _node_grid(camera: Camera) -> np.ndarray:
+    """``(rows, columns, 3)`` homogeneous pixel coordinates of nodes in the middle of cells, one cell beyond each side."""
+    x, y = (np.arange(-1, -(-size // _NODE) + 1) * _NODE + (_NODE - 1) / 2 for size in (camera.width, camera.height))
+    return np.stack([*np.meshgrid(x, y), np.ones((len(y), len(x)))], axis=-1)
+
+
+def _line_kernel(path: np.ndarray, longest: float = 41.0) -> np.ndarray | None:
+    """Kernel that averages along a straight path of (x, y) pixels, centred; None where it would change nothing."""
+    length = float(np.hypot(*path))
+    if length < 0.1:
+        return None
+    path = path * min(1.0, longest / length)
+    radius = int(np.ceil(np.abs(path).max() / 2))
+    points = np.linspace(-0.5, 0.5, 4 * int(np.ceil(min(length, longest))) + 1)[:, None] * path + radius
+    kernel = np.zeros((2 * radius + 2, 2 * radius + 2), np.float32)
+    whole = np.floor(points).astype(int)
+    part = points - whole
+    for dx in (0, 1):
+        for dy in (0, 1):
+            share = np.abs(1 - dx - part[:, 0]) * np.abs(1 - dy - part[:, 1])
+            np.add.at(kernel, (whole[:, 1] + dy, whole[:, 0] + dx), share)
+    return kernel[:-1, :-1] / kernel.sum()
