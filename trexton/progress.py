@@ -6,7 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
-__all__ = ["progress", "say", "set_quiet"]
+__all__ = ["is_quiet", "progress", "say", "set_quiet"]
 
 T = TypeVar("T")
 _quiet = False
@@ -16,6 +16,11 @@ def set_quiet(quiet: bool) -> None:
     """Silence (or restore) progress bars and messages."""
     global _quiet
     _quiet = quiet
+
+
+def is_quiet() -> bool:
+    """Whether progress bars and messages are silenced."""
+    return _quiet
 
 
 def say(message: str) -> None:

@@ -1,0 +1,64 @@
+"""``trexton run``: the experiment notebooks on a flight, with records, figures and a small book."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from trexton.errors import ParameterError
+from trexton.runner import FlightPair, Outcome, run_experiments
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("flight", metavar="FLIGHT", help="Flight folder to train on (and to test on, by its splits)")
+    parser.add_argument("--test-flight", metavar="FLIGHT", help="another Flight folder to test on")
+    parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these experiments only")
+    parser.add_argument(
+        "--set", nargs="+", default=[], metavar="KEY=VALUE", dest="settings",
+        help="a parameter of the notebooks, or of one: mocap_training.samples=200",
+    )  # fmt: skip
+    parser.add_argument("--explain", action="store_true", help="say why each experiment was reused or run")
+    parser.add_argument("--jobs", type=int, metavar="N", help="notebooks at once (default: as many as fit this machine)")
+    parser.add_argument("--notebooks", metavar="DIR", help="another folder of notebooks")
+    parser.add_argument("--no-book", action="store_true", help="leave out the small book")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    pairs = [FlightPair(arguments.flight, arguments.test_flight)]
+    outcomes = run_experiments(
+        pairs,
+        arguments.out,
+        only=arguments.only,
+        settings=parse_settings(arguments.settings),
+        jobs=arguments.jobs,
+        notebooks=arguments.notebooks,
+    )
+    print_outcomes(outcomes, arguments.explain)
+    if not arguments.no_book:
+        from trexton.book import build_small_book
+
+        print(build_small_book(pairs, outcomes, Path(arguments.out)))
+    return int(any(outcome.status == "failed" for outcome in outcomes))
+
+
+def parse_settings(words: list[str]) -> dict[str, str]:
+    """``key=value`` words as a mapping."""
+    settings = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key:
+            raise ParameterError(f"--set {word!r}: expected key=value")
+        settings[key] = value
+    return settings
+
+
+def print_outcomes(outcomes: list[Outcome], explain: bool) -> None:
+    """One line an experiment; reasons where it failed or was skipped, and everywhere if `explain`."""
+    for outcome in outcomes:
+        print(outcome)
+        if explain or outcome.status in ("failed", "skipped"):
+            for reason in outcome.reasons:
+                print(f"        {reason}")
+    counts = {status: sum(outcome.status == status for outcome in outcomes) for status in ("ran", "reused", "skipped", "failed")}
+    print(", ".join(f"{count} {status}" for status, count in counts.items() if count))

@@ -1,0 +1,72 @@
+"""The experiments of the paper: one module and one notebook each, and one line here.
+
+This registry only says what there is; nothing in it changes a result.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from trexton.flights.flight import Flight
+
+__all__ = ["EXPERIMENTS", "LEDGER", "NEEDS", "Experiment"]
+
+LEDGER = "claims"
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What the runner must know of ``notebooks/<name>.md``.
+
+    Attributes
+    ----------
+    title : str
+    needs : tuple of str
+        What both flights must have: keys of `NEEDS`.
+    after : tuple of str
+        Experiments that run before it on the same flight, because it reads what they leave.
+    cost_s : float
+        About how long it takes; the longest start first.
+    alone : bool
+        It measures time: nothing runs beside it.
+    every_flight : bool
+        It runs once, after all flights, over all their records.
+    """
+
+    title: str
+    needs: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+    cost_s: float = 20.0
+    alone: bool = False
+    every_flight: bool = False
+
+
+# need: (does the flight have it, the reason for a skip where it does not)
+NEEDS: dict[str, tuple[Callable[[Flight], bool], str]] = {
+    "images": (lambda flight: flight.has_images, "has no images"),
+    "positions": (lambda flight: flight.has_positions, "lacks positions in some frames"),
+    "floor": (lambda flight: flight.floor_file is not None, "has no picture of its true floor"),
+    "camera": (lambda flight: flight.camera is not None, "has no calibrated camera"),
+}
+
+_IMAGES = ("positions", "images")
+_SURVEYED = ("positions", "images", "floor", "camera")
+
+EXPERIMENTS: dict[str, Experiment] = {
+    "overview": Experiment("The pipeline in one picture", needs=_IMAGES),
+    "texton_dictionary": Experiment("The texton dictionary", needs=_IMAGES),
+    "mosaic": Experiment("The map, stitched from the flight", needs=_IMAGES, cost_s=120),
+    "homography_baseline": Experiment("Baseline: homography", needs=_IMAGES, after=("mosaic",), cost_s=90),
+    "mocap_training": Experiment("Training on motion-capture positions", needs=("positions",), cost_s=40),
+    "homography_training": Experiment(
+        "Training on homography positions", needs=_IMAGES, after=("mosaic", "homography_baseline"), cost_s=90
+    ),
+    "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=120),
+    "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=90),
+    "map_loss": Experiment("Which floors are suitable: the map loss", needs=("positions",)),
+    "timing": Experiment("Time for one frame", needs=("positions",), alone=True),
+    "speed": Experiment("As fast as the machine allows", needs=_IMAGES, alone=True),
+    "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=40),
+    LEDGER: Experiment("The ledger", every_flight=True),
+}

@@ -1,0 +1,51 @@
+"""One progress display for all notebooks: a bar on a terminal, a line each elsewhere, nothing when quiet."""
+
+from __future__ import annotations
+
+import sys
+import threading
+
+from trexton.progress import is_quiet, say
+
+__all__ = ["Display"]
+
+
+class Display:
+    """Counts finished notebooks and names those that are running."""
+
+    def __init__(self, total: int):
+        self._running: dict[int, str] = {}
+        self._lock = threading.Lock()
+        self._bar = None
+        if total and not is_quiet() and sys.stderr.isatty():
+            from tqdm import tqdm
+
+            self._bar = tqdm(total=total, desc="notebooks", file=sys.stderr, leave=False, dynamic_ncols=True)
+
+    def __enter__(self) -> Display:
+        return self
+
+    def __exit__(self, *_) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def moved(self, slot: int, text: str | None) -> None:
+        """What the worker thread `slot` is at; None: nothing."""
+        with self._lock:
+            if text is None:
+                self._running.pop(slot, None)
+            else:
+                self._running[slot] = text
+            if self._bar is not None:
+                self._bar.set_postfix_str(", ".join(self._running.values()))
+
+    def finished(self, outcome) -> None:
+        """Tell of one experiment."""
+        with self._lock:
+            if self._bar is None:
+                if outcome.status != "reused":
+                    say(str(outcome))
+                return
+            if outcome.status != "reused":
+                self._bar.write(str(outcome), file=sys.stderr)
+            self._bar.update(1)

@@ -1,0 +1,62 @@
+"""What experiments run on: a flight to train on and one to test on."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from trexton.errors import FlightError
+from trexton.experiments import NEEDS, Experiment
+from trexton.flights import Flight, read_flight
+
+__all__ = ["FlightPair"]
+
+
+@dataclass(frozen=True)
+class FlightPair:
+    """Two Flight folders, or one with the splits ``train`` and ``test``; paths as the notebooks will see them."""
+
+    flight: str
+    test_flight: str | None = None
+
+    @cached_property
+    def train(self) -> Flight:
+        flight = read_flight(self.flight)
+        if self.test_flight is None and not {"train", "test"} <= set(flight.split):
+            raise FlightError(
+                f"{self.flight} has no splits 'train' and 'test': name a second flight (--test-flight), "
+                "or give flight.toml a [split] with both"
+            )
+        if not re.fullmatch(r"\w[\w .+-]*", flight.name):
+            raise FlightError(f"{self.flight}: the name {flight.name!r} cannot name a folder of results: use letters, digits, - and _")
+        return flight
+
+    @cached_property
+    def test(self) -> Flight:
+        return self.train if self.test_flight is None else read_flight(self.test_flight)
+
+    @property
+    def name(self) -> str:
+        """The name of the training flight, which names the folder of results too."""
+        return self.train.name
+
+    @cached_property
+    def hashes(self) -> dict[str, str]:
+        """Hash of all data, by role."""
+        both = {"train": self.train.data_hash}
+        return both if self.test_flight is None else both | {"test": self.test.data_hash}
+
+    def parameters(self, out: Path) -> dict[str, str | None]:
+        """What the runner gives to a notebook."""
+        return {"flight": self.flight, "test_flight": self.test_flight, "out": str(out)}
+
+    def obstacle(self, experiment: Experiment) -> str | None:
+        """Why the flights cannot serve the experiment; None if they can."""
+        for need in experiment.needs:
+            has, reason = NEEDS[need]
+            for flight in (self.train, self.test):
+                if not has(flight):
+                    return f"{flight.name} {reason}"
+        return None
