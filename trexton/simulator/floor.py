@@ -95,6 +95,7 @@ class Floor:
             image = np.dstack([image, np.where(self.picture.mask, 255, 0).astype(np.uint8)])
         return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 4])[1].tobytes()
 
+    @lru_cache(maxsize=4)  # many flights over one floor share what it looks like
     def texture(self, light: Light = Light()) -> Texture:
         """The floor and the ground around it under this light."""
         x_min, x_max, y_min, y_max = self.area

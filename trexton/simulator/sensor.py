@@ -15,31 +15,51 @@ _ONE = 12  # fractional bits of gains
 _NOISE = 8  # fractional bits of the noise and of its strength; every product stays within 32 bits
 _SPARE = 256  # the noise tile is this much larger than the frame, so that it can be shifted
 
+_int = np.int32
+_HALF = _int(1 << (_ONE - 1))
+_HALF_NOISE = _int(1 << (2 * _NOISE - 1))
+
+
+# Each function takes one row of one plane, so that the compiler makes vector instructions of its loop.
+@numba.njit(cache=True, nogil=True)
+def _luma_row(row, factor, noise, base, slope, strength):  # pragma: no cover - compiled
+    for u in range(row.size):
+        light = min(_int(255), (_int(row[u]) * factor[u] + _HALF) >> _int(_ONE))
+        strength[u] = base + ((slope * light) >> _int(7))
+        light += (noise[u] * strength[u] + _HALF_NOISE) >> _int(2 * _NOISE)
+        row[u] = min(_int(255), max(_int(0), light))
+
 
 @numba.njit(cache=True, nogil=True)
-def _develop(scene, gain, vignette, noise, row, column, sigma, share_chroma, frame):  # pragma: no cover - compiled
-    """Gain, vignette, noise and shared chroma, in that order, for ``(H, W, 3) uint8`` Y, Cr, Cb."""
-    int32 = np.int32
-    height, width, _ = scene.shape
-    gain, half_gain, half_noise = int32(gain), int32(1 << (_ONE - 1)), int32(1 << (2 * _NOISE - 1))
-    darkest, grey, brightest = int32(0), int32(128), int32(255)
+def _chroma_row(row, factor, noise, strength):  # pragma: no cover - compiled
+    for u in range(row.size):
+        color = ((_int(row[u]) - _int(128)) * factor[u] + _HALF) >> _int(_ONE)
+        color += (noise[u] * strength[u] + _int(2) * _HALF_NOISE) >> _int(2 * _NOISE + 1)
+        row[u] = min(_int(255), max(_int(0), _int(128) + color))
+
+
+@numba.njit(cache=True, nogil=True)
+def _share_pairs(row):  # pragma: no cover - compiled
+    for pair in range(row.size // 2):
+        shared = (_int(row[2 * pair]) + _int(row[2 * pair + 1]) + _int(1)) >> _int(1)
+        row[2 * pair] = row[2 * pair + 1] = shared
+
+
+@numba.njit(cache=True, nogil=True)
+def _develop(planes, gain, vignette, noise, top, left, base, slope, share_chroma):  # pragma: no cover - compiled
+    """Gain, vignette, noise and shared chroma, in that order and in place, for ``(3, H, W) uint8`` Y, Cr, Cb."""
+    _, height, width = planes.shape
+    factor, strength = np.empty(width, np.int32), np.empty(width, np.int32)
     for v in range(height):
         for u in range(width):
-            factor = (gain * vignette[v, u] + half_gain) >> int32(_ONE)
-            drawn = noise[v + row, u + column]
-            luma = min(brightest, (int32(scene[v, u, 0]) * factor + half_gain) >> int32(_ONE))
-            strength = sigma[luma]
-            luma += (drawn[0] * strength + half_noise) >> int32(2 * _NOISE)
-            frame[v, u, 0] = min(brightest, max(darkest, luma))
-            for channel in range(1, 3):
-                color = ((int32(scene[v, u, channel]) - grey) * factor + half_gain) >> int32(_ONE)
-                color += (drawn[channel] * strength + half_noise) >> int32(2 * _NOISE + 1)
-                frame[v, u, channel] = min(brightest, max(darkest, grey + color))
-        if share_chroma:
-            for u in range(0, width - 1, 2):
-                for channel in range(1, 3):
-                    shared = (int32(frame[v, u, channel]) + int32(frame[v, u + 1, channel]) + int32(1)) >> int32(1)
-                    frame[v, u, channel] = frame[v, u + 1, channel] = shared
+            factor[u] = (_int(gain) * vignette[v, u] + _HALF) >> _int(_ONE)
+        drawn = noise[0, v + top, left : left + width]
+        _luma_row(planes[0, v], factor, drawn, _int(base), _int(slope), strength)
+        for channel in range(1, 3):
+            drawn = noise[channel, v + top, left : left + width]
+            _chroma_row(planes[channel, v], factor, drawn, strength)
+            if share_chroma:
+                _share_pairs(planes[channel, v])
 
 
 class Sensor:
@@ -61,11 +81,10 @@ class Sensor:
         squared = (np.arange(camera.width) - center_x) ** 2 + (np.arange(camera.height)[:, None] - center_y) ** 2
         loss = effects.vignetting * squared / squared.max()
         self._vignette = np.rint((1 - loss) * 2**_ONE).astype(np.int32)
-        tile = rng.standard_normal((shape[0] + _SPARE, shape[1] + _SPARE, 3), dtype=np.float32)
+        tile = rng.standard_normal((3, shape[0] + _SPARE, shape[1] + _SPARE), dtype=np.float32)
         self._noise = np.rint(np.clip(tile, -8, 8) * 2**_NOISE).astype(np.int32)
-        # Photons arrive one by one: the noise's variance grows with the light, on top of what reading out adds.
-        levels = np.arange(256)
-        self._sigma = np.rint(effects.noise * np.sqrt(0.3 + 0.7 * levels / 128) * 2**_NOISE).astype(np.int32)
+        # Photons arrive one by one, so noise grows with the light, on top of what reading out adds.
+        self._base, self._slope = (round(share * effects.noise * 2**_NOISE) for share in (0.55, 0.45))
 
     @staticmethod
     def draw_offset(rng: np.random.Generator) -> tuple[int, int]:
@@ -74,10 +93,11 @@ class Sensor:
 
     def develop(self, scene: np.ndarray, gain: float, offset: tuple[int, int]) -> np.ndarray:
         """``(H, W, 3) uint8`` Y, Cr, Cb as the sensor delivers it."""
+        planes = np.empty((3, *scene.shape[:2]), np.uint8)
+        cv2.split(scene, list(planes))
         share = self._effects.chroma_subsampling > 0
-        frame = np.empty_like(scene)
-        _develop(scene, round(gain * 2**_ONE), self._vignette, self._noise, *offset, self._sigma, share, frame)
-        return frame
+        _develop(planes, round(gain * 2**_ONE), self._vignette, self._noise, *offset, self._base, self._slope, share)
+        return cv2.merge(list(planes))
 
     @property
     def suffix(self) -> str:
