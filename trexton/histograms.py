@@ -2,6 +2,9 @@
 
 Every patch gets the label of its nearest texton; a histogram is the relative frequency of each label. Labels are decided
 on integers, so that any backend and number of threads give the same bits. An image is ``(H, W, 3) uint8`` (Y, U, V).
+
+Full sampling runs in a compiled kernel (`trexton.kernels.label_rows`), or as matrix products where numba is absent.
+A few hundred samples stay with NumPy: there numba would gain less than it costs to load.
 """
 
 from __future__ import annotations
@@ -9,16 +12,20 @@ from __future__ import annotations
 import numpy as np
 
 from trexton.images import check_image
-from trexton.kernels import compiled
+from trexton.kernels import compiled, in_strips
 from trexton.patches import gather_patches, position_grid, sample_positions
 from trexton.textons import TextonDictionary
 
 __all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_positions"]
 
-_ROWS = 32  # rows labelled at once: their scores stay in the processor's cache
+# Positions labelled at once by matrix products: their scores stay in the processor's cache, and BLAS libraries have
+# quicker kernels for matrices this small.
+_ROWS, _COLUMNS = 16, 320
 
 
-def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, backend: str | None = None) -> np.ndarray:
+def texton_histogram(
+    image: np.ndarray, dictionary: TextonDictionary, backend: str | None = None, threads: int | None = None
+) -> np.ndarray:
     """Relative frequency of each texton over every position: full sampling (301 625 positions at 640x480 and 6x6).
 
     Parameters
@@ -27,21 +34,41 @@ def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, backend: s
     dictionary : TextonDictionary
     backend : {"numba", "numpy"} or None
         None takes numba where it is installed; both give the same bits.
+    threads : int or None
+        None takes ``$OMP_NUM_THREADS``, else every processor; any number gives the same bits.
 
     Returns
     -------
     (K,) float64 array
+
+    Raises
+    ------
+    ImageError
+        Not an image, or smaller than a patch.
     """
-    labels = label_image(image, dictionary, backend)
-    return np.bincount(labels.ravel(), minlength=dictionary.n_textons) / labels.size
+    labels, counts = _label(image, dictionary, backend, threads)
+    return counts / labels.size
 
 
-def sampled_histogram(image: np.ndarray, dictionary: TextonDictionary, n: int = 400, *, rng: np.random.Generator) -> np.ndarray:
+def label_image(
+    image: np.ndarray, dictionary: TextonDictionary, backend: str | None = None, threads: int | None = None
+) -> np.ndarray:
+    """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position; ties go to the lowest index.
+
+    Parameters and errors are those of `texton_histogram`.
+    """
+    return _label(image, dictionary, backend, threads)[0]
+
+
+def sampled_histogram(
+    image: np.ndarray, dictionary: TextonDictionary, n: int = 400, *, rng: np.random.Generator
+) -> np.ndarray:
     """Relative frequency of each texton over `n` random positions, drawn with replacement.
 
     Parameters
     ----------
     image : (H, W, 3) uint8 array
+        Not copied if contiguous.
     dictionary : TextonDictionary
     n : int
         Number of samples; the error falls as 1 / sqrt(n).
@@ -50,37 +77,71 @@ def sampled_histogram(image: np.ndarray, dictionary: TextonDictionary, n: int = 
     Returns
     -------
     (K,) float64 array
+
+    Raises
+    ------
+    ImageError
+        Not an image, or smaller than a patch.
+    ParameterError
+        `n` is below 1.
     """
-    positions = sample_positions(image.shape, dictionary.patch, n, rng)
+    positions = sample_positions(check_image(image).shape, dictionary.patch, n, rng)
     labels = dictionary.label(gather_patches(image, positions, dictionary.patch))
     return np.bincount(labels, minlength=dictionary.n_textons) / n
 
 
-def label_image(image: np.ndarray, dictionary: TextonDictionary, backend: str | None = None) -> np.ndarray:
-    """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position; ties go to the lowest index."""
-    shape = position_grid(check_image(image).shape, dictionary.patch)
-    labels = np.empty(shape, dtype=np.uint8)
-    for first in range(0, shape[0], _ROWS):
-        _label_rows(image[first : first + _ROWS + dictionary.patch - 1], dictionary, labels[first : first + _ROWS])
-    return labels
+def _label(
+    image: np.ndarray, dictionary: TextonDictionary, backend: str | None, threads: int | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Labels of all positions, and how often each occurs."""
+    kernel = compiled("label_rows", backend)
+    labels = np.empty(position_grid(check_image(image).shape, dictionary.patch), dtype=np.uint8)
+    flat = np.ascontiguousarray(image).reshape(len(image), -1)
+
+    def work(rows: slice) -> np.ndarray:
+        strip = flat[rows.start : rows.stop + dictionary.patch - 1]
+        if kernel is None:
+            _label_by_products(strip, dictionary, labels[rows])
+            return np.bincount(labels[rows].ravel(), minlength=dictionary.n_textons)
+        counts = np.zeros(dictionary.n_textons, dtype=np.int64)
+        kernel(strip, dictionary.words, dictionary.words_bias, labels[rows], counts)
+        return counts
+
+    return labels, sum(in_strips(work, len(labels), threads))
 
 
-def _label_rows(image: np.ndarray, dictionary: TextonDictionary, labels: np.ndarray) -> None:
-    """Label all positions of a strip of the image by matrix products.
+def _label_by_products(image: np.ndarray, dictionary: TextonDictionary, labels: np.ndarray) -> None:
+    """Label a strip ``(H, 3 W)`` by matrix products, in blocks of one size (the last ones overlap).
 
-    The strip is copied once so that each row holds its P shifted copies; P rows in sequence are then the matrix of all
-    patches of one row of positions, without a further copy.
+    A block is copied once so that each of its rows holds its P shifted copies; P such rows in sequence are the matrix
+    of all patches of one row of positions, without a further copy.
     """
-    patch, (height, width) = dictionary.patch, labels.shape
-    shifted = np.empty((len(image), patch, 3, width), dtype=dictionary.weights.dtype)
-    for dx in range(patch):
-        shifted[:, dx] = image[:, dx : dx + width].transpose(0, 2, 1)
-    rows = shifted.reshape(len(image) * patch * 3, width)
-    step = patch * 3
+    patch, n_textons, kind = dictionary.patch, dictionary.n_textons, dictionary.weights.dtype
+    height, width = min(_ROWS, labels.shape[0]), min(_COLUMNS, labels.shape[1])
+    planar = np.empty((height + patch - 1, 3, width + patch - 1), dtype=np.uint8)
+    shifted = np.empty((height + patch - 1, patch, 3, width), dtype=kind)
+    rows = shifted.reshape(-1, width)
     patches = np.lib.stride_tricks.as_strided(
-        rows, (height, patch * step, width), (step * rows.strides[0], *rows.strides), writeable=False
+        rows, (height, 3 * patch * patch, width), (3 * patch * rows.strides[0], *rows.strides), writeable=False
     )
-    scores = dictionary.weights @ patches
-    scores += dictionary.bias[:, None]
-    labels[...] = scores.argmax(axis=1)
+    scores = np.empty((height, n_textons, width), dtype=kind)
+    best = np.empty((height, 1, width), dtype=kind)
+    is_best = np.empty(scores.shape, dtype=bool)
+    rank = np.arange(n_textons - 1, -1, -1, dtype=np.uint8)[:, None] + np.zeros((1, width), np.uint8)
+    image = image.reshape(len(image), -1, 3)
+    for top in _starts(labels.shape[0], height):
+        for left in _starts(labels.shape[1], width):
+            planar[...] = image[top : top + len(planar), left : left + planar.shape[2]].transpose(0, 2, 1)
+            for dx in range(patch):
+                shifted[:, dx] = planar[:, :, dx : dx + width]
+            np.matmul(dictionary.weights.T, patches, out=scores)
+            np.add(scores, dictionary.bias[:, None], out=scores)
+            np.equal(scores, np.max(scores, axis=1, keepdims=True, out=best), out=is_best)
+            # The first of the best textons has the highest rank.
+            block = np.multiply(is_best.view(np.uint8), rank).max(axis=1)
+            labels[top : top + height, left : left + width] = n_textons - 1 - block
 
+
+def _starts(length: int, step: int) -> list[int]:
+    """Starts of blocks of `step` that cover `length`, the last moved back to end with it."""
+    return [min(start, length - step) for start in range(0, length, step)]

@@ -38,9 +38,13 @@ def sample_positions(shape: tuple[int, ...], patch: int, n: int, rng: np.random.
 
 
 def gather_patches(image: np.ndarray, positions: np.ndarray, patch: int) -> np.ndarray:
-    """``(N, P, P, 3) uint8``: the patches at `positions` ``(N, 2)``."""
-    windows = np.lib.stride_tricks.sliding_window_view(check_image(image), (patch, patch), axis=(0, 1))
-    return np.ascontiguousarray(windows[positions[:, 0], positions[:, 1]].transpose(0, 2, 3, 1))
+    """``(N, P, P, 3) uint8``: the patches at `positions` ``(N, 2)``; only they are copied, not the image."""
+    rows, columns = position_grid(check_image(image).shape, patch)
+    image = np.ascontiguousarray(image)
+    # One item is a whole row of a patch, 3 P neighbouring bytes.
+    line = image.strides[0]
+    windows = np.ndarray((rows, columns, patch), f"V{3 * patch}", image, strides=(line, 3, line))
+    return windows[positions[:, 0], positions[:, 1]].view(np.uint8).reshape(-1, patch, patch, 3)
 
 
 def draw_patches(images: Iterable[np.ndarray], patch: int, per_image: int, rng: np.random.Generator) -> np.ndarray:

@@ -75,18 +75,35 @@ class TextonDictionary:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """``(K, 3 P P)``: 2 t. The nearest texton has the largest score 2 p.t - |t|^2, since |p|^2 is common to all.
+        """``(3 P P, K)``: 2 t. The nearest texton has the largest score 2 p.t - |t|^2, since |p|^2 is common to all.
 
         Single precision where every partial sum stays below 2**24 (6x6 patches do), and so is exact in any order.
         """
         size = self.textons[0].size
         exact = np.float32 if 2 * size * 255**2 < 2**24 else np.float64
-        return 2 * self.textons.reshape(self.n_textons, size).astype(exact)
+        return np.ascontiguousarray(2 * self.textons.reshape(self.n_textons, size).T.astype(exact))
 
     @cached_property
     def bias(self) -> np.ndarray:
         """``(K,)``: -\\|t\\|^2, in the type of `weights`."""
         return -np.square(self.textons.reshape(self.n_textons, -1).astype(np.int64)).sum(axis=1).astype(self.weights.dtype)
+
+    @cached_property
+    def words(self) -> np.ndarray:
+        """``(G, P ceil(3 P / 4), 4) int32``: t - 128 as signed bytes, four to a word, for groups of 4 textons.
+
+        The layout of `trexton.kernels.label_rows`; missing bytes and textons are 0.
+        """
+        groups, row_bytes = -(-self.n_textons // 4), 3 * self.patch
+        padded = np.zeros((4 * groups, self.patch, -(-row_bytes // 4) * 4), dtype=np.int8)
+        padded[: self.n_textons, :, :row_bytes] = self.textons.reshape(self.n_textons, self.patch, row_bytes).astype(np.int16) - 128
+        words = padded.view("<i4").astype(np.int32).reshape(groups, 4, -1)
+        return np.ascontiguousarray(words.transpose(0, 2, 1))
+
+    @cached_property
+    def words_bias(self) -> np.ndarray:
+        """``(4 G,) int32``: `bias` with missing textons out of reach."""
+        return np.pad(self.bias.astype(np.int32), (0, -self.n_textons % 4), constant_values=-(2**30))
 
     def label(self, patches: np.ndarray) -> np.ndarray:
         """Nearest texton of each patch by Euclidean distance; ties go to the lowest index.
@@ -99,11 +116,11 @@ class TextonDictionary:
         -------
         (N,) int64 array
         """
-        flat = _check_patches(patches, self.patch).reshape(len(patches), -1)
+        flat = _check_patches(patches, self.patch).reshape(len(patches), self.textons[0].size)
         labels = np.empty(len(flat), dtype=np.int64)
         for start in range(0, len(flat), _BLOCK):
             block = flat[start : start + _BLOCK].astype(self.weights.dtype)
-            labels[start : start + _BLOCK] = (block @ self.weights.T + self.bias).argmax(axis=1)
+            labels[start : start + _BLOCK] = (block @ self.weights + self.bias).argmax(axis=1)
         return labels
 
     @classmethod
@@ -210,9 +227,11 @@ def learn_textons(
     flat = patches.reshape(len(patches), -1)
     if method == "kohonen":
         flat = flat[rng.permutation(len(flat))]
-        start = flat[: min(n_textons, len(flat))]
+        start = flat[-n_textons:]  # seen last, so that the first errors are not zero
         gains = _kohonen_gains(n_textons, len(flat), rate, radius or (max(n_textons / 4, 0.3), 0.3))
     else:
+        if not 0 < alpha <= 255:
+            raise ParameterError(f"alpha is {alpha}: expected above 0, at most 255")
         start = flat[rng.permutation(min(first, len(flat)))[:n_textons]]
         gains = _round_gains(np.r_[alpha / 255, np.zeros(n_textons - 1)][None])
     textons = np.resize(start, (n_textons, flat.shape[1])).astype(np.float64)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib import import_module
 
 from trexton.errors import ParameterError
 
-__all__ = ["BACKENDS", "compiled", "thread_count"]
+__all__ = ["BACKENDS", "compiled", "thread_count", "in_strips"]
 
 BACKENDS = ("numba", "numpy")
 
@@ -46,10 +47,27 @@ def compiled(name: str, backend: str | None = None) -> Callable | None:
 
 
 def thread_count(threads: int | None = None) -> int:
-    """How many threads a kernel may use: `threads`, else ``$OMP_NUM_THREADS``, else the processors given to this process."""
+    """How many threads to use: `threads`, else ``$OMP_NUM_THREADS``, else the processors given to this process."""
     if threads is None:
         given = os.environ.get("OMP_NUM_THREADS", "")
-        return int(given) if given.isdigit() and int(given) else len(os.sched_getaffinity(0))
+        if given.isdigit() and int(given):
+            return int(given)
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     if threads < 1:
         raise ParameterError(f"threads is {threads}: expected at least 1")
     return threads
+
+
+def in_strips(work: Callable[[slice], object], rows: int, threads: int | None = None) -> list:
+    """Call `work` on equal slices of `rows` rows, one a thread; kernels and matrix products release Python's lock.
+
+    Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep beside the BLAS's own.
+    """
+    strips = min(thread_count(threads), rows)
+    bounds = [rows * i // strips for i in range(strips + 1)]
+    slices = [slice(first, last) for first, last in zip(bounds, bounds[1:])]
+    if strips == 1:
+        return [work(slices[0])]
+    with ThreadPoolExecutor(strips - 1) as pool:
+        waiting = [pool.submit(work, strip) for strip in slices[1:]]
+        return [work(slices[0]), *(future.result() for future in waiting)]

@@ -1,0 +1,140 @@
+"""Histograms against the plain definition, over backends, threads and sizes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plain import plain_histogram, plain_labels
+
+from trexton.errors import ImageError, ParameterError
+from trexton.histograms import label_image, sample_positions, sampled_histogram, texton_histogram
+from trexton.kernels import in_strips, thread_count
+from trexton.patches import gather_patches
+from trexton.textons import TextonDictionary
+
+BACKENDS = ("numba", "numpy")
+
+
+def random_case(rng, n_textons=20, patch=6, shape=(24, 32), levels=256):
+    """A dictionary and an image; few `levels` make many ties."""
+    step = 256 // levels
+    textons = rng.integers(0, levels, (n_textons, patch, patch, 3)) * step
+    return TextonDictionary(textons.astype(np.uint8)), (rng.integers(0, levels, (*shape, 3)) * step).astype(np.uint8)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_two_hundred_images_equal_the_plain_definition(rng, backend):
+    for index in range(200):
+        shape = (int(rng.integers(6, 17)), int(rng.integers(6, 23)))
+        dictionary, image = random_case(rng, shape=shape, levels=256 if index % 2 else 2)
+        expected = plain_histogram(image, dictionary.textons)
+        assert texton_histogram(image, dictionary, backend).tobytes() == expected.tobytes()
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize(
+    ("n_textons", "patch", "shape"),
+    [(1, 1, (1, 1)), (3, 2, (2, 2)), (4, 5, (9, 71)), (7, 8, (17, 70)), (21, 3, (5, 68)), (256, 7, (9, 13)), (2, 48, (50, 49))],
+)
+def test_other_sizes_equal_the_plain_definition(rng, backend, n_textons, patch, shape):
+    dictionary, image = random_case(rng, n_textons, patch, shape)
+    assert np.array_equal(label_image(image, dictionary, backend), plain_labels(image, dictionary.textons))
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_extreme_bytes_do_not_overflow(value):
+    textons = np.stack([np.full((48, 48, 3), 255 - value), np.full((48, 48, 3), value)]).astype(np.uint8)
+    image = np.full((48, 48, 3), value, np.uint8)
+    for backend in BACKENDS:
+        assert label_image(image, TextonDictionary(textons), backend).tolist() == [[1]]
+
+
+def test_backends_and_threads_agree_on_whole_frames(rng):
+    dictionary, image = random_case(rng, shape=(121, 643), levels=8)
+    labels = [label_image(image, dictionary, backend, threads) for backend in BACKENDS for threads in (1, 2, 3)]
+    assert all(np.array_equal(labels[0], other) for other in labels[1:])
+    assert np.array_equal(dictionary.label(gather_patches(image, np.argwhere(labels[0] >= 0), 6)), labels[0].ravel())
+
+
+def test_views_are_images_too(rng):
+    dictionary, image = random_case(rng, shape=(20, 30))
+    view = np.flip(image, axis=1)[::2]
+    image.flags.writeable = False
+    for backend in BACKENDS:
+        assert np.array_equal(label_image(view, dictionary, backend), label_image(view.copy(), dictionary, backend))
+    first, second = (sampled_histogram(array, dictionary, 50, rng=np.random.default_rng(1)) for array in (view, view.copy()))
+    assert np.array_equal(first, second)
+
+
+def test_permuting_the_textons_permutes_the_histogram(rng):
+    dictionary, image = random_case(rng)
+    order = rng.permutation(dictionary.n_textons)
+    permuted = TextonDictionary(dictionary.textons[order])
+    assert np.array_equal(texton_histogram(image, permuted), texton_histogram(image, dictionary)[order])
+    first, second = (sampled_histogram(image, d, rng=np.random.default_rng(3)) for d in (permuted, dictionary))
+    assert np.array_equal(first, second[order])
+
+
+def test_the_first_of_equal_textons_takes_all(rng):
+    dictionary, image = random_case(rng, n_textons=5)
+    twice = TextonDictionary(np.concatenate([dictionary.textons, dictionary.textons]))
+    for backend in BACKENDS:
+        histogram = texton_histogram(image, twice, backend)
+        assert np.array_equal(histogram[:5], texton_histogram(image, dictionary))
+        assert not histogram[5:].any()
+
+
+def test_sampled_histograms_converge_at_one_over_root_n(rng):
+    """Mean squared error of each frequency is p (1 - p) / n: the sum over textons within six standard errors."""
+    dictionary, image = random_case(rng, n_textons=6, shape=(40, 50))
+    full = texton_histogram(image, dictionary)
+    for n in (25, 100, 400, 1600):
+        errors = np.array([((sampled_histogram(image, dictionary, n, rng=rng) - full) ** 2).sum() for _ in range(300)])
+        expected = (full * (1 - full)).sum() / n
+        assert abs(errors.mean() - expected) < 6 * errors.std() / np.sqrt(len(errors))
+
+
+def test_sampled_histogram_counts_the_drawn_positions(rng):
+    dictionary, image = random_case(rng, shape=(30, 21))
+    labels = plain_labels(image, dictionary.textons)
+    positions = sample_positions(image.shape, 6, 77, np.random.default_rng(5))
+    expected = np.bincount(labels[tuple(positions.T)], minlength=20) / 77
+    assert np.array_equal(sampled_histogram(image, dictionary, 77, rng=np.random.default_rng(5)), expected)
+
+
+def test_positions_cover_the_image_evenly(rng):
+    positions = sample_positions((9, 11, 3), 6, 24_000, rng)
+    counts = np.bincount(positions[:, 0] * 6 + positions[:, 1], minlength=24)
+    assert counts.shape == (24,)  # 4 x 6 places
+    chi_squared = ((counts - 1000) ** 2 / 1000).sum()
+    assert chi_squared < 23 + 6 * np.sqrt(2 * 23)
+
+
+def test_bad_input_is_one_clear_error(rng):
+    dictionary, image = random_case(rng)
+    with pytest.raises(ImageError, match="5x20 pixels, a patch 6x6"):
+        texton_histogram(image[:20, :5], dictionary)
+    with pytest.raises(ImageError, match="uint8"):
+        texton_histogram(image.astype(float), dictionary)
+    with pytest.raises(ImageError, match="found list"):
+        sampled_histogram([1, 2], dictionary, rng=rng)
+    with pytest.raises(ParameterError, match="samples is 0"):
+        sampled_histogram(image, dictionary, 0, rng=rng)
+    with pytest.raises(ParameterError, match="backend 'fpga' is unknown"):
+        texton_histogram(image, dictionary, "fpga")
+    with pytest.raises(ParameterError, match="threads is 0"):
+        texton_histogram(image, dictionary, threads=0)
+
+
+def test_strips_cover_all_rows_once_and_pass_errors_on():
+    assert [list(range(10))[strip] for strip in in_strips(lambda strip: strip, 10, 3)] == [[0, 1, 2], [3, 4, 5], [6, 7, 8, 9]]
+    assert in_strips(lambda strip: strip, 1, 8) == [slice(0, 1)]
+    with pytest.raises(ZeroDivisionError):
+        in_strips(lambda strip: 1 / (strip.start - 5), 10, 2)
+
+
+def test_thread_count_follows_the_environment(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    assert thread_count() == 3 and thread_count(2) == 2
+    monkeypatch.setenv("OMP_NUM_THREADS", "")
+    assert thread_count() >= 1

@@ -1,0 +1,69 @@
+"""Nearest histograms against a sorted list of distances."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trexton.errors import MapError, ParameterError
+from trexton.neighbors import NearestHistograms
+
+
+def plain_neighbors(histograms, histogram, k):
+    distances = [(sum((a - b) ** 2 for a, b in zip(row, histogram)), index) for index, row in enumerate(histograms.tolist())]
+    return [index for _, index in sorted(distances)[:k]]
+
+
+@pytest.mark.parametrize("method", ["brute", "tree"])
+@pytest.mark.parametrize("k", [1, 5, 60])
+def test_neighbours_equal_the_sorted_distances(rng, method, k):
+    histograms, positions = rng.dirichlet(np.ones(8), 60), rng.normal(size=(60, 2))
+    nearest = NearestHistograms(histograms, positions, k, method)
+    for query in rng.dirichlet(np.ones(8), 30):
+        found = nearest.query(query)
+        assert found.index.tolist() == plain_neighbors(histograms, query, k)
+        assert np.allclose(found.distance, np.linalg.norm(histograms[found.index] - query, axis=1), rtol=1e-12)
+        assert (np.diff(found.distance) >= 0).all() and np.array_equal(found.position, positions[found.index])
+
+
+@pytest.mark.parametrize("method", ["brute", "tree"])
+def test_ties_go_to_the_lowest_index(rng, method):
+    few = rng.integers(0, 3, (400, 4)) / 8  # exact in binary, at most 81 different rows
+    nearest = NearestHistograms(few, np.zeros((400, 2)), 7, method)
+    for query in rng.integers(0, 3, (40, 4)) / 8:
+        squared = ((few - query) ** 2).sum(axis=1)
+        assert nearest.query(query).index.tolist() == np.lexsort((np.arange(400), squared))[:7].tolist()
+
+
+def test_methods_give_the_same_bits_on_many_histograms(rng):
+    histograms, positions = rng.dirichlet(np.full(20, 0.4), 5000), rng.normal(size=(5000, 2))
+    brute, tree, chosen = (NearestHistograms(histograms, positions, 5, method) for method in ("brute", "tree", None))
+    for query in np.concatenate([rng.dirichlet(np.full(20, 0.4), 40), histograms[:10]]):
+        results = [nearest.query(query) for nearest in (brute, tree, chosen)]
+        assert len({(r.index.tobytes(), r.distance.tobytes()) for r in results}) == 1
+
+
+def test_real_histograms(cyberzoo):
+    known = np.isfinite(cyberzoo.histograms).all(axis=1)
+    histograms, positions = cyberzoo.histograms[known], cyberzoo.position[known]
+    brute, tree = (NearestHistograms(histograms, positions, 5, method) for method in ("brute", "tree"))
+    for row in range(0, len(histograms), 25):
+        assert brute.query(histograms[row]).index[0] == row
+        assert brute.query(histograms[row]).index.tolist() == tree.query(histograms[row]).index.tolist()
+
+
+def test_bad_input_is_one_clear_error(rng):
+    histograms, positions = rng.dirichlet(np.ones(4), 10), np.zeros((10, 2))
+    with pytest.raises(MapError, match=r"\(10, 4\) and \(9, 2\)"):
+        NearestHistograms(histograms, positions[:9])
+    with pytest.raises(MapError, match="finite"):
+        NearestHistograms(np.full((10, 4), np.nan), positions)
+    for k in (0, 11):
+        with pytest.raises(ParameterError, match=f"k is {k}: expected 1 to 10"):
+            NearestHistograms(histograms, positions, k)
+    with pytest.raises(ParameterError, match="method 'hash'"):
+        NearestHistograms(histograms, positions, 1, "hash")
+    with pytest.raises(MapError, match="histogram of 4 textons"):
+        NearestHistograms(histograms, positions).query(np.ones(5) / 5)
+    with pytest.raises(MapError, match="finite histogram"):
+        NearestHistograms(histograms, positions).query(np.array([1, np.nan, 0, 0]))
