@@ -17,6 +17,8 @@ COMMANDS = {
     "train": ("train", "make a texton map from a flight"),
     "claims": ("claims", "judge every claim of the paper by the results at hand"),
     "run": ("run", "run the experiment notebooks on a flight"),
+    "book": ("book", "run every experiment and build the book"),
+    "onboard": ("onboard", "localize live frames and report positions"),
 }
 
 
