@@ -1,0 +1,86 @@
+"""The flights that the book is made from: the authors' real one, and the simulated pair."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from trexton.cache import code_hashes
+from trexton.errors import DataError, FlightError
+from trexton.files import atomic_file, canonical_json
+from trexton.flights import Flight, read_flight
+from trexton.flights.registry import fetch, raw_files
+from trexton.progress import say
+from trexton.records import software_versions
+from trexton.runner import FlightPair
+
+__all__ = ["REAL", "SIMULATED", "Prepared", "prepare_flights"]
+
+SIMULATED = ("sim-survey", "sim-waypoints")
+REAL = "cyberzoo"
+_PATTERN = dict(zip(SIMULATED, ("survey", "waypoints")))
+
+
+class Prepared:
+    """Flights that are ready, and sentences on what was made, reused or missing."""
+
+    def __init__(self):
+        self.pairs: list[FlightPair] = []
+        self.absent: dict[str, str] = {}
+        self.said: list[str] = []
+
+
+def prepare_flights(folder: Path) -> Prepared:
+    """Make sure that the simulated pair and the real flight are in `folder`; the real one may be out of reach."""
+    prepared = Prepared()
+    for name in SIMULATED:
+        _prepare(folder / name, _simulation_inputs(name), lambda path: _simulate(path), prepared)
+    prepared.pairs.append(FlightPair(*(str(folder / name) for name in SIMULATED)))
+    try:
+        _prepare(folder / REAL, _real_inputs(), lambda path: fetch(REAL, path), prepared)
+        prepared.pairs.append(FlightPair(str(folder / REAL)))
+    except DataError as error:
+        prepared.absent[REAL] = str(error)
+        prepared.said.append(f"flight {REAL}: absent, the book goes without it: {error}")
+    return prepared
+
+
+def _simulate(path: Path) -> None:
+    from trexton.simulator import record_flight
+
+    say(f"simulating {path}")
+    record_flight(path, pattern=_PATTERN[path.name])
+
+
+def _simulation_inputs(name: str) -> dict:
+    return {"code": code_hashes("trexton.simulator"), "pattern": _PATTERN[name], "versions": software_versions()}
+
+
+def _real_inputs() -> dict:
+    return {"code": code_hashes("trexton.flights.cyberzoo"), "files": raw_files(REAL)}
+
+
+def _prepare(path: Path, inputs: dict, make: Callable[[Path], object], prepared: Prepared) -> None:
+    """Keep the flight at `path` if it came from the same inputs and is unharmed, make it otherwise."""
+    stamp = path.parent / f".{path.name}.stamp"
+    reason = _reason_to_make(path, stamp, inputs)
+    if reason is None:
+        prepared.said.append(f"flight {path.name}: reused")
+        return
+    stamp.unlink(missing_ok=True)
+    make(path)
+    with atomic_file(stamp) as stream:
+        stream.write(canonical_json({"inputs": inputs, "data_hash": read_flight(path).data_hash}))
+    prepared.said.append(f"flight {path.name}: made, because {reason}")
+
+
+def _reason_to_make(path: Path, stamp: Path, inputs: dict) -> str | None:
+    try:
+        old = json.loads(stamp.read_text(encoding="utf-8"))
+        flight: Flight = read_flight(path)
+    except (OSError, ValueError, FlightError):
+        return "it was not there whole"
+    if old.get("inputs") != inputs:
+        return "what makes it changed"
+    return None if old.get("data_hash") == flight.data_hash else "its files are not what was written"

@@ -1,0 +1,124 @@
+"""Make a book: flights, experiments, pages, HTML; each step repeats only what its inputs make necessary."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from trexton.book.audit import audit
+from trexton.book.flights import prepare_flights
+from trexton.book.stage import Contents, stage
+from trexton.cache import code_hashes, repository_root
+from trexton.errors import TrextonError
+from trexton.files import atomic_file, digest
+from trexton.progress import say
+from trexton.records import software_versions
+from trexton.runner import FlightPair, Outcome, run_experiments
+from trexton.runner.stamps import outputs_of
+
+__all__ = ["Made", "build_small_book", "make_book"]
+
+
+@dataclass
+class Made:
+    """What `make_book` did: sentences for a person, outcomes of experiments, and where the book is."""
+
+    index: Path
+    said: list[str] = field(default_factory=list)
+    outcomes: list[Outcome] = field(default_factory=list)
+
+    @property
+    def failed(self) -> bool:
+        return any(outcome.status == "failed" for outcome in self.outcomes)
+
+
+def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None = None) -> Made:
+    """Make the book of this clone: ``book/_build/html/index.html``.
+
+    The authors' flight may be out of reach; the book then says so and goes without it.
+
+    Raises
+    ------
+    TrextonError
+        Outside a clone, or where Jupyter Book or the audit of its pages finds a fault.
+    """
+    root = repository_root()
+    if root is None:
+        raise TrextonError("the book belongs to the repository and this is an installed package: make it in a clone")
+    os.chdir(root)  # the notebooks show the paths they were given: relative ones read the same on every machine
+    prepared = prepare_flights(Path("data") / "flights")
+    results = Path("results")
+    outcomes = run_experiments(prepared.pairs, results, settings=settings, jobs=jobs)
+    contents = Contents(Path("book"), results, prepared.pairs, outcomes, prepared.absent)
+    made = Made(Path("book") / "_build" / "html" / "index.html", prepared.said, outcomes)
+    made.said.append(_build(contents, made.index.parent))
+    return made
+
+
+def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: Path) -> Path:
+    """A book of one run only, in ``<results>/book/html``; returns its index page."""
+    root = repository_root()
+    contents = Contents(root / "book", results, pairs, outcomes)
+    say(_build(contents, results / "book" / "html", "_toc_small.yml"))
+    return results / "book" / "html" / "index.html"
+
+
+def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
+    """Stage and build; returns a sentence. Nothing is done where the staged sources are those of the last build."""
+    html.parent.mkdir(parents=True, exist_ok=True)
+    stamp = html.parent / ".book.stamp"
+    with tempfile.TemporaryDirectory(prefix=".source.", dir=html.parent) as name:
+        source = Path(name) / "source"
+        source.mkdir()
+        stage(contents, source, toc_file)
+        key = digest(_tree_hash(source), code_hashes("trexton.book"), software_versions())
+        if (html / "index.html").is_file() and stamp.is_file() and stamp.read_text() == key:
+            return f"book: reused, none of its pages changed ({html / 'index.html'})"
+        stamp.unlink(missing_ok=True)
+        built = _jupyter_book(source, Path(name))
+        _put_beside(contents, built)
+        if faults := audit(built.resolve()):
+            raise TrextonError("the built book has faults:\n" + "\n".join(faults))
+        if html.exists():
+            shutil.rmtree(html)
+        os.replace(built, html)
+    with atomic_file(stamp) as stream:
+        stream.write(key)
+    return f"book: built ({html / 'index.html'})"
+
+
+def _tree_hash(folder: Path) -> str:
+    return digest({str(path.relative_to(folder)): digest(path) for path in sorted(folder.rglob("*")) if path.is_file()})
+
+
+def _jupyter_book(source: Path, work: Path) -> Path:
+    """Run Jupyter Book with warnings as errors; returns the folder of HTML."""
+    say("building the pages")
+    command = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()", "build", str(source), "--path-output", str(work)]
+    command += ["--all", "-W", "-n", "--keep-going", "-q"]
+    run = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONWARNINGS": "ignore"})
+    built = work / "_build" / "html"
+    if run.returncode or not (built / "index.html").is_file():
+        lines = [line for line in (run.stdout + run.stderr).splitlines() if "WARNING" in line or "ERROR" in line or "rror:" in line]
+        lines = lines or (run.stdout + run.stderr).splitlines()[-20:]
+        raise TrextonError("Jupyter Book did not accept the pages:\n" + "\n".join(line.replace(f"{source}/", "") for line in lines))
+    return built
+
+
+def _put_beside(contents: Contents, built: Path) -> None:
+    """Downloads beside the pages that offer them, and no more of MathJax than the pages load."""
+    for flight in ["", *(pair.name for pair in contents.pairs)]:
+        for name in contents.good(flight):
+            for path in outputs_of(contents.results / flight, name):
+                (built / flight).mkdir(exist_ok=True)
+                shutil.copyfile(path, built / flight / path.name)
+    mathjax = built / "_static" / "mathjax"
+    for bundle in mathjax.glob("*.js"):
+        if bundle.name != "tex-chtml.js":
+            bundle.unlink()

@@ -1,0 +1,136 @@
+"""Gather everything that becomes a page: prose with its numbers filled in, executed notebooks, what can be downloaded."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from trexton.book.prose import records_by_name, render
+from trexton.errors import DataError
+from trexton.experiments import EXPERIMENTS
+from trexton.runner import FlightPair, Outcome
+from trexton.runner.stamps import outputs_of
+
+__all__ = ["Contents", "stage"]
+
+
+@dataclass(frozen=True)
+class Contents:
+    """What a book is made of.
+
+    Attributes
+    ----------
+    source : Path
+        Folder of prose, ``_config.yml``, ``_toc.yml`` and ``_static``.
+    results : Path
+    pairs : sequence of FlightPair
+    outcomes : sequence of Outcome
+    absent : mapping of str to str
+        Flights that the book would have liked, and why they are not there.
+    extra : mapping of str to Path
+        Further files to put beside the pages, by their path in the book.
+    """
+
+    source: Path
+    results: Path
+    pairs: Sequence[FlightPair]
+    outcomes: Sequence[Outcome]
+    absent: Mapping[str, str] = field(default_factory=dict)
+    extra: Mapping[str, Path] = field(default_factory=dict)
+
+    def good(self, flight: str) -> list[str]:
+        """Experiments that have results on `flight` ("" for those over every flight)."""
+        ready = {o.experiment for o in self.outcomes if o.flight == flight and o.status in ("ran", "reused")}
+        return [name for name in EXPERIMENTS if name in ready] + sorted(ready - EXPERIMENTS.keys())
+
+
+def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
+    """Fill `folder` with the sources of the book, ready for Jupyter Book.
+
+    Raises
+    ------
+    DataError
+        A page that the table of contents names does not exist, or asks for a value that no record has.
+    """
+    toc = _table_of_contents(contents, toc_file)
+    pages = {toc["root"], *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"])}
+    context, pictures = _context(contents), _pictures(contents)
+    for page in sorted(pages):
+        source = contents.source / f"{page}.md"
+        if source.is_file():
+            (folder / f"{page}.md").write_text(render(source, context, pages, pictures), encoding="utf-8")
+    for flight in ["", *(pair.name for pair in contents.pairs)]:
+        (folder / flight).mkdir(exist_ok=True)
+        for name in contents.good(flight):
+            for path in outputs_of(contents.results / flight, name):
+                shutil.copyfile(path, folder / flight / path.name)
+    for name, path in contents.extra.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, folder / name)
+    for name in ("_config.yml", "references.bib"):
+        shutil.copyfile(contents.source / name, folder / name)
+    shutil.copytree(contents.source / "_static", folder / "_static")
+    (folder / "_toc.yml").write_text(yaml.safe_dump(toc, sort_keys=False), encoding="utf-8")
+
+
+def _context(contents: Contents) -> dict:
+    """The names that prose may use."""
+    records = records_by_name(contents.results, contents.outcomes)
+    flights = [
+        {
+            "name": pair.name,
+            "train": pair.train,
+            "test": pair.test,
+            "notes": pair.train.notes,
+            "experiments": [(name, _title(name)) for name in contents.good(pair.name)],
+            "skipped": [(_title(o.experiment), o.reasons[0]) for o in contents.outcomes
+                        if o.flight == pair.name and o.status in ("skipped", "failed")],
+        }
+        for pair in contents.pairs
+    ]  # fmt: skip
+    named = {flight["name"]: flight for flight in flights}
+    return {
+        "sim": records.get("sim-survey", {}), "cyberzoo": records.get("cyberzoo", {}),
+        "records": records, "flights": flights, "flight": named, "absent": dict(contents.absent),
+    }  # fmt: skip
+
+
+def _pictures(contents: Contents) -> dict[str, str]:
+    """The first figure of each experiment on the first flight that has one, by its path in the book."""
+    found: dict[str, str] = {}
+    for pair in contents.pairs:
+        for name in contents.good(pair.name):
+            figures = [path for path in outputs_of(contents.results / pair.name, name) if path.suffix == ".svg"]
+            if figures:
+                found.setdefault(name, f"{pair.name}/{figures[0].name}")
+    return found
+
+
+def _title(name: str) -> str:
+    return EXPERIMENTS[name].title if name in EXPERIMENTS else name
+
+
+def _table_of_contents(contents: Contents, toc_file: str) -> dict:
+    """``_toc.yml`` with ``- flight: NAME`` replaced by the pages of that flight.
+
+    A chapter marked ``optional: true`` is left out where its page is not there.
+    """
+    toc = yaml.safe_load((contents.source / toc_file).read_text(encoding="utf-8"))
+    here = {pair.name for pair in contents.pairs}
+    for part in toc["parts"]:
+        chapters = []
+        for chapter in part["chapters"]:
+            if "flight" in chapter:
+                names = sorted(here) if chapter["flight"] == "*" else [chapter["flight"]]
+                chapters += [{"file": f"{name}/{page}"} for name in names if name in here for page in contents.good(name)]
+            elif (contents.source / f"{chapter['file']}.md").is_file() or chapter["file"] in contents.good(""):
+                chapters.append({"file": chapter["file"]})
+            elif not chapter.get("optional"):
+                raise DataError(f"{contents.source / toc_file}: the page {chapter['file']!r} does not exist: write it or drop it")
+        part["chapters"] = chapters
+    toc["parts"] = [part for part in toc["parts"] if part["chapters"]]
+    return toc

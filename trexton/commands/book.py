@@ -1,0 +1,25 @@
+"""``trexton book``: flights, experiments and pages of the book; what has not changed is reused."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from trexton.book import make_book
+from trexton.commands.run import parse_settings, print_outcomes
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--explain", action="store_true", help="say why each experiment was reused or run")
+    parser.add_argument("--jobs", type=int, metavar="N", help="notebooks at once (default: as many as fit this machine)")
+    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="settings", help="parameters of the notebooks")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    started = time.monotonic()
+    made = make_book(settings=parse_settings(arguments.settings), jobs=arguments.jobs)
+    print_outcomes(made.outcomes, arguments.explain)
+    for sentence in made.said:
+        print(sentence)
+    print(f"{made.index} after {time.monotonic() - started:.0f} s")
+    return int(made.failed)
