@@ -1,0 +1,95 @@
+"""A small colourful room in which a small camera knows where it is, and other things the onboard tests share."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import cv2
+import numpy as np
+
+from trexton.camera import Camera, MapImage
+from trexton.localizer import Estimate, TextonMap
+from trexton.onboard.fix import Fix
+from trexton.onboard.local import LocalFrame
+from trexton.onboard.sinks import SinkOptions
+from trexton.onboard.tally import Tally
+from trexton.simulator import Floor, Plan, Simulator, record_flight, survey
+
+CAMERA = Camera(128, 96, 104.0)
+AREA = (0.0, 4.0, 0.0, 4.0)
+
+
+@lru_cache
+def colourful_floor() -> Floor:
+    """A floor of 4 m x 4 m whose colours change slowly and never the same way twice."""
+    rng = np.random.default_rng(3)
+    coarse = cv2.resize(rng.uniform(30, 225, (7, 7, 3)).astype(np.float32), (400, 400), interpolation=cv2.INTER_CUBIC)
+    grain = rng.normal(0, 12, (400, 400, 1))
+    picture = np.clip(coarse + grain, 0, 255).astype(np.uint8)
+    return Floor(MapImage.from_extent(picture, AREA[0], AREA[3], 100.0))
+
+
+def room(seed: int = 1, **options) -> Simulator:
+    """The virtual room over that floor."""
+    return Simulator(colourful_floor(), camera=CAMERA, rng=np.random.default_rng(seed), **options)
+
+
+@lru_cache
+def room_map() -> TextonMap:
+    """A map of the room, from a survey of 200 frames."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        flight = record_flight(f"{folder}/survey", frames=200, every=4, seed=1, camera=CAMERA, floor=colourful_floor())
+        texton_map = TextonMap.train(flight, n_textons=16, rng=np.random.default_rng(1))
+    # The survey was thinned out: a live camera gives four frames where it kept one.
+    return replace(texton_map, period_s=0.08, process_covariance=texton_map.process_covariance / 4)
+
+
+def make_fix(time: float = 1.0, position=(0.0, 0.0), covariance=((0.04, 0.0), (0.0, 0.09)), **more) -> Fix:
+    """A usable fix, unless told otherwise."""
+    covariance = np.array(covariance, dtype=float)
+    fields = {"number": 1, "spread": np.sqrt(np.diagonal(covariance)), "lost": False, "observed": True, **more}
+    return Fix(time=time, position=np.array(position, dtype=float), covariance=covariance, **fields)
+
+
+def make_estimate(position=(0.0, 0.0), spread=(0.1, 0.1), lost=False, observed=True) -> Estimate:
+    """An estimate whose four particles have that mean and spread."""
+    position, spread = np.array(position, dtype=float), np.array(spread, dtype=float)
+    particles = position + spread * [[1, 1], [1, -1], [-1, 1], [-1, -1]]
+    return Estimate(position, spread, np.diag(spread**2), lost, observed, None, None, particles, np.full(4, 0.25))
+
+
+def sink_options(tally: Tally | None = None, **changes) -> SinkOptions:
+    """Options for a map of 5 m x 5 m that lies with its +y to the north."""
+    fields = {
+        "local": LocalFrame(0.0, 1.0), "autopilot": "px4", "origin": None, "area": (0.0, 5.0, 0.0, 5.0),
+        "motion_rate": 0.01 * np.eye(2), "tally": tally or Tally(),
+    }  # fmt: skip
+    return SinkOptions(**fields | changes)
+
+
+@dataclass
+class Clock:
+    """A clock that tests set."""
+
+    now: float = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        self.now += seconds
+
+
+def eventually(true: Callable[[], bool], patience: float = 20.0) -> bool:
+    """Whether it becomes true; patient, for the machine may be busy."""
+    end = time.monotonic() + patience
+    while not true():
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.005)
+    return True

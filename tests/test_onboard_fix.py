@@ -1,0 +1,118 @@
+"""Fixes: no less uncertainty than the filter has, whatever the point estimate, the axes or the receiver."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from onboard_tools import make_estimate, make_fix
+
+from trexton.localizer import Estimate
+from trexton.onboard.fix import Fix, JumpCounter, about_position, ignorance
+from trexton.onboard.local import LocalFrame, decoupled
+
+
+def random_estimate(rng: np.random.Generator) -> Estimate:
+    particles = rng.normal(size=(30, 2)) @ rng.normal(size=(2, 2)) + rng.choice([0, 3], (30, 1))
+    weights = rng.dirichlet(np.ones(30))
+    covariance = np.cov(particles.T, aweights=weights, bias=True)
+    return Estimate(particles[0], np.sqrt(covariance.diagonal()), covariance, False, True, None, None, particles, weights)
+
+
+def test_covariance_is_the_second_moment_about_the_reported_position(rng):
+    for _ in range(20):
+        estimate = random_estimate(rng)
+        expected = sum(
+            weight * np.outer(particle - estimate.position, particle - estimate.position)
+            for particle, weight in zip(estimate.particles, estimate.weights)
+        )
+        np.testing.assert_allclose(about_position(estimate), expected)
+        assert np.linalg.eigvalsh(about_position(estimate) - estimate.covariance).min() > -1e-12
+
+
+def test_decoupled_diagonal_covers_the_cloud_in_every_direction(rng):
+    for _ in range(50):
+        half = rng.normal(size=(2, 2))
+        covariance = half @ half.T
+        bound = decoupled(covariance)
+        assert np.linalg.eigvalsh(bound - covariance).min() > -1e-12
+        assert np.linalg.eigvalsh(np.diag(bound.diagonal()) - covariance).min() > -1e-12
+
+
+@pytest.mark.parametrize(
+    ("heading", "along_x", "along_y"),
+    [(0, (0, 1), (1, 0)), (90, (-1, 0), (0, 1)), (180, (0, -1), (-1, 0)), (270, (1, 0), (0, -1))],
+)
+def test_heading_turns_the_map_clockwise_from_north(heading, along_x, along_y):
+    local = LocalFrame(np.radians(heading), 1.5)
+    np.testing.assert_allclose(local.ned(np.array([1.0, 0.0])), [*along_x, -1.5], atol=1e-12)
+    np.testing.assert_allclose(local.ned(np.array([0.0, 1.0])), [*along_y, -1.5], atol=1e-12)
+    np.testing.assert_allclose(local.enu(np.array([0.0, 1.0])), [along_y[1], along_y[0], 1.5], atol=1e-12)
+
+
+def test_rotated_covariance_is_that_of_rotated_points(rng):
+    local = LocalFrame(0.7, 1.0)
+    points = rng.normal(size=(500, 2)) @ [[1.0, 0.3], [0.0, 0.2]]
+    rotated = np.array([local.ned(point)[:2] for point in points])
+    np.testing.assert_allclose(local.ned_covariance(np.cov(points.T)), np.cov(rotated.T), atol=1e-12)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_what_is_not_finite_is_not_usable(value):
+    assert make_fix().usable
+    assert not make_fix(position=(value, 0)).usable
+    assert not make_fix(covariance=((value, 0), (0, 1))).usable
+    assert not make_fix(time=value).usable
+    assert not make_fix(lost=True).usable
+    assert not make_fix(stale=True).usable
+
+
+def test_fix_of_an_estimate():
+    fix = Fix.of(make_estimate((1, 2), (0.3, 0.4)), 5.0, 7, (0, 5, 0, 5), latency=0.01)
+    assert (fix.time, fix.number, fix.latency, fix.usable) == (5.0, 7, 0.01, True)
+    np.testing.assert_allclose(fix.covariance, np.diag([0.09, 0.16]))
+
+
+def test_particles_all_over_the_area_are_no_position(rng):
+    area = (0.0, 6.0, -2.0, 2.0)
+    everywhere = rng.uniform((0, -2), (6, 2), (20000, 2))
+    np.testing.assert_allclose(everywhere.std(axis=0), ignorance(area), rtol=0.02)
+    knows = 0.7 * ignorance(area)
+    assert not Fix.of(make_estimate(spread=0.99 * knows), 0.0, 1, area).lost
+    assert Fix.of(make_estimate(spread=1.01 * knows), 0.0, 1, area).lost
+    assert Fix.of(make_estimate(lost=True), 0.0, 1, area).lost
+    assert Fix.of(make_estimate(spread=(np.nan, 0.1)), 0.0, 1, area).lost
+
+
+class TestJumpCounter:
+    def counter(self) -> JumpCounter:
+        return JumpCounter(0.0004 * np.eye(2), 0.08)
+
+    def test_a_step_that_the_uncertainty_allows_is_no_jump(self):
+        counter = self.counter()
+        assert [counter.mark(make_fix(t, (0.5 * t, 0))).resets for t in range(4)] == [0, 0, 0, 0]
+
+    def test_a_step_beyond_it_is_one(self):
+        counter = self.counter()
+        counter.mark(make_fix(0.0))
+        assert counter.mark(make_fix(0.08, (3, 0))).resets == 1
+        assert counter.mark(make_fix(0.16, (3, 0))).resets == 1
+
+    def test_time_allows_more(self):
+        counter = self.counter()
+        counter.mark(make_fix(0.0))
+        assert counter.mark(make_fix(100.0, (3, 0))).resets == 0
+
+    def test_to_be_found_again_in_place_is_no_jump_but_elsewhere_is(self):
+        counter = self.counter()
+        assert counter.mark(make_fix(0.0, lost=True)).resets == 0
+        assert counter.mark(make_fix(0.1)).resets == 0
+        assert counter.mark(make_fix(0.2, (9, 9), lost=True)).resets == 0
+        assert counter.mark(make_fix(0.3)).resets == 0
+        assert counter.mark(make_fix(0.4, lost=True)).resets == 0
+        assert counter.mark(make_fix(0.5, (3, 0))).resets == 1
+
+    def test_predictions_do_not_jump(self):
+        counter = self.counter()
+        counter.mark(make_fix(0.0))
+        assert counter.mark(make_fix(0.08, (3, 0), observed=False)).resets == 0
+        assert counter.mark(make_fix(0.16)).resets == 0

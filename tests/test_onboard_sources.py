@@ -1,0 +1,296 @@
+"""Where frames come from: each source against plain files, fake devices and a clock that the test sets."""
+
+from __future__ import annotations
+
+import os
+import threading
+from importlib import import_module
+
+import cv2
+import numpy as np
+import pytest
+from conftest import small_flight
+from onboard_tools import Clock, eventually
+
+from trexton.errors import ImageError, ParameterError, TrextonError
+from trexton.flights import read_flight
+from trexton.images import yuv_from_bgr, yuv_from_uyvy
+from trexton.onboard.grabber import Grabber, Recording
+from trexton.onboard.sources import SOURCES, CameraLost, Frame, Source, SourceOptions, open_source
+from trexton.onboard.sources.flight import FlightSource
+from trexton.onboard.sources.pacing import Paced
+from trexton.onboard.sources.simulator import SimulatorSource
+from trexton.onboard.sources.v4l2 import V4l2Source
+from trexton.onboard.sources.video import StreamSource, VideoFile
+from trexton.onboard.tally import Tally
+
+
+def everything(source: Source) -> list[Frame]:
+    source.open()
+    frames = list(iter(source.read, None))
+    source.close()
+    return frames
+
+
+class TestRegistry:
+    def test_each_address_finds_its_source(self, image_folder, flight_folder):
+        assert isinstance(open_source("/dev/video3"), V4l2Source)
+        assert isinstance(open_source("rtsp://127.0.0.1/floor"), StreamSource)
+        assert isinstance(open_source("videotestsrc ! appsink"), StreamSource)
+        assert isinstance(open_source(str(image_folder)), FlightSource)
+        assert type(open_source(str(image_folder / "images"))).__name__ == "ImageFolder"
+        assert isinstance(open_source(str(flight_folder), SourceOptions(pace="stamps")), Paced)
+        assert isinstance(open_source("video:/dev/video0"), StreamSource)
+
+    def test_modules_load_by_name(self):
+        for kind in SOURCES:
+            assert import_module(SOURCES[kind]).make
+
+    @pytest.mark.parametrize("address", ["nowhere", "/dev/videoX", "", "simulator:x", "video:none.avi", "flight:none"])
+    def test_anything_else_is_an_error_with_a_sentence(self, address):
+        with pytest.raises(TrextonError, match="give|no such"):
+            open_source(address)
+
+
+class TestFlight:
+    def test_histograms_with_their_stamps(self):
+        flight = small_flight()
+        frames = everything(FlightSource(flight))
+        np.testing.assert_array_equal([frame.time for frame in frames], flight.time)
+        np.testing.assert_array_equal([frame.picture for frame in frames], flight.histograms)
+
+    def test_images_and_laps_whose_stamps_go_on(self, image_folder):
+        flight = read_flight(image_folder)
+        frames = everything(FlightSource(flight, laps=3))
+        np.testing.assert_allclose([frame.time for frame in frames], 0.08 * np.arange(18))
+        for row, frame in enumerate(frames):
+            np.testing.assert_array_equal(frame.picture, flight.image(row % 6))
+
+    def test_a_split(self, flight_folder):
+        assert len(everything(open_source(f"{flight_folder}#test"))) == 20
+
+    def test_a_broken_image_is_a_frame_without_picture(self, image_folder):
+        file = read_flight(image_folder).image_files[2]
+        file.write_bytes(file.read_bytes()[:100])
+        assert [frame.picture is None for frame in everything(open_source(str(image_folder)))] == [False, False, True, False, False, False]
+
+
+class TestImages:
+    def test_natural_order_and_period(self, tmp_path, rng):
+        pictures = {number: rng.integers(0, 256, (6, 8, 3), dtype=np.uint8) for number in (10, 9, 2)}
+        for number, picture in pictures.items():
+            cv2.imwrite(str(tmp_path / f"f{number}.png"), picture)
+        (tmp_path / "f1.png").write_bytes(b"no image")
+        (tmp_path / "notes.txt").write_text("not a frame")
+        frames = everything(open_source(str(tmp_path), SourceOptions(period_s=0.5)))
+        assert [frame.time for frame in frames] == [0.0, 0.5, 1.0, 1.5]
+        assert frames[0].picture is None
+        for frame, number in zip(frames[1:], (2, 9, 10)):
+            np.testing.assert_array_equal(frame.picture, yuv_from_bgr(pictures[number]))
+
+    def test_an_empty_folder_is_an_error(self, tmp_path):
+        with pytest.raises(ImageError, match="no images"):
+            open_source(str(tmp_path))
+
+
+def write_video(path, frames) -> None:
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 12.5, frames[0].shape[1::-1])
+    for frame in frames:
+        writer.write(frame)
+    writer.release()
+
+
+class TestVideo:
+    def test_every_frame_of_a_file_with_laps(self, tmp_path):
+        frames = [np.full((48, 64, 3), shade, np.uint8) for shade in (40, 80, 120, 160)]
+        write_video(tmp_path / "floor.avi", frames)
+        seen = everything(open_source(str(tmp_path / "floor.avi"), SourceOptions(laps=2)))
+        np.testing.assert_allclose([frame.time for frame in seen], 0.08 * np.arange(8))
+        for number, frame in enumerate(seen):
+            assert abs(frame.picture[..., 0].mean() - (40, 80, 120, 160)[number % 4]) < 3
+
+    def test_no_video_is_an_error(self, tmp_path):
+        (tmp_path / "text.avi").write_text("not a video")
+        with pytest.raises(ImageError, match="not a video"):
+            VideoFile(str(tmp_path / "text.avi"), SourceOptions()).open()
+
+    def test_a_named_pipe_is_a_live_stream(self, tmp_path):
+        pipe = tmp_path / "camera.y4m"
+        os.mkfifo(pipe)
+
+        def film():
+            with open(pipe, "wb", buffering=0) as stream:
+                stream.write(b"YUV4MPEG2 W64 H48 F25:2 Ip A1:1 C422 XCOLORRANGE=FULL\n")
+                for shade in (50, 100, 150):
+                    stream.write(b"FRAME\n" + bytes([shade]) * (64 * 48) + bytes([128]) * (64 * 48))
+
+        camera = threading.Thread(target=film)
+        camera.start()
+        source = open_source(str(pipe))
+        assert isinstance(source, StreamSource)
+        source.open()
+        shades, stamps = zip(*((frame.picture[..., 0].mean(), frame.time) for frame in (source.read() for _ in range(3))))
+        assert shades == pytest.approx((50, 100, 150), abs=2)
+        assert stamps[0] < stamps[1] < stamps[2]
+        with pytest.raises(CameraLost):
+            source.read()
+        source.close()
+        camera.join()
+
+
+class FakeCapture:
+    """A V4L2 device as OpenCV shows it: raw frames where conversion is off."""
+
+    def __init__(self, frames, code="UYVY", opened=True):
+        self.frames, self.code, self.opened, self.settings = list(frames), code, opened, {}
+
+    def __call__(self, device, backend):
+        assert backend == cv2.CAP_V4L2
+        return self
+
+    def isOpened(self):
+        return self.opened
+
+    def set(self, name, value):
+        self.settings[name] = value
+
+    def get(self, name):
+        return cv2.VideoWriter_fourcc(*self.code)
+
+    def grab(self):
+        return bool(self.frames)
+
+    def retrieve(self):
+        return True, self.frames.pop(0)
+
+    def release(self):
+        self.released = True
+
+
+class TestV4l2:
+    def source(self, capture, **options) -> V4l2Source:
+        return V4l2Source("/dev/video0", SourceOptions(**options), capture, Clock(5.0))
+
+    def test_uyvy_bytes_as_they_are(self, rng):
+        raw = rng.integers(0, 256, (4, 6, 2), dtype=np.uint8)
+        capture = FakeCapture([raw])
+        source = self.source(capture, shape=(4, 6))
+        source.open()
+        frame = source.read()
+        np.testing.assert_array_equal(frame.picture, yuv_from_uyvy(raw))
+        assert frame.time == 5.0
+        assert capture.settings[cv2.CAP_PROP_CONVERT_RGB] == 0
+        assert (capture.settings[cv2.CAP_PROP_FRAME_WIDTH], capture.settings[cv2.CAP_PROP_FRAME_HEIGHT]) == (6, 4)
+
+    def test_yuyv_is_turned_round(self):
+        yuyv = np.array([[[10, 90], [20, 160]]], np.uint8)  # Y0 U, Y1 V
+        source = self.source(FakeCapture([yuyv], code="YUYV"))
+        source.open()
+        np.testing.assert_array_equal(source.read().picture, yuv_from_uyvy(np.array([[[90, 10], [160, 20]]], np.uint8)))
+
+    @pytest.mark.parametrize("raw", [None, np.zeros((4, 6, 3), np.uint8), np.zeros(47, np.uint8), np.zeros((4, 5, 2), np.uint8)])
+    def test_bytes_of_another_form_are_a_frame_without_picture(self, raw):
+        source = self.source(FakeCapture([raw]))
+        source.open()
+        assert source.read().picture is None
+
+    def test_unplugged_absent_or_compressed(self):
+        source = self.source(FakeCapture([]))
+        source.open()
+        with pytest.raises(CameraLost, match="no frames"):
+            source.read()
+        with pytest.raises(CameraLost, match="cannot be opened"):
+            self.source(FakeCapture([], opened=False)).open()
+        with pytest.raises(CameraLost, match="'MJPG'"):
+            self.source(FakeCapture([], code="MJPG")).open()
+
+
+def test_paced_holds_frames_back_until_their_time_and_stamps_them():
+    clock = Clock(50.0)
+    source = Paced(FlightSource(small_flight(4)), clock, clock.sleep)
+    np.testing.assert_allclose([frame.time for frame in everything(source)], 50 + 0.08 * np.arange(4))
+
+
+def test_simulator_flies_and_sees():
+    source = SimulatorSource(seed=3)
+    first, second = source.read(), source.read()
+    assert second.time - first.time == pytest.approx(0.08)
+    assert first.picture.shape == (480, 640, 3)
+    assert not np.array_equal(first.picture, second.picture)
+    np.testing.assert_array_equal(SimulatorSource(seed=3).read().picture, first.picture)
+
+
+class Scripted(Source):
+    """A live source that does what it is told: frames, errors, gates to wait at."""
+
+    def __init__(self, *steps):
+        self.steps, self.opened, self.closed = list(steps), 0, 0
+
+    def open(self):
+        self.opened += 1
+
+    def read(self):
+        step = self.steps.pop(0) if self.steps else None
+        if isinstance(step, threading.Event):
+            step.wait(20)
+            return self.read()
+        if isinstance(step, Exception):
+            raise step
+        return step
+
+    def close(self):
+        self.closed += 1
+
+
+def frames(*times):
+    return [Frame(float(time), None) for time in times]
+
+
+class TestGrabber:
+    def test_only_the_newest_frame_and_older_ones_counted(self):
+        tally, gate = Tally(), threading.Event()
+        grabber = Grabber(Scripted(*frames(1, 2, 3), gate, *frames(4)), tally)
+        assert eventually(lambda: tally["dropped"] == 2)
+        assert grabber.next(10).time == 3
+        assert grabber.next(0.01) is None
+        gate.set()
+        assert grabber.next(10).time == 4
+        assert grabber.next(10) is None
+        assert grabber.ended
+        assert tally["dropped"] == 2
+        grabber.close()
+
+    def test_a_lost_camera_is_opened_again(self):
+        tally = Tally()
+        source = Scripted(CameraLost("unplugged"), CameraLost("unplugged"), *frames(1))
+        grabber = Grabber(source, tally)
+        assert grabber.next(10).time == 1
+        assert (tally["camera"], source.opened) == (2, 3)
+        grabber.close()
+        assert source.closed == 3
+
+    def test_reopen_on_request(self):
+        gate = threading.Event()
+        source = Scripted(*frames(1), gate, *frames(2), *frames(3))
+        grabber = Grabber(source, Tally())
+        grabber.next(10)
+        grabber.reopen()
+        gate.set()
+        assert eventually(lambda: source.opened == 2)
+        grabber.close()
+
+    def test_an_error_nobody_foresaw_reaches_the_loop(self):
+        grabber = Grabber(Scripted(ZeroDivisionError("a bug")), Tally())
+        with pytest.raises(ZeroDivisionError):
+            grabber.next(10)
+        grabber.close()
+
+    def test_a_recording_leaves_nothing_out(self):
+        recording = Recording(FlightSource(small_flight(5)))
+        assert [recording.next(0).time for _ in range(5)] == pytest.approx(0.08 * np.arange(5))
+        assert recording.next(0) is None and recording.ended
+
+
+def test_unknown_faults_cannot_be_counted():
+    with pytest.raises(ParameterError, match="FAULTS"):
+        Tally().fault("gremlins")

@@ -1,0 +1,126 @@
+"""What the loop hands to every sink: one position, and how far it may be trusted."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trexton.localizer import Estimate
+
+__all__ = ["Fix", "JumpCounter", "about_position", "ignorance"]
+
+# A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by the kidnapping
+# experiment, which shows what other shares would miss and what they would refuse.
+LOST_SHARE = 0.7
+# Squared Mahalanobis distance, two dimensions: one honest pair of reports in 3000 is farther apart.
+JUMP = 16.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Fix:
+    """A position report.
+
+    Attributes
+    ----------
+    time : float
+        Seconds at which the frame was captured, on the source's clock.
+    number : int
+        Frames received until now.
+    position : (2,) array
+        Metres, in the map's axes.
+    spread : (2,) array
+        Standard deviations of the particles, metres (the paper's uncertainty).
+    covariance : (2, 2) array
+        Second moment of the particles about `position`: never less than their covariance.
+    lost : bool
+        The localizer does not trust its position, or its particles are spread over most of the area.
+    observed : bool
+        An image went into this report; otherwise the filter only predicted.
+    stale : bool
+        No image has gone in for too long.
+    resets : int
+        Times the position has jumped farther than its uncertainty allows.
+    latency : float
+        Seconds from capture to this report.
+    fault : str or None
+        Why the frame was refused, if it was.
+    """
+
+    time: float
+    number: int
+    position: np.ndarray
+    spread: np.ndarray
+    covariance: np.ndarray
+    lost: bool
+    observed: bool
+    stale: bool = False
+    resets: int = 0
+    latency: float = 0.0
+    fault: str | None = None
+
+    @classmethod
+    def of(cls, estimate: Estimate, time: float, number: int, area: tuple[float, float, float, float], **more) -> Fix:
+        """The report that an estimate of the localizer amounts to, in a map of this area."""
+        covariance = about_position(estimate)
+        lost = estimate.lost or not np.sqrt(np.trace(covariance)) <= LOST_SHARE * float(np.hypot(*ignorance(area)))
+        return cls(time, number, estimate.position, estimate.spread, covariance, lost, estimate.observed, **more)
+
+    @property
+    def finite(self) -> bool:
+        """Whether every number of the report is one."""
+        return bool(np.isfinite(self.position).all() and np.isfinite(self.covariance).all() and np.isfinite(self.time))
+
+    @property
+    def usable(self) -> bool:
+        """Whether a vehicle may steer by it."""
+        return self.finite and not self.lost and not self.stale
+
+
+def ignorance(area: tuple[float, float, float, float]) -> np.ndarray:
+    """``(2,)`` standard deviations of a position of which only the area is known, metres."""
+    x_min, x_max, y_min, y_max = area
+    return np.array([x_max - x_min, y_max - y_min]) / np.sqrt(12)
+
+
+def about_position(estimate: Estimate) -> np.ndarray:
+    """``(2, 2)`` second moment of the weighted particles about the estimate's position, square metres.
+
+    The point estimate is a particle, not the mean: a receiver that takes it for the centre must be told the spread
+    about it, which is larger than the covariance by the outer product of their difference.
+    """
+    offset = estimate.weights @ estimate.particles - estimate.position
+    return estimate.covariance + np.outer(offset, offset)
+
+
+class JumpCounter:
+    """Counts the reports that cannot continue the ones before: what MAVLink calls `reset_counter`.
+
+    Being lost for a while and found again where the motion model expects it is no jump: a reset makes the autopilot drop
+    what it knows.
+
+    Parameters
+    ----------
+    process_covariance : (2, 2) array
+        Of the motion from frame to frame, square metres.
+    period_s : float
+        Seconds between those frames.
+    """
+
+    def __init__(self, process_covariance: np.ndarray, period_s: float):
+        self._rate = np.asarray(process_covariance) / period_s
+        self._last: Fix | None = None
+        self.resets = 0
+
+    def mark(self, fix: Fix) -> Fix:
+        """The fix with its `resets`; only usable fixes that an image went into are compared."""
+        if fix.usable and fix.observed:
+            if self._last is not None and self._jumped(fix, self._last):
+                self.resets += 1
+            self._last = fix
+        return replace(fix, resets=self.resets)
+
+    def _jumped(self, fix: Fix, last: Fix) -> bool:
+        allowed = fix.covariance + last.covariance + self._rate * max(fix.time - last.time, 0.0)
+        step = fix.position - last.position
+        return bool(step @ np.linalg.pinv(allowed) @ step > JUMP)

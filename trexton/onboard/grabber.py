@@ -1,0 +1,116 @@
+"""The newest frame and no other: read in a thread, stamped at the grab, never queued."""
+
+from __future__ import annotations
+
+import threading
+
+from trexton.onboard.sources.base import CameraLost, Frame, Source
+from trexton.onboard.tally import Tally
+from trexton.progress import say
+
+__all__ = ["Grabber", "Recording", "feed_from"]
+
+FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
+
+
+class Recording:
+    """Hands out every frame of a source that is not live, when it is asked for."""
+
+    def __init__(self, source: Source):
+        self._source = source
+        self.ended = False
+        source.open()
+
+    def next(self, timeout: float) -> Frame | None:
+        """The next frame; None after the last."""
+        frame = self._source.read()
+        self.ended = frame is None
+        return frame
+
+    def reopen(self) -> None:
+        """A recording does not get better by being opened again."""
+
+    def close(self) -> None:
+        self._source.close()
+
+
+class Grabber:
+    """Reads a live source in a thread of its own and keeps its newest frame.
+
+    A frame that a newer one replaced before it was asked for counts as dropped. A source that fails is closed and
+    opened again after a pause that doubles up to `LONGEST_PAUSE`.
+
+    Parameters
+    ----------
+    source : Source
+    tally : Tally
+    """
+
+    def __init__(self, source: Source, tally: Tally):
+        self._source, self._tally = source, tally
+        self._newest: Frame | None = None
+        self._changed = threading.Condition()
+        self._stop, self._again = threading.Event(), threading.Event()
+        self._failure: Exception | None = None
+        self.ended = False
+        self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
+        self._thread.start()
+
+    def next(self, timeout: float) -> Frame | None:
+        """The newest frame not yet handed out, waiting up to `timeout` seconds for one; None if none came."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._newest is not None or self.ended, timeout)
+            if self._failure is not None:
+                raise self._failure
+            frame, self._newest = self._newest, None
+            return frame
+
+    def reopen(self) -> None:
+        """Have the source closed and opened again."""
+        self._again.set()
+
+    def close(self) -> None:
+        """Stop; a source that hangs in its driver is left to end with the process."""
+        self._stop.set()
+        self._thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        pause, reported = FIRST_PAUSE, None
+        try:
+            while not self._stop.is_set():
+                try:
+                    self._source.open()
+                    while not (self._stop.is_set() or self._again.is_set()):
+                        frame = self._source.read()
+                        if frame is None:
+                            return
+                        self._put(frame)
+                        pause, reported = FIRST_PAUSE, None
+                    self._again.clear()
+                except CameraLost as error:
+                    self._tally.fault("camera")
+                    if str(error) != reported:  # once, not at every attempt
+                        say(f"trexton onboard: {error}")
+                        reported = str(error)
+                finally:
+                    self._source.close()
+                self._stop.wait(pause)
+                pause = min(2 * pause, LONGEST_PAUSE)
+        except Exception as error:  # raised again by `next`, in the thread that can report it
+            self._failure = error
+        finally:
+            with self._changed:
+                self.ended = True
+                self._changed.notify_all()
+
+    def _put(self, frame: Frame) -> None:
+        with self._changed:
+            if self._newest is not None:
+                self._tally.count("dropped")
+            self._newest = frame
+            self._changed.notify_all()
+
+
+def feed_from(source: Source, tally: Tally) -> Grabber | Recording:
+    """The way in which a source's frames reach the loop."""
+    return Grabber(source, tally) if source.live else Recording(source)

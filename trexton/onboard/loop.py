@@ -1,0 +1,179 @@
+"""The loop: frame in, `Localizer.step`, position out. What the notebooks evaluate is what flies."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+import numpy as np
+
+from trexton.errors import TrextonError
+from trexton.localizer import Estimate, Localizer
+from trexton.onboard.clock import StampKeeper
+from trexton.onboard.commander import Commander
+from trexton.onboard.fix import Fix, JumpCounter
+from trexton.onboard.grabber import Grabber, Recording, feed_from
+from trexton.onboard.inspection import Inspector
+from trexton.onboard.sinks.base import Guard
+from trexton.onboard.sources.base import Frame, Source
+from trexton.onboard.status import Status
+from trexton.onboard.tally import Latencies, Tally
+from trexton.progress import say
+
+__all__ = ["Onboard"]
+
+STALE_AFTER = 0.5  # seconds without an observed frame
+REOPEN_AFTER = 2.0  # seconds of a frozen picture after which the camera is opened again
+MOST_CATCHING_UP = 25  # predictions for missed frames; more would only spread the particles over the whole area
+EAGERNESS = 0.9  # share of the period after which the next frame is looked for: cameras are not exact
+
+
+class Onboard:
+    """Localizes the frames of a source and hands a `Fix` for each to every sink.
+
+    Parameters
+    ----------
+    localizer : Localizer
+    source : Source
+    sinks : list of Guard
+    rate : float, optional
+        Frames a second that are localized at most from a live source, and the deadline of each; the map's own rate unless given.
+    commander : Commander, optional
+        Commands the landing.
+    log : Guard, optional
+        Takes fixes and events.
+    tally : Tally
+        Shared with source and sinks.
+    frames : int, optional
+        Stop after so many.
+    clock : callable
+        Steady clock in seconds, the one that stamps live frames.
+    """
+
+    def __init__(
+        self, localizer: Localizer, source: Source, sinks: list[Guard], *, tally: Tally, rate: float | None = None,
+        commander: Commander | None = None, log: Guard | None = None, frames: int | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ):  # fmt: skip
+        self.localizer, self.source, self.sinks, self.commander, self.log = localizer, source, sinks, commander, log
+        self.tally, self._frames, self._clock = tally, frames, clock
+        self._model_period = localizer.map.period_s
+        self._period = 1 / rate if rate else self._model_period
+        self._inspector = Inspector(localizer.map.image_shape)
+        self._stamps = StampKeeper(tally, clock)
+        self._jumps = JumpCounter(localizer.map.process_covariance, self._model_period)
+        self._latencies = Latencies()
+        self.status = Status(tally, self._latencies, sinks, commander)
+        self._model_time: float | None = None  # up to here the filter has been advanced
+        self._observed_at = -np.inf
+        self._fix: Fix | None = None
+
+    def run(self, stop: threading.Event) -> dict:
+        """Go on until the source ends, `frames` are done or `stop` is set; returns the summary."""
+        feed = feed_from(self.source, self.tally)
+        try:
+            while not stop.is_set() and (self._frames is None or self.tally["frames"] < self._frames):
+                started = self._clock()
+                frame = feed.next(1.5 * self._period)
+                if frame is not None:
+                    self._take(frame, feed)
+                elif feed.ended:
+                    break
+                else:
+                    self._bridge()
+                self._speak()
+                if self.source.live:
+                    stop.wait(max(0.0, EAGERNESS * self._period - (self._clock() - started)))
+        finally:
+            feed.close()
+            summary = self.status.summary()
+            for sink in self._everything():
+                sink.event({"event": "end", **summary})
+                sink.close()
+        return summary
+
+    def _everything(self) -> list[Guard]:
+        return self.sinks + ([self.log] if self.log is not None else [])
+
+    def _take(self, frame: Frame, feed: Grabber | Recording) -> None:
+        """Localize one frame."""
+        captured = frame.time if self.source.live else self._clock()
+        stamp = self._stamps.keep(frame.time) if self.source.live else frame.time
+        self.tally.count("frames")
+        fault = "corrupt" if frame.picture is None else self._inspector.check(frame.picture)
+        if self.source.live:
+            self._catch_up(stamp)
+        self._model_time = stamp
+        estimate, fault = self._step(frame.picture, fault)
+        if estimate.observed:
+            self._observed_at = stamp
+            self.tally.count("observed")
+        self._pass_on(estimate, stamp, fault, max(0.0, self._clock() - captured))
+        total = self._clock() - captured
+        self._latencies.add(total)
+        if total > self._period:
+            self.tally.fault("late")
+        if self._inspector.frozen * self._period > REOPEN_AFTER:
+            self._inspector.frozen = 0
+            feed.reopen()
+
+    def _step(self, picture: np.ndarray | None, fault: str | None) -> tuple[Estimate, str | None]:
+        """The estimate of a frame, predicted only where the frame is at fault."""
+        if fault is None:
+            try:
+                return self.localizer.step(picture), None
+            except TrextonError as error:
+                fault = "misfit"
+                if not self.tally[fault]:
+                    say(f"trexton onboard: {error}")
+        self.tally.fault(fault)
+        return self.localizer.step(None), fault
+
+    def _catch_up(self, stamp: float) -> None:
+        """Advance the filter over frames that did not come, so that its uncertainty is that of the time gone by."""
+        if self._model_time is not None:
+            missed = round((stamp - self._model_time) / self._model_period) - 1
+            for _ in range(min(missed, MOST_CATCHING_UP)):
+                self.localizer.step(None)
+
+    def _bridge(self) -> None:
+        """No frame in time: report what the filter predicts, until one comes."""
+        if self._model_time is None or self._clock() - self._model_time < 1.5 * self._model_period:
+            return
+        self.tally.fault("gap")
+        estimate = self.localizer.step(None)
+        self._model_time = max(self._model_time + self._model_period, self._clock() - self._model_period)
+        self._pass_on(estimate, self._model_time, "gap", max(0.0, self._clock() - self._model_time))
+
+    def _pass_on(self, estimate: Estimate, stamp: float, fault: str | None, latency: float) -> None:
+        stale = stamp - self._observed_at > STALE_AFTER
+        number, area = self.tally["frames"], self.localizer.map.area
+        fix = Fix.of(estimate, stamp, number, area, stale=stale, latency=latency, fault=fault)
+        self._fix = self._jumps.mark(fix)
+        for sink in self._everything():
+            sink.write(self._fix)
+        if self.commander is not None:
+            self.commander.update(estimate, self._fix, self._clock())
+
+    def _speak(self) -> None:
+        """Pass news on to the log, and say how things stand once a second."""
+        for guard in self.sinks:
+            for event in guard.sink.news():
+                self.report({"output": guard.sink.name, **event})
+        now = self._clock()
+        if self.status.due(now):
+            line = self.status.line(self._fix, now)
+            say(line)
+            if self.log is not None:
+                self.log.event({"event": "status", "time_s": self._time(), "line": line})
+
+    def _time(self) -> float | None:
+        """Now, on the clock that stamps the frames."""
+        return self._clock() if self.source.live else self._model_time
+
+    def report(self, event: dict) -> None:
+        """Remember an event, and say it."""
+        if self.log is not None:
+            self.log.event({"time_s": self._time(), **event})
+        say("trexton onboard: " + ", ".join(f"{key} {value}" for key, value in event.items() if value != ""))

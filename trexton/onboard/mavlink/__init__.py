@@ -1,0 +1,1 @@
+"""Talking MAVLink: messages from fixes, the conversation with an autopilot, and the links it goes over."""

@@ -1,0 +1,175 @@
+"""The wire under MAVLink: UDP, TCP or a serial line, none of which ever blocks or prints.
+
+pymavlink's own connections retry with sleeps, print to standard output, and hide that a peer has gone; its coding and
+parsing of messages is used as it is.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import termios
+import tty
+from abc import ABC, abstractmethod
+
+from trexton.errors import ParameterError
+
+__all__ = ["Link", "make_link"]
+
+CONNECT_TIMEOUT = 1.0
+
+
+def make_link(address: str) -> Link:
+    """The link at ``udpout:HOST:PORT``, ``udpin:HOST:PORT``, ``tcp:HOST:PORT`` or ``serial:DEVICE[:BAUD]``, not yet opened."""
+    kind, _, rest = address.partition(":")
+    if kind == "serial":
+        device, _, baud = rest.partition(":")
+        speed = getattr(termios, f"B{baud or 921600}", None)
+        if not device or speed is None:
+            raise ParameterError(f"output {address!r}: give serial:DEVICE:BAUD with a usual baud rate, as in serial:/dev/ttyAMA0:921600")
+        return SerialLink(device, speed)
+    host, _, port = rest.rpartition(":")
+    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+        raise ParameterError(f"output {address!r}: give {kind}:HOST:PORT, as in {kind}:127.0.0.1:14540")
+    return {"udpout": UdpOut, "udpin": UdpIn, "tcp": TcpLink}[kind](host, int(port))
+
+
+class Link(ABC):
+    """Bytes out, bytes in; every method may raise `OSError`, after which the link is to be closed and opened again."""
+
+    @abstractmethod
+    def open(self) -> None: ...
+
+    @abstractmethod
+    def send(self, data: bytes) -> None: ...
+
+    @abstractmethod
+    def receive(self) -> bytes:
+        """What has come, at most a few kilobytes; empty if nothing has."""
+
+    @abstractmethod
+    def fileno(self) -> int: ...
+
+    @abstractmethod
+    def close(self) -> None: ...
+
+
+class _SocketLink(Link):
+    def __init__(self, host: str, port: int):
+        self.address = (host, port)
+        self._socket: socket.socket | None = None
+
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
+    def receive(self) -> bytes:
+        try:
+            return self._socket.recv(65536)
+        except BlockingIOError:
+            return b""
+
+    def close(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None
+
+
+class UdpOut(_SocketLink):
+    """Datagrams to one address; connected, so that a peer that has gone is heard of.
+
+    Our port stays the same when the link is opened again: PX4 goes on answering the first it has seen.
+    """
+
+    _port = 0
+
+    def open(self) -> None:
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.bind(("", self._port))
+        self._socket.connect(self.address)
+        self._port = self._socket.getsockname()[1]
+
+    def send(self, data: bytes) -> None:
+        self._socket.send(data)
+
+
+class UdpIn(_SocketLink):
+    """Datagrams on a port of ours, answered to whoever sent the latest."""
+
+    def open(self) -> None:
+        self._peer = None
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._socket.bind(self.address)
+
+    def send(self, data: bytes) -> None:
+        if self._peer is not None:
+            self._socket.sendto(data, self._peer)
+
+    def receive(self) -> bytes:
+        try:
+            data, self._peer = self._socket.recvfrom(65536)
+            return data
+        except BlockingIOError:
+            return b""
+
+
+class TcpLink(_SocketLink):
+    """A stream to a server."""
+
+    def open(self) -> None:
+        self._socket = socket.create_connection(self.address, CONNECT_TIMEOUT)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._socket.setblocking(False)
+
+    def send(self, data: bytes) -> None:
+        # Half a message would garble the next, and a peer that reads nothing is as good as gone.
+        if self._socket.send(data) < len(data):
+            raise ConnectionError("the peer reads too slowly")
+
+    def receive(self) -> bytes:
+        try:
+            data = self._socket.recv(65536)
+        except BlockingIOError:
+            return b""
+        if not data:
+            raise ConnectionError("the peer has closed the connection")
+        return data
+
+
+class SerialLink(Link):
+    """A serial line, 8 bits, no parity, no flow control."""
+
+    def __init__(self, device: str, speed: int):
+        self.device, self._speed = device, speed
+        self._descriptor: int | None = None
+
+    def open(self) -> None:
+        self._descriptor = os.open(self.device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        try:
+            tty.setraw(self._descriptor)
+            settings = termios.tcgetattr(self._descriptor)
+            settings[2] = (settings[2] | termios.CLOCAL | termios.CREAD) & ~termios.CRTSCTS
+            settings[4] = settings[5] = self._speed
+            termios.tcsetattr(self._descriptor, termios.TCSANOW, settings)
+        except termios.error as error:
+            self.close()
+            raise OSError(f"{self.device}: {error.args[-1]}") from None
+
+    def fileno(self) -> int:
+        return self._descriptor
+
+    def send(self, data: bytes) -> None:
+        if os.write(self._descriptor, data) < len(data):
+            raise OSError(f"{self.device}: takes no more: lower the rate or raise the baud rate")
+
+    def receive(self) -> bytes:
+        try:
+            return os.read(self._descriptor, 65536)
+        except BlockingIOError:
+            return b""
+
+    def close(self) -> None:
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None

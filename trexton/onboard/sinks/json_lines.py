@@ -1,0 +1,58 @@
+"""JSON lines: one object a fix, on standard output or in a file; events too, which makes it the log."""
+
+from __future__ import annotations
+
+import json
+
+from trexton.onboard.fix import Fix
+from trexton.onboard.sinks.base import Sink, SinkOptions
+from trexton.onboard.sinks.lines import LineFile
+from trexton.records import plain
+
+__all__ = ["JsonLines", "make", "row"]
+
+
+def make(address: str, options: SinkOptions) -> Sink:
+    return JsonLines(address.partition(":")[2])
+
+
+def row(fix: Fix) -> dict:
+    """A fix as JSON values: what is not finite becomes null."""
+    return plain(
+        {
+            "time_s": fix.time,
+            "frame": fix.number,
+            "x_m": fix.position[0],
+            "y_m": fix.position[1],
+            "std_x_m": fix.spread[0],
+            "std_y_m": fix.spread[1],
+            "covariance_m2": [fix.covariance[0, 0], fix.covariance[0, 1], fix.covariance[1, 1]],
+            "observed": fix.observed,
+            "lost": fix.lost,
+            "stale": fix.stale,
+            "resets": fix.resets,
+            "latency_s": fix.latency,
+            "fault": fix.fault,
+        }
+    )
+
+
+class JsonLines(Sink):
+    """Fixes as JSON lines; with `events`, events as lines that have an ``event`` key."""
+
+    def __init__(self, path: str, events: bool = False):
+        self.name = f"json:{path or '-'}"
+        self._file, self._events = LineFile(path), events
+
+    def open(self) -> None:
+        self._file.open()
+
+    def write(self, fix: Fix) -> None:
+        self._file.write(json.dumps(row(fix), allow_nan=False))
+
+    def event(self, event: dict) -> None:
+        if self._events:
+            self._file.write(json.dumps(plain(event), allow_nan=False))
+
+    def close(self) -> None:
+        self._file.close()

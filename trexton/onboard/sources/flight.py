@@ -1,0 +1,59 @@
+"""A recorded flight: its images, or its histograms where it has no images."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from trexton.errors import FlightError, ImageError
+from trexton.flights import Flight, read_flight
+from trexton.onboard.sources.base import Frame, Source, SourceOptions
+from trexton.onboard.sources.pacing import Paced
+
+__all__ = ["FlightSource", "make", "matches"]
+
+
+def matches(address: str) -> bool:
+    return (Path(_folder(address)) / "flight.toml").is_file()
+
+
+def make(address: str, options: SourceOptions) -> Source:
+    """`address` is a flight folder, with ``#PART`` for one of the splits that it names."""
+    flight = read_flight(_folder(address))
+    if "#" in address:
+        flight = flight.part(address.rpartition("#")[2])
+    if not len(flight):
+        raise FlightError(f"{address}: no frames: nothing to replay")
+    source = FlightSource(flight, options.laps)
+    return Paced(source) if options.pace == "stamps" else source
+
+
+def _folder(address: str) -> str:
+    return address.rpartition("#")[0] if "#" in address else address
+
+
+class FlightSource(Source):
+    """Every frame of a flight in order, with its own stamps; further laps go on where the last one ended."""
+
+    live = False
+
+    def __init__(self, flight: Flight, laps: int = 1):
+        self.flight, self.laps = flight, laps
+        duration = float(flight.time[-1] - flight.time[0])
+        self._lap_s = duration + duration / max(len(flight) - 1, 1)
+        self._next = 0
+
+    def open(self) -> None:
+        """Nothing to open: images are read one by one."""
+
+    def read(self) -> Frame | None:
+        lap, row = divmod(self._next, len(self.flight))
+        if lap >= self.laps:
+            return None
+        self._next += 1
+        stamp = float(self.flight.time[row]) + lap * self._lap_s
+        if not self.flight.has_images:
+            return Frame(stamp, self.flight.histograms[row])
+        try:
+            return Frame(stamp, self.flight.image(row))
+        except ImageError:
+            return Frame(stamp, None)

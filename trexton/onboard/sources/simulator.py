@@ -1,0 +1,53 @@
+"""The virtual room, live: a vehicle on random waypoints, and what its camera sees."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trexton.errors import ParameterError
+from trexton.onboard.sources.base import Frame, Source, SourceOptions
+from trexton.onboard.sources.pacing import Paced
+
+__all__ = ["SimulatorSource", "make", "matches"]
+
+
+def matches(address: str) -> bool:
+    return address == "simulator"
+
+
+def make(address: str, options: SourceOptions) -> Source:
+    """`address` is empty or the seed of the flight."""
+    if address not in ("", "simulator") and not address.isdigit():
+        raise ParameterError(f"camera 'simulator:{address}': give simulator or simulator:SEED with a whole number")
+    source = SimulatorSource(int(address) if address.isdigit() else options.seed)
+    return source if options.pace == "fast" else Paced(source)
+
+
+class SimulatorSource(Source):
+    """A flight without end over the painted hall, a frame each time it is asked for one.
+
+    Parameters
+    ----------
+    seed : int
+
+    Attributes
+    ----------
+    simulator : trexton.simulator.Simulator
+    """
+
+    live = False
+
+    def __init__(self, seed: int = 1):
+        from trexton.simulator import Floor, Plan, Simulator, random_waypoints
+
+        plan_rng, simulator_rng = np.random.default_rng([seed, 5]).spawn(2)
+        floor = Floor.hall()
+        self._plan = Plan(random_waypoints(floor.area, plan_rng))
+        self.simulator = Simulator(floor, start=self._plan.start, speed=0.6, rng=simulator_rng)
+
+    def open(self) -> None:
+        """The room is always there."""
+
+    def read(self) -> Frame | None:
+        state = self.simulator.step(self._plan.goal(self.simulator.state.position))
+        return Frame(state.time, self.simulator.render())

@@ -1,0 +1,78 @@
+"""A camera of the kernel (V4L2): its UYVY bytes as they are, with no way round through BGR."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Callable
+
+import cv2
+
+from trexton.errors import ImageError
+from trexton.images import yuv_from_uyvy
+from trexton.onboard.sources.base import CameraLost, Frame, Source, SourceOptions
+
+__all__ = ["V4l2Source", "make", "matches"]
+
+
+def matches(address: str) -> bool:
+    return re.fullmatch(r"/dev/video\d+", address) is not None
+
+
+def make(address: str, options: SourceOptions) -> Source:
+    return V4l2Source(address, options)
+
+
+class V4l2Source(Source):
+    """Packed 4:2:2 frames of a V4L2 device; YUYV is the same pairs of bytes turned round.
+
+    Parameters
+    ----------
+    device : str
+    options : SourceOptions
+    capture : callable
+        Opens the device as `cv2.VideoCapture` does.
+    clock : callable
+        Seconds.
+    """
+
+    def __init__(
+        self, device: str, options: SourceOptions, capture: Callable = cv2.VideoCapture, clock: Callable[[], float] = time.monotonic
+    ):
+        self.device, self.options, self._make_capture, self._clock = device, options, capture, clock
+        self._capture = None
+        self._reversed = False
+
+    def open(self) -> None:
+        capture = self._make_capture(self.device, cv2.CAP_V4L2)
+        if not capture.isOpened():
+            raise CameraLost(f"{self.device}: cannot be opened: check the cable, the permissions and that nobody else uses it")
+        capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter_fourcc(*"UYVY"))
+        if self.options.shape is not None:
+            rows, columns = self.options.shape
+            capture.set(cv2.CAP_PROP_FRAME_WIDTH, columns)
+            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, rows)
+        capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
+        capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
+        code = int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little").decode("latin-1")
+        if code not in ("UYVY", "YUYV"):
+            capture.release()
+            raise CameraLost(f"{self.device}: gives {code!r} frames: UYVY or YUYV expected; open a compressed stream as video:{self.device}")
+        self._capture, self._reversed = capture, code == "YUYV"
+
+    def read(self) -> Frame | None:
+        if not self._capture.grab():
+            raise CameraLost(f"{self.device}: gives no frames any more")
+        stamp = self._clock()  # at the grab: what follows takes time
+        arrived, raw = self._capture.retrieve()
+        try:
+            if not arrived or raw is None:
+                raise ImageError(f"{self.device}: an empty frame")
+            return Frame(stamp, yuv_from_uyvy(raw[..., ::-1] if self._reversed else raw))
+        except (ImageError, IndexError):
+            return Frame(stamp, None)
+
+    def close(self) -> None:
+        if self._capture is not None:
+            self._capture.release()
+            self._capture = None

@@ -1,0 +1,88 @@
+"""The status line, once a second, and the summary at the end."""
+
+from __future__ import annotations
+
+import os
+import resource
+import sys
+
+from trexton.onboard.commander import Commander
+from trexton.onboard.fix import Fix
+from trexton.onboard.sinks.base import Guard
+from trexton.onboard.tally import Latencies, Tally
+
+__all__ = ["Status", "resident_bytes"]
+
+SETTLED = 1000  # frames after which memory should not grow any more
+
+
+def resident_bytes() -> int:
+    """Memory that this process holds now; the most it ever held where the system does not tell."""
+    try:
+        with open("/proc/self/statm", encoding="ascii") as stream:
+            return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except OSError:
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+
+
+class Status:
+    """What a pilot wants to know at a glance.
+
+    Parameters
+    ----------
+    tally : Tally
+    latencies : Latencies
+    sinks : list of Guard
+    commander : Commander or None
+    """
+
+    def __init__(self, tally: Tally, latencies: Latencies, sinks: list[Guard], commander: Commander | None):
+        self._tally, self._latencies, self._sinks, self.commander = tally, latencies, sinks, commander
+        self._next = self._frames = 0
+        self._last_at: float | None = None
+        self._settled_bytes: int | None = None
+
+    def due(self, now: float) -> bool:
+        """Whether a second has passed since the last line."""
+        if self._settled_bytes is None and self._tally["frames"] >= SETTLED:
+            self._settled_bytes = resident_bytes()
+        return self._last_at is None or now - self._last_at >= 1.0
+
+    def line(self, fix: Fix | None, now: float) -> str:
+        """The status now."""
+        frames = self._tally["frames"]
+        rate = (frames - self._frames) / (now - self._last_at) if self._last_at is not None else 0.0
+        self._last_at, self._frames = now, frames
+        parts = [f"{frames} frames {rate:.1f}/s, dropped {self._tally['dropped']}", self._where(fix)]
+        if self._latencies.count:
+            parts.append(f"latency {1e3 * self._latencies.quantile(0.5):.1f} ms, p99 {1e3 * self._latencies.quantile(0.99):.1f} ms")
+        parts += [f"{guard.sink.name}: {words}" for guard in self._sinks if (words := guard.sink.status())]
+        if self.commander is not None:
+            why = f" ({self.commander.why})" if self.commander.why else ""
+            parts.append(f"landing: {self.commander.state.value}{why}")
+        if faults := self._tally.faults:
+            parts.append("faults: " + ", ".join(f"{name} {count}" for name, count in faults.items()))
+        return " | ".join(parts)
+
+    @staticmethod
+    def _where(fix: Fix | None) -> str:
+        if fix is None:
+            return "no frame yet"
+        flags = " LOST" * fix.lost + " STALE" * fix.stale
+        x, y = fix.position
+        return f"x {x:.2f} y {y:.2f} m, spread {fix.spread[0]:.2f} {fix.spread[1]:.2f} m{flags}"
+
+    def summary(self) -> dict:
+        """Counts, latencies in seconds and growth of memory in bytes over the whole run."""
+        tally, latencies = self._tally, self._latencies
+        growth = None if self._settled_bytes is None else resident_bytes() - self._settled_bytes
+        return {
+            "frames": tally["frames"],
+            "observed": tally["observed"],
+            "dropped": tally["dropped"],
+            "missed_deadlines": tally["late"],
+            "latency_s": {"median": latencies.quantile(0.5), "p99": latencies.quantile(0.99), "longest": latencies.longest},
+            "memory_bytes": resident_bytes(),
+            f"growth_since_frame_{SETTLED}_bytes": growth,
+            "faults": tally.faults,
+        }
