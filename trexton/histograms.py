@@ -94,17 +94,17 @@ def _label(
     image: np.ndarray, dictionary: TextonDictionary, backend: str | None, threads: int | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Labels of all positions, and how often each occurs."""
-    kernel = compiled("label_rows", backend)
+    kernels = compiled("label_rows", backend)
     labels = np.empty(position_grid(check_image(image).shape, dictionary.patch), dtype=np.uint8)
     flat = np.ascontiguousarray(image).reshape(len(image), -1)
 
     def work(rows: slice) -> np.ndarray:
         strip = flat[rows.start : rows.stop + dictionary.patch - 1]
-        if kernel is None:
+        if kernels is None:
             _label_by_products(strip, dictionary, labels[rows])
             return np.bincount(labels[rows].ravel(), minlength=dictionary.n_textons)
         counts = np.zeros(dictionary.n_textons, dtype=np.int64)
-        kernel(strip, dictionary.words, dictionary.words_bias, labels[rows], counts)
+        kernels.label_rows(strip, dictionary.words, dictionary.words_bias, labels[rows], counts)
         return counts
 
     return labels, sum(in_strips(work, len(labels), threads))

@@ -235,7 +235,8 @@ def learn_textons(
         start = flat[rng.permutation(min(first, len(flat)))[:n_textons]]
         gains = _round_gains(np.r_[alpha / 255, np.zeros(n_textons - 1)][None])
     textons = np.resize(start, (n_textons, flat.shape[1])).astype(np.float64)
-    step = compiled("kohonen_steps", backend) or kohonen_steps
+    kernels = compiled("kohonen_steps", backend)
+    step = kernels.kohonen_steps if kernels else kohonen_steps
     errors = np.sqrt(step(flat, textons, gains, GRAIN) / flat.shape[1])
     rounded = np.rint(textons).astype(np.uint8).reshape(n_textons, *patches.shape[1:])
     return Learning(TextonDictionary(rounded), errors)

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib import import_module
+from types import ModuleType
 
 from trexton.errors import ParameterError
 
@@ -16,20 +17,19 @@ BACKENDS = ("numba", "numpy")
 
 
 @cache
-def _load(name: str) -> Callable | None:
+def _load(module: str) -> ModuleType | None:
     try:
-        return getattr(import_module(f"trexton.kernels.{name}"), name)
+        return import_module(f"trexton.kernels.{module}")
     except ImportError:
         return None
 
 
-def compiled(name: str, backend: str | None = None) -> Callable | None:
-    """The compiled kernel `name`, or None where NumPy shall do the work.
+def compiled(module: str, backend: str | None = None) -> ModuleType | None:
+    """A module of this package with its compiled kernels, or None where NumPy shall do the work.
 
     Parameters
     ----------
-    name : str
-        A module of this package; the kernel has the same name.
+    module : str
     backend : {"numba", "numpy"} or None
         None takes numba where it is installed.
 
@@ -40,10 +40,10 @@ def compiled(name: str, backend: str | None = None) -> Callable | None:
     """
     if backend not in (None, *BACKENDS):
         raise ParameterError(f"backend {backend!r} is unknown: choose one of {', '.join(BACKENDS)}")
-    kernel = None if backend == "numpy" else _load(name)
-    if kernel is None and backend == "numba":
+    kernels = None if backend == "numpy" else _load(module)
+    if kernels is None and backend == "numba":
         raise ParameterError("backend 'numba' was asked for, but numba cannot be imported: install it or choose 'numpy'")
-    return kernel
+    return kernels
 
 
 def thread_count(threads: int | None = None) -> int:

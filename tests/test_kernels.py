@@ -1,0 +1,78 @@
+"""The same bits on processors that this one is not, and without numba."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from plain import plain_labels
+
+from trexton.errors import ParameterError
+from trexton.kernels import compiled
+
+# Prints a digest of labels, dictionary and neighbours that depends on the seed alone.
+PROGRAM = """
+import sys
+if "without-numba" in sys.argv:
+    sys.modules["numba"] = None
+import numpy as np
+from trexton.files import digest
+from trexton.histograms import label_image, texton_histogram
+from trexton.neighbors import NearestHistograms
+from trexton.textons import TextonDictionary
+rng = np.random.default_rng(5)
+patches = rng.integers(0, 256, (300, 6, 6, 3), dtype=np.uint8)
+dictionary = TextonDictionary.learn(patches, 11, rng=rng)
+image = rng.integers(0, 256, (40, 75, 3), dtype=np.uint8)
+nearest = NearestHistograms(rng.dirichlet(np.ones(11), 900), rng.normal(size=(900, 2)))
+found = [nearest.query(rng.dirichlet(np.ones(11))) for _ in range(20)]
+print(digest(dictionary.textons, label_image(image, dictionary), texton_histogram(image, dictionary),
+             *(part for each in found for part in (each.index, each.distance, each.position))))
+"""
+
+
+def run(*arguments, **environment):
+    variables = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")} | environment
+    done = subprocess.run([sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, env=variables)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.strip()
+
+
+@pytest.fixture(scope="module")
+def here():
+    return run()
+
+
+def test_without_numba_the_bits_are_the_same(here):
+    assert run("without-numba") == here
+
+
+def test_threads_and_hash_seeds_change_nothing(here):
+    assert run(OMP_NUM_THREADS="1", PYTHONHASHSEED="1") == run(OMP_NUM_THREADS="2", PYTHONHASHSEED="2") == here
+
+
+def test_a_processor_without_vector_dot_products_gives_the_same_bits(here, tmp_path):
+    assert run(NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path)) == here
+
+
+def test_the_label_kernel_counts_what_it_labels(rng):
+    from trexton.textons import TextonDictionary
+
+    dictionary = TextonDictionary(rng.integers(0, 256, (6, 4, 4, 3), dtype=np.uint8))
+    image = rng.integers(0, 256, (12, 80, 3), dtype=np.uint8)
+    labels, counts = np.empty((9, 77), np.uint8), np.ones(6, np.int64)
+    compiled("label_rows").label_rows(image.reshape(12, -1), dictionary.words, dictionary.words_bias, labels, counts)
+    assert np.array_equal(labels, plain_labels(image, dictionary.textons))
+    assert np.array_equal(counts, 1 + np.bincount(labels.ravel(), minlength=6))
+
+
+def test_numba_asked_for_but_absent_is_an_error(monkeypatch):
+    import trexton.kernels
+
+    monkeypatch.setattr(trexton.kernels, "_load", lambda module: None)
+    assert compiled("label_rows") is None
+    with pytest.raises(ParameterError, match="'numba' was asked for"):
+        compiled("label_rows", "numba")
