@@ -1,37 +1,43 @@
 # The few verbs a person types. Everything happens in .venv, made from environment.lock.
 PYTHON ?= python3
 BIN := .venv/bin
+# Passed on to trexton book or pytest: make book ARGS=--explain, make test ARGS="-k landing"
+ARGS ?=
 # An optional local copy of the public data beside the clone saves the downloads.
 ifneq ($(wildcard ../shared/data),)
 export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test bench lab lock clean
+.PHONY: help env book test test-slow bench lab lock clean
 
 help:  ## this list
-	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 8
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
 
 env: .venv/.ready  ## the environment only (.venv, from environment.lock)
 
 .venv/.ready: environment.lock pyproject.toml
-	$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"Python {v[0]}.{v[1]} found, 3.11 to 3.13 needed: make env PYTHON=python3.12")'
-	$(PYTHON) -m venv --clear .venv
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r environment.lock
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"Python {v[0]}.{v[1]} found, 3.11 to 3.13 needed: make env PYTHON=python3.12")'
+	@echo "making .venv from environment.lock"
+	@$(PYTHON) -m venv --clear .venv
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r environment.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
 	@touch $@
 
 book: env  ## run the notebooks, build book/_build/html/index.html
-	$(BIN)/trexton book
+	@$(BIN)/trexton book $(ARGS)
 
 test: env  ## the tests
-	$(BIN)/python -m pytest
+	@$(BIN)/python -m pytest -m "not slow" $(ARGS)
+
+test-slow: env  ## the tests that take minutes
+	@$(BIN)/python -m pytest -m slow $(ARGS)
 
 bench: env  ## speed of every stage, as ratios within one run
-	$(BIN)/trexton bench
+	@$(BIN)/trexton bench $(ARGS)
 
 lab: env  ## open the notebooks in JupyterLab
-	$(BIN)/jupyter lab notebooks
+	@$(BIN)/jupyter lab notebooks
 
 lock:  ## renew environment.lock from pyproject.toml
 	$(PYTHON) -m venv .venv-lock && .venv-lock/bin/pip install --quiet uv

@@ -1,0 +1,266 @@
+"""The book: numbers come from records or the build stops; the built pages need no other host and describe every picture."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import json
+import re
+import shutil
+import subprocess
+import threading
+from pathlib import Path
+
+import nbformat
+import pytest
+from conftest import ROOT, small_flight
+
+from trexton.book import build_small_book
+from trexton.book import flights as book_flights
+from trexton.book.audit import audit
+from trexton.book.flights import prepare_flights
+from trexton.book.prose import Tree, render
+from trexton.book.stage import Contents, stage
+from trexton.errors import DataError, TrextonError
+from trexton.flights import read_flight, write_flight
+from trexton.runner import FlightPair, Outcome
+
+BUILT = ROOT / "book" / "_build" / "html"
+
+
+@pytest.fixture
+def built_book() -> Path:
+    if not (BUILT / "index.html").exists():
+        pytest.skip("no book is built here: make book")
+    return BUILT
+
+
+@pytest.fixture
+def page(tmp_path):
+    """Render the text of one page."""
+
+    def page(text: str, pages=frozenset(), pictures=None, **context) -> str:
+        path = tmp_path / "page.md"
+        path.write_text(text)
+        return render(path, context, set(pages), pictures or {})
+
+    return page
+
+
+def test_numbers_are_filled_in_from_records(page):
+    sim = Tree({"mocap_training": {"error": {"median": 61.34, "low": 50.0, "high": 1234.5}, "items": 3}})
+    assert page("{{ sim.mocap_training.error.median | fixed(1) }} cm", sim=sim) == "61.3 cm"
+    assert page("{{ sim.mocap_training.error | span }}", sim=sim) == "61 [50, 1,234]"
+    assert page("{{ sim.mocap_training.items }}", sim=sim) == "3"  # an entry, not the method of dict
+    assert page("{{ paper.parameters.samples }}") == "400"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("one\ntwo {{ sim.mocap_training.eror }}", "line 2: .*eror"),
+        ("{{ nothing }}", "line 1: 'nothing' is undefined"),
+        ("{{ sim.other.error | fixed }}", "other"),
+        ("{% if sim %}", "line 1: Unexpected end of template"),
+        ("{{ 'text' | fixed }}", "line 1: .*format code"),
+    ],
+)
+def test_a_name_that_no_record_has_stops_the_build(page, text, message):
+    with pytest.raises(DataError, match=message):
+        page(text, sim=Tree({"mocap_training": {"error": 1}}))
+
+
+def test_links_to_absent_pages_become_plain_text(page):
+    text = '{{ see("data", "the data") }} and {{ see("moon", "the moon") }}'
+    assert page(text, pages={"data"}) == "{doc}`the data </data>` and the moon"
+
+
+def test_mathematics_and_attributes_of_myst_survive(page):
+    text = "$\\frac{a}{b}_{t-1}^{[m]}$ {#label .class} {cite}`x` {% raw %}{{ kept }}{% endraw %}"
+    assert page(text) == text.replace("{% raw %}", "").replace("{% endraw %}", "")
+
+
+# --- staging ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def results(tmp_path):
+    """One finished and one skipped experiment on the small flight."""
+    flight = write_flight(small_flight(), tmp_path / "small")
+    folder = tmp_path / "results" / "small"
+    folder.mkdir(parents=True)
+    record = {"values": {"error": 1.25}, "parameters": {}, "timings": {}}
+    (folder / "mocap_training.json").write_text(json.dumps(record))
+    chart = '<svg xmlns="http://www.w3.org/2000/svg" width="20" height="10"><rect width="20" height="10"/></svg>'
+    (folder / "mocap_training-chart.svg").write_text(chart)
+    cells = [
+        nbformat.v4.new_markdown_cell("# A finished experiment\n\nIt has $x^2$ in it."),
+        nbformat.v4.new_code_cell(
+            "chart", metadata={"mystnb": {"image": {"alt": "a black box"}}, "tags": ["remove-input"]}, execution_count=1,
+            outputs=[nbformat.v4.new_output("display_data", {"image/svg+xml": chart, "text/plain": "chart"})],
+        ),
+        nbformat.v4.new_markdown_cell('Take home: <a href="mocap_training.json" download>the record</a>'),
+    ]  # fmt: skip
+    nbformat.write(nbformat.v4.new_notebook(cells=cells), folder / "mocap_training.ipynb")
+    outcomes = [
+        Outcome("small", "mocap_training", "ran", ("no finished run",), 1.0),
+        Outcome("small", "mosaic", "skipped", ("small has no images",)),
+    ]
+    return [FlightPair(str(flight))], outcomes, tmp_path / "results"
+
+
+def test_the_contents_name_only_pages_that_are_there(results, tmp_path):
+    pairs, outcomes, folder = results
+    staged = tmp_path / "staged"
+    staged.mkdir()
+    stage(Contents(ROOT / "book", folder, pairs, outcomes), staged, "_toc_small.yml")
+    assert (staged / "small" / "mocap_training.ipynb").is_file() and (staged / "small" / "mocap_training.json").is_file()
+    toc = (staged / "_toc.yml").read_text()
+    assert "small/mocap_training" in toc and "mosaic" not in toc and "claims" not in toc
+    assert "small has no images" in (staged / "small.md").read_text()
+
+
+def test_a_page_that_does_not_exist_stops_the_build(results, tmp_path):
+    pairs, outcomes, folder = results
+    source = tmp_path / "source"
+    shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns("_build"))
+    (source / "_toc_small.yml").write_text("root: small\nparts:\n- chapters:\n  - file: moon\n")
+    with pytest.raises(DataError, match="the page 'moon' does not exist"):
+        stage(Contents(source, folder, pairs, outcomes), tmp_path, "_toc_small.yml")
+
+
+def test_the_whole_book_can_be_staged_without_the_real_flight(results, tmp_path):
+    pairs, outcomes, folder = results
+    staged = tmp_path / "staged"
+    staged.mkdir()
+    stage(Contents(ROOT / "book", folder, pairs, outcomes, absent={"cyberzoo": "the net is down"}), staged)
+    for page in ("intro", "data", "real_flight"):
+        assert "the net is down" in (staged / f"{page}.md").read_text()
+
+
+def test_a_small_book_is_built_audited_and_reused(results, capsys):
+    pairs, outcomes, folder = results
+    index = build_small_book(pairs, outcomes, folder)
+    assert "book: built" in capsys.readouterr().err
+    page = (index.parent / "small" / "mocap_training.html").read_text()
+    assert 'alt="a black box"' in page and "mathjax" in page
+    assert (index.parent / "small" / "mocap_training.json").is_file()
+    assert sorted(path.name for path in (folder / "book").iterdir()) == [".book.stamp", "html"]
+    build_small_book(pairs, outcomes, folder)
+    assert "book: reused" in capsys.readouterr().err
+
+    notebook = folder / "small" / "mocap_training.ipynb"
+    notebook.write_text(notebook.read_text().replace("in it.", "in it, and a {doc}`lost page </moon>`."))
+    with pytest.raises(TrextonError, match="unknown document.*moon"):
+        build_small_book(pairs, outcomes, folder)
+    assert index.is_file()  # the last good book stays
+
+
+# --- flights of the book ---------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def toy_flights(tmp_path, monkeypatch):
+    """`prepare_flights` with small flights in place of the simulated and the real one; counts what is made."""
+    made = []
+
+    def make(path, source=None):
+        made.append(path.name)
+        return write_flight(small_flight(name=path.name), path)
+
+    monkeypatch.setattr(book_flights, "_simulate", make)
+    monkeypatch.setattr(book_flights, "fetch", lambda name, path: make(path))
+    return tmp_path / "flights", made
+
+
+def test_flights_are_made_once_and_again_when_damaged(toy_flights, monkeypatch):
+    folder, made = toy_flights
+    assert [pair.name for pair in prepare_flights(folder).pairs] == ["sim-survey", "cyberzoo"]
+    assert made == ["sim-survey", "sim-waypoints", "cyberzoo"]
+    assert prepare_flights(folder).said == [f"flight {name}: reused" for name in made]
+    frames = folder / "sim-survey" / "frames.csv"
+    frames.write_text(frames.read_text().replace("1,0.0,1.0,0.0", "1,0.0,1.0,0.5"))
+    assert prepare_flights(folder).said[0] == "flight sim-survey: made, because its files are not what was written"
+    shutil.rmtree(folder / "sim-waypoints")
+    assert prepare_flights(folder).said[1] == "flight sim-waypoints: made, because it was not there whole"
+    monkeypatch.setattr(book_flights, "_simulation_inputs", lambda name: {"code": "other"})
+    assert prepare_flights(folder).said[0] == "flight sim-survey: made, because what makes it changed"
+    assert read_flight(folder / "sim-survey").name == "sim-survey"
+
+
+def test_a_real_flight_out_of_reach_is_said_and_not_fatal(toy_flights, monkeypatch):
+    def unreachable(name, path):
+        raise DataError("cyberzoo cannot be fetched: go online")
+
+    monkeypatch.setattr(book_flights, "fetch", unreachable)
+    prepared = prepare_flights(toy_flights[0])
+    assert [pair.name for pair in prepared.pairs] == ["sim-survey"]
+    assert prepared.absent == {"cyberzoo": "cyberzoo cannot be fetched: go online"}
+
+
+# --- the audit -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("html", "fault"),
+    [
+        ('<script src="https://cdn.example/x.js"></script>', "loads https://cdn.example/x.js from another host"),
+        ('<link rel="preconnect" href="//fonts.example">', "loads //fonts.example from another host"),
+        ('<img src="here.png" alt=" ">', "the picture here.png has no alternative text"),
+        ('<img src="here.png">', "the picture here.png has no alternative text"),
+        ('<a href="away.html">x</a>', "the link away.html leads nowhere"),
+        ('<a href="#away">x</a>', "the link #away leads nowhere"),
+        ('<img src="gone.png" alt="x">', "the link gone.png leads nowhere"),
+        ('<a href="https://example.org">x</a><a href="#here" id="here">y</a><img src="here.png" alt="x">', None),
+    ],
+)
+def test_the_audit_finds_what_a_reader_would_miss(tmp_path, html, fault):
+    (tmp_path / "here.png").write_bytes(b"")
+    (tmp_path / "index.html").write_text(f"<html><body>{html}</body></html>")
+    assert audit(tmp_path) == ([f"index.html: {fault}"] if fault else [])
+
+
+def test_the_audit_reads_style_sheets(tmp_path):
+    (tmp_path / "a.css").write_text("@font-face { src: url(https://fonts.example/a.woff) }")
+    assert audit(tmp_path) == ["a.css: loads something from another host"]
+
+
+# --- the book of this clone, where one is built ------------------------------------------------------------------------
+
+
+def test_the_built_book_passes_the_audit(built_book):
+    assert audit(built_book) == []
+
+
+def test_every_experiment_page_offers_its_notebook_record_and_figures(built_book):
+    pages = [path for path in built_book.glob("*/*.html") if path.with_suffix(".ipynb").exists()]
+    assert pages
+    for path in pages:
+        hrefs = re.findall(r'href="([^"]+)"', path.read_text())
+        figures = [figure.name for figure in path.parent.glob(f"{path.stem}-*.svg")]
+        missing = {f"{path.stem}.ipynb", f"{path.stem}.json", *figures} - set(hrefs)
+        assert not missing, f"{path} does not offer {missing}"
+
+
+def test_no_page_asks_another_host_in_a_real_browser(built_book, tmp_path):
+    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    if browser is None:
+        pytest.skip("no chromium on this machine")
+    log = tmp_path / "net.json"
+    quiet = type("Quiet", (http.server.SimpleHTTPRequestHandler,), {"log_message": lambda *_: None})
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(quiet, directory=str(built_book))) as web:
+        threading.Thread(target=web.serve_forever, daemon=True).start()
+        host = f"http://127.0.0.1:{web.server_port}/"
+        command = [
+            browser, "--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path / 'profile'}",
+            "--virtual-time-budget=8000", "--disable-background-networking", "--no-first-run",
+            f"--log-net-log={log}", "--dump-dom", f"{host}method.html",
+        ]  # fmt: skip
+        dom = subprocess.run(command, capture_output=True, text=True, timeout=120).stdout
+        web.shutdown()
+    assert "mjx-container" in dom, "MathJax has not set the mathematics"
+    requests = [event.get("params", {}) for event in json.loads(log.read_text())["events"]]
+    # The browser's own errands have no page as their initiator.
+    loaded = {entry["url"] for entry in requests if "url" in entry and entry.get("initiator", "not an origin") != "not an origin"}
+    assert any("book.css" in url for url in loaded), "the log does not show what the page loads"
+    assert [url for url in loaded if not url.startswith((host, "data:"))] == []
