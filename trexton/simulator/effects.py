@@ -44,7 +44,7 @@ class Effects:
     height_ripple: float = 0.03
     motion_blur: float = 0.010
     rolling_shutter: float = 0.025
-    exposure: float = 0.05
+    exposure: float = 0.02
     vignetting: float = 0.25
     noise: float = 2.5
     chroma_subsampling: float = 1.0
@@ -99,7 +99,7 @@ class Light:
     @classmethod
     def later(cls) -> Light:
         """An hour later: the sun has moved on."""
-        return cls(gain=0.95, warmth=0.025, gradient=(0.05, -0.03))
+        return cls(gain=0.97, warmth=0.02, gradient=(0.03, -0.02))
 
     def channel_gains(self) -> np.ndarray:
         """``(3,)`` factors of blue, green and red."""
