@@ -87,11 +87,15 @@ def test_nonsense_is_refused(options):
 
 
 def test_a_survey_of_the_usual_length_covers_the_area():
-    states = flight(Plan(survey(AREA, 800 * PERIOD, 0.6)), 800, speed=0.6)
+    states = flight(Plan(survey(AREA, 800 * PERIOD, 1.2)), 800, speed=1.2)
     flown = np.array([state.position[:2] for state in states])
     places = np.stack(np.meshgrid(*[np.linspace(0.3, 4.7, 23)] * 2), axis=-1).reshape(-1, 2)
     distance = np.hypot(*(places[:, None] - flown[None]).transpose(2, 0, 1)).min(axis=1)
     assert distance.max() < 0.75
+    # The first hundred frames, from which the dictionary is learnt, cross the area from corner to corner.
+    assert np.hypot(*np.ptp(flown[:100], axis=0)) > 5.5
+    # Both axes are flown alike, so that the motion model sees both.
+    assert 0.6 < np.ptp(np.diff(flown, axis=0), axis=0)[0] / np.ptp(np.diff(flown, axis=0), axis=0)[1] < 1.7
 
 
 def test_a_survey_never_ends_and_random_waypoints_keep_apart():

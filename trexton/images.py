@@ -29,14 +29,19 @@ def check_image(image: np.ndarray) -> np.ndarray:
     return image
 
 
+def _swap_chroma(image: np.ndarray) -> np.ndarray:
+    first, second, third = cv2.split(image)
+    return cv2.merge((first, third, second))
+
+
 def yuv_from_bgr(image: np.ndarray) -> np.ndarray:
     """``(H, W, 3) uint8`` BGR to Y, U, V."""
-    return np.ascontiguousarray(cv2.cvtColor(check_image(image), cv2.COLOR_BGR2YCrCb)[..., (0, 2, 1)])
+    return _swap_chroma(cv2.cvtColor(check_image(image), cv2.COLOR_BGR2YCrCb))
 
 
 def bgr_from_yuv(image: np.ndarray) -> np.ndarray:
     """``(H, W, 3) uint8`` Y, U, V to BGR."""
-    return cv2.cvtColor(np.ascontiguousarray(check_image(image)[..., (0, 2, 1)]), cv2.COLOR_YCrCb2BGR)
+    return cv2.cvtColor(_swap_chroma(check_image(image)), cv2.COLOR_YCrCb2BGR)
 
 
 def yuv_from_uyvy(frame: np.ndarray, full_range: bool = False) -> np.ndarray:

@@ -24,9 +24,10 @@ class Plan:
 
     def goal(self, position: np.ndarray) -> np.ndarray:
         """The ``(2,)`` goal for a vehicle at `position`: a point of the line, ahead of the vehicle."""
-        if np.hypot(*(self._next - position[:2])) < REACHED:
-            self._last, self._next = self._next, next(self._waypoints)
         leg = self._next - self._last
+        while np.hypot(*(self._next - position[:2])) < REACHED or not leg.any():  # two rows of lanes may share a corner
+            self._last, self._next = self._next, next(self._waypoints)
+            leg = self._next - self._last
         length = np.hypot(*leg)
         direction = leg / length
         return self._last + np.clip((position[:2] - self._last) @ direction + AHEAD, 0, length) * direction
@@ -39,7 +40,10 @@ def _inside(area) -> tuple[np.ndarray, np.ndarray]:
 
 
 def survey(area, seconds: float, speed: float) -> Iterator[np.ndarray]:
-    """Lanes along x that cover the area in about `seconds`; then lanes along y, and so on without end.
+    """A diagonal, then lanes along x and lanes along y that cover the area in about `seconds`, and so on without end.
+
+    The diagonal comes first because the dictionary is learnt from the first frames (the first 100 in the paper): they should
+    see more than one edge of the room. Lanes in both directions let the motion model see both axes.
 
     Parameters
     ----------
@@ -47,9 +51,11 @@ def survey(area, seconds: float, speed: float) -> Iterator[np.ndarray]:
         Metres.
     """
     low, high = _inside(area)
-    # Between two lanes the vehicle brakes, turns and gains speed again, which takes about a second and a half.
-    lanes = int(np.clip(seconds / ((high - low)[0] / speed + 1.5), 2, 12))
-    return cycle(chain(_lanes(low, high, lanes), _lanes(low[::-1], high[::-1], lanes, swap=True)))
+    # At each corner the vehicle brakes, turns and gains speed again, which takes about a second and a half.
+    left = seconds - np.hypot(*(high - low)) / speed - 1.5
+    lanes = int(np.clip(left / ((high - low).sum() / speed + 3), 2, 12))
+    along_x, along_y = _lanes(high, low, lanes), _lanes(low[::-1], high[::-1], lanes, swap=True)
+    return chain([low], cycle(chain(along_x, along_y)))
 
 
 def _lanes(low: np.ndarray, high: np.ndarray, lanes: int, swap: bool = False) -> Iterator[np.ndarray]:

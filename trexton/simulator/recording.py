@@ -22,7 +22,7 @@ __all__ = ["PATTERNS", "record_flight"]
 
 # pattern: number of frames (the paper's), seed, speed in m/s, light, name of the split
 PATTERNS = {
-    "survey": (800, 1, 0.6, Light(), "train"),
+    "survey": (800, 1, 1.2, Light(), "train"),
     "waypoints": (415, 2, 0.6, Light.later(), "test"),
 }
 
