@@ -43,7 +43,7 @@ def neighbors_in_flight(histograms: np.ndarray, time: np.ndarray, k: int, exclud
     result = np.empty((len(histograms), k), dtype=np.int64)
     for row, histogram in enumerate(histograms):
         distance = norms - 2 * (histograms @ histogram)
-        near = np.abs(time - time[row]) <= excluded_s
+        near = np.abs(time - time[row]) <= excluded_s + 1e-9  # stamps are multiples of a period
         near[max(0, row - 1) : row + 2] = True
         if len(near) - near.sum() < k:
             raise MapError(

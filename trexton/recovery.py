@@ -32,6 +32,7 @@ class AugmentedRecovery:
     def reset(self) -> None:
         """Forget the averages."""
         self._slow_mean = self._fast_mean = 0.0
+        self._seen = 0
 
     @property
     def fit(self) -> float:
@@ -41,10 +42,10 @@ class AugmentedRecovery:
     def update(self, log_mean_likelihood: float) -> bool:
         """Take in one frame's mean likelihood; returns whether the vehicle counts as lost."""
         likelihood = float(np.exp(log_mean_likelihood))
-        if self._slow_mean == 0:
-            self._slow_mean = self._fast_mean = likelihood
-        self._slow_mean += self.slow * (likelihood - self._slow_mean)
-        self._fast_mean += self.fast * (likelihood - self._fast_mean)
+        self._seen += 1
+        # Plain means until enough frames were seen, or the first one, with particles everywhere, would weigh too much.
+        self._slow_mean += max(self.slow, 1 / self._seen) * (likelihood - self._slow_mean)
+        self._fast_mean += max(self.fast, 1 / self._seen) * (likelihood - self._fast_mean)
         return self.fit < self.lost_below
 
     def inject(self, particles: np.ndarray, particle_filter) -> None:

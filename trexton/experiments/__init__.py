@@ -57,10 +57,10 @@ EXPERIMENTS: dict[str, Experiment] = {
     "overview": Experiment("The pipeline in one picture", needs=_IMAGES),
     "texton_dictionary": Experiment("The texton dictionary", needs=_IMAGES),
     "mosaic": Experiment("The map, stitched from the flight", needs=_IMAGES, cost_s=120),
-    "homography_baseline": Experiment("Baseline: homography", needs=_IMAGES, after=("mosaic",), cost_s=90),
+    "homography_baseline": Experiment("Baseline: homography", needs=_IMAGES, after=("mosaic", "mocap_training"), cost_s=90),
     "mocap_training": Experiment("Training on motion-capture positions", needs=("positions",), cost_s=40),
     "homography_training": Experiment(
-        "Training on homography positions", needs=_IMAGES, after=("mosaic", "homography_baseline"), cost_s=90
+        "Training on homography positions", needs=_IMAGES, after=("mosaic", "homography_baseline", "mocap_training"), cost_s=90
     ),
     "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=120),
     "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=90),

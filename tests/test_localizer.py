@@ -1,0 +1,180 @@
+"""The texton map and Algorithm 1: training, saving, stepping, and what it refuses."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from conftest import small_flight
+
+from trexton.camera import Camera
+from trexton.errors import ImageError, MapError, ParameterError
+from trexton.flights import Flight
+from trexton.localizer import Localizer, TextonMap, neighbors_in_flight, process_covariance, rank_covariances
+from trexton.textons import TextonDictionary
+
+
+
+@pytest.fixture(scope="module")
+def picture_flight(tmp_path_factory) -> Flight:
+    """60 crops of one blurred random picture along a closed path: neighbours in space look alike."""
+    folder = tmp_path_factory.mktemp("crops")
+    rng = np.random.default_rng(3)
+    floor = cv2.resize(rng.integers(0, 256, (40, 40, 3), dtype=np.uint8), (400, 400), interpolation=cv2.INTER_CUBIC)
+    angle = np.linspace(0, 4 * np.pi, 60)
+    center = np.column_stack([200 + 110 * np.cos(angle), 200 + 80 * np.sin(angle)])
+    files = []
+    for number, (x, y) in enumerate(center.round().astype(int)):
+        files.append(folder / f"{number:03d}.png")
+        cv2.imwrite(str(files[-1]), floor[y - 40 : y + 40, x - 50 : x + 50])
+    return Flight(
+        name="crops", frame=np.arange(60), time=np.arange(60) * 0.08, position=center / 100, area=(0.0, 4.0, 0.0, 4.0),
+        image_files=tuple(files), camera=Camera(100, 80, 100.0),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def texton_map(picture_flight) -> TextonMap:
+    return TextonMap.train(picture_flight, n_textons=8, neighbors=3, rng=np.random.default_rng(1))
+
+
+def test_a_flight_becomes_a_map_and_a_frame_a_position(picture_flight, texton_map):
+    localizer = Localizer(texton_map, samples=None, particles=300, rng=np.random.default_rng(2))
+    estimates = [localizer.step(image) for image in picture_flight.images()]
+    error = np.linalg.norm([e.position for e in estimates] - picture_flight.position, axis=1)
+    assert np.median(error[5:]) < 0.35  # the path is 2.2 m wide
+    assert all(e.observed and not e.lost and (e.spread > 0).all() for e in estimates)
+    last = estimates[-1]
+    np.testing.assert_allclose(last.spread**2, np.diagonal(last.covariance))
+    np.testing.assert_allclose(last.weights.sum(), 1)
+    np.testing.assert_allclose(last.histogram.sum(), 1)
+    assert last.neighbors.position.shape == (3, 2)
+
+
+def test_neighbours_in_time_are_never_neighbours(rng):
+    histograms, time = rng.dirichlet(np.ones(6), 50), np.arange(50) * 0.1
+    rows = neighbors_in_flight(histograms, time, 4, excluded_s=0.5)
+    assert np.abs(rows - np.arange(50)[:, None]).min() >= 6
+    for row in range(50):  # against the plain definition
+        allowed = [j for j in range(50) if abs(time[j] - time[row]) > 0.5 + 1e-9]
+        best = sorted(allowed, key=lambda j: np.linalg.norm(histograms[j] - histograms[row]))[:4]
+        assert rows[row].tolist() == best
+    with pytest.raises(MapError, match="longer flight"):
+        neighbors_in_flight(histograms[:8], time[:8], 4)
+
+
+def test_covariances_equal_the_plain_definitions(rng):
+    positions, rows = rng.uniform(0, 5, (40, 2)), rng.integers(0, 40, (40, 2))
+    found = rank_covariances(positions, rows)
+    for rank in range(2):
+        deviation = positions - positions[rows[:, rank]]
+        centered = deviation - deviation.mean(axis=0)
+        np.testing.assert_allclose(found[rank], centered.T @ centered / 39 + 1e-4 * np.eye(2), rtol=1e-12)
+    time = np.r_[np.arange(20) * 0.1, 10 + np.arange(20) * 0.1]
+    steps = np.delete(np.diff(positions, axis=0), 19, axis=0)  # the long gap says nothing about one step
+    np.testing.assert_allclose(process_covariance(positions, time), np.cov(steps.T) + 1e-8 * np.eye(2))
+
+
+def test_relabelling_textons_changes_nothing(texton_map, picture_flight):
+    order = np.random.default_rng(5).permutation(8)
+    relabelled = replace(
+        texton_map, dictionary=TextonDictionary(texton_map.dictionary.textons[order]), histograms=texton_map.histograms[:, order]
+    )
+    tracks = []
+    for each in (texton_map, relabelled):
+        localizer = Localizer(each, samples=200, particles=50, rng=np.random.default_rng(6))
+        tracks.append([localizer.step(image).position for image in picture_flight.images()])
+    np.testing.assert_array_equal(tracks[0], tracks[1])
+
+
+def test_a_saved_map_flies_the_same(texton_map, picture_flight, tmp_path):
+    loaded = TextonMap.load(texton_map.save(tmp_path / "map.npz"))
+    assert loaded.provenance == texton_map.provenance and loaded.image_shape == (80, 100)
+    tracks = []
+    for each in (texton_map, loaded):
+        localizer = Localizer(each, particles=50, rng=np.random.default_rng(6))
+        tracks.append([localizer.step(image).position.tobytes() for image in picture_flight.images()])
+    assert tracks[0] == tracks[1]
+    assert (tmp_path / "map.npz").read_bytes() == texton_map.save(tmp_path / "again.npz").read_bytes()
+
+
+def test_damaged_and_newer_maps_are_one_clear_error(texton_map, tmp_path):
+    path = texton_map.save(tmp_path / "map.npz")
+    data = path.read_bytes()
+    for cut in (0, 10, len(data) // 2, len(data) - 30):
+        path.write_bytes(data[:cut])
+        with pytest.raises(MapError, match="not a whole texton map"):
+            TextonMap.load(path)
+    with pytest.raises(MapError, match="no such map"):
+        TextonMap.load(tmp_path / "none.npz")
+    np.savez(path, **texton_map.to_arrays() | {"schema": np.int64(99)})
+    with pytest.raises(MapError, match="newer"):
+        TextonMap.load(path)
+    np.savez(path, other=np.arange(3))
+    with pytest.raises(MapError, match="not a whole"):
+        TextonMap.load(path)
+
+
+def test_an_interrupted_save_leaves_the_old_map(texton_map, tmp_path, monkeypatch):
+    path = texton_map.save(tmp_path / "map.npz")
+    before = path.read_bytes()
+    monkeypatch.setattr(np, "savez", lambda stream, **arrays: (stream.write(b"half"), 1 / 0))
+    with pytest.raises(ZeroDivisionError):
+        texton_map.save(path)
+    assert path.read_bytes() == before and list(tmp_path.iterdir()) == [path]
+
+
+def test_frames_that_do_not_fit_are_refused_and_change_nothing(texton_map, picture_flight):
+    def track(bad_frames):
+        localizer = Localizer(texton_map, particles=20, rng=np.random.default_rng(7))
+        for frame, error in bad_frames:
+            with pytest.raises(error, match="expected|trained|takes|array"):
+                localizer.step(frame)
+        return localizer.step(picture_flight.image(0)).position.tobytes()
+
+    bad = [
+        (np.zeros((80, 100), np.uint8), ImageError),
+        (np.zeros((60, 80, 3), np.uint8), ImageError),
+        (np.zeros((80, 100, 3)), ImageError),
+        (np.full(8, np.nan), MapError),
+        (np.ones(5), MapError),
+    ]
+    assert track(bad) == track([])
+
+
+def test_a_missing_frame_only_predicts(texton_map, picture_flight):
+    localizer = Localizer(texton_map, particles=100, rng=np.random.default_rng(8))
+    for image in picture_flight.images():
+        before = localizer.step(image)
+    after = localizer.step(None)
+    assert not after.observed and after.neighbors is None and after.histogram is None
+    assert np.linalg.norm(after.position - before.position) < 0.5
+
+
+def test_histograms_alone_make_a_map_and_refuse_images():
+    flight = small_flight()
+    texton_map = TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(0))
+    assert texton_map.dictionary is None and texton_map.image_shape is None
+    localizer = Localizer(texton_map, rng=np.random.default_rng(0))
+    assert np.isfinite(localizer.step(flight.histograms[0]).position).all()
+    with pytest.raises(MapError, match="holds no textons"):
+        localizer.step(np.zeros((80, 100, 3), np.uint8))
+
+
+def test_other_positions_may_train_and_frames_without_one_do_not():
+    flight = small_flight()
+    positions = flight.position + 1.0
+    positions[3] = np.nan
+    texton_map = TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(0), positions=positions)
+    assert len(texton_map.positions) == len(flight) - 1
+    np.testing.assert_array_equal(texton_map.positions[0], positions[0])
+    with pytest.raises(MapError, match="at least 3"):
+        TextonMap.train(flight, rng=np.random.default_rng(0), positions=np.full((40, 2), np.nan))
+    with pytest.raises(ParameterError, match="one for each frame"):
+        TextonMap.train(flight, rng=np.random.default_rng(0), positions=positions[:5])
+
+
+@pytest.mark.parametrize("options", [{"neighbors": 9}, {"neighbors": 0}, {"samples": 0}, {"particles": 0}, {"recovery": "hope"}])
+def test_bad_options_are_refused(texton_map, options):
+    with pytest.raises(ParameterError):
+        Localizer(texton_map, rng=np.random.default_rng(0), **options)

@@ -1,0 +1,99 @@
+"""Metrics against plain definitions and known coverage."""
+
+import numpy as np
+import pytest
+
+from trexton.errors import ParameterError
+from trexton.metrics import absolute_errors, block_rows, constant_guess, shuffled_neighbors, summarize, wilson_interval
+
+
+def test_summary_of_one_run_equals_the_plain_definitions(rng):
+    truth = rng.uniform(0, 5, (200, 2))
+    estimate = truth + rng.normal(0, [0.3, 0.6], (200, 2))
+    found = summarize([estimate], truth, 10.0, rng=rng, draws=50)
+    absolute = 100 * np.abs(estimate - truth)
+    euclidean = [100 * float(np.linalg.norm(e - t)) for e, t in zip(estimate, truth)]
+    expected = {
+        "error_cm_x": sum(absolute[:, 0]) / 200,
+        "error_cm_y": sum(absolute[:, 1]) / 200,
+        "std_cm_y": (sum((absolute[:, 1] - absolute[:, 1].mean()) ** 2) / 200) ** 0.5,
+        "mean_cm": sum(euclidean) / 200,
+        "median_cm": (sorted(euclidean)[99] + sorted(euclidean)[100]) / 2,
+        "rmse_cm": (sum(e * e for e in euclidean) / 200) ** 0.5,
+        "relative": sum(euclidean) / 200 / 1000,
+    }
+    for name, value in expected.items():
+        assert found[name]["median"] == pytest.approx(value), name
+        assert found[name]["low"] < value < found[name]["high"], name
+    assert found["frames"] == 200 and found["missing"] == 0
+
+
+def test_nothing_is_aligned():
+    truth = np.zeros((50, 2))
+    found = summarize([truth + [1.0, 0.0]], truth, 1.0, rng=np.random.default_rng(0), draws=10)
+    assert found["error_cm_x"]["median"] == pytest.approx(100)  # a constant offset is an error
+
+
+def test_missing_frames_are_counted_and_left_out(rng):
+    truth = rng.uniform(0, 5, (60, 2))
+    estimate = truth + 0.1
+    estimate[10:25] = np.nan
+    found = summarize([estimate], truth, 5.0, rng=rng, draws=50)
+    assert found["missing"] == 15 and found["frames"] == 45
+    assert found["error_cm_x"]["median"] == pytest.approx(10)
+    nothing = summarize([np.full((60, 2), np.nan)], truth, 5.0, rng=rng)
+    assert nothing == {"runs": 1, "frames": 0, "missing": 60}
+
+
+def test_the_value_is_the_median_over_runs(rng):
+    truth = np.zeros((40, 2))
+    runs = [np.full((40, 2), offset) for offset in (0.1, 0.2, 0.9)]
+    found = summarize(runs, truth, 5.0, rng=rng, draws=200)["error_cm_y"]
+    assert found["median"] == pytest.approx(20)
+    assert found["low"] == pytest.approx(10) and found["high"] == pytest.approx(90)
+
+
+def test_block_intervals_cover_where_independent_ones_would_not():
+    """Errors that follow a slow AR(1): blocks must cover the true mean far more often than single frames do."""
+    covered = {1: 0, 24: 0}
+    for trial in range(80):
+        rng = np.random.default_rng([1, trial])
+        noise = rng.normal(size=600)
+        series = np.empty(600)
+        series[0] = noise[0] / np.sqrt(1 - 0.9**2)
+        for i in range(1, 600):
+            series[i] = 0.9 * series[i - 1] + noise[i]
+        for block in covered:
+            means = [series[block_rows(600, rng, block)].mean() for _ in range(200)]
+            low, high = np.percentile(means, (2.5, 97.5))
+            covered[block] += low <= 0 <= high
+    assert covered[24] >= 0.78 * 80  # nominal 95 %, a little less with blocks of finite length
+    assert covered[1] < 0.6 * 80
+
+
+def test_block_rows_keep_neighbours_together(rng):
+    rows = block_rows(100, rng, 10)
+    assert len(rows) == 100
+    assert np.mean((np.diff(rows) % 100) == 1) >= 0.89
+    assert len(block_rows(5, rng, 12)) == 5
+
+
+def test_yardsticks(rng):
+    positions = rng.uniform(0, 4, (30, 2))
+    np.testing.assert_allclose(constant_guess(positions, 7), np.tile(positions.mean(axis=0), (7, 1)))
+    shuffled = shuffled_neighbors(positions, 4000, 5, rng=rng)
+    assert shuffled.shape == (4000, 2)
+    np.testing.assert_allclose(shuffled.mean(axis=0), positions.mean(axis=0), atol=0.06)
+
+
+def test_wilson_interval_of_four_in_six():
+    low, high = wilson_interval(4, 6)
+    assert (round(low, 3), round(high, 3)) == (0.300, 0.903)  # published tables
+    with pytest.raises(ParameterError):
+        wilson_interval(3, 2)
+
+
+@pytest.mark.parametrize("shapes", [((3, 2), (4, 2)), ((3,), (3,)), ((3, 3), (3, 3))])
+def test_shapes_that_do_not_fit_are_refused(shapes):
+    with pytest.raises(ParameterError, match="expected two"):
+        absolute_errors(*(np.zeros(shape) for shape in shapes))

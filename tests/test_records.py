@@ -1,0 +1,88 @@
+"""Records: bytes, pictures, damage; and the cache that keys on everything that went in."""
+
+import numpy as np
+import pytest
+
+from trexton.cache import cached, code_hashes
+from trexton.errors import TrextonError
+from trexton.files import atomic_file, atomic_folder, digest
+from trexton.records import Record, plain
+
+
+def make_record(**changes):
+    values = {"a": np.float64(1.5), "b": np.array([1.0, np.nan]), "c": np.int64(3), "d": {"e": True, "f": None}}
+    content = dict(experiment="e", flight="f", parameters={"seed": 1}, values=values, images={"p": np.zeros((2, 3, 3), np.uint8)})
+    return Record(**content | changes)
+
+
+def test_a_record_reads_back(tmp_path):
+    record = make_record()
+    loaded = Record.load(record.save(tmp_path))
+    assert loaded.values == {"a": 1.5, "b": [1.0, None], "c": 3, "d": {"e": True, "f": None}}
+    np.testing.assert_array_equal(loaded.images["p"], record.images["p"])
+    assert loaded.parameters == {"seed": 1}
+
+
+def test_equal_records_give_equal_bytes(tmp_path):
+    paths = [make_record(values=values).save(tmp_path / name) for name, values in (("1", {"x": 1, "y": 2}), ("2", {"y": 2, "x": 1}))]
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"schema": 1}', '{"schema": 99, "images": {}}'])
+def test_damaged_and_newer_records_are_one_clear_error(tmp_path, text):
+    (tmp_path / "e.json").write_text(text)
+    with pytest.raises(TrextonError, match="again|update"):
+        Record.load(tmp_path / "e.json")
+
+
+def test_plain_keeps_only_what_json_can_say():
+    assert plain((np.float32(0.5), np.inf, {1: np.bool_(True)})) == [0.5, None, {"1": True}]
+
+
+def test_the_cache_computes_once_and_again_when_an_input_changes(tmp_path, monkeypatch):
+    monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
+    calls = []
+
+    def compute():
+        calls.append(1)
+        return {"x": np.arange(3)}
+
+    for inputs, expected in (({"n": 1}, 1), ({"n": 1}, 1), ({"n": 2}, 2)):
+        np.testing.assert_array_equal(cached("kind", "trexton.files", inputs, compute)["x"], [0, 1, 2])
+        assert len(calls) == expected
+    cached("kind", "trexton.metrics", {"n": 1}, compute)  # other code
+    assert len(calls) == 3
+    for path in tmp_path.iterdir():
+        path.write_bytes(path.read_bytes()[:40])  # a damaged file is made again
+    cached("kind", "trexton.files", {"n": 1}, compute)
+    assert len(calls) == 4
+
+
+def test_code_hashes_follow_imports():
+    found = code_hashes("trexton.localizer")
+    assert {"trexton.localizer", "trexton.particles", "trexton.histograms", "trexton.errors"} <= found.keys()
+    assert "trexton.cli" not in found and all(len(value) == 64 for value in found.values())
+
+
+def test_atomic_writes_leave_all_or_nothing(tmp_path):
+    target = tmp_path / "file.txt"
+    target.write_text("old")
+    with pytest.raises(RuntimeError), atomic_file(target) as stream:
+        stream.write("half")
+        raise RuntimeError
+    assert target.read_text() == "old" and list(tmp_path.iterdir()) == [target]
+    folder = tmp_path / "folder"
+    for content in ("one", "two"):
+        with atomic_folder(folder) as temporary:
+            (temporary / content).write_text(content)
+        assert [path.name for path in folder.iterdir()] == [content]
+    with pytest.raises(RuntimeError), atomic_folder(folder) as temporary:
+        (temporary / "three").write_text("three")
+        raise RuntimeError
+    assert [path.name for path in folder.iterdir()] == ["two"] and len(list(tmp_path.iterdir())) == 2
+
+
+def test_digests_tell_type_and_shape_apart():
+    values = [np.zeros(4), np.zeros((2, 2)), np.zeros(4, np.float32), b"\0" * 32, [0, 0, 0, 0]]
+    assert len({digest(value) for value in values}) == len(values)
+    assert digest([1], [2]) != digest([1, 2])
