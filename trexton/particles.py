@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trexton.errors import ParameterError
+from trexton.kernels import in_strips
 
 __all__ = [
     "Belief",
@@ -28,6 +29,11 @@ __all__ = [
     "systematic_resampling",
 ]
 
+# Pairs of particles whose densities are held at once: they stay in the processor's cache.
+_PAIRS = 2**16
+_WORTH_THREADS = 64  # blocks of pairs; fewer are done before a thread has started
+# Particles further apart than this log density count as this far: denormal numbers would take ten times as long.
+_FAR = -500.0
 # Below this the plain weights would all be zero in double precision: no particle explains the measurement.
 _VANISHED = np.log(np.finfo(float).tiny)
 
@@ -60,25 +66,40 @@ class GaussianMotion:
 
     def sample(self, particles: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Move every particle by its own draw of the process noise."""
-        return particles + rng.standard_normal(particles.shape) @ self._color.T
+        moved = rng.standard_normal(particles.shape) @ self._color.T
+        moved += particles
+        return moved
 
     def log_predictive(self, particles: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """``(M,)`` log of sum_j p(x_i | x_j at t-1) w_j, up to a constant that all particles share."""
         center = previous[0]  # keeps the expanded squares small, and so exact
-        a, b = (particles - center) @ self._whiten.T, (previous - center) @ self._whiten.T
+        # -|a - b|^2 / 2 of all pairs is one product of [a, -|a|^2 / 2, 1] with [b, 1, -|b|^2 / 2].
+        a = _quadratic((particles - center) @ self._whiten.T, -2, -1)
+        b = _quadratic((previous - center) @ self._whiten.T, -1, -2).T
         result = np.empty(len(a))
-        block = max(1, 2**18 // len(b))  # bounds memory for large particle sets
-        b_norm = np.einsum("ij,ij->i", b, b)
-        for first in range(0, len(a), block):
-            part = a[first : first + block]
-            exponent = part @ b.T
-            exponent -= 0.5 * b_norm
-            exponent -= 0.5 * np.einsum("ij,ij->i", part, part)[:, None]
-            np.minimum(exponent, 0, out=exponent)
-            np.exp(exponent, out=exponent)
-            result[first : first + block] = exponent @ weights
-        with np.errstate(divide="ignore"):
-            return np.log(result)
+        rows = min(len(a), max(1, _PAIRS // b.shape[1]))
+        firsts = range(0, len(a), rows)
+
+        def work(part: slice) -> None:
+            buffer = np.empty((rows, b.shape[1]))
+            for first in firsts[part]:
+                block = a[first : first + rows]
+                density = np.matmul(block, b, out=buffer[: len(block)])
+                np.maximum(density, _FAR, out=density)
+                np.exp(density, out=density)
+                np.matmul(density, weights, out=result[first : first + rows])
+
+        in_strips(work, len(firsts), None if len(firsts) >= _WORTH_THREADS else 1)
+        return np.log(result)
+
+
+def _quadratic(points: np.ndarray, square: int, one: int) -> np.ndarray:
+    """``(M, 4)``: the points, and in the columns named -|p|^2 / 2 and 1."""
+    features = np.empty((len(points), 4))
+    features[:, :2] = points
+    features[:, square] = np.square(points) @ (-0.5, -0.5)
+    features[:, one] = 1
+    return features
 
 
 class RankMixture:
@@ -95,8 +116,8 @@ class RankMixture:
         if covariances.ndim != 3 or not len(covariances):
             raise ParameterError(f"rank covariances have shape {covariances.shape}: expected (k, 2, 2), one for each neighbour")
         self._whiten = np.stack([_whitener(covariance, f"rank {j + 1}") for j, covariance in enumerate(covariances)])
-        self._columns = self._whiten.reshape(-1, 2).T
-        self._log_norm = np.log(np.abs(np.linalg.det(self._whiten))) - np.log(2 * np.pi)
+        self._rows = self._whiten.reshape(-1, 2)  # whitens for all ranks at once
+        self._log_norm = (np.log(np.abs(np.linalg.det(self._whiten))) - np.log(2 * np.pi))[:, None]
 
     @property
     def k(self) -> int:
@@ -106,11 +127,16 @@ class RankMixture:
         """``(M,)`` log of the mixture density of `measurement` at each particle."""
         if measurement.shape != (self.k, 2):
             raise ParameterError(f"the measurement has shape {measurement.shape}: expected ({self.k}, 2), one position for each rank")
-        offset = np.einsum("jab,jb->ja", self._whiten, measurement).ravel()
-        deviation = (particles @ self._columns - offset).reshape(len(particles), self.k, 2)
-        exponent = self._log_norm - 0.5 * np.einsum("mja,mja->mj", deviation, deviation)
-        peak = exponent.max(axis=1)
-        return peak + np.log(np.exp(exponent - peak[:, None]).sum(axis=1))
+        deviation = self._rows @ particles.T
+        deviation -= (self._whiten @ measurement[..., None]).reshape(-1, 1)
+        deviation *= deviation
+        exponent = deviation[::2] + deviation[1::2]  # (k, M)
+        exponent *= -0.5
+        exponent += self._log_norm
+        peak = exponent.max(axis=0)
+        exponent -= peak
+        np.exp(exponent, out=exponent)
+        return np.log(exponent.sum(axis=0)) + peak
 
 
 def resampling_wheel(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -120,18 +146,18 @@ def resampling_wheel(weights: np.ndarray, rng: np.random.Generator) -> np.ndarra
     max w / mean w steps a particle; a search in the cumulated weights finds the same particles.
     """
     start = rng.integers(len(weights))
-    ends = np.cumsum(weights)
-    travelled = np.cumsum(rng.random(len(weights))) * (2 * weights.max())
+    ends = weights.cumsum()
+    travelled = rng.random(len(weights)).cumsum() * (2 * weights.max())
     places = (ends[start] - weights[start] + travelled) % ends[-1]
-    return np.minimum(np.searchsorted(ends, places, side="left"), len(weights) - 1)
+    return np.minimum(ends.searchsorted(places, side="left"), len(weights) - 1)
 
 
 def systematic_resampling(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """``(M,)`` indices from one random offset and equal steps: counts differ from M w by less than one."""
     count = len(weights)
-    ends = np.cumsum(weights)
+    ends = weights.cumsum()
     places = (np.arange(count) + rng.random()) / count * ends[-1]
-    return np.minimum(np.searchsorted(ends, places, side="right"), count - 1)
+    return np.minimum(ends.searchsorted(places, side="right"), count - 1)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -237,9 +263,10 @@ class ParticleFilter:
     def step(self, measurement: np.ndarray | None) -> Belief:
         """Advance one frame; `measurement` is ``(k, 2)`` metres, or None where nothing was measured: predict only."""
         previous = self.belief
-        particles = previous.particles.copy()
-        if previous.measured:  # equal weights need no resampling, which would only lose particles
-            particles = particles[self._resample(previous.weights, self.rng)]
+        if previous.measured:
+            particles = previous.particles.take(self._resample(previous.weights, self.rng), axis=0)
+        else:  # equal weights need no resampling, which would only lose particles
+            particles = previous.particles.copy()
         if self.recovery is not None:
             self.recovery.inject(particles, self)
         particles = self.motion.sample(particles, self.rng)
