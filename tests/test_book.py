@@ -19,6 +19,7 @@ from trexton.book import build_small_book
 from trexton.book import flights as book_flights
 from trexton.book.audit import audit
 from trexton.book.flights import prepare_flights
+from trexton.book.library import MODULES, describe_module
 from trexton.book.prose import Tree, render
 from trexton.book.stage import Contents, stage
 from trexton.errors import DataError, TrextonError
@@ -264,3 +265,19 @@ def test_no_page_asks_another_host_in_a_real_browser(built_book, tmp_path):
     loaded = {entry["url"] for entry in requests if "url" in entry and entry.get("initiator", "not an origin") != "not an origin"}
     assert any("book.css" in url for url in loaded), "the log does not show what the page loads"
     assert [url for url in loaded if not url.startswith((host, "data:"))] == []
+
+
+# --- the page on the library ------------------------------------------------------------------------------------------
+
+
+def test_every_module_of_the_library_page_exists_and_names_what_is_public():
+    for name in MODULES:
+        text = describe_module(name)
+        assert text.startswith(f"## {name}\n"), f"{name} is not there"
+    text = describe_module("trexton.flights.flight")
+    assert "Flight(\n    name: str,\n    frame: np.ndarray," in text and "- `.part(name: str) -> Flight`: The frames" in text
+    assert describe_module("trexton.no_such_module") == ""
+
+
+def test_what_markdown_takes_for_markup_is_made_harmless(page):
+    assert page("{{ words | text }}", words="<b> {role}`x` $1 *z* [l](m)") == r"\<b\> \{role\}\`x\` \$1 \*z\* \[l\](m)"

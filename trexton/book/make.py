@@ -9,6 +9,7 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib.metadata import version
 from pathlib import Path
 
 from trexton.book.audit import audit
@@ -18,9 +19,10 @@ from trexton.cache import code_hashes, repository_root
 from trexton.errors import TrextonError
 from trexton.files import atomic_file, digest
 from trexton.progress import say
-from trexton.records import software_versions
 from trexton.runner import FlightPair, Outcome, run_experiments
 from trexton.runner.stamps import outputs_of
+
+_BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "sphinx-mathjax-offline")
 
 __all__ = ["Made", "build_small_book", "make_book"]
 
@@ -77,7 +79,7 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
         source = Path(name) / "source"
         source.mkdir()
         stage(contents, source, toc_file)
-        key = digest(_tree_hash(source), code_hashes("trexton.book"), software_versions())
+        key = digest(_tree_hash(source), code_hashes("trexton.book"), {name: version(name) for name in _BUILDERS})
         if (html / "index.html").is_file() and stamp.is_file() and stamp.read_text() == key:
             return f"book: reused, none of its pages changed ({html / 'index.html'})"
         stamp.unlink(missing_ok=True)

@@ -6,6 +6,7 @@ A name that no record has stops the build with the page and the name; what may b
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import jinja2
@@ -51,6 +52,11 @@ def span(entry: dict, digits: int = 0) -> str:
     return f"{fixed(middle, digits)} [{fixed(entry['low'], digits)}, {fixed(entry['high'], digits)}]"
 
 
+def text(words: str) -> str:
+    """Words from a flight's header, with everything that Markdown would take for markup made harmless."""
+    return re.sub(r"([^\w\s.,;:'()/-])", r"\\\1", " ".join(str(words).split()))
+
+
 def render(path: Path, context: dict, pages: set[str], pictures: dict[str, str]) -> str:
     """The page `path` with its numbers filled in.
 
@@ -77,7 +83,7 @@ def render(path: Path, context: dict, pages: set[str], pictures: dict[str, str])
         undefined=jinja2.StrictUndefined, keep_trailing_newline=True, trim_blocks=True, lstrip_blocks=True,
         comment_start_string="{##", comment_end_string="##}", autoescape=False,
     )  # fmt: skip
-    environment.filters |= {"fixed": fixed, "span": span}
+    environment.filters |= {"fixed": fixed, "span": span, "text": text}
     try:
         template = environment.from_string(path.read_text(encoding="utf-8"))
         return template.render(context | {"paper": Tree(published()), "see": see, "picture": pictures.get})

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import yaml
 
+from trexton.book.library import MODULES, describe_module
 from trexton.book.prose import records_by_name, render
 from trexton.errors import DataError
 from trexton.experiments import EXPERIMENTS
@@ -96,6 +97,7 @@ def _context(contents: Contents) -> dict:
     return {
         "sim": records.get("sim-survey", {}), "cyberzoo": records.get("cyberzoo", {}),
         "records": records, "flights": flights, "flight": named, "absent": dict(contents.absent),
+        "modules": [text for name in MODULES if (text := describe_module(name))],
     }  # fmt: skip
 
 

@@ -55,9 +55,13 @@ class _Task:
         return (self.pair.name if self.pair else "", self.notebook.name)
 
 
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def default_jobs() -> int:
     """As many notebooks at once as there are processors and memory for."""
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    cores = _cores()
     try:
         free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     except (ValueError, OSError, AttributeError):
@@ -213,7 +217,7 @@ class _Run:
 
     def _execute(self, task: _Task) -> Outcome:
         task.stamp.clear()
-        threads = None if task.experiment.alone else max(1, (os.cpu_count() or 1) // self.jobs)
+        threads = None if task.experiment.alone else max(1, _cores() // self.jobs)
         given = task.pair.parameters(self.out) if task.pair else {"out": str(self.out)}
         job = {
             "notebook": str(task.notebook.path),
