@@ -1,0 +1,73 @@
+"""The main experiment: the real flight's known figures, the simulated line end to end, equal bytes from equal seeds."""
+
+import json
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from trexton.experiments import mocap_training
+from trexton.figures import mocap_training as figures
+
+SCRIPT = """
+import sys
+from trexton.experiments import mocap_training
+from trexton.flights import read_flight
+from trexton.simulator import record_flight
+
+folder = sys.argv[1]
+train = record_flight(folder + "/train", frames=30, every=8, seed=3)
+test = record_flight(folder + "/test", frames=6, every=4, pattern="waypoints")
+mocap_training.run(train, test, samples=50, textons=6, particles=20, neighbors=2, repeats=2).save(folder + "/results")
+"""
+
+
+def mean_cm(record, what, axis):
+    return record.values[what][f"error_cm_{axis}"]["median"]
+
+
+def test_the_real_flight_gives_the_known_knn_errors(cyberzoo):
+    record = mocap_training.run(cyberzoo.part("train"), cyberzoo.part("test"), repeats=3)
+    assert mean_cm(record, "knn", "x") == pytest.approx(18, abs=2)
+    assert mean_cm(record, "knn", "y") == pytest.approx(26, abs=2)
+    assert record.values["counts"]["train"] == 325 and record.values["counts"]["test"] == 299
+    assert record.values["applies"] == {"sampling": False, "dictionary": False}
+    # Plain k-NN, written out, gives the same.
+    train, test = cyberzoo.part("train"), cyberzoo.part("test")
+    distance = np.linalg.norm(test.histograms[:, None] - train.histograms[None], axis=2)
+    mean = train.position[np.argsort(distance, axis=1, kind="stable")[:, :5]].mean(axis=1)
+    np.testing.assert_allclose(record.series["knn_m"], mean, atol=1e-9)
+
+
+def test_the_mirrored_split_is_no_accident(cyberzoo):
+    train, test = cyberzoo.part("train_mirrored"), cyberzoo.part("test_mirrored")
+    record = mocap_training.run(train, test, repeats=1)
+    for axis in "xy":
+        assert mean_cm(record, "knn", axis) < 0.5 * mean_cm(record, "shuffled_neighbors", axis)
+
+
+def test_equal_seeds_give_equal_bytes_under_any_hash_seed_and_threads(tmp_path):
+    contents = []
+    for hash_seed, threads in (("1", "1"), ("2", "2")):
+        folder = tmp_path / hash_seed
+        settings = {"PYTHONHASHSEED": hash_seed, "OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads}
+        environment = os.environ | settings | {"TREXTON_CACHE": str(folder / "cache")}
+        subprocess.run([sys.executable, "-c", SCRIPT, str(folder)], env=environment, check=True)
+        record = json.loads((folder / "results" / "mocap_training.json").read_text())
+        record.pop("timings")
+        contents.append(json.dumps(record))
+    assert contents[0] == contents[1]
+
+
+def test_figures_draw_the_records_numbers(cyberzoo):
+    record = mocap_training.run(cyberzoo.part("train"), cyberzoo.part("test"), repeats=1)
+    plan = figures.floor_plan(record).axes[0]
+    drawn = {line.get_label(): line.get_xydata() for line in plan.lines}
+    np.testing.assert_array_equal(drawn["motion capture"], record.series["truth_m"])
+    np.testing.assert_array_equal(drawn["estimate (every 5th frame)"], record.series["estimate_m"][::5])
+    error = figures.error_over_time(record).axes[1].lines
+    np.testing.assert_allclose(error[3].get_ydata()[0], mean_cm(record, "filter", "y"))
+    spread = figures.spread_over_time(record).axes[0].lines[0].get_ydata()
+    np.testing.assert_allclose(spread, 100 * np.array(record.series["spread_m"])[:, 0])
