@@ -391,5 +391,5 @@ def test_kidnapped_and_found_again():
         errors = [np.hypot(*(estimate.position - truth)) for estimate, truth in track]
         recovered.append(next((index for index, error in enumerate(errors) if error < 0.8), None))
         declared += any(Fix.of(estimate, 0.0, 1, AREA).lost for estimate, _ in track[:10])
-    assert sum(index is not None for index in recovered) >= 7
-    assert declared >= 6
+    assert all(index is not None and index < 25 for index in recovered)
+    assert declared >= 2  # most are found within a few frames, before the particles have spread

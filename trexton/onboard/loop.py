@@ -72,6 +72,8 @@ class Onboard:
     def run(self, stop: threading.Event) -> dict:
         """Go on until the source ends, `frames` are done or `stop` is set; returns the summary."""
         feed = feed_from(self.source, self.tally)
+        if self.log is not None:
+            self.log.event({"event": "start", "unix_s": time.time(), "clock_s": self._clock(), "map": self.localizer.map.provenance})
         try:
             while not stop.is_set() and (self._frames is None or self.tally["frames"] < self._frames):
                 started = self._clock()

@@ -71,7 +71,10 @@ class Speaker:
         if not fix.usable:
             self._fix, self._failed = None, fix if fix.finite else None
         elif fix.observed:
-            self._fix, self._failed, self._told_at, self._sent = fix, None, now, 0
+            self._fix, self._failed = fix, None
+        else:
+            return
+        self._told_at, self._sent = now, 0
 
     def land(self, confirmation: int) -> bool:
         """Put a landing command out; False while no autopilot is there to obey it."""
@@ -122,20 +125,20 @@ class Speaker:
         """The position message that is due, if one is."""
         if self._fix is not None and now - self._told_at > PATIENCE:
             self._fix = None
-        fix = self._fix or self._failed
-        if fix is None or (self._sent and (not self.profile.repeat_rate or now < self._repeat_at())):
+        fix, first = self._fix or self._failed, not self._sent
+        if fix is None or not (first or (self.profile.repeat_rate and now >= self._repeat_at())):
             return None
         attitude = self._attitude_at(fix.time)
         if attitude is None and self.profile.needs_attitude:
             self.withheld += 1
             self._fix = self._failed = None
             return None
+        self._sent += 1
         if fix is self._failed:
             self._failed = None
             return self.profile.failed(fix, self._stamp(fix.time), attitude)
         # A repetition is the motion model's prediction for a later moment: same place, more uncertainty.
-        stamp = max(fix.time + max(0.0, now - self._told_at if self._sent else 0.0), self._last_stamp + SHORTEST_STEP)
-        self._sent += 1
+        stamp = max(fix.time + (0.0 if first else max(0.0, now - self._told_at)), self._last_stamp + SHORTEST_STEP)
         covariance = self._shared(fix.covariance) + self._motion_rate * (stamp - fix.time)
         return self.profile.position(fix, self._stamp(stamp), covariance, attitude)
 

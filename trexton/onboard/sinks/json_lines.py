@@ -38,11 +38,11 @@ def row(fix: Fix) -> dict:
 
 
 class JsonLines(Sink):
-    """Fixes as JSON lines; with `events`, events as lines that have an ``event`` key."""
+    """Fixes as JSON lines; with `events` it is a log: events are lines with an ``event`` key, and an old file is kept."""
 
     def __init__(self, path: str, events: bool = False):
         self.name = f"json:{path or '-'}"
-        self._file, self._events = LineFile(path), events
+        self._file, self._events = LineFile(path, keep=events), events
 
     def open(self) -> None:
         self._file.open()

@@ -21,6 +21,8 @@ class LineFile:
         Empty or ``-`` for standard output.
     header : str
         First line of a new file; empty for none.
+    keep : bool
+        Add to what the file holds already; otherwise it is emptied.
 
     Raises
     ------
@@ -28,13 +30,13 @@ class LineFile:
         The file cannot be made at all.
     """
 
-    def __init__(self, path: str, header: str = ""):
+    def __init__(self, path: str, header: str = "", keep: bool = False):
         self.path, self._header = path, header
         self._descriptor: int | None = None
         self._torn = False
         if not self._standard:
             try:
-                os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644))
+                os.close(os.open(path, os.O_WRONLY | os.O_CREAT | (0 if keep else os.O_TRUNC), 0o644))
             except OSError as error:
                 raise ParameterError(f"{path}: cannot be written ({error.strerror}): give a file in a folder that exists") from None
 

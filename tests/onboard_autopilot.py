@@ -1,0 +1,79 @@
+"""A receiver of its own for MAVLink over loopback UDP, and a small simulated autopilot made of it. Needs pymavlink."""
+
+from __future__ import annotations
+
+import socket
+import threading
+import time
+from collections.abc import Callable
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+ATTITUDE = (0.1, -0.2, 1.5)
+AUTOPILOT_HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 4, 3)
+
+
+class Peer:
+    """Decodes whatever comes to its port, and can answer the sender."""
+
+    def __init__(self, port: int = 0):
+        self.socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.socket.bind(("127.0.0.1", port))
+        self.socket.settimeout(0.05)
+        self.port = self.socket.getsockname()[1]
+        self.codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self.received, self.address, self._stop = [], None, threading.Event()
+        self.thread = threading.Thread(target=self._listen, daemon=True)
+        self.thread.start()
+
+    def _listen(self) -> None:
+        while not self._stop.is_set():
+            try:
+                data, self.address = self.socket.recvfrom(4096)
+            except OSError:
+                data = b""
+            messages = self.codec.parse_buffer(data) or []
+            self.received += messages
+            self.react(messages)
+
+    def react(self, messages: list) -> None:
+        """What an autopilot would do."""
+
+    def send(self, *parts) -> None:
+        for message in parts:
+            self.socket.sendto(message if isinstance(message, bytes) else message.pack(self.codec), self.address)
+
+    def of(self, kind: str) -> list:
+        return [message for message in list(self.received) if message.get_type() == kind]
+
+    def close(self) -> None:
+        self._stop.set()
+        self.thread.join()
+        self.socket.close()
+
+
+class Autopilot(Peer):
+    """Beats, tells its attitude, and answers the landing command: "accepts", "denies" or "is silent".
+
+    `land` is called once it has accepted.
+    """
+
+    def __init__(self, manner: str, land: Callable[[], None]):
+        self.manner, self._land, self._beat_at = manner, land, 0.0
+        super().__init__()
+
+    def react(self, messages: list) -> None:
+        if self.address is not None and time.monotonic() >= self._beat_at:
+            self._beat_at = time.monotonic() + 0.2
+            self.send(AUTOPILOT_HEARTBEAT, mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0))
+        for message in messages:
+            if message.get_type() != "COMMAND_LONG" or message.command != mavlink.MAV_CMD_NAV_LAND or self.manner == "is silent":
+                continue
+            self.send(mavlink.MAVLink_command_ack_message(message.command, 0 if self.manner == "accepts" else 2))
+            if self.manner == "accepts":
+                self._land()
+
+    @property
+    def commands(self) -> list[int]:
+        """The confirmation of each landing command."""
+        return [message.confirmation for message in self.of("COMMAND_LONG") if message.command == mavlink.MAV_CMD_NAV_LAND]

@@ -1,0 +1,98 @@
+"""The onboard script stands alone: what it imports, and what its command line says about mistakes."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import small_flight
+
+from trexton.cli import main
+from trexton.localizer import TextonMap
+
+# numba looks for SciPy when it compiles, and goes without where there is none.
+HEAVY = ("pandas", "matplotlib", "scipy", "IPython", "ipykernel", "jupyter_core", "nbformat", "papermill", "sklearn", "pooch", "tqdm")
+
+
+NEVER = tuple(name for name in HEAVY if name != "scipy")
+
+
+def test_import_pulls_in_nothing_heavy():
+    code = (
+        "import sys, pkgutil, importlib, trexton.onboard as package\n"
+        "for found in pkgutil.walk_packages(package.__path__, 'trexton.onboard.'):\n"
+        "    importlib.import_module(found.name)\n"
+        "import trexton.commands.onboard\n"
+        f"print([name for name in {HEAVY!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_flight_of_the_script_pulls_in_nothing_heavy_either(flight_folder, tmp_path):
+    path = TextonMap.train(small_flight(60), neighbors=3, rng=np.random.default_rng(1)).save(tmp_path / "map.npz")
+    code = (
+        "import sys\nfrom trexton.cli import main\n"
+        f"status = main(['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', 'csv:' + {str(tmp_path / 'out.csv')!r}, '-q'])\n"
+        f"print(status, [name for name in {(*NEVER, 'pymavlink', 'ivy')!r} if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "0 []" and done.stderr == ""
+
+
+@pytest.mark.parametrize("extra", ["pymavlink", "ivy"])
+def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
+    path = TextonMap.train(small_flight(60), neighbors=3, rng=np.random.default_rng(1)).save(tmp_path / "map.npz")
+    output = {"pymavlink": "udpout:127.0.0.1:14540", "ivy": "paparazzi:1"}[extra]
+    code = (
+        f"import sys\nsys.modules[{extra!r}] = None\nfrom trexton.cli import main\n"
+        f"sys.exit(main(['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', {output!r}]))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "pip install 'trexton[" in done.stderr and "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("options", "sentence"),
+    [
+        (["--camera", "nowhere"], "camera 'nowhere'"),
+        (["--output", "smoke"], "output 'smoke'"),
+        (["--arm-landing"], "without --land"),
+        (["--land", "1,1", "--arm-landing"], "add --output udpout"),
+        (["--land", "1,1", "--radius", "-1"], "radius"),
+        (["--rate", "0"], "rate 0.0"),
+        (["--frames", "0"], "at least 1"),
+        (["--origin", "91,0,0"], "origin"),
+        (["--height", "-1"], "height"),
+        (["--particles", "0"], "particles"),
+        (["--log", "/no/such/folder/log"], "cannot be written"),
+    ],
+)
+def test_mistakes_on_the_command_line_get_one_sentence(options, sentence, flight_folder, tmp_path, capsys):
+    path = TextonMap.train(small_flight(60), neighbors=3, rng=np.random.default_rng(1)).save(tmp_path / "map.npz")
+    camera = [] if "--camera" in options else ["--camera", str(flight_folder)]
+    assert main(["onboard", str(path), *camera, *options]) == 1
+    errors = capsys.readouterr().err
+    assert sentence in errors and len(errors.splitlines()) == 1
+
+
+def test_no_map(capsys):
+    assert main(["onboard", "no-such-map.npz"]) == 1
+    assert "no such map" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("options", [["--land", "1"], ["--land", "a,b"], ["--spread", "1,2,3"], ["--pace", "slow"]])
+def test_wrong_usage(options, capsys):
+    with pytest.raises(SystemExit) as error:
+        main(["onboard", "map.npz", *options])
+    assert error.value.code == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_the_systemd_unit_names_the_command():
+    unit = (Path(__file__).parent.parent / "examples" / "trexton-onboard.service").read_text()
+    assert "trexton onboard" in unit and "KillSignal=SIGTERM" in unit and "Restart=" in unit

@@ -1,0 +1,145 @@
+"""The landing: the trigger, the command, and an autopilot that accepts, denies, delays or says nothing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from onboard_tools import make_estimate, make_fix
+
+from trexton.landing import LandingZone
+from trexton.onboard.commander import NAV_LAND, Commander, State
+
+INSIDE, OUTSIDE = (2.5, 2.5), (4.5, 2.5)
+
+
+class Autopilot:
+    """Takes landing commands and answers when told to."""
+
+    def __init__(self):
+        self.confirmations, self.queue = [], []
+
+    def land(self, confirmation: int) -> bool:
+        self.confirmations.append(confirmation)
+        return True
+
+    def answers(self) -> list:
+        queue, self.queue = self.queue, []
+        return queue
+
+    def answer(self, result: int, command: int = NAV_LAND) -> None:
+        self.queue.append(type("Answer", (), {"command": command, "result": result}))
+
+
+class Flight:
+    """A commander and the estimates it is fed, 0.1 s apart."""
+
+    def __init__(self, armed=True, consecutive=3, **options):
+        self.autopilot, self.events, self.now = Autopilot(), [], 0.0
+        zone = LandingZone(INSIDE, 0.6, 0.6, consecutive)
+        self.commander = Commander(zone, [self.autopilot] if armed else [], self.events.append, **options)
+
+    def fly(self, frames=1, position=INSIDE, spread=(0.2, 0.2), lost=False, observed=True, stale=False) -> State:
+        for _ in range(frames):
+            estimate = make_estimate(position, spread, lost, observed)
+            fix = make_fix(self.now, position, np.diag(np.square(spread)), lost=lost, observed=observed, stale=stale)
+            self.commander.update(estimate, fix, self.now)
+            self.now += 0.1
+        return self.commander.state
+
+    @property
+    def states(self) -> list[str]:
+        return [event["state"] for event in self.events if event["event"] == "landing"]
+
+
+class TestTrigger:
+    def test_a_number_of_consecutive_estimates(self):
+        flight = Flight()
+        assert flight.fly(2) is State.WATCHING
+        flight.fly(position=OUTSIDE)
+        assert flight.fly(2) is State.WATCHING
+        assert flight.fly() is State.ASKED
+        assert flight.autopilot.confirmations == [0]
+
+    @pytest.mark.parametrize(
+        "condition",
+        [
+            {"position": OUTSIDE}, {"spread": (0.7, 0.2)}, {"spread": (0.2, 0.7)}, {"lost": True}, {"observed": False}, {"stale": True},
+            {"position": (np.nan, 2.5)},
+        ],
+    )  # fmt: skip
+    def test_each_condition_alone_keeps_it_from_landing(self, condition):
+        flight = Flight()
+        assert flight.fly(20, **condition) is State.WATCHING
+        flight.fly(2)
+        flight.fly(1, **condition)
+        assert flight.fly(2) is State.WATCHING
+        assert flight.autopilot.confirmations == []
+
+    def test_dry_run_only_says_so(self):
+        flight = Flight(armed=False)
+        assert flight.fly(30) is State.WOULD_LAND
+        assert flight.states == [State.WOULD_LAND.value]
+        assert flight.events[0]["x_m"] == 2.5
+        assert flight.fly(position=OUTSIDE) is State.WATCHING
+        assert flight.fly(3) is State.WOULD_LAND
+
+
+class TestAnswers:
+    def test_accepted(self):
+        flight = Flight()
+        flight.fly(3)
+        flight.autopilot.answer(0)
+        assert flight.fly() is State.LANDING
+        assert flight.fly(50, position=OUTSIDE) is State.LANDING
+        assert flight.autopilot.confirmations == [0]
+
+    @pytest.mark.parametrize(("result", "why"), [(2, "denied"), (3, "unsupported"), (4, "failed"), (6, "cancelled"), (9, "result 9")])
+    def test_refused_is_reported_and_not_repeated_until_the_zone_is_entered_again(self, result, why):
+        flight = Flight()
+        flight.fly(3)
+        flight.autopilot.answer(result)
+        assert flight.fly(50) is State.REFUSED
+        assert flight.commander.why == why
+        flight.fly(1, observed=False)
+        assert flight.fly(50) is State.REFUSED
+        assert flight.autopilot.confirmations == [0]
+        flight.fly(1, position=OUTSIDE)
+        assert flight.fly(3) is State.ASKED
+        assert flight.autopilot.confirmations == [0, 0]
+
+    def test_silence_is_asked_again_with_confirmation_counted_up_and_then_given_up(self):
+        flight = Flight(answer_within=1.0, attempts=5)
+        flight.fly(3)
+        assert flight.fly(39) is State.ASKED
+        assert flight.autopilot.confirmations == [0, 1, 2, 3]
+        assert flight.fly(30) is State.UNANSWERED
+        assert flight.autopilot.confirmations == [0, 1, 2, 3, 4]
+        flight.autopilot.answer(0)  # a late answer still means that it lands
+        assert flight.fly() is State.LANDING
+
+    @pytest.mark.parametrize("result", [1, 5])
+    def test_in_progress_or_temporarily_rejected_is_given_time(self, result):
+        flight = Flight(answer_within=1.0)
+        flight.fly(3)
+        flight.fly(8)
+        flight.autopilot.answer(result)
+        flight.fly(8)
+        assert flight.autopilot.confirmations == [0]
+        flight.fly(5)
+        assert flight.autopilot.confirmations == [0, 1]
+        flight.autopilot.answer(0)
+        assert flight.fly() is State.LANDING
+
+    def test_no_further_command_once_the_conditions_no_longer_hold(self):
+        flight = Flight()
+        flight.fly(3)
+        assert flight.fly(40, position=OUTSIDE) is State.WATCHING
+        assert flight.autopilot.confirmations == [0]
+
+    def test_answers_to_other_commands_mean_nothing(self):
+        flight = Flight()
+        flight.autopilot.answer(0)
+        assert flight.fly(2) is State.WATCHING
+        flight.fly(1)
+        flight.autopilot.answer(0, command=511)
+        assert flight.fly() is State.ASKED
