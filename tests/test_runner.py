@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import signal
@@ -323,6 +324,15 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(without_kerne
     house.experiments = {"first": Experiment("First")}
     assert house.run()["first"].reasons == ("no finished run",)
     assert sorted(path.name for path in (house.out / "small").iterdir()) == ["first-chart.svg", "first.ipynb", "first.json"]
+
+
+def test_two_runs_do_not_write_to_one_folder(without_kernels, house):
+    (house.out / ".stamps").mkdir(parents=True)
+    with open(house.out / ".stamps" / "lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        with pytest.raises(TrextonError, match="another run is writing to"):
+            house.run()
+    assert statuses(house.run()) == {"first": "ran", "second": "ran"}
 
 
 def wait_for(condition, seconds=30):

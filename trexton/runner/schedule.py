@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -102,14 +104,25 @@ def run_experiments(
     chosen = _choose(folder, experiments, only)
     tasks = _plan(pairs, out, chosen, experiments, _settings_of(chosen, settings or {}))
     jobs = max(1, jobs or default_jobs())
-    out.mkdir(parents=True, exist_ok=True)
     display = Display(len(tasks))
-    with Crew(jobs) as crew, ThreadPoolExecutor(jobs) as pool, display:
+    with _sole_writer(out), Crew(jobs) as crew, ThreadPoolExecutor(jobs) as pool, display:
         try:
             return _Run(tasks, out, crew, pool, display, jobs).outcomes()
         except BaseException:
             crew.stop()
             raise
+
+
+@contextmanager
+def _sole_writer(out: Path) -> Iterator[None]:
+    """Hold the folder of results; the system lets go of it even if this process is killed."""
+    (out / ".stamps").mkdir(parents=True, exist_ok=True)
+    with open(out / ".stamps" / "lock", "w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise TrextonError(f"another run is writing to {out}: wait for it, or choose another folder") from None
+        yield
 
 
 def _notebook_folder(notebooks: str | os.PathLike | None) -> Path:
