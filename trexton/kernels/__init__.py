@@ -8,8 +8,12 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib import import_module
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 from trexton.errors import ParameterError
+
+if TYPE_CHECKING:  # names them for the cache too, which follows imports to know what code a result depends on
+    from trexton.kernels import kohonen_steps, label_rows, nearest_rows  # noqa: F401
 
 __all__ = ["BACKENDS", "compiled", "thread_count", "in_strips"]
 

@@ -1,0 +1,90 @@
+"""The k rows of a table nearest to a query, by brute force and through a tree of boxes: the same bits.
+
+Differences are squared and added feature by feature without fused operations, as NumPy does on any processor.
+Both functions return ``(k,)`` indices and squared distances, nearest first, equals by index.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+_BLOCK = 512
+_SLACK = 1 - 1e-12  # bounds are added in another order than distances: never prune by a rounding error
+
+
+@njit(cache=True, nogil=True)
+def _squared_distances(columns, query, sums):
+    """Of each row of a block, which is given transposed ``(K, size)`` so that its rows fill vectors."""
+    sums[: columns.shape[1]] = 0
+    for feature in range(len(query)):
+        value, column = query[feature], columns[feature]
+        for i in range(len(column)):
+            difference = column[i] - value
+            sums[i] += difference * difference
+
+
+@njit(cache=True, nogil=True)
+def _insert(row, distance, index, squared):
+    """Keep the sorted lists sorted; for candidates that belong before the last."""
+    place = len(squared) - 1
+    while place > 0 and (distance < squared[place - 1] or (distance == squared[place - 1] and row < index[place - 1])):
+        squared[place] = squared[place - 1]
+        index[place] = index[place - 1]
+        place -= 1
+    squared[place] = distance
+    index[place] = row
+
+
+@njit(cache=True, nogil=True)
+def nearest_rows(columns, query, k):
+    """Brute force over the transposed table ``(K, N)``."""
+    n = columns.shape[1]
+    index, squared = np.full(k, n), np.full(k, np.inf)
+    sums = np.empty(_BLOCK)
+    for first in range(0, n, _BLOCK):
+        size = min(_BLOCK, n - first)
+        _squared_distances(columns[:, first : first + size], query, sums)
+        for i in range(size):
+            if sums[i] < squared[k - 1]:
+                _insert(first + i, sums[i], index, squared)
+    return index, squared
+
+
+@njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
+def _box_bound(low, high, query):
+    """Squared distance from a query to a box: no row inside is nearer."""
+    total = 0.0
+    for feature in range(len(query)):
+        gap = max(max(low[feature] - query[feature], query[feature] - high[feature]), 0.0)
+        total += gap * gap
+    return total * _SLACK
+
+
+@njit(cache=True, nogil=True)
+def nearest_in_tree(low, high, leaves, rows, query, k):
+    """Through a complete binary tree in heap order, nearest child first; see `trexton.neighbors.BoxTree`."""
+    n_inner = len(low) - len(leaves)
+    index, squared = np.full(k, rows.size), np.full(k, np.inf)
+    sums = np.empty(leaves.shape[2])
+    waiting, bounds = np.zeros(64, np.int64), np.zeros(64)
+    top = 1
+    while top > 0:
+        top -= 1
+        node, bound = waiting[top], bounds[top]
+        while bound <= squared[k - 1] and node < n_inner:
+            node = 2 * node + 1
+            bound, other = _box_bound(low[node], high[node], query), _box_bound(low[node + 1], high[node + 1], query)
+            if other < bound:
+                waiting[top], bounds[top], node, bound = node, bound, node + 1, other
+            else:
+                waiting[top], bounds[top] = node + 1, other
+            top += 1
+        if bound <= squared[k - 1]:
+            leaf = node - n_inner
+            _squared_distances(leaves[leaf], query, sums)
+            for i in range(len(sums)):
+                row = rows[leaf, i]
+                if sums[i] < squared[k - 1] or (sums[i] == squared[k - 1] and row < index[k - 1]):
+                    _insert(row, sums[i], index, squared)
+    return index, squared
