@@ -1,0 +1,66 @@
+"""A small room and two flights over it, for experiments that must run in a second."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from trexton.flights import Flight
+
+SIDE = 240  # pixels of the floor's picture
+METRES = 4.0
+SHAPE = (36, 48)
+
+
+def lanes(frames: int, turns: float) -> np.ndarray:
+    """``(frames, 2)`` metres: to and fro over the room."""
+    phase = np.linspace(0, 1, frames)
+    across = np.abs((phase * turns * 2) % 2 - 1)
+    return np.column_stack([0.5 + 3.0 * across, 0.5 + 3.0 * phase])
+
+
+def picture_flight(folder: Path, name: str, frames: int = 48, turns: float = 3.0, floor: bool = True) -> Flight:
+    """Frames cut from a floor of coloured blobs; a quarter of a second apart."""
+    folder.mkdir(parents=True, exist_ok=True)
+    rng = np.random.default_rng(11)
+    blobs = rng.integers(0, 256, (12, 12, 3), dtype=np.uint8)
+    picture = cv2.resize(blobs, (SIDE, SIDE), interpolation=cv2.INTER_CUBIC)
+    cv2.imwrite(str(folder / "floor.png"), picture)
+    scale = SIDE / METRES
+    position = lanes(frames, turns)
+    files = []
+    for number, (x, y) in enumerate(position):
+        column, row = int(x * scale) - SHAPE[1] // 2, int((METRES - y) * scale) - SHAPE[0] // 2
+        files.append(folder / f"{number:04d}.png")
+        cut = picture[max(row, 0) : max(row, 0) + SHAPE[0], max(column, 0) : max(column, 0) + SHAPE[1]]
+        cv2.imwrite(str(files[-1]), cv2.resize(cut, SHAPE[::-1]))
+    step = 1 / scale
+    return Flight(
+        name=name,
+        frame=np.arange(100, 100 + frames),
+        time=np.arange(frames) * 0.25,
+        position=position,
+        area=(0.0, METRES, 0.0, METRES),
+        image_files=tuple(files),
+        floor_file=folder / "floor.png" if floor else None,
+        floor_from_pixel=np.array([[step, 0, step / 2], [0, -step, METRES - step / 2], [0, 0, 1]]) if floor else None,
+    )
+
+
+def histogram_flight(name: str, frames: int = 60, turns: float = 3.0, noise: int = 1) -> Flight:
+    """Histograms of five textons that change smoothly with the place; a quarter of a second apart."""
+    rng = np.random.default_rng(noise)
+    position = lanes(frames, turns) + rng.normal(scale=0.02, size=(frames, 2))  # no two distances alike
+    x, y = position.T
+    histograms = np.stack([np.sin(x) ** 2, np.cos(y) ** 2, np.sin(x + y) ** 2, np.full(frames, 0.5), 0.2 * x], axis=1)
+    histograms += rng.uniform(0, 0.1, histograms.shape)
+    return Flight(
+        name=name,
+        frame=np.arange(frames),
+        time=np.arange(frames) * 0.25,
+        position=position,
+        area=(0.0, METRES, 0.0, METRES),
+        histograms=histograms / histograms.sum(axis=1, keepdims=True),
+    )

@@ -1,0 +1,188 @@
+"""Which floors are suitable (paper, Methods, "Map evaluation", and its figure): the loss, and whether it tells errors."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trexton.experiments.correlation import pair_correlation, rank_correlation
+from trexton.experiments.evaluation import floor_picture, fly, frames_of, provenance, trained_map
+from trexton.flights.flight import Flight
+from trexton.localizer import Localizer, TextonMap, neighbors_in_flight
+from trexton.metrics import absolute_errors, block_rows
+from trexton.records import Record
+from trexton.suitability import cosine_similarity, heat_map, ideal_similarity, local_losses, smooth
+
+__all__ = ["run"]
+
+SIGMAS = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6, 2.4, 3.2)
+PAIRED_FRAMES = 1000  # at most so many, evenly spaced, where all pairs are compared
+GROUPS = 10
+
+
+def run(
+    train: Flight,
+    test: Flight,
+    *,
+    sigma: float = 0.8,
+    samples: int = 400,
+    textons: int = 20,
+    particles: int = 50,
+    neighbors: int = 5,
+    seed: int = 1,
+) -> Record:
+    """Evaluate the training set of one flight, and compare its loss with the errors that are then made.
+
+    Two kinds of error: on the training flight each frame is localized by its k-NN among the others (a frame and those
+    within half a second of it are left out); on the test flight by the k-NN and by the filter, where the loss is that of the
+    place, smoothed from the training samples around it.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms.
+    sigma : float
+        Of the ideal similarity and of the smoothing, in metres; 0.8 m is what the authors used on their flight.
+    samples, textons, particles, neighbors : int
+        The paper's defaults; `samples` and `particles` matter to the errors on the test flight only.
+    """
+    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    histograms, positions = texton_map.histograms, texton_map.positions
+    losses = local_losses(histograms, positions, sigma)
+    rows = neighbors_in_flight(histograms, train.time, neighbors)
+    errors = _euclidean(positions[rows].mean(axis=1), positions)
+    similarity, similarity_series = _similarity(histograms, positions, sigma, seed)
+    sweep, chosen = _sweep(histograms, positions, errors, sigma, seed)
+    prediction, prediction_series = _prediction(positions, losses, errors, sigma, seed)
+    unseen, unseen_series = _unseen(texton_map, test, losses, sigma, {"samples": samples, "particles": particles}, seed)
+    heat = heat_map(losses, positions, train.area, sigma)
+    wrong = heat_map(errors, positions, train.area, sigma)
+    floor, pictures = floor_picture(train)
+    return Record(
+        experiment="map_loss",
+        flight=train.name,
+        parameters={
+            "sigma": sigma, "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors, "seed": seed,
+        },
+        values={
+            "global_loss": losses.mean(),
+            "similarity": similarity,
+            "prediction": prediction | unseen,
+            "sigma": chosen,
+            "counts": {"train": len(histograms), "test": len(test), "textons": histograms.shape[1]},
+        },
+        series={
+            "area_m": train.area,
+            "positions_m": positions,
+            "local_loss": losses,
+            "error_m": errors,
+            "heat": {"loss": heat.values, "error_m": wrong.values, "extent_m": heat.extent},
+            "sweep": sweep,
+            "similarity": similarity_series,
+            "groups": prediction_series | unseen_series,
+            **floor,
+        },
+        images=pictures,
+        provenance=provenance(train, test),
+    )
+
+
+def _euclidean(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    return np.hypot(*absolute_errors(estimates, truth).T)
+
+
+def _similarity(histograms: np.ndarray, positions: np.ndarray, sigma: float, seed: int) -> tuple[dict, dict]:
+    """Actual similarity of all pairs of frames against their distance."""
+    rows = _evenly(len(histograms))
+    alike, place = cosine_similarity(histograms[rows]), positions[rows]
+    distance = np.hypot(*(place[:, None] - place).transpose(2, 0, 1))
+    rng = np.random.default_rng([seed, 1])
+    values = {
+        "lowest": alike.min(),
+        "mean": alike.mean(),
+        "distance_correlation": pair_correlation(alike, distance, rng=rng),
+    }
+    upper = np.triu_indices(len(rows), 1)
+    edges = np.linspace(0, distance.max(), 25)
+    bins = np.digitize(distance[upper], edges[1:-1])
+    quartiles = [np.percentile(alike[upper][bins == b], (25, 50, 75)) if (bins == b).any() else [np.nan] * 3 for b in range(24)]
+    low, median, high = np.array(quartiles).T
+    return values, {"distance_m": (edges[1:] + edges[:-1]) / 2, "low": low, "median": median, "high": high}
+
+
+def _sweep(histograms: np.ndarray, positions: np.ndarray, errors: np.ndarray, sigma: float, seed: int) -> tuple[list, dict]:
+    """What another sigma would have given, from an eighth of the paper's to four times it."""
+    frames = _evenly(len(histograms))
+    alike, place = cosine_similarity(histograms[frames]), positions[frames]
+    upper = np.triu_indices(len(frames), 1)
+    default = local_losses(histograms, positions, sigma)
+    sweep = []
+    for value in SIGMAS:
+        losses = local_losses(histograms, positions, value)
+        ideal = ideal_similarity(place, place, value)
+        sweep.append({
+            "sigma_m": value,
+            "global_loss": losses.mean(),
+            "agreement": np.corrcoef(alike[upper], ideal[upper])[0, 1],
+            "prediction": rank_correlation(losses, errors, rng=np.random.default_rng([seed, 2])),
+            "same_order": rank_correlation(losses, default, rng=np.random.default_rng([seed, 3])),
+        })  # fmt: skip
+    half, double = (local_losses(histograms, positions, factor * sigma) for factor in (0.5, 2))
+    return sweep, {
+        "rank_correlation": rank_correlation(half, double, rng=np.random.default_rng([seed, 4])),
+        "best_agreement_m": max(sweep, key=lambda row: row["agreement"])["sigma_m"],
+        "half_sigma_loss": half.mean(),
+        "double_sigma_loss": double.mean(),
+    }
+
+
+def _prediction(positions: np.ndarray, losses: np.ndarray, errors: np.ndarray, sigma: float, seed: int) -> tuple[dict, dict]:
+    """Does the loss of a training frame tell its error, and which part of the loss does?
+
+    The loss is mean similarity less mean ideal, and the ideal knows nothing of the floor: its mean only counts the
+    frames around each frame, so it is small at the border and wherever few frames were taken.
+    """
+    crowding = ideal_similarity(positions, positions, sigma).mean(axis=1)
+
+    def correlation(a, b):
+        return rank_correlation(a, b, rng=np.random.default_rng([seed, 5]))
+
+    values = {
+        "correlation": correlation(losses, errors),
+        "similarity_alone": correlation(losses + crowding, errors),
+        "sparseness_alone": correlation(-crowding, errors),
+    }
+    return values, {"train_knn": _grouped(losses, errors, seed)}
+
+
+def _unseen(texton_map: TextonMap, test: Flight, losses: np.ndarray, sigma: float, options: dict, seed: int) -> tuple[dict, dict]:
+    """The same on another flight: the smoothed loss of each place against the errors made there."""
+    expected = smooth(losses, texton_map.positions, test.position, sigma)
+    track = fly(Localizer(texton_map, rng=np.random.default_rng([seed, 6]), **options), frames_of(test))
+    errors = {"test_knn": _euclidean(track.knn, test.position), "test_filter": _euclidean(track.estimate, test.position)}
+    rng = np.random.default_rng([seed, 7])
+    values = {name: rank_correlation(expected, wrong, rng=rng) for name, wrong in errors.items()}
+    return values, {name: _grouped(expected, wrong, seed) for name, wrong in errors.items()}
+
+
+def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict]:
+    """Mean error in cm in tenths of the frames, from lowest to highest loss; intervals draw stretches of the flight."""
+    order = np.argsort(losses, kind="stable")
+    group = np.empty(len(order), dtype=np.int64)
+    group[order] = np.arange(len(order)) * GROUPS // len(order)
+    rng = np.random.default_rng([seed, 8])
+
+    def means(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        with np.errstate(invalid="ignore"):
+            return np.bincount(group[rows], values[rows], GROUPS) / np.bincount(group[rows], minlength=GROUPS)
+
+    drawn = [means(100 * errors, block_rows(len(errors), rng)) for _ in range(400)]
+    low, high = np.nanpercentile(drawn, (2.5, 97.5), axis=0)
+    loss, error = (means(values, np.arange(len(order))) for values in (losses, 100 * errors))
+    return [
+        {"loss": loss[i], "error_cm": {"value": error[i], "low": low[i], "high": high[i]}} for i in range(GROUPS)
+    ]
+
+
+def _evenly(count: int) -> np.ndarray:
+    """Rows of at most `PAIRED_FRAMES` frames, evenly spaced."""
+    return np.unique(np.linspace(0, count - 1, min(count, PAIRED_FRAMES)).astype(int))

@@ -1,0 +1,96 @@
+"""Figures of the map evaluation: loss and error over the floor, what the loss foretells, the choice of sigma."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
+from trexton.records import Record
+
+__all__ = ["errors_by_loss", "heat_maps", "sigma_sweep", "similarity_by_distance"]
+
+
+def heat_maps(record: Record) -> Figure:
+    """The smoothed loss over the floor, and beside it the smoothed error of the k-NN on the same frames."""
+    heat, positions = record.series["heat"], np.array(record.series["positions_m"])
+    panels = (("Loss", "loss", 1, ""), ("Error of the k-NN alone", "error_m", 100, " (cm)"))
+    with canvas(1, 2, size=(7.2, 4.0), sharey=True) as (figure, axes):
+        for plan, (title, key, scale, unit) in zip(axes[0], panels):
+            floor_axes(plan, record.series["area_m"])
+            show_floor(plan, record.series.get("floor"), record.images.get("floor"), fade=0.3)
+            values = scale * np.array(heat[key], dtype=float)
+            colors = plan.imshow(values, extent=heat["extent_m"], origin="lower", cmap="YlOrRd", alpha=0.75, zorder=1)
+            plan.plot(*positions.T, ".", color=COLORS["truth"], markersize=1.2, alpha=0.6)
+            plan.set_title(title)
+            bar = figure.colorbar(colors, ax=plan, location="bottom", shrink=0.9, aspect=25)
+            bar.set_label(f"smoothed {key.removesuffix('_m')}{unit}")
+            bar.outline.set_visible(False)
+        axes[0, 1].set_ylabel("")
+    return figure
+
+
+def errors_by_loss(record: Record) -> Figure:
+    """Mean error in tenths of the frames, ordered by their loss: a loss that foretells errors gives rising lines."""
+    lines = (
+        ("train_knn", "training frames, k-NN without the frame", COLORS["accent"], "o"),
+        ("test_knn", "test flight, k-NN", COLORS["knn"], "s"),
+        ("test_filter", "test flight, particle filter", COLORS["estimate"], "^"),
+    )
+    with canvas(size=(6.4, 3.6)) as (figure, axes):
+        plot = axes[0, 0]
+        for key, label, color, marker in lines:
+            rows = record.series["groups"][key]
+            loss = [row["loss"] for row in rows]
+            error = {name: [row["error_cm"][name] for row in rows] for name in ("value", "low", "high")}
+            plot.fill_between(loss, error["low"], error["high"], color=color, alpha=0.15, linewidth=0)
+            plot.plot(loss, error["value"], color=color, marker=marker, markersize=4, label=label)
+        plot.set(xlabel="loss of the frame or its place", ylabel="Euclidean error (cm)", ylim=(0, None))
+        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=1)
+    return figure
+
+
+def similarity_by_distance(record: Record) -> Figure:
+    """Similarity of pairs of frames by their distance, median and quartiles, and the ideal that the loss compares with."""
+    series, sigma = record.series["similarity"], record.parameters["sigma"]
+    distance = np.array(series["distance_m"])
+    low, median, high = (np.array(series[key], dtype=float) for key in ("low", "median", "high"))
+    with canvas(size=(6.4, 3.2)) as (figure, axes):
+        plot = axes[0, 0]
+        plot.fill_between(distance, low, high, color=COLORS["accent"], alpha=0.2, linewidth=0, label="half of all pairs")
+        plot.plot(distance, median, color=COLORS["accent"], label="median")
+        curve = np.linspace(0, distance.max(), 200)
+        plot.plot(curve, np.exp(-(curve**2) / (2 * sigma**2)), color=COLORS["estimate"], linestyle="--", label=f"ideal, σ = {sigma:g} m")
+        plot.set(xlabel="distance (m)", ylabel="cosine similarity", xlim=(0, None), ylim=(0, 1.02))
+        plot.legend(loc="upper right")
+    return figure
+
+
+def sigma_sweep(record: Record) -> Figure:
+    """The global loss, and three correlations, against sigma."""
+    sweep, default = record.series["sweep"], record.parameters["sigma"]
+    sigma = [row["sigma_m"] for row in sweep]
+    lines = (
+        ("agreement", "actual and ideal similarity", COLORS["spread"], "o"),
+        ("prediction", "loss and k-NN error (ranks)", COLORS["accent"], "s"),
+        ("same_order", f"loss at σ and at {default:g} m (ranks)", COLORS["estimate"], "^"),
+    )
+    with canvas(2, 1, size=(6.4, 4.8), sharex=True, height_ratios=(1, 2)) as (figure, axes):
+        loss, plot = axes[:, 0]
+        loss.plot(sigma, [row["global_loss"] for row in sweep], color=COLORS["truth"], marker="o", markersize=4)
+        loss.set(ylabel="global loss L")
+        for key, label, color, marker in lines:
+            values = [row[key] for row in sweep]
+            if isinstance(values[0], dict):
+                band = {name: np.array([row[name] for row in values], dtype=float) for name in ("value", "low", "high")}
+                plot.fill_between(sigma, band["low"], band["high"], color=color, alpha=0.15, linewidth=0)
+                values = band["value"]
+            plot.plot(sigma, np.array(values, dtype=float), color=color, marker=marker, markersize=4, label=label)
+        plot.set(xlabel="σ (m)", ylabel="correlation", xscale="log", ylim=(None, 1.05))
+        plot.set_xticks(sigma, labels=[f"{value:g}" for value in sigma])
+        plot.minorticks_off()
+        for axis in (loss, plot):
+            axis.axvline(default, color=COLORS["truth"], linestyle=":", linewidth=1.2)
+            axis.axhline(0, color="#999999", linewidth=0.8)
+        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=1)
+    return figure
