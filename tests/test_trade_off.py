@@ -1,0 +1,201 @@
+"""Speed against accuracy: errors against direct runs, bookkeeping of sweeps, the million histograms in small."""
+
+import numpy as np
+import pytest
+from small_room import histogram_flight, picture_flight
+
+from trexton.claims import judge_all, load_claims
+from trexton.experiments import stored, trade_off, tuned
+from trexton.experiments.clock import frequency, milliseconds
+from trexton.experiments.evaluation import frames_of, tracks, trained_map
+from trexton.figures import trade_off as figures
+from trexton.files import canonical_json
+from trexton.histograms import texton_histogram
+from trexton.metrics import absolute_errors
+from trexton.records import Record
+
+SWEPT = {"samples": (20, 80, None), "particles": (5, 30), "neighbors": (1, 3), "training": (24, 40)}
+OPTIONS = {"samples": 40, "particles": 20, "neighbors": 4, "repeats": 3, "stored": 300}
+
+
+@pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
+        patch.setattr(trade_off, "SWEPT", SWEPT)
+        patch.setattr(tuned, "PARTICLES", (10,))
+        patch.setattr(tuned, "NEIGHBORS", (1, 3))
+        yield
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory, small):
+    folder = tmp_path_factory.mktemp("room")
+    return tuple(picture_flight(folder / name, name, turns=turns) for name, turns in (("train", 3.0), ("test", 4.0)))
+
+
+@pytest.fixture(scope="module")
+def record(pair):
+    return trade_off.run(*pair, textons=6, **OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def without_images(small):
+    flights = histogram_flight("survey"), histogram_flight("again", turns=4.0, noise=2)
+    return trade_off.run(*flights, **OPTIONS)
+
+
+def test_sweeps_hold_all_values_in_order(record):
+    expected = {"samples": [20, 40, 80, None], "particles": [5, 20, 30], "neighbors": [1, 3, 4], "training": [24, 40, 48]}
+    for name, values in expected.items():
+        assert [row[name] for row in record.series[name]] == values
+        assert [row[name] for row in record.timings[name]] == values
+        for row in record.series[name]:
+            others = {"samples": 40, "particles": 20, "neighbors": 4, "training": 48}
+            others.pop(name)
+            assert {key: row[key] for key in others} == others
+    assert [row["patches"] for row in record.series["samples"]] == [20, 40, 80, 31 * 43]
+
+
+def test_errors_are_those_of_direct_runs(record, pair):
+    train, test = pair
+    texton_map = trained_map(train, textons=6, neighbors=4)
+    runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=80, particles=20)
+    direct = [100 * absolute_errors(run.estimate, test.position)[:, 0].mean() for run in runs]
+    knn = [100 * absolute_errors(run.knn, test.position)[:, 0].mean() for run in runs]
+    row = record.series["samples"][2]
+    assert row["error_cm_x"]["median"] == pytest.approx(np.median(direct))
+    assert row["knn"]["error_cm_x"]["median"] == pytest.approx(np.median(knn))
+
+
+def test_full_sampling_is_the_localizer_with_all_patches(record, pair):
+    train, test = pair
+    texton_map = trained_map(train, textons=6, neighbors=4)
+    runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=None, particles=20)
+    direct = [100 * absolute_errors(run.estimate, test.position)[:, 0].mean() for run in runs]
+    assert record.values["full_sampling_error_cm"]["median"] == pytest.approx(np.median(direct))
+
+
+def test_headlines_are_the_ends(record):
+    rows, clocks = record.series, record.timings
+    assert record.values["fewest_samples_error_cm"] == rows["samples"][0]["error_cm_x"]
+    assert record.values["full_sampling_error_cm"] == rows["samples"][-1]["error_cm_x"]
+    assert record.values["most_particles_error_cm"] == rows["particles"][-1]["error_cm_x"]
+    assert clocks["fewest_samples_ms"] == clocks["samples"][0]["frame_ms"]
+    assert clocks["full_sampling_ms"] == clocks["samples"][-1]["frame_ms"]
+    before, after = (rows["samples"][i]["error_cm_x"]["median"] for i in (1, 3))
+    assert record.values["plateau_gain"]["value"] == pytest.approx(1 - after / before)
+    assert record.values["camera_hz"] == pytest.approx(4.0)
+
+
+def test_claims_find_their_values(record):
+    claims = [claim for claim in load_claims() if claim.experiment == "trade_off"]
+    rows = judge_all({"train": {"trade_off": record}}, claims)
+    assert len(rows) >= 8 and all(finding.ours is not None for _, (finding,) in rows)
+
+
+def test_values_repeat_and_hold_no_time(record, pair):
+    again = trade_off.run(*pair, textons=6, **OPTIONS)
+    assert canonical_json(again.values) == canonical_json(record.values)
+    assert canonical_json(again.series) == canonical_json(record.series)
+    assert canonical_json(again.timings) != canonical_json(record.timings)
+
+
+def test_histograms_only(without_images):
+    assert "samples" not in without_images.series and "fewest_samples_error_cm" not in without_images.values
+    assert without_images.values["applies"] == {"samples": False}
+    assert {row["samples"] for row in without_images.series["grid"]} == {None}
+    claims = [claim for claim in load_claims() if claim.id in ("scalable", "particles-accuracy")]
+    found = {claim.id: finding for claim, (finding,) in judge_all({"f": {"trade_off": without_images}}, claims)}
+    assert found["scalable"].ours is None and "fewest_samples_ms" in found["scalable"].reason
+    assert found["particles-accuracy"].ours is not None
+
+
+def test_best_of_the_grid(record):
+    grid = record.series["grid"]
+    assert [(row["samples"], row["particles"], row["neighbors"]) for row in grid] == [(40, 10, 1), (40, 10, 3), (None, 10, 1), (None, 10, 3)]
+    lowest = min(grid, key=lambda row: row["axis_mean_cm"]["median"])
+    assert record.values["best_error_cm"] == lowest["axis_mean_cm"]
+    assert record.values["best_setting"] == {key: lowest[key] for key in ("samples", "particles", "neighbors")}
+    assert record.values["best"]["axis_mean_cm"] == lowest["axis_mean_cm"]
+
+
+def test_held_out_by_hand():
+    # Setting 0 is best on the first half and costs 9 on the second; setting 1 is best there and costs 5 on the first.
+    assert tuned._held_out(np.array([[1.0, 1, 9, 9], [5, 5, 2, 2]])) == 7
+
+
+def test_retrained_keeps_what_is_the_same(pair):
+    train, _ = pair
+    texton_map = trained_map(train, textons=6, neighbors=4)
+    same = trade_off.retrained(texton_map, train.time)
+    np.testing.assert_array_equal(same.rank_covariance, texton_map.rank_covariance)
+    wide = trade_off.retrained(texton_map, train.time, neighbors=7)
+    np.testing.assert_allclose(wide.rank_covariance[:4], texton_map.rank_covariance)
+    rows = np.arange(0, 48, 2)
+    fewer = trade_off.retrained(texton_map, train.time, rows=rows)
+    np.testing.assert_array_equal(fewer.histograms, texton_map.histograms[rows])
+    np.testing.assert_array_equal(fewer.process_covariance, texton_map.process_covariance)
+    assert not np.allclose(fewer.rank_covariance, texton_map.rank_covariance)
+
+
+def test_multiplied_histograms(rng):
+    still = np.tile([0.2, 0.3, 0.5], (4, 1))
+    copies, rows = stored.multiplied(still, 50, rng=rng)
+    np.testing.assert_allclose(copies, still[rows])  # nothing changes from frame to frame: no noise
+    walk = np.abs(np.cumsum(rng.normal(size=(200, 3)), axis=0)) + 40
+    walk /= walk.sum(axis=1, keepdims=True)
+    copies, rows = stored.multiplied(walk, 4000, rng=rng)
+    assert copies.min() >= 0 and set(rows) <= set(range(200))
+    np.testing.assert_allclose(copies.sum(axis=1), 1)
+    change, noise = np.diff(walk, axis=0).std(axis=0), (copies - walk[rows]).std(axis=0)
+    np.testing.assert_allclose(noise, change, rtol=0.3)  # sums of one take a little of it
+
+
+def test_stored_histograms(record):
+    assert [row["stored"] for row in record.series["stored"]] == [100, 300]
+    assert record.values["tree_agrees"] == 1
+    for clock in record.timings["stored"]:
+        for method in ("brute", "tree"):
+            assert clock[method]["query_ms"]["median"] > 0 and clock[method]["frequency_hz"]["median"] > 0
+    assert stored._numbers(1_000_000) == [100, 300, 1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000]
+    assert stored._numbers(50) == [50]
+
+
+def test_clock():
+    found = milliseconds([np.r_[np.full(20, 0.001), np.full(20, 0.003)], np.full(20, 0.003)])
+    assert found["median"] == pytest.approx(3)
+    assert 1 <= found["low"] < 3 and found["high"] == pytest.approx(3)
+    assert frequency({"median": 10, "low": 5, "high": 20}) == {"median": 100, "low": 50, "high": 200}
+
+
+def test_full_histograms_are_those_of_every_patch(pair):
+    train, test = pair
+    texton_map = trained_map(train, textons=6, neighbors=4)
+    defaults = {"samples": 40, "particles": 20, "neighbors": 4, "training": len(train)}
+    bench = trade_off._Bench(texton_map, train, test, defaults, 1, 1)
+    np.testing.assert_array_equal(bench.full[5], texton_histogram(test.image(5), texton_map.dictionary))
+
+
+def test_figures_show_the_record(record, without_images, tmp_path):
+    loaded = Record.load(record.save(tmp_path))
+    error, rate = figures.samples(loaded).axes
+    medians = [row["error_cm_x"]["median"] for row in record.series["samples"]]
+    np.testing.assert_allclose(error.lines[0].get_ydata(), medians[:-1])
+    np.testing.assert_allclose(error.lines[0].get_xdata(), [20, 40, 80])  # full sampling stands apart, as a point
+    point = error.containers[0].lines[0]
+    np.testing.assert_allclose(np.ravel(point.get_data()), [31 * 43, medians[-1]])
+    np.testing.assert_allclose(rate.lines[0].get_ydata(), [row["frequency_hz"]["median"] for row in record.timings["samples"][:-1]])
+    for draw, name in ((figures.particles, "particles"), (figures.training, "training"), (figures.neighbors, "neighbors")):
+        medians = [row["error_cm_y"]["median"] for row in record.series[name]]
+        np.testing.assert_allclose(draw(loaded).axes[0].lines[1].get_ydata(), medians)
+    (plot,) = figures.stored(loaded).axes
+    tree = [row["tree"]["frequency_hz"]["median"] for row in record.timings["stored"]]
+    np.testing.assert_allclose(plot.lines[1].get_ydata(), tree)
+    (plot,) = figures.grid(loaded).axes
+    best = record.values["best_error_cm"]["median"]
+    assert best in plot.lines[-1].get_ydata()
+    (plot,) = figures.error_by_frequency(loaded).axes
+    assert len(plot.containers) == 2
+    assert len(figures.error_by_frequency(without_images).axes[0].containers) == 1
+    assert "histograms" in figures.samples(without_images).axes[0].texts[0].get_text()

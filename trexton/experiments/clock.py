@@ -1,0 +1,26 @@
+"""Times as records carry them: a median, and the 95 % range of the medians of stretches of frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+__all__ = ["frequency", "milliseconds"]
+
+_STRETCH = 20  # measurements
+
+
+def milliseconds(runs: Sequence[np.ndarray], stretch: int = _STRETCH) -> dict:
+    """``median``, ``low``, ``high`` in ms of times in seconds.
+
+    Single frames now and then wait for the rest of the machine; a median over a stretch does not feel that.
+    """
+    pieces = [piece for run in runs for piece in np.array_split(run, max(1, len(run) // stretch))]
+    low, high = np.percentile([np.median(piece) for piece in pieces], (2.5, 97.5))
+    return {"median": 1000 * np.median(np.concatenate(runs)), "low": 1000 * low, "high": 1000 * high}
+
+
+def frequency(time_ms: dict) -> dict:
+    """The same as a rate in Hz."""
+    return {"median": 1000 / time_ms["median"], "low": 1000 / time_ms["high"], "high": 1000 / time_ms["low"]}

@@ -1,0 +1,221 @@
+"""Speed against accuracy (paper, Analysis, "Speed versus Accuracy Trade-Off", its three figures; Discussion)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from trexton.experiments.clock import frequency, milliseconds
+from trexton.experiments.correlation import rank_correlation
+from trexton.experiments.evaluation import Track, fly, frames_of, provenance, tracks, trained_map
+from trexton.experiments.stored import time_stored
+from trexton.experiments.tuned import search_settings
+from trexton.flights.flight import Flight
+from trexton.histograms import texton_histogram
+from trexton.localizer import Localizer, TextonMap, neighbors_in_flight, rank_covariances
+from trexton.metrics import absolute_errors, block_rows, summarize
+from trexton.patches import position_grid
+from trexton.progress import progress
+from trexton.records import Record
+
+__all__ = ["retrained", "run"]
+
+SWEPT = {
+    "samples": (25, 50, 100, 200, 400, 800, 1600, 3200, 6400, None),  # None: full sampling
+    "particles": (5, 10, 25, 50, 100, 200, 400, 800),
+    "neighbors": (1, 2, 3, 5, 7, 10, 15, 20),
+    "training": (25, 50, 100, 200, 400, 800),
+}
+_KEPT = ("error_cm_x", "error_cm_y", "axis_mean_cm", "mean_cm")
+_TIMED_FULL = 40  # frames are enough to time full sampling
+_SLOW = {"samples": 1600, "particles": 400}  # beyond these a third of the runs will do
+
+
+def run(
+    train: Flight,
+    test: Flight,
+    *,
+    samples: int = 400,
+    textons: int = 20,
+    particles: int = 50,
+    neighbors: int = 5,
+    repeats: int = 10,
+    stored: int = 1_000_000,
+    seed: int = 1,
+) -> Record:
+    """Vary one parameter at a time, the others at their defaults: the error, and the time of a frame.
+
+    The time is that of `Localizer.step`; the image is at hand, decoded. Samples are varied where there are images.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms.
+    samples, textons, particles, neighbors : int
+        The paper's defaults.
+    repeats : int
+        Independent runs of the filter for each setting; a third of them, at least three, where a frame takes longest.
+    stored : int
+        The largest number of histograms that the search is timed on.
+    """
+    bench = _Bench(
+        trained_map(train, textons=textons, neighbors=neighbors, seed=seed), train, test,
+        {"samples": samples, "particles": particles, "neighbors": neighbors, "training": len(train)}, repeats, seed,
+    )  # fmt: skip
+    sweeps = {name: bench.sweep(name) for name in SWEPT if name != "samples" or test.has_images}
+    values, timings = _headlines(sweeps, bench)
+    grid, best = search_settings(bench.wide, test, bench.frames, bench.full, samples=samples, repeats=repeats, seed=seed)
+    rows, clocks, agreement, ends = time_stored(
+        bench.map, bench.frames, samples=samples, particles=particles, most=stored, seed=seed
+    )
+    return Record(
+        experiment="trade_off",
+        flight=train.name,
+        parameters={
+            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors,
+            "repeats": repeats, "stored": stored, "seed": seed,
+        },
+        values=values | best | {
+            "default": bench.summary([run.estimate for run in sweeps["particles"].runs[particles]]),
+            "tree_agrees": agreement,
+            "camera_hz": 1 / np.median(np.diff(test.time)),
+            "applies": {"samples": test.has_images},
+            "counts": {"train": len(train), "test": len(test)},
+        },
+        series={name: sweep.rows for name, sweep in sweeps.items()} | {"stored": rows, "grid": grid},
+        timings=timings | ends | {name: sweep.clocks for name, sweep in sweeps.items()} | {"stored": clocks},
+        provenance=provenance(train, test),
+    )  # fmt: skip
+
+
+def retrained(texton_map: TextonMap, time: np.ndarray, *, rows: np.ndarray | None = None, neighbors: int | None = None) -> TextonMap:
+    """The map of some of its training frames only, or for another number of neighbours.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Stamps of all training frames in seconds.
+    rows : (M,) int array, optional
+        Frames to keep.
+
+    The process covariance stays: the vehicle moves no faster because fewer of its frames are kept.
+    """
+    rows = np.arange(len(time)) if rows is None else rows
+    histograms, positions = texton_map.histograms[rows], texton_map.positions[rows]
+    nearest = neighbors_in_flight(histograms, time[rows], neighbors or texton_map.neighbors)
+    return replace(texton_map, histograms=histograms, positions=positions, rank_covariance=rank_covariances(positions, nearest))
+
+
+@dataclass
+class _Sweep:
+    """One parameter's rows, its times in the same order, and the runs behind them by value."""
+
+    rows: list[dict] = field(default_factory=list)
+    clocks: list[dict] = field(default_factory=list)
+    runs: dict[int | None, list[Track]] = field(default_factory=dict)
+
+
+class _Bench:
+    """A map and a test flight, its images decoded once."""
+
+    def __init__(self, texton_map: TextonMap, train: Flight, test: Flight, defaults: dict, repeats: int, seed: int):
+        self.map, self.train, self.test = texton_map, train, test
+        self.defaults, self.repeats, self.seed = defaults, repeats, seed
+        self.frames = frames_of(test)
+        Localizer(texton_map, rng=np.random.default_rng(seed)).step(self.frames[0])  # whatever the first call loads
+
+    @cached_property
+    def full(self) -> list[np.ndarray]:
+        """The test frames' histograms of full sampling."""
+        if not self.test.has_images:
+            return self.frames
+        return [texton_histogram(image, self.map.dictionary) for image in progress(self.frames, "full sampling")]
+
+    @cached_property
+    def wide(self) -> TextonMap:
+        """The map with a measurement model for as many neighbours as are swept."""
+        most = max(k for k in (*SWEPT["neighbors"], self.map.neighbors) if k <= max(self.map.neighbors, len(self.train) // 4))
+        return retrained(self.map, self.train.time, neighbors=most)
+
+    def sweep(self, name: str) -> _Sweep:
+        """Vary `name`, the others at their defaults."""
+        limit = {"neighbors": self.wide.neighbors, "training": len(self.train)}.get(name, np.inf)
+        values = {value for value in (*SWEPT[name], self.defaults[name]) if value is None or value <= limit}
+        result = _Sweep()
+        for value in progress(sorted(values, key=lambda value: value or np.inf), f"varying {name}"):
+            setting = self.defaults | {name: value}
+            runs = result.runs[value] = self._runs(setting)
+            filtered, knn = (self.summary([getattr(run, of) for run in runs]) for of in ("estimate", "knn"))
+            errors = {key: filtered[key] for key in _KEPT} | {"knn": {key: knn[key] for key in _KEPT}}
+            time_ms = milliseconds(self._full_times() if setting["samples"] is None else [run.step_s for run in runs])
+            result.rows.append(setting | self._patches(setting) | {"runs": len(runs)} | errors)
+            result.clocks.append(setting | {"frame_ms": time_ms, "frequency_hz": frequency(time_ms)})
+        return result
+
+    def summary(self, estimates: list[np.ndarray]) -> dict:
+        """Statistics of several runs over the test flight."""
+        rng = np.random.default_rng([self.seed, 10_000])
+        return summarize(estimates, self.test.position, self.test.diagonal, rng=rng, draws=400)
+
+    def _runs(self, setting: dict) -> list[Track]:
+        slow = any((setting[key] or np.inf) > most for key, most in _SLOW.items())
+        repeats = max(3, self.repeats // 3) if slow else self.repeats
+        texton_map, frames = self.wide, self.frames
+        if setting["training"] != len(self.train):
+            rows = np.linspace(0, len(self.train) - 1, setting["training"]).round().astype(int)
+            texton_map = retrained(self.map, self.train.time, rows=rows)
+        if setting["samples"] is None:
+            repeats, frames = self.repeats, self.full
+        options = {key: setting[key] for key in ("samples", "particles", "neighbors")}
+        return tracks(texton_map, frames, repeats=repeats, seed=self.seed, **options)
+
+    def _full_times(self) -> list[np.ndarray]:
+        options = {key: self.defaults[key] for key in ("particles", "neighbors")}
+        localizer = Localizer(self.wide, samples=None, rng=np.random.default_rng(self.seed), **options)
+        return [fly(localizer, self.frames[:_TIMED_FULL]).step_s]
+
+    def _patches(self, setting: dict) -> dict:
+        """How many patches of an image are looked at; none where the flight came as histograms."""
+        if not self.test.has_images:
+            return {"patches": None}
+        every = int(np.prod(position_grid(self.frames[0].shape, self.map.dictionary.patch)))
+        return {"patches": setting["samples"] or every}
+
+
+def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict, dict]:
+    """The ends of each sweep (errors in x, as the paper plots them; times), and what the Discussion concludes from them."""
+    values, timings = {}, {}
+    for name in ("samples", "particles"):
+        if name not in sweeps:
+            continue
+        sweep, most = sweeps[name], "full_sampling" if name == "samples" else "most_particles"
+        for label, end in ((f"fewest_{name}", 0), (most, -1)):
+            values[f"{label}_error_cm"] = sweep.rows[end]["error_cm_x"]
+            timings[f"{label}_ms"] = sweep.clocks[end]["frame_ms"]
+        last = sweep.runs[sweep.rows[-1][name]]
+        gain = _gain(sweep.runs[bench.defaults[name]], last, bench.test, rng=np.random.default_rng([bench.seed, 10_003]))
+        values["plateau_gain" if name == "samples" else "particles_plateau_gain"] = gain
+    error = [row["error_cm_x"]["median"] for name in ("samples", "particles") if name in sweeps for row in sweeps[name].rows]
+    rate = [row["frequency_hz"]["median"] for name in ("samples", "particles") if name in sweeps for row in sweeps[name].clocks]
+    rng = np.random.default_rng([bench.seed, 10_004])
+    timings["error_frequency_correlation"] = rank_correlation(error, rate, rng=rng, block=1)
+    return values, timings
+
+
+def _gain(before: list[Track], after: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 1000) -> dict:
+    """By which share the error in x falls from one setting to another, with its 95 % interval over runs and frames."""
+    first, second = (
+        np.stack([absolute_errors(run.estimate, test.position)[:, 0] for run in runs]) for runs in (before, after)
+    )
+
+    def share(a: np.ndarray, b: np.ndarray) -> float:
+        return 1 - b.mean() / a.mean()
+
+    drawn = []
+    for _ in range(draws):
+        rows = block_rows(len(test), rng)
+        drawn.append(share(first[rng.integers(len(first)), rows], second[rng.integers(len(second)), rows]))
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    return {"value": share(np.median(first.mean(axis=1)), np.median(second.mean(axis=1))), "low": low, "high": high}

@@ -1,0 +1,198 @@
+"""Figures of speed against accuracy: one parameter at a time, error against rate, and the number of stored histograms."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from trexton.figures.style import COLORS, canvas
+from trexton.records import Record
+
+__all__ = ["error_by_frequency", "grid", "neighbors", "particles", "samples", "stored", "training"]
+
+_AXIS = {
+    "samples": "samples an image",
+    "particles": "particles",
+    "neighbors": "neighbours k",
+    "training": "histograms in the training set",
+}
+
+_GROUPS = [COLORS[name] for name in ("accent", "estimate", "spread", "paper", "warm", "knn")]
+
+
+def samples(record: Record) -> Figure:
+    """Error and rate against the samples drawn from an image; a sentence where the flight has no images."""
+    if record.series.get("samples"):
+        return _error_and_rate(record, "samples")
+    with canvas(size=(6.4, 0.6)) as (figure, axes):
+        axes[0, 0].axis("off")
+        sentence = "This flight came as histograms: how many patches went into them cannot be varied."
+        axes[0, 0].text(0.5, 0.5, sentence, ha="center", va="center")
+    return figure
+
+
+def particles(record: Record) -> Figure:
+    """Error and rate against the number of particles."""
+    return _error_and_rate(record, "particles")
+
+
+def training(record: Record) -> Figure:
+    """Error and rate against the size of the training set."""
+    return _error_and_rate(record, "training")
+
+
+def neighbors(record: Record) -> Figure:
+    """Error and rate against the number of neighbours."""
+    return _error_and_rate(record, "neighbors")
+
+
+def error_by_frequency(record: Record) -> Figure:
+    """Error in x against the rate, along the samples and along the particles."""
+    lines = (("samples", COLORS["accent"], "o"), ("particles", COLORS["estimate"], "s"))
+    with canvas(size=(6.4, 4.2)) as (figure, axes):
+        plot = axes[0, 0]
+        for name, color, marker in lines:
+            rows, clocks = record.series.get(name), record.timings.get(name)
+            if not rows:
+                continue
+            rate = _column(clocks, "frequency_hz")
+            error = _column(rows, "error_cm_x")
+            bars = {"xerr": _whiskers(rate), "yerr": _whiskers(error)}
+            plot.errorbar(
+                rate["median"], error["median"], **bars, color=color, marker=marker, markersize=5, elinewidth=0.8, alpha=0.9,
+                label=f"{_AXIS[name]}: {_ends(rows, name)}",
+            )  # fmt: skip
+            for i, place in ((0, (6, 2)), (-1, (-4, 8))):
+                at = (rate["median"][i], error["median"][i])
+                plot.annotate(_name(rows[i][name]), at, xytext=place, textcoords="offset points", color=color, fontsize=9)
+        plot.set(xlabel="rate (Hz)", ylabel="error in x (cm)", xscale="log", ylim=(0, None))
+        _camera(plot, record, vertical=True)
+        plot.margins(x=0.08)
+        _plain_ticks(plot, "x")
+        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=1)
+    return figure
+
+
+def stored(record: Record) -> Figure:
+    """Rate of the whole loop against the number of stored histograms, searched in turn or by a tree."""
+    clocks = record.timings["stored"]
+    count = [row["stored"] for row in clocks]
+    lines = (("brute", "every histogram in turn", COLORS["estimate"], "o"), ("tree", "k-d tree", COLORS["accent"], "s"))
+    with canvas(size=(6.4, 4.0)) as (figure, axes):
+        plot = axes[0, 0]
+        for method, label, color, marker in lines:
+            rate = _column([row[method] for row in clocks], "frequency_hz")
+            plot.fill_between(count, rate["low"], rate["high"], color=color, alpha=0.2, linewidth=0)
+            plot.plot(count, rate["median"], color=color, marker=marker, markersize=5, label=label)
+        plot.set(xlabel="stored histograms", ylabel="rate (Hz)", xscale="log", yscale="log")
+        plot.axvline(800, color=COLORS["paper"], linestyle=":", label="the paper's 800")
+        _camera(plot, record)
+        _plain_ticks(plot, "x")
+        _plain_ticks(plot, "y")
+        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3)
+    return figure
+
+
+def grid(record: Record) -> Figure:
+    """Error of every setting of the grid, the best one marked."""
+    rows, best = record.series["grid"], record.values["best_setting"]
+    groups = dict.fromkeys((row["samples"], row["particles"]) for row in rows)
+    with canvas(size=(6.4, 3.8)) as (figure, axes):
+        plot = axes[0, 0]
+        for (drawn, count), color, marker in zip(groups, _GROUPS, "os^Dvp"):
+            mine = [row for row in rows if (row["samples"], row["particles"]) == (drawn, count)]
+            k, error = [row["neighbors"] for row in mine], _column(mine, "axis_mean_cm")
+            of_all = "" if not record.values["applies"]["samples"] else f"{_name(drawn)} samples, "
+            plot.fill_between(k, error["low"], error["high"], color=color, alpha=0.1, linewidth=0)
+            plot.plot(k, error["median"], color=color, marker=marker, markersize=5, label=f"{of_all}{_name(count)} particles")
+        at = (best["neighbors"], record.values["best_error_cm"]["median"])
+        plot.plot(*at, "o", markersize=15, markerfacecolor="none", markeredgecolor=COLORS["truth"], label="best")
+        plot.set(xlabel=_AXIS["neighbors"], ylabel="mean error, both axes (cm)", ylim=(0, None), xscale="log")
+        plot.set_xticks(sorted({row["neighbors"] for row in rows}), labels=sorted({row["neighbors"] for row in rows}))
+        plot.minorticks_off()
+        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
+    return figure
+
+
+def _error_and_rate(record: Record, name: str) -> Figure:
+    rows, clocks = record.series[name], record.timings[name]
+    value = np.array([row["patches"] if name == "samples" else row[name] for row in rows], dtype=float)
+    full = name == "samples" and rows[-1]["samples"] is None
+    swept = slice(None, -1 if full else None)
+    with canvas(2, 1, size=(6.4, 5.4), sharex=True, height_ratios=(3, 2)) as (figure, axes):
+        error, rate = axes[:, 0]
+        lines = (
+            ("filter, x", rows, "error_cm_x", COLORS["estimate"], "-", "o"),
+            ("filter, y", rows, "error_cm_y", COLORS["warm"], "-", "s"),
+            ("k-NN alone, x", [row["knn"] for row in rows], "error_cm_x", COLORS["accent"], "--", None),
+            ("k-NN alone, y", [row["knn"] for row in rows], "error_cm_y", COLORS["knn"], "--", None),
+        )
+        for label, table, key, color, style, marker in lines:
+            _band(error, value, _column(table, key), swept, color=color, linestyle=style, marker=marker, label=label)
+        _band(rate, value, _column(clocks, "frequency_hz"), swept, color=COLORS["truth"], marker="o")
+        error.set(ylabel="mean error (cm)", ylim=(0, None), xscale="log")
+        rate.set(ylabel="rate (Hz)", yscale="log", xlabel=_AXIS[name] + (" (all: full sampling)" if full else ""))
+        _camera(rate, record)
+        _plain_ticks(rate, "y")
+        default = record.parameters.get(name)
+        if default is not None:
+            for axis in (error, rate):
+                axis.axvline(default, color=COLORS["truth"], linestyle=":", linewidth=1)
+        ticks = [*value[swept], *([value[-1]] if full else [])]
+        rate.set_xticks(ticks, labels=_labels([row[name] for row in rows]))
+        rate.minorticks_off()
+        error.legend(loc="upper center", bbox_to_anchor=(0.5, 1.22), ncols=2)
+    return figure
+
+
+def _band(axes: Axes, x: np.ndarray, y: dict, swept: slice, **style) -> None:
+    """A line with its interval; full sampling, which no line leads to, as a point with whiskers."""
+    axes.fill_between(x[swept], y["low"][swept], y["high"][swept], color=style["color"], alpha=0.13, linewidth=0)
+    axes.plot(x[swept], y["median"][swept], markersize=4.5, **style)
+    if swept.stop is not None:
+        last = {key: values[-1:] for key, values in y.items()}
+        marker = style.get("marker") or "D"
+        axes.errorbar(x[-1:], last["median"], yerr=_whiskers(last), color=style["color"], marker=marker, markersize=6, capsize=2)
+
+
+def _camera(axes: Axes, record: Record, vertical: bool = False) -> None:
+    """The camera's rate: faster than this nothing is gained."""
+    hz, color = record.values["camera_hz"], COLORS["spread"]
+    text = {"color": color, "fontsize": 9, "textcoords": "offset points"}
+    if vertical:
+        axes.axvline(hz, color=color, linewidth=1.6, linestyle="-.")
+        axes.annotate(f"camera, {hz:.3g} Hz", (hz, 1), xycoords=("data", "axes fraction"), xytext=(4, -10), **text)
+    else:
+        axes.axhline(hz, color=color, linewidth=1.6, linestyle="-.")
+        axes.annotate(f"camera, {hz:.3g} Hz", (0, hz), xycoords=("axes fraction", "data"), xytext=(6, 4), **text)
+        axes.margins(y=0.12)
+
+
+def _column(rows: list[dict], key: str) -> dict[str, np.ndarray]:
+    return {name: np.array([row[key][name] for row in rows], dtype=float) for name in ("median", "low", "high")}
+
+
+def _whiskers(column: dict[str, np.ndarray]) -> np.ndarray:
+    """Lengths below and above, as `Axes.errorbar` takes them."""
+    return np.maximum(0, np.stack([column["median"] - column["low"], column["high"] - column["median"]]))
+
+
+def _name(value: int | None) -> str:
+    return "all" if value is None else f"{value:,}".replace(",", "\u202f")
+
+
+def _labels(values: list) -> list[str]:
+    """Names of the ticks; every other one where there are many, the last always."""
+    step = 2 if len(values) > 8 else 1
+    return [_name(value) if i % step == 0 or i == len(values) - 1 else "" for i, value in enumerate(values)]
+
+
+def _ends(rows: list[dict], name: str) -> str:
+    return f"{_name(rows[0][name])} to {_name(rows[-1][name])}"
+
+
+def _plain_ticks(axes: Axes, which: str) -> None:
+    """1 000 instead of 10^3."""
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    axis.set_major_formatter(lambda value, _: f"{value:g}" if value < 1000 else _name(round(value)))
