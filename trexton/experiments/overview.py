@@ -1,0 +1,145 @@
+"""The pipeline on one real frame (paper, Introduction, figure of the overview): everything Algorithm 1 saw and drew."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from trexton.errors import FlightError
+from trexton.experiments.evaluation import floor_picture, provenance, trained_map
+from trexton.flights.flight import Flight
+from trexton.images import bgr_from_yuv
+from trexton.localizer import Estimate, Localizer
+from trexton.metrics import absolute_errors
+from trexton.patches import gather_patches, sample_positions
+from trexton.progress import progress
+from trexton.records import Record
+from trexton.textons import TextonDictionary
+
+__all__ = ["run", "sampled_patches"]
+
+_THUMBNAIL = 200  # pixels wide
+_TRAIL_S = 4.0
+
+
+def run(
+    train: Flight,
+    test: Flight,
+    *,
+    samples: int = 400,
+    textons: int = 20,
+    particles: int = 50,
+    neighbors: int = 5,
+    frame: int | None = None,
+    seed: int = 1,
+) -> Record:
+    """Localize all frames of a flight and keep, of one, all that a picture of the method needs.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images.
+    samples, textons, particles, neighbors : int
+        The paper's defaults.
+    frame : int, optional
+        The frame's number; else the one whose error is the median of the flight's, and so neither flatters nor blames.
+
+    Raises
+    ------
+    FlightError
+        The flight has no such frame, or no images.
+    """
+    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    rng = np.random.default_rng([seed, 1])
+    localizer = Localizer(texton_map, samples=samples, particles=particles, rng=rng)
+    states, estimates = [], []
+    for image in progress(test.images(), "localizing", len(test)):
+        states.append(rng.bit_generator.state)
+        estimates.append(localizer.step(image))
+    track = np.array([estimate.position for estimate in estimates])
+    errors = np.hypot(*absolute_errors(track, test.position).T)
+    row = _typical(errors) if frame is None else _row(test, frame)
+    image, estimate = test.image(row), estimates[row]
+    rng.bit_generator.state = states[row]
+    drawn, labels = sampled_patches(image, texton_map.dictionary, samples, rng=rng)
+    trail = np.flatnonzero((test.time <= test.time[row]) & (test.time >= test.time[row] - _TRAIL_S))
+    floor, pictures = floor_picture(test)
+    similar = estimate.neighbors.index
+    return Record(
+        experiment="overview",
+        flight=train.name,
+        parameters={
+            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors, "frame": frame, "seed": seed,
+        },
+        values={
+            "frame": test.frame[row],
+            "time_s": test.time[row] - test.time[0],
+            "error_cm": 100 * errors[row],
+            "median_error_cm": 100 * np.median(errors),
+            "spread_cm": 100 * estimate.spread,
+            "neighbors": {"frame": train.frame[similar], "distance": estimate.neighbors.distance},
+            "image_shape": image.shape[:2],
+            "patch": texton_map.dictionary.patch,
+        },
+        series={
+            "patches": drawn,
+            "labels": labels,
+            "area_m": test.area,
+            "truth_m": test.position[row],
+            "truth_trail_m": test.position[trail],
+            "estimate_trail_m": track[trail],
+            **_belief(estimate),
+            **floor,
+        },
+        images={
+            **pictures,
+            "frame": bgr_from_yuv(image),
+            "textons": _texton_strip(texton_map.dictionary),
+            "similar": np.concatenate([_thumbnail(train.image(index)) for index in similar], axis=1),
+        },
+        provenance=provenance(train, test),
+    )  # fmt: skip
+
+
+def sampled_patches(
+    image: np.ndarray, dictionary: TextonDictionary, samples: int, *, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where `trexton.histograms.sampled_histogram` looks with this `rng`, ``(n, 2)`` (row, column), and the ``(n,)`` labels."""
+    positions = sample_positions(image.shape, dictionary.patch, samples, rng)
+    return positions, dictionary.label(gather_patches(image, positions, dictionary.patch))
+
+
+def _belief(estimate: Estimate) -> dict:
+    return {
+        "histogram": estimate.histogram,
+        "neighbors_m": estimate.neighbors.position,
+        "particles_m": estimate.particles,
+        "weights": estimate.weights,
+        "estimate_m": estimate.position,
+        "covariance_m2": estimate.covariance,
+    }
+
+
+def _typical(errors: np.ndarray) -> int:
+    """The row of the lower median error."""
+    return int(np.argsort(errors, kind="stable")[(len(errors) - 1) // 2])
+
+
+def _row(flight: Flight, frame: int) -> int:
+    rows = np.flatnonzero(flight.frame == frame)
+    if not len(rows):
+        raise FlightError(
+            f"flight {flight.name!r} has no frame {frame}: choose one from {flight.frame[0]} to {flight.frame[-1]}, or None"
+        )
+    return int(rows[0])
+
+
+def _texton_strip(dictionary: TextonDictionary) -> np.ndarray:
+    """``(P, K P, 3) uint8`` BGR: all textons side by side."""
+    return bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1))
+
+
+def _thumbnail(image: np.ndarray) -> np.ndarray:
+    rows, columns = image.shape[:2]
+    size = (_THUMBNAIL, max(1, round(_THUMBNAIL * rows / columns)))
+    return cv2.resize(bgr_from_yuv(image), size, interpolation=cv2.INTER_AREA)
