@@ -134,9 +134,9 @@ def _illuminate(canvas: np.ndarray, light: Light) -> None:
     if light == Light():
         return
     height, width = canvas.shape[:2]
-    right, far = np.linspace(-1, 1, width), np.linspace(1, -1, height)
+    right, far = np.linspace(-1, 1, width, dtype=np.float32), np.linspace(1, -1, height, dtype=np.float32)
+    gains = light.channel_gains().astype(np.float32)
     for top in range(0, height, 256):
         strip = canvas[top : top + 256]
         even = 1 + light.gradient[0] * right + light.gradient[1] * far[top : top + 256, None]
-        factor = (even[..., None] * light.channel_gains()).astype(np.float32)
-        strip[:] = np.clip(np.rint(strip * factor), 0, 255)
+        strip[:] = cv2.multiply(strip, even[..., None] * gains, dtype=cv2.CV_8U)

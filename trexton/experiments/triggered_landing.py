@@ -1,0 +1,301 @@
+"""Triggered landing in closed loop (paper, Analysis, "Triggered Landing")."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from time import perf_counter
+
+import numpy as np
+
+from trexton.camera import Camera
+from trexton.errors import ParameterError
+from trexton.experiments.evaluation import floor_picture, provenance, trained_map
+from trexton.flights.flight import Flight
+from trexton.landing import LandingZone
+from trexton.localizer import Estimate, Localizer, TextonMap
+from trexton.metrics import wilson_interval
+from trexton.progress import progress
+from trexton.records import Record
+from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
+
+__all__ = ["Attempt", "Mission", "fly_attempt", "run", "summarize_attempts"]
+
+PAPER_LANDINGS, PAPER_INSIDE = 6, 4
+
+
+@dataclass(frozen=True, eq=False)
+class Mission:
+    """What all attempts have in common.
+
+    Attributes
+    ----------
+    places : (2, 2) array
+        Lowest and highest x, y of a zone's centre: the circle stays within the surveyed area.
+    options : dict
+        Of the localizer.
+    """
+
+    texton_map: TextonMap
+    floor: Floor
+    camera: Camera
+    height: float
+    speed: float
+    places: np.ndarray
+    radius: float
+    spread: float
+    consecutive: int
+    armed_after: float
+    time_limit: float
+    options: dict
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One flight towards one zone; positions ``(2,)`` in metres, NaN where the landing was never triggered.
+
+    Attributes
+    ----------
+    path : (N, 2) array
+        True positions at the frames, until touchdown.
+    wait_s : float
+        From the start to the trigger, or to the time limit.
+    frame_s : (M,) array
+        Wall-clock time of rendering and localizing each frame.
+    """
+
+    zone: np.ndarray
+    triggered: bool
+    wait_s: float
+    estimate: np.ndarray
+    truth: np.ndarray
+    touchdown: np.ndarray
+    path: np.ndarray
+    frame_s: np.ndarray
+
+
+def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt:
+    """Fly at random until the trigger fires, then land; attempt `number` has a generator of its own.
+
+    `perfect` puts the true position in the localizer's place: what remains is what landing itself costs.
+    """
+    zone_rng, plan_rng, simulator_rng, localizer_rng = np.random.default_rng([mission.seed, 1 + number]).spawn(4)
+    zone = LandingZone(zone_rng.uniform(*mission.places), mission.radius, mission.spread, mission.consecutive)
+    plan = Plan(random_waypoints(mission.texton_map.area, plan_rng))
+    # The camera hands its frames over as they are: nothing is compressed on board.
+    simulator = Simulator(
+        mission.floor, camera=mission.camera, effects=Effects().without("jpeg"), light=Light.later(),
+        start=plan.start, height=mission.height, speed=mission.speed, rng=simulator_rng,
+    )  # fmt: skip
+    localizer = None if perfect else Localizer(mission.texton_map, rng=localizer_rng, **mission.options)
+    state, path, frame_s = simulator.state, [], []
+    triggered = False
+    while not triggered and state.time < mission.time_limit:
+        state = simulator.step(plan.goal(state.position))
+        start = perf_counter()
+        estimate = localizer.step(simulator.render()) if localizer else _certain(state.position[:2])
+        frame_s.append(perf_counter() - start)
+        path.append(state.position[:2])
+        triggered = zone.update(estimate) and state.time > mission.armed_after
+    wait_s, nowhere = state.time, np.full(2, np.nan)
+    if not triggered:
+        return Attempt(zone.center, False, wait_s, nowhere, nowhere, nowhere, np.array(path), np.array(frame_s))
+    truth = state.position[:2]
+    simulator.vehicle.land()
+    while not state.landed:
+        state = simulator.step()
+        path.append(state.position[:2])
+    return Attempt(zone.center, True, wait_s, estimate.position, truth, state.position[:2], np.array(path), np.array(frame_s))
+
+
+def _certain(position: np.ndarray) -> Estimate:
+    return Estimate(position, np.zeros(2), np.zeros((2, 2)), False, True, None, None, position[None], np.ones(1))
+
+
+def run(
+    train: Flight,
+    test: Flight,
+    *,
+    landings: int = 50,
+    radius: float = 0.6,
+    spread: float = 0.6,
+    consecutive: int = 1,
+    samples: int = 400,
+    textons: int = 20,
+    particles: int = 50,
+    neighbors: int = 5,
+    armed_after: float = 5.0,
+    time_limit: float = 60.0,
+    speed: float = 0.6,
+    processes: int = 1,
+    seed: int = 1,
+) -> Record:
+    """Land wherever the localizer says that the vehicle is in the zone, over and over.
+
+    Parameters
+    ----------
+    train, test : Flight
+        The map is trained on `train`, and flown over the floor it carries. Of `test` nothing is used: the virtual
+        camera takes its place, under the light of an hour later.
+    landings : int
+        Attempts, each with another zone, path, wind and start.
+    radius, spread : float
+        r and theta in metres.
+    consecutive : int
+        Estimates in a row that must agree.
+    armed_after : float
+        Seconds of flight before a trigger counts: a zone is set during a flight, when the filter has long settled.
+    time_limit : float
+        Seconds of flight after which a landing counts as never triggered.
+    processes : int
+        Attempts flown at the same time; the results do not depend on it.
+
+    Raises
+    ------
+    ParameterError
+        The flight has no floor or camera, the area is too small for the zone, or there is nothing to fly.
+    """
+    if train.floor is None or train.camera is None:
+        raise ParameterError(f"flight {train.name!r} has no picture of its floor or no camera: the closed loop needs both, as trexton simulate gives them")
+    if landings < 1 or processes < 1 or not 0 <= armed_after < time_limit:
+        raise ParameterError(
+            f"{landings} landings, {processes} processes, armed after {armed_after} s, time limit {time_limit} s: expected at "
+            "least one landing and one process, and a limit after the zone is armed"
+        )
+    LandingZone((0, 0), radius, spread, consecutive)  # refuses nonsense before the map is trained
+    options = {"samples": samples, "particles": particles, "neighbors": neighbors}
+    mission = Mission(
+        texton_map=trained_map(train, textons=textons, neighbors=neighbors, seed=seed),
+        floor=Floor(train.floor),
+        camera=train.camera,
+        height=1.0 if train.height is None else float(np.nanmean(train.height)),
+        speed=speed,
+        places=_zone_places(train, radius),
+        radius=radius,
+        spread=spread,
+        consecutive=consecutive,
+        armed_after=armed_after,
+        time_limit=time_limit,
+        options=options,
+        seed=seed,
+    )
+    attempts = _fly_all(mission, landings, processes)
+    perfect = [fly_attempt(mission, number, perfect=True) for number in range(landings)]
+    floor, pictures = floor_picture(train)
+    frame_s = np.concatenate([attempt.frame_s for attempt in attempts])
+    return Record(
+        experiment="triggered_landing",
+        flight=train.name,
+        parameters=options
+        | {"textons": textons, "landings": landings, "radius": radius, "spread": spread, "consecutive": consecutive}
+        | {"armed_after": armed_after, "time_limit": time_limit, "speed": speed, "seed": seed},
+        values=summarize_attempts(attempts, mission) | {"perfect": summarize_attempts(perfect, mission)},
+        series=_series(attempts, mission) | {"area_m": train.area} | floor,
+        images=pictures,
+        timings={"frame_s": {"median": np.median(frame_s), "p99": np.percentile(frame_s, 99), "total": frame_s.sum()}},
+        provenance=provenance(train),
+    )
+
+
+def _zone_places(train: Flight, radius: float) -> np.ndarray:
+    low, high = np.nanmin(train.position, axis=0) + radius, np.nanmax(train.position, axis=0) - radius
+    if (low >= high).any():
+        raise ParameterError(f"a zone of radius {radius} m does not fit into the area that flight {train.name!r} covers: choose a smaller one")
+    return np.array([low, high])
+
+
+def _fly_some(mission: Mission, numbers: range) -> list[Attempt]:
+    return [fly_attempt(mission, number) for number in numbers]
+
+
+def _fly_all(mission: Mission, landings: int, processes: int) -> list[Attempt]:
+    """All attempts in order, every n-th of them flown by the n-th process."""
+    if processes == 1:
+        return [fly_attempt(mission, number) for number in progress(range(landings), "landings", landings)]
+    shares = [range(first, landings, processes) for first in range(min(processes, landings))]
+    with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
+        flown = pool.map(_fly_some, [mission] * len(shares), shares)
+        by_number = {number: attempt for share, some in zip(shares, flown) for number, attempt in zip(share, some)}
+    return [by_number[number] for number in range(landings)]
+
+
+def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict:
+    """Rates with their 95 % intervals, distances beyond the circle, waiting times, and the yardstick of chance."""
+    done = [attempt for attempt in attempts if attempt.triggered]
+    beyond = np.array([_beyond(attempt, attempt.touchdown, mission.radius) for attempt in done])
+    outliers = np.sort(beyond[beyond > 0])
+    triggered_inside = sum(_beyond(attempt, attempt.truth, mission.radius) <= 0 for attempt in done)
+    inside_rate = _rate(len(done) - len(outliers), len(done))
+    first = [_beyond(attempt, attempt.touchdown, mission.radius) for attempt in attempts[:PAPER_LANDINGS] if attempt.triggered]
+    surveyed = np.prod(mission.places[1] - mission.places[0] + 2 * mission.radius)
+    return {
+        "attempts": len(attempts),
+        "landings": len(done),
+        "never_triggered": len(attempts) - len(done),
+        "never_rate": _rate(len(attempts) - len(done), len(attempts)),
+        "inside": len(done) - len(outliers),
+        "inside_rate": inside_rate,
+        "triggered_inside_rate": _rate(triggered_inside, len(done)),
+        "outliers": len(outliers),
+        "outliers_cm": outliers,
+        "outlier_mean_cm": _mean(outliers, np.random.default_rng([mission.seed, 10_000])),
+        "first_flights": {
+            "attempts": len(attempts[:PAPER_LANDINGS]),
+            "landings": len(first),
+            "inside": sum(value <= 0 for value in first),
+            "outliers_cm": [value for value in first if value > 0],
+        },
+        "paper_or_fewer_chance": _chance(inside_rate),
+        "chance_rate": np.pi * mission.radius**2 / surveyed,
+        "wait_s": _quantiles([attempt.wait_s for attempt in attempts]),
+        "trigger_error_cm": _quantiles([100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in done]),
+        "drift_cm": _quantiles([100 * np.hypot(*(attempt.touchdown - attempt.truth)) for attempt in done]),
+    }
+
+
+def _beyond(attempt: Attempt, place: np.ndarray, radius: float) -> float:
+    """Distance in cm from the circle to a place outside it; negative inside."""
+    return float(100 * (np.hypot(*(place - attempt.zone)) - radius))
+
+
+def _rate(successes: int, trials: int) -> dict | None:
+    if not trials:
+        return None
+    low, high = wilson_interval(successes, trials)
+    return {"median": successes / trials, "low": low, "high": high}
+
+
+def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> dict | None:
+    """Mean and its 95 % bootstrap interval."""
+    if not len(values):
+        return None
+    means = values[rng.integers(len(values), size=(draws, len(values)))].mean(axis=1)
+    low, high = np.percentile(means, (2.5, 97.5))
+    return {"median": values.mean(), "low": low, "high": high}
+
+
+def _quantiles(values: list[float]) -> dict | None:
+    return dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)))) if values else None
+
+
+def _chance(rate: dict | None) -> float | None:
+    """Chance of at most the paper's number inside, in as many landings as the paper's, at our rate."""
+    if rate is None:
+        return None
+    from scipy.stats import binom
+
+    return float(binom.cdf(PAPER_INSIDE, PAPER_LANDINGS, rate["median"]))
+
+
+def _series(attempts: list[Attempt], mission: Mission) -> dict:
+    """What the figures draw; paths in millimetres' resolution, of the first attempts only."""
+    columns = {f"{name}_m": np.array([getattr(a, name) for a in attempts]) for name in ("zone", "estimate", "truth", "touchdown")}
+    return columns | {
+        "triggered": [attempt.triggered for attempt in attempts],
+        "wait_s": [attempt.wait_s for attempt in attempts],
+        "beyond_cm": [_beyond(attempt, attempt.touchdown, mission.radius) for attempt in attempts],
+        "paths_m": [np.round(attempt.path, 3) for attempt in attempts[:PAPER_LANDINGS]],
+        "radius_m": mission.radius,
+    }
