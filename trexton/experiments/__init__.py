@@ -67,6 +67,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "map_loss": Experiment("Which floors are suitable: the map loss", needs=("positions",)),
     "timing": Experiment("Time for one frame", needs=("positions",), alone=True),
     "speed": Experiment("As fast as the machine allows", needs=_IMAGES, alone=True),
+    "choices": Experiment("What the open choices cost", needs=("positions",), after=("mocap_training",), cost_s=50),
     "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=40),
     LEDGER: Experiment("The ledger", every_flight=True),
 }

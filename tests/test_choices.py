@@ -1,0 +1,59 @@
+"""What the open choices cost: one thing changes at a time, and the trace of uncleared counts is what the code left."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import small_flight
+
+from trexton.experiments import choices
+from trexton.figures import choices as figures
+
+
+def test_counts_that_are_never_cleared_leave_one_nth_of_the_frame_before(rng):
+    samples, labels = 50, rng.integers(4, size=(6, 50))
+    counts, published = np.zeros(4), []
+    for frame in labels:  # the flight code: count into what is still there, divide, keep
+        counts += np.bincount(frame, minlength=4)
+        counts /= samples
+        published.append(counts.copy())
+    clean = np.array([np.bincount(frame, minlength=4) / samples for frame in labels])
+    np.testing.assert_allclose(choices.with_trace(clean, samples), published)
+    np.testing.assert_allclose(choices.without_trace(np.array(published), samples), clean)
+
+
+def test_the_published_rows_lose_their_excess(cyberzoo):
+    cleared = choices.without_trace(cyberzoo.histograms, 5000)
+    assert cyberzoo.histograms[1:].sum(axis=1).mean() == pytest.approx(1.0002, abs=1e-5)
+    assert cleared[1:].sum(axis=1).mean() == pytest.approx(1.0, abs=1e-5)
+
+
+@pytest.fixture(scope="module")
+def record():
+    flight = small_flight(240)
+    return choices.run(flight.part("train"), flight.part("test"), repeats=2, particles=30)
+
+
+def test_every_choice_is_measured_beside_the_paper(record):
+    variants, order = record.values["variants"], record.values["order"]
+    assert order[0] == "paper" and len(order) == len(set(order)) == 12 and set(order) == set(variants)
+    assert {variant["group"] for variant in variants.values()} == {
+        "paper", "measurement", "motion", "particles", "resampling", "estimate", "histogram",
+    }  # fmt: skip
+    assert all(variant["mean_cm"]["low"] <= variant["mean_cm"]["median"] <= variant["mean_cm"]["high"] for variant in variants.values())
+
+
+def test_the_variants_differ_from_the_paper_and_repeat_with_the_seed(record):
+    flight = small_flight(240)
+    again = choices.run(flight.part("train"), flight.part("test"), repeats=2, particles=30)
+    assert again.values == record.values
+    paper = record.values["variants"]["paper"]["mean_cm"]
+    assert all(variant["mean_cm"] != paper for key, variant in record.values["variants"].items() if key not in ("paper", "near_in_time"))
+
+
+def test_the_figure_shows_the_numbers_of_the_record(record):
+    axes = figures.costs(record).axes[0]
+    order = list(reversed(record.values["order"]))
+    points = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
+    assert points == [record.values["variants"][key]["mean_cm"]["median"] for key in order]
+    assert [label.get_text() for label in axes.get_yticklabels()] == [record.values["variants"][key]["label"] for key in order]
