@@ -7,7 +7,7 @@ import pytest
 from onboard_tools import make_estimate, make_fix
 
 from trexton.localizer import Estimate
-from trexton.onboard.fix import Fix, JumpCounter, about_position, ignorance
+from trexton.onboard.fix import LOST_SHARE, Fix, JumpCounter, about_position, ignorance
 from trexton.onboard.local import LocalFrame, decoupled
 
 
@@ -76,7 +76,7 @@ def test_particles_all_over_the_area_are_no_position(rng):
     area = (0.0, 6.0, -2.0, 2.0)
     everywhere = rng.uniform((0, -2), (6, 2), (20000, 2))
     np.testing.assert_allclose(everywhere.std(axis=0), ignorance(area), rtol=0.02)
-    knows = 0.7 * ignorance(area)
+    knows = LOST_SHARE * ignorance(area)
     assert not Fix.of(make_estimate(spread=0.99 * knows), 0.0, 1, area).lost
     assert Fix.of(make_estimate(spread=1.01 * knows), 0.0, 1, area).lost
     assert Fix.of(make_estimate(lost=True), 0.0, 1, area).lost

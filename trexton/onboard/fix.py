@@ -12,7 +12,7 @@ __all__ = ["Fix", "JumpCounter", "about_position", "ignorance"]
 
 # A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by the kidnapping
 # experiment, which shows what other shares would miss and what they would refuse.
-LOST_SHARE = 0.7
+LOST_SHARE = 0.5
 # Squared Mahalanobis distance, two dimensions: one honest pair of reports in 3000 is farther apart.
 JUMP = 16.0
 

@@ -1,0 +1,117 @@
+"""The kidnapping experiment: its rule by enumeration, its plan, its record, and what its figures draw."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trexton.errors import FlightError
+from trexton.experiments import kidnapping
+from trexton.experiments.kidnapping import Trial
+from trexton.figures import kidnapping as figures
+from trexton.flights import Flight
+
+
+def wandering_flight(name: str, seed: int, frames: int = 240) -> Flight:
+    """A flight to and fro over 4 m x 4 m whose histograms tell the place, with noise."""
+    rng = np.random.default_rng(seed)
+    time = 0.08 * np.arange(frames)
+    position = 2 + 1.8 * np.column_stack([np.sin(0.9 * time + seed), np.sin(0.61 * time + 2 * seed)])
+    centers = rng_centers()
+    weight = np.exp(-((position[:, None] - centers) ** 2).sum(axis=2) / 1.5) + 0.02 * rng.random((frames, len(centers)))
+    return Flight(
+        name=name, frame=np.arange(frames), time=time, position=position, area=(0.0, 4.0, 0.0, 4.0),
+        histograms=weight / weight.sum(axis=1, keepdims=True),
+    )  # fmt: skip
+
+
+def rng_centers() -> np.ndarray:
+    return np.array([(x, y) for x in (0.5, 2.0, 3.5) for y in (0.5, 2.0, 3.5)])
+
+
+def trial(errors) -> Trial:
+    errors = np.array(errors, dtype=float)
+    return Trial(errors, np.zeros(len(errors)), np.zeros(len(errors), bool), 2)
+
+
+@pytest.mark.parametrize(
+    ("errors", "expected"),
+    [
+        ([0, 0, 0, 0, 0], 0),
+        ([0, 0, 9, 9, 0, 0, 0], 2),
+        ([0, 0, 0, 0, 9, 0, 0, 0, 9], 3),
+        ([0, 0, 9, 0, 9, 0, 0], None),
+        ([0, 0, 1.0, 1.0, 1.0], None),  # below the tolerance, not at it
+        ([0, 0, 0], None),
+    ],
+)
+def test_found_means_so_many_in_a_row(errors, expected):
+    assert trial(errors).found_after(1.0, 3) == expected
+
+
+@pytest.fixture(scope="module")
+def flights() -> tuple[Flight, Flight]:
+    return wandering_flight("one", 1, 400), wandering_flight("two", 2)
+
+
+@pytest.fixture(scope="module")
+def record(flights):
+    return kidnapping.run(*flights, kidnappings=100, patience_s=3.0, seed=3)
+
+
+def test_plan_carries_the_vehicle_far_with_time_before_and_after(flights, rng):
+    plan = kidnapping._plan(flights[1], 300, 40, rng)
+    assert plan.shape == (300, 2)
+    assert (plan[:, 0] >= 40).all() and (plan[:, 1] + 40 <= len(flights[1])).all()
+    steps = flights[1].position[plan[:, 1]] - flights[1].position[plan[:, 0]]
+    assert (np.hypot(*steps.T) >= 2.0).all()
+
+
+def test_a_flight_on_the_spot_cannot_be_kidnapped(flights, rng):
+    still = flights[1].select(slice(0, 5))
+    with pytest.raises(FlightError, match="fly longer"):
+        kidnapping._plan(still, 10, 2, rng)
+
+
+def test_random_particles_find_the_vehicle_at_least_as_often_and_sooner(record):
+    plain, augmented = record.values["plain"], record.values["augmented"]
+    assert record.values["counts"]["kidnappings"] == 100
+    assert augmented["recovered_rate"]["median"] >= max(plain["recovered_rate"]["median"], 0.9)
+    assert augmented["recovery_s"]["median"] < plain["recovery_s"]["median"]
+    assert augmented["lost"]["declared_rate"]["median"] > plain["lost_by_fit"]["declared_rate"]["median"] == 0
+    assert augmented["lost"]["wrong_frames_rate"] > augmented["lost"]["calm_frames_rate"]
+
+
+def test_equal_seeds_give_equal_values(flights):
+    first, again, other = (kidnapping.run(*flights, kidnappings=10, patience_s=1.0, seed=seed) for seed in (5, 5, 6))
+    assert first.values == again.values and first.series == again.series
+    assert first.values != other.values
+
+
+def test_trials_are_what_the_localizer_gives(flights):
+    """One trial against a plain loop over the same frames."""
+    from trexton.experiments.evaluation import trained_map
+    from trexton.localizer import Localizer
+
+    texton_map = trained_map(flights[0], seed=3)
+    plan = np.array([[60, 150]])
+    (found,) = kidnapping.filter_trials(texton_map, flights[1].histograms, flights[1].position, plan, 30, None, particles=50, seed=3)
+    localizer = Localizer(texton_map, rng=np.random.default_rng([3, 1]))
+    rows = [*range(30, 60), *range(150, 180)]
+    errors = [np.hypot(*(localizer.step(flights[1].histograms[row]).position - flights[1].position[row])) for row in rows]
+    np.testing.assert_allclose(found.error, errors)
+    assert found.cut == 30
+
+
+def test_figures_draw_the_record(record):
+    axes = figures.time_to_recover(record).axes[0]
+    for line, name in zip(axes.lines, ("plain", "augmented")):
+        times = record.series[name]["recovery_s"]
+        np.testing.assert_allclose(line.get_xdata()[1:-1], times)
+        np.testing.assert_allclose(line.get_ydata()[-1], len(times))  # of 100 kidnappings
+    error, lost = figures.error_since(record).axes
+    np.testing.assert_allclose(error.lines[1].get_ydata(), record.series["augmented"]["error_m"]["median"])
+    np.testing.assert_allclose(lost.lines[0].get_ydata(), 100 * np.array(record.series["augmented"]["lost"]))
+    plot = figures.lost_told(record).axes[0]
+    np.testing.assert_allclose(plot.lines[0].get_ydata(), 100 * np.array(record.series["augmented"]["told"], dtype=float))
+    assert all(axis.get_xlabel() for axis in (axes, lost, plot))

@@ -1,0 +1,211 @@
+"""Carried away and found again (paper, Related Work: global methods address the kidnapped robot problem).
+
+A recorded flight is cut: the vehicle has been localized for a while, and in the next frame it is somewhere far away. How long
+does the filter take to follow, does it say that it is lost meanwhile, and how often does it say so for nothing?
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trexton.errors import FlightError
+from trexton.experiments.evaluation import provenance, trained_map
+from trexton.flights.flight import Flight
+from trexton.histograms import sampled_histogram
+from trexton.localizer import Localizer, TextonMap
+from trexton.metrics import wilson_interval
+from trexton.onboard.fix import LOST_SHARE, about_position, ignorance
+from trexton.progress import progress
+from trexton.records import Record
+
+__all__ = ["Trial", "filter_trials", "run"]
+
+FILTERS = {"plain": None, "augmented": "augmented"}
+SETTLED = 25  # frames of the undisturbed part before the rule is applied to it, two seconds
+SHARES = np.round(np.arange(0.1, 1.51, 0.05), 2)  # of ignorance, at which the vehicle could be called lost
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """One kidnapping: errors in metres, the cloud's width as a share of knowing nothing, and the filter's own `lost`.
+
+    The arrays start with the undisturbed part; the kidnapping lies between the frames `cut - 1` and `cut`.
+    """
+
+    error: np.ndarray
+    width: np.ndarray
+    lost: np.ndarray
+    cut: int
+
+    def found_after(self, tolerance: float, consecutive: int) -> int | None:
+        """Frames from the kidnapping to the first of `consecutive` ones in a row within `tolerance` metres, or None."""
+        good = self.error[self.cut :] < tolerance
+        for frame in range(len(good) - consecutive + 1):
+            if good[frame : frame + consecutive].all():
+                return frame
+        return None
+
+
+def run(
+    train: Flight,
+    test: Flight,
+    *,
+    kidnappings: int = 200,
+    patience_s: float = 10.0,
+    tolerance: float = 1.0,
+    consecutive: int = 5,
+    samples: int = 400,
+    textons: int = 20,
+    particles: int = 50,
+    neighbors: int = 5,
+    seed: int = 1,
+) -> Record:
+    """Kidnap the vehicle again and again, with the paper's filter and with augmented Monte Carlo localization.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms.
+    kidnappings : int
+        Independent ones, for each filter the same.
+    patience_s : float
+        Seconds that the filter has to find the vehicle again.
+    tolerance, consecutive : float, int
+        Found means: so many frames in a row with an error below so many metres.
+    samples, textons, particles, neighbors : int
+        The paper's defaults. Where there are images, one histogram is drawn for each frame and used in all trials.
+    """
+    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    histograms = _histograms(test, texton_map, samples, np.random.default_rng([seed, 20_000]))
+    period = float(np.median(np.diff(test.time)))
+    patience = min(round(patience_s / period), len(test) // 3)
+    plan = _plan(test, kidnappings, patience, np.random.default_rng([seed, 20_001]))
+    values, series = {}, {"time_s": np.arange(patience) * period, "shares": SHARES, "area_m": test.area}
+    for name, recovery in FILTERS.items():
+        trials = filter_trials(texton_map, histograms, test.position, plan, patience, recovery, particles=particles, seed=seed)
+        values[name] = _values(trials, tolerance, consecutive, period)
+        series[name] = _series(trials, tolerance, consecutive, period)
+    distances = np.hypot(*(test.position[plan[:, 1]] - test.position[plan[:, 0]]).T)
+    return Record(
+        experiment="kidnapping",
+        flight=train.name,
+        parameters={
+            "kidnappings": kidnappings, "patience_s": patience_s, "tolerance": tolerance, "consecutive": consecutive,
+            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors, "seed": seed,
+        },
+        values=values | {
+            "distance_m": {"median": np.median(distances), "shortest": distances.min()},
+            "patience_s": patience * period,
+            "lost_share": LOST_SHARE,
+            "counts": {"kidnappings": len(plan), "train": len(texton_map.positions), "test": len(test)},
+        },
+        series=series,
+        provenance=provenance(train, test),
+    )  # fmt: skip
+
+
+def _histograms(test: Flight, texton_map: TextonMap, samples: int, rng: np.random.Generator) -> np.ndarray:
+    if not test.has_images:
+        return test.histograms
+    images = progress(test.images(), "histograms", total=len(test))
+    return np.stack([sampled_histogram(image, texton_map.dictionary, samples, rng=rng) for image in images])
+
+
+def _plan(test: Flight, count: int, patience: int, rng: np.random.Generator) -> np.ndarray:
+    """``(count, 2)`` rows: the frame after which the vehicle is taken, and the frame to which it is carried.
+
+    At least half the longer side of the area lies between the two, `patience` frames before the first and after the second.
+    """
+    x_min, x_max, y_min, y_max = test.area
+    far = max(x_max - x_min, y_max - y_min) / 2
+    starts, targets = np.arange(patience, len(test)), np.arange(len(test) - patience + 1)
+    steps = test.position[targets][None] - test.position[starts][:, None]
+    pairs = np.argwhere(np.hypot(steps[..., 0], steps[..., 1]) >= far)
+    if not len(pairs):
+        raise FlightError(f"flight {test.name!r} has no two places {far:.1f} m apart with {patience} frames around them: fly longer")
+    chosen = pairs[rng.integers(len(pairs), size=count)]
+    return np.column_stack([starts[chosen[:, 0]], targets[chosen[:, 1]]])
+
+
+def filter_trials(
+    texton_map: TextonMap, histograms: np.ndarray, truth: np.ndarray, plan: np.ndarray, patience: int, recovery: str | None,
+    *, particles: int, seed: int,
+) -> list[Trial]:  # fmt: skip
+    """Fly every kidnapping of the `plan` with a filter of its own; trial i draws from the generator of (seed, 1 + i)."""
+    nothing = float(np.hypot(*ignorance(texton_map.area)))
+    trials = []
+    for number, (taken, carried) in enumerate(progress(plan, f"kidnappings, {recovery or 'plain'}", len(plan))):
+        rng = np.random.default_rng([seed, 1 + number])
+        localizer = Localizer(texton_map, particles=particles, recovery=recovery, rng=rng)
+        rows = np.r_[taken - patience : taken, carried : carried + patience]
+        estimates = [localizer.step(histograms[row]) for row in rows]
+        position = np.array([estimate.position for estimate in estimates])
+        trials.append(
+            Trial(
+                np.hypot(*(position - truth[rows]).T),
+                np.sqrt([np.trace(about_position(estimate)) for estimate in estimates]) / nothing,
+                np.array([estimate.lost for estimate in estimates]),
+                patience,
+            )
+        )
+    return trials
+
+
+def _values(trials: list[Trial], tolerance: float, consecutive: int, period: float) -> dict:
+    found = [trial.found_after(tolerance, consecutive) for trial in trials]
+    times = [period * frames for frames in found if frames is not None]
+    undisturbed = [Trial(trial.error[: trial.cut], trial.width, trial.lost, SETTLED) for trial in trials]
+    control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
+    return {
+        "recovered_rate": _rate(len(times), len(trials)),
+        "recovery_s": dict(zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100)))) if times else None,
+        "control_rate": _rate(sum(frames is not None for frames in control), len(trials)),
+        "undisturbed_error_cm": 100 * np.concatenate([trial.error[SETTLED : trial.cut] for trial in trials]).mean(),
+        "lost": _lost(trials, [trial.lost | (trial.width > LOST_SHARE) for trial in trials], found, tolerance),
+        "lost_by_fit": _lost(trials, [trial.lost for trial in trials], found, tolerance),
+    }
+
+
+def _lost(trials: list[Trial], flags: list[np.ndarray], found: list[int | None], tolerance: float) -> dict:
+    """How well "lost" is told: in which share of kidnappings before the vehicle was found, of wrong frames, of calm ones."""
+    declared, wrong, calm, calm_error = [], [], [], []
+    for trial, lost, frames in zip(trials, flags, found):
+        end = len(trial.error) if frames is None else trial.cut + frames
+        if end > trial.cut:
+            declared.append(lost[trial.cut : end].any())
+            wrong.append(lost[trial.cut : end][trial.error[trial.cut : end] >= tolerance])
+        calm.append(lost[SETTLED : trial.cut])
+        calm_error.append(trial.error[SETTLED : trial.cut])
+    calm, calm_error, wrong = np.concatenate(calm), np.concatenate(calm_error), np.concatenate([[], *wrong])
+    return {
+        "declared_rate": _rate(sum(declared), len(declared)),
+        "wrong_frames_rate": wrong.mean() if len(wrong) else None,
+        "calm_frames_rate": calm.mean(),
+        "calm_error_cm": {
+            "lost": 100 * calm_error[calm].mean() if calm.any() else None,
+            "not_lost": 100 * calm_error[~calm].mean() if not calm.all() else None,
+        },
+    }
+
+
+def _series(trials: list[Trial], tolerance: float, consecutive: int, period: float) -> dict:
+    found = [trial.found_after(tolerance, consecutive) for trial in trials]
+    error = np.array([trial.error[trial.cut :] for trial in trials])
+    lost = np.array([(trial.lost | (trial.width > LOST_SHARE))[trial.cut :] for trial in trials])
+    shares = [_lost(trials, [trial.width > share for trial in trials], found, tolerance) for share in SHARES]
+    return {
+        "recovery_s": sorted(period * frames for frames in found if frames is not None),
+        "error_m": dict(zip(("low", "median", "high"), np.percentile(error, (10, 50, 90), axis=0))),
+        "lost": lost.mean(axis=0),
+        "told": [entry["wrong_frames_rate"] for entry in shares],
+        "for_nothing": [entry["calm_frames_rate"] for entry in shares],
+    }
+
+
+def _rate(successes: int, trials: int) -> dict | None:
+    if not trials:
+        return None
+    low, high = wilson_interval(int(successes), trials)
+    return {"median": successes / trials, "low": low, "high": high}
