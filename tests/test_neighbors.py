@@ -15,7 +15,7 @@ def plain_neighbors(histograms, histogram, k):
 
 
 @pytest.mark.parametrize("method", ["brute", "tree"])
-@pytest.mark.parametrize("k", [1, 5, 60])
+@pytest.mark.parametrize("k", [1, 5, 59, 60])
 def test_neighbours_equal_the_sorted_distances(rng, method, k):
     histograms, positions = rng.dirichlet(np.ones(8), 60), rng.normal(size=(60, 2))
     nearest = NearestHistograms(histograms, positions, k, method)

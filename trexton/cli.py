@@ -19,6 +19,7 @@ COMMANDS = {
     "run": ("run", "run the experiment notebooks on a flight"),
     "book": ("book", "run every experiment and build the book"),
     "onboard": ("onboard", "localize live frames and report positions"),
+    "bench": ("bench", "measure the speed of every stage"),
 }
 
 

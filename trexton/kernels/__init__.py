@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from trexton.errors import ParameterError
 
 if TYPE_CHECKING:  # names them for the cache too, which follows imports to know what code a result depends on
-    from trexton.kernels import kohonen_steps, label_rows, nearest_rows  # noqa: F401
+    from trexton.kernels import kohonen_steps, label_rows, nearest_in_tree  # noqa: F401
 
 __all__ = ["BACKENDS", "compiled", "thread_count", "in_strips"]
 

@@ -1,7 +1,6 @@
-"""The k rows of a table nearest to a query, by brute force and through a tree of boxes: the same bits.
+"""The k rows of a table nearest to a query, through a tree of boxes.
 
-Differences are squared and added feature by feature without fused operations, as NumPy does on any processor.
-Both functions return ``(k,)`` indices and squared distances, nearest first, equals by index.
+Differences are squared and added feature by feature without fused operations: the bits of NumPy, on any processor.
 """
 
 from __future__ import annotations
@@ -9,7 +8,6 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-_BLOCK = 512
 _SLACK = 1 - 1e-12  # bounds are added in another order than distances: never prune by a rounding error
 
 
@@ -36,21 +34,6 @@ def _insert(row, distance, index, squared):
     index[place] = row
 
 
-@njit(cache=True, nogil=True)
-def nearest_rows(columns, query, k):
-    """Brute force over the transposed table ``(K, N)``."""
-    n = columns.shape[1]
-    index, squared = np.full(k, n), np.full(k, np.inf)
-    sums = np.empty(_BLOCK)
-    for first in range(0, n, _BLOCK):
-        size = min(_BLOCK, n - first)
-        _squared_distances(columns[:, first : first + size], query, sums)
-        for i in range(size):
-            if sums[i] < squared[k - 1]:
-                _insert(first + i, sums[i], index, squared)
-    return index, squared
-
-
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _box_bound(low, high, query):
     """Squared distance from a query to a box: no row inside is nearer."""
@@ -63,13 +46,13 @@ def _box_bound(low, high, query):
 
 @njit(cache=True, nogil=True)
 def nearest_in_tree(low, high, leaves, rows, query, k):
-    """Through a complete binary tree in heap order, nearest child first; see `trexton.neighbors.BoxTree`."""
+    """``(k,)`` indices and squared distances, nearest first, equals by index; for `trexton.neighbors.BoxTree`."""
     n_inner = len(low) - len(leaves)
     index, squared = np.full(k, rows.size), np.full(k, np.inf)
     sums = np.empty(leaves.shape[2])
     waiting, bounds = np.zeros(64, np.int64), np.zeros(64)
     top = 1
-    while top > 0:
+    while top > 0:  # the nearer child first: the other may turn out to be too far
         top -= 1
         node, bound = waiting[top], bounds[top]
         while bound <= squared[k - 1] and node < n_inner:

@@ -1,0 +1,72 @@
+"""Speed of every stage, measured against yardsticks of the same run, interleaved in one process."""
+
+from __future__ import annotations
+
+import os
+import platform
+from collections.abc import Iterable, Iterator
+
+from trexton.bench.clock import Row, table
+from trexton.bench.scene import Scene
+from trexton.errors import ParameterError
+from trexton.progress import say
+
+__all__ = ["Row", "STAGES", "machine", "measure", "table"]
+
+# name: (module, function(scene, quick) -> rows)
+STAGES = {
+    "full": ("images", "full_histogram"),
+    "sampled": ("images", "sampled"),
+    "neighbors": ("estimation", "neighbors"),
+    "filter": ("estimation", "filter_step"),
+    "frame": ("estimation", "whole_frame"),
+    "homography": ("images", "homography"),
+    "simulator": ("images", "simulator"),
+    "start": ("start", "start"),
+    "growth": ("growth", "growth"),
+}
+
+
+def measure(stages: Iterable[str] | None = None, *, quick: bool = False, seed: int = 1) -> Iterator[Row]:
+    """Measure stages one after another; all of them take about two minutes.
+
+    Parameters
+    ----------
+    stages : iterable of str or None
+        Keys of `STAGES`; None is all.
+    quick : bool
+        Fewer repeats and smaller sizes: about twenty seconds.
+    seed : int
+        Of the frames and the map that are worked on.
+
+    Raises
+    ------
+    ParameterError
+        A stage is unknown, or a yardstick's package is missing.
+    """
+    from importlib import import_module
+
+    stages = list(STAGES) if stages is None else list(stages)
+    for name in stages:
+        if name not in STAGES:
+            raise ParameterError(f"stage {name!r} is unknown: the stages are {', '.join(STAGES)}")
+    scene = Scene(seed)
+    for name in stages:
+        say(f"bench: {name}")
+        module, function = STAGES[name]
+        try:
+            yield from getattr(import_module(f"trexton.bench.{module}"), function)(scene, quick)
+        except ModuleNotFoundError as error:
+            raise ParameterError(f"stage {name!r} needs {error.name}, which is not installed: pip install trexton[book]") from None
+
+
+def machine() -> dict:
+    """What the figures depend on: processor, how many of them, how busy they are."""
+    model = platform.processor() or platform.machine()
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as stream:
+            model = next((line.split(":", 1)[1].strip() for line in stream if line.startswith("model name")), model)
+    except OSError:
+        pass
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return {"processor": model, "processors": os.cpu_count(), "load": load, "system": platform.platform()}

@@ -1,0 +1,89 @@
+"""What the stages work on: frames of the virtual room and a map of realistic size, all from one seed."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from trexton.histograms import texton_histogram
+from trexton.localizer import Localizer, TextonMap
+from trexton.simulator import Simulator
+from trexton.textons import TextonDictionary
+
+__all__ = ["Scene", "crowd"]
+
+_STORED = 800  # histograms in the paper's training set
+_VIEWS = 48
+
+
+def crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
+    """``(count, K)`` histograms between neighbours of a sequence, each with the noise of counting 2000 patches."""
+    rows, share = rng.integers(len(histograms) - 1, size=count), rng.random((count, 1))
+    mixed = histograms[rows] * (1 - share)
+    mixed += histograms[rows + 1] * share
+    mixed += rng.standard_normal(mixed.shape) * np.sqrt(mixed / 2000)
+    np.maximum(mixed, 0, out=mixed)
+    mixed /= mixed.sum(axis=1, keepdims=True)
+    return mixed
+
+
+class Scene:
+    """Frames along a diagonal of the painted hall, with everything a stage may ask for, made when asked for."""
+
+    def __init__(self, seed: int = 1):
+        self.seed = seed
+
+    def rng(self, stream: int) -> np.random.Generator:
+        return np.random.default_rng([self.seed, stream])
+
+    @cached_property
+    def simulator(self) -> Simulator:
+        """All effects on, at the paper's height and image size."""
+        return Simulator(start=np.array([0.5, 0.5]), rng=self.rng(0))
+
+    @cached_property
+    def views(self) -> tuple[list[np.ndarray], np.ndarray]:
+        """Frames ``(480, 640, 3)`` and where each was taken, ``(N, 2)`` metres."""
+        frames, positions = [], []
+        for _ in range(_VIEWS):
+            for _ in range(2):
+                state = self.simulator.step(np.array([4.5, 4.5]))
+            frames.append(self.simulator.render())
+            positions.append(state.position[:2])
+        return frames, np.array(positions)
+
+    @property
+    def frame(self) -> np.ndarray:
+        return self.views[0][len(self.views[0]) // 2]
+
+    @cached_property
+    def dictionary(self) -> TextonDictionary:
+        from trexton.patches import draw_patches
+
+        return TextonDictionary.learn(draw_patches(self.views[0], 6, 1000, self.rng(1)), rng=self.rng(2))
+
+    @cached_property
+    def histograms(self) -> np.ndarray:
+        """``(N, 20)`` full histograms of the frames."""
+        return np.stack([texton_histogram(frame, self.dictionary) for frame in self.views[0]])
+
+    @cached_property
+    def map(self) -> TextonMap:
+        """A map of 800 histograms."""
+        rng = self.rng(3)
+        steps = np.diff(self.views[1], axis=0)
+        spread = np.eye(2) * np.linspace(0.3, 0.5, 5)[:, None, None] ** 2
+        return TextonMap(
+            dictionary=self.dictionary,
+            histograms=crowd(self.histograms, _STORED, rng),
+            positions=rng.uniform(0, 5, (_STORED, 2)),
+            rank_covariance=spread,
+            process_covariance=np.cov(steps.T) + 1e-4 * np.eye(2),
+            area=(0.0, 5.0, 0.0, 5.0),
+            image_shape=self.frame.shape[:2],
+            period_s=0.08,
+        )
+
+    def localizer(self, **options) -> Localizer:
+        return Localizer(self.map, rng=self.rng(4), **options)

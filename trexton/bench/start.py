@@ -1,0 +1,50 @@
+"""How long it takes until something happens: processes started anew."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from trexton.bench.clock import Row, Times
+from trexton.bench.scene import Scene
+
+__all__ = ["start"]
+
+_FIRST_FRAME = """
+import sys
+import numpy as np
+from trexton.localizer import Localizer, TextonMap
+localizer = Localizer(TextonMap.load(sys.argv[1]), rng=np.random.default_rng(1))
+assert localizer.step(np.load(sys.argv[2])).observed
+"""
+_PROGRAMS = {
+    "bare": "import numpy, cv2",
+    "help": "from trexton.cli import main; main(['--help'])",
+    "first frame": _FIRST_FRAME,
+}
+
+
+def start(scene: Scene, quick: bool) -> Iterator[Row]:
+    """The command's help, and a process from nothing to its first estimate, with the kernels' cache warm."""
+    seconds = {name: [] for name in _PROGRAMS}
+    with tempfile.TemporaryDirectory() as folder:
+        texton_map, frame = scene.map.save(Path(folder) / "map.npz"), Path(folder) / "frame.npy"
+        np.save(frame, scene.frame)
+        for turn in range(4 if quick else 11):
+            for name, program in _PROGRAMS.items():
+                began = time.perf_counter()
+                command = [sys.executable, "-c", program, str(texton_map), str(frame)]
+                subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
+                if turn:  # the first warms the caches
+                    seconds[name].append(time.perf_counter() - began)
+    times = {name: Times.of(taken) for name, taken in seconds.items()}
+    yield Row.compare("start, trexton --help", "process", 1, times["help"], "target", 0.4, 1.0)
+    yield Row.compare("start, first frame", "process", 1, times["first frame"], "target", 0.5, 1.0)
+    bare = "import NumPy and OpenCV"
+    yield Row.compare("start, first frame", "process", 1, times["first frame"], bare, times["bare"])
