@@ -12,6 +12,8 @@ from conftest import small_flight
 
 from trexton.cli import main
 from trexton.localizer import TextonMap
+from trexton.onboard.sinks import SINKS
+from trexton.onboard.tally import FAULTS
 
 # numba looks for SciPy when it compiles, and goes without where there is none.
 HEAVY = ("pandas", "matplotlib", "scipy", "IPython", "ipykernel", "jupyter_core", "nbformat", "papermill", "sklearn", "pooch", "tqdm")
@@ -96,3 +98,15 @@ def test_wrong_usage(options, capsys):
 def test_the_systemd_unit_names_the_command():
     unit = (Path(__file__).parent.parent / "examples" / "trexton-onboard.service").read_text()
     assert "trexton onboard" in unit and "KillSignal=SIGTERM" in unit and "Restart=" in unit
+
+
+def test_the_book_tells_what_is_done_about_every_fault():
+    page = (Path(__file__).parent.parent / "book" / "onboard.md").read_text()
+    table = page[page.index("| fault |") :]
+    assert [name for name in FAULTS if f"`{name}`" not in table] == []
+
+
+def test_the_book_names_every_source_and_sink():
+    page = (Path(__file__).parent.parent / "book" / "onboard.md").read_text()
+    for name in (*SINKS, "simulator", "v4l2:", "video:", "flight:", "images:"):
+        assert f"`{name}" in page
