@@ -48,7 +48,9 @@ def test_the_variants_differ_from_the_paper_and_repeat_with_the_seed(record):
     again = choices.run(flight.part("train"), flight.part("test"), repeats=2, particles=30)
     assert again.values == record.values
     paper = record.values["variants"]["paper"]["mean_cm"]
-    assert all(variant["mean_cm"] != paper for key, variant in record.values["variants"].items() if key not in ("paper", "near_in_time"))
+    # These two change histograms or covariances a little, which random histograms need not show.
+    same = {key for key, variant in record.values["variants"].items() if variant["mean_cm"] == paper}
+    assert same <= {"paper", "near_in_time", "trace"}
 
 
 def test_the_figure_shows_the_numbers_of_the_record(record):
