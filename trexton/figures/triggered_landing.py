@@ -13,6 +13,9 @@ from trexton.records import Record
 
 __all__ = ["first_flights", "table", "targets", "waiting"]
 
+_COLUMNS = (
+    "", "Landings", "Inside", "Rate", "Triggered inside", "Never triggered", "Beyond the circle (cm), mean", "furthest",
+)  # fmt: skip
 INSIDE, OUTSIDE = COLORS["accent"], COLORS["estimate"]
 _EDGE = {"edgecolors": "white", "linewidths": 0.7, "zorder": 5}
 
@@ -118,7 +121,7 @@ def table(record: Record) -> pd.DataFrame:
         counts = {"": name, "Landings": summary["landings"], "Inside": summary["inside"], "Rate": _percent(summary["inside_rate"])}
         fired = {"Triggered inside": _percent(summary["triggered_inside_rate"]), "Never triggered": summary["never_triggered"]}
         rows.append(counts | _outliers(summary["outliers_cm"]) | fired)
-    return pd.DataFrame(rows, dtype=object).fillna("")
+    return pd.DataFrame(rows, columns=_COLUMNS, dtype=object).fillna("")
 
 
 def _percent(rate: dict | None) -> str:
