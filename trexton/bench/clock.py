@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass
 import cv2
 import numpy as np
 
-__all__ = ["Row", "Times", "interleave", "limited_threads", "table"]
+__all__ = ["Row", "Times", "duration", "interleave", "limited_threads", "table"]
 
 _PAUSE = 0.05  # seconds; threads of a BLAS spin for about as long after their last product
 

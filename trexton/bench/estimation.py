@@ -8,9 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from trexton.bench.clock import Row, Times, interleave, limited_threads
+from trexton.bench.clock import Row, Times, duration, interleave, limited_threads
 from trexton.bench.scene import Scene, crowd
-from trexton.histograms import sampled_histogram
+from trexton.bench.stages import StageClock
 from trexton.neighbors import NearestHistograms
 from trexton.particles import GaussianMotion, ParticleFilter, RankMixture
 from trexton.progress import say
@@ -103,31 +103,17 @@ def _map_by_sums(particles, log_likelihood, previous, weights, precision) -> np.
 
 def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
     """Image in, estimate out at the paper's defaults, against the sum of its stages; then very many frames."""
-    texton_map, rng = scene.map, scene.rng(23)
-    whole, parts = scene.localizer(), scene.localizer()
-    frames = scene.views[0]
+    whole, parts, frames = scene.localizer(), StageClock(scene.localizer()), scene.views[0]
     turn = iter(np.tile(np.arange(len(frames)), 100_000))
-    seen = parts.nearest.query(scene.histograms[0])
-
-    def filtering():
-        parts.filter.step(seen.position)
-        return parts.filter.estimate(), parts.filter.moments()
-
-    contestants = {
-        "frame": lambda: whole.step(frames[next(turn)]),
-        "histogram": lambda: sampled_histogram(frames[next(turn)], texton_map.dictionary, 400, rng=rng),
-        "neighbours": lambda: parts.nearest.query(scene.histograms[next(turn)]),
-        "filter": filtering,
-    }
+    contestants = {"frame": lambda: whole.step(frames[next(turn)]), "stages": lambda: parts.step(frames[next(turn)])}
     with limited_threads(1):
-        times = interleave(contestants, 0.5 if quick else 2.0)
+        times = interleave(contestants, 0.5 if quick else 2.0, 15)
         count = 5_000 if quick else 100_000
         say(f"bench: {count} frames")
         seconds, resident = _many_frames(whole, frames, count)
-    stages = sum(times[name].median for name in ("histogram", "neighbours", "filter"))
-    name, size = "whole frame", "400 samples, 50 particles"
-    shares = ", ".join(f"{part} {times[part].median * 1e6:.0f} us" for part in ("histogram", "neighbours", "filter"))
-    yield Row.compare(name, size, 1, times["frame"], "sum of its stages", stages, 1.15, shares)
+    name, size, stages = "whole frame", "400 samples, 50 particles", parts.medians()
+    shares = ", ".join(f"{part} {duration(median)}" for part, median in stages.items())
+    yield Row.compare(name, size, 1, times["frame"], "sum of its stages", sum(stages.values()), 1.15, shares)
     yield Row.compare(name, size, 1, times["frame"], "target", 0.25e-3, 1.0)
     long = Times.of(seconds)
     p99 = Times(long.p99, long.p99, long.repeats)

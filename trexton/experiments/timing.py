@@ -1,0 +1,119 @@
+"""Time for one frame, stage by stage (paper, Analysis, "Speed versus Accuracy Trade-Off", last paragraph; Discussion)."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+from trexton.bench import machine
+from trexton.bench.stages import StageClock
+from trexton.experiments.clock import frequency, milliseconds
+from trexton.experiments.evaluation import fly, frames_of, provenance, trained_map
+from trexton.flights.flight import Flight
+from trexton.homography import HomographyLocalizer
+from trexton.localizer import Localizer
+from trexton.patches import position_grid
+from trexton.progress import progress
+from trexton.records import Record
+
+__all__ = ["run"]
+
+STAGES = ("histogram", "neighbors", "filter", "estimate")
+
+
+def run(
+    train: Flight,
+    test: Flight,
+    *,
+    samples: int = 400,
+    textons: int = 20,
+    particles: int = 50,
+    neighbors: int = 5,
+    passes: int = 3,
+    full_frames: int = 60,
+    homography_frames: int = 20,
+    seed: int = 1,
+) -> Record:
+    """Time each stage of the localizer over the test flight, full sampling, and a homography; images are at hand, decoded.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms; then there is no histogram to time, and no homography.
+    samples, textons, particles, neighbors : int
+        The paper's defaults.
+    passes : int
+        How often the flight is flown; a frame's time is the median of its passes, which leaves out what other
+        programs took.
+    full_frames, homography_frames : int
+        Frames for full sampling and for the homography, on the flight's true floor where it is known.
+    """
+    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    frames, options = frames_of(test), {"samples": samples, "particles": particles}
+
+    def localizer(**changes) -> Localizer:
+        return Localizer(texton_map, rng=np.random.default_rng([seed, 1]), **options | changes)
+
+    for frame in frames[:2]:  # whatever the first calls load
+        localizer().step(frame)
+    totals, clocks = [], []
+    for _ in progress(range(passes), "timing the flight"):
+        totals.append(fly(localizer(), frames).step_s)
+        clock = StageClock(localizer())
+        for frame in frames:
+            clock.step(frame)
+        clocks.append(clock.seconds)
+    total_s = np.median(totals, axis=0)
+    stages_s = {name: np.median([one[name] for one in clocks], axis=0) for name in STAGES if clocks[0][name]}
+    timings = {
+        "machine": machine(),
+        "total_ms": _distribution(total_s),
+        "frequency_hz": frequency(milliseconds([total_s])),
+        "stages_ms": {name: _distribution(seconds) for name, seconds in stages_s.items()},
+        "frames_ms": {"total": 1000 * total_s, **{name: 1000 * seconds for name, seconds in stages_s.items()}},
+    }
+    if test.has_images:
+        timings["histogram_share"] = float(np.median(stages_s["histogram"]) / sum(map(np.median, stages_s.values())))
+        timings |= _full_sampling(localizer(samples=None), frames[:full_frames])
+    if test.has_images and test.floor is not None:
+        timings["homography_ms"] = _homography(test, frames[:: max(1, len(frames) // homography_frames)])
+    return Record(
+        experiment="timing",
+        flight=train.name,
+        parameters={
+            **options, "textons": textons, "neighbors": neighbors, "passes": passes, "full_frames": full_frames,
+            "homography_frames": homography_frames, "seed": seed,
+        },
+        values={
+            "applies": {"histogram": test.has_images, "homography": "homography_ms" in timings},
+            "counts": {"train": len(texton_map.positions), "test": len(test)},
+            "patches_per_image": _patches(texton_map) if test.has_images else None,
+            "camera_hz": 1 / np.median(np.diff(test.time)),
+        },
+        timings=timings,
+        provenance=provenance(train, test),
+    )  # fmt: skip
+
+
+def _distribution(seconds: np.ndarray) -> dict:
+    """Median in ms with its interval, and the 99th percentile of frames."""
+    return milliseconds([seconds], stretch=min(20, max(1, len(seconds) // 5))) | {"p99": 1000 * np.percentile(seconds, 99)}
+
+
+def _full_sampling(localizer: Localizer, frames) -> dict:
+    step_s = fly(localizer, frames).step_s
+    return {"full_sampling_ms": _distribution(step_s), "full_sampling_hz": frequency(milliseconds([step_s]))}
+
+
+def _homography(test: Flight, frames) -> dict:
+    localizer, seconds = HomographyLocalizer(test.floor), []
+    for frame in progress(frames, "homography"):
+        start = perf_counter()
+        localizer.locate(frame)
+        seconds.append(perf_counter() - start)
+    return _distribution(np.array(seconds[1:] or seconds))
+
+
+def _patches(texton_map) -> int:
+    return int(np.prod(position_grid(texton_map.image_shape, texton_map.dictionary.patch)))
