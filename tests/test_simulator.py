@@ -1,4 +1,4 @@
-"""The virtual room: geometry against the camera model, every effect's trace with and without it, determinism."""
+"""The virtual room: geometry against the camera model, the trace of every effect, determinism."""
 
 from __future__ import annotations
 
@@ -28,18 +28,24 @@ def dotted_floor() -> Floor:
     """White dots of 6 cm at `DOTS` on black, 3 m x 3 m."""
     picture = MapImage.from_extent(np.zeros((1536, 1536, 3), np.uint8), 0.0, 3.0, 512)
     for x, y in picture.to_pixels(DOTS):
-        cv2.circle(picture.image, (round(x * 16), round(y * 16)), 16 * 16, (255, 255, 255), -1, cv2.LINE_AA, 4)
+        cv2.circle(
+            picture.image, (round(x * 16), round(y * 16)), 16 * 16, (255, 255, 255), -1, cv2.LINE_AA, 4
+        )
     return Floor(picture)
 
 
 def patterned_floor(rng: np.random.Generator, cells: int = 20) -> Floor:
     coarse = rng.integers(0, 256, (cells, cells, 3), dtype=np.uint8)
-    return Floor(MapImage.from_extent(cv2.resize(coarse, (512, 512), interpolation=cv2.INTER_CUBIC), 0.0, 2.0, 256))
+    return Floor(
+        MapImage.from_extent(cv2.resize(coarse, (512, 512), interpolation=cv2.INTER_CUBIC), 0.0, 2.0, 256)
+    )
 
 
 def flying(floor: Floor, effects: Effects, steps: int = 14, seed: int = 5, **options) -> Simulator:
     """A simulator in the middle of a manoeuvre: moving, tilted, turning."""
-    simulator = Simulator(floor, camera=SMALL, effects=effects, speed=1.0, rng=np.random.default_rng(seed), **options)
+    simulator = Simulator(
+        floor, camera=SMALL, effects=effects, speed=1.0, rng=np.random.default_rng(seed), **options
+    )
     for number in range(steps):
         simulator.step((1.6, 1.5) if number < steps - 3 else (0.9, 0.9))
     return simulator
@@ -54,7 +60,9 @@ def centroids(luma: np.ndarray, expected: np.ndarray, reach: int = 9) -> np.ndar
             window = np.s_[y - reach : y + reach + 1, x - reach : x + reach + 1]
             weight = luma[window].astype(float) - 10
             weight[weight < 0] = 0
-            found[index] = np.array([(weight * columns[window]).sum(), (weight * rows[window]).sum()]) / weight.sum()
+            found[index] = (
+                np.array([(weight * columns[window]).sum(), (weight * rows[window]).sum()]) / weight.sum()
+            )
     return found
 
 
@@ -79,7 +87,9 @@ def test_rolling_shutter_reads_each_row_at_its_own_time():
         return transform_points(np.linalg.inv(SMALL.world_from_pixel(*pose)), point[None])[0]
 
     expected = []
-    for point in DOTS:  # the row at which a point is seen, and the time at which that row is read, by fixed point
+    for (
+        point
+    ) in DOTS:  # the row at which a point is seen, and the time at which that row is read, by fixed point
         delay = 0.0
         for _ in range(30):
             delay = readout * (pixel(point, delay)[1] / (SMALL.height - 1) - 0.5)
@@ -98,7 +108,10 @@ def test_motion_blur_smears_along_the_true_motion(rng):
     sharp = flying(floor, replace(Effects.none(), roll_pitch=1.0))
     blurred = flying(floor, replace(Effects.none(), roll_pitch=1.0, motion_blur=exposure))
     state = sharp.state
-    moments = [sharp._project(replace(state, position=p, attitude=a)) for p, a in map(state.pose, np.linspace(-0.5, 0.5, 21) * exposure)]
+    moments = [
+        sharp._project(replace(state, position=p, attitude=a))
+        for p, a in map(state.pose, np.linspace(-0.5, 0.5, 21) * exposure)
+    ]
     average = np.mean(np.stack(moments).astype(float), axis=0)[8:-8, 8:-8, 0]
     frame = blurred.render()[8:-8, 8:-8, 0].astype(float)
     unblurred = sharp.render()[8:-8, 8:-8, 0].astype(float)
@@ -128,7 +141,9 @@ def test_noise_has_the_strength_asked_for_and_changes_from_frame_to_frame():
 def test_exposure_changes_brightness_slowly():
     def brightness(effects: Effects) -> np.ndarray:
         simulator = Simulator(plain_floor(), camera=SMALL, effects=effects, rng=np.random.default_rng(3))
-        return np.array([simulator.render()[..., 0].mean() for _ in range(150) if simulator.step() is not None])
+        return np.array(
+            [simulator.render()[..., 0].mean() for _ in range(150) if simulator.step() is not None]
+        )
 
     assert np.ptp(brightness(Effects.none())) == 0
     changing = brightness(replace(Effects.none(), exposure=0.1))
@@ -160,7 +175,9 @@ def test_the_sensor_equals_its_plain_definition(rng):
     luma = np.minimum(scene[..., 0] * factor, 255)
     sigma = 4.0 * (0.55 + 0.45 * luma / 128)
     expected = np.stack(
-        [luma + sigma * noise[0]] + [128 + (scene[..., c] - 128.0) * factor + sigma / 2 * noise[c] for c in (1, 2)], axis=-1
+        [luma + sigma * noise[0]]
+        + [128 + (scene[..., c] - 128.0) * factor + sigma / 2 * noise[c] for c in (1, 2)],
+        axis=-1,
     )
     assert np.abs(sensor.develop(scene, 1.07, (7, 8)) - np.clip(expected, 0, 255)).max() < 1.6
 
@@ -186,7 +203,9 @@ def test_the_light_an_hour_later_is_another_light():
     floor = Floor(MapImage.from_extent(np.full((640, 640, 3), 128, np.uint8), 0.0, 5.0, 128))
     now, later = (floor.texture(light).levels[0] for light in (Light(), Light.later()))
     assert later[..., 0].mean() < now[..., 0].mean()
-    assert later[..., 1].mean() > now[..., 1].mean() and later[..., 2].mean() < now[..., 2].mean()  # redder, less blue
+    assert (
+        later[..., 1].mean() > now[..., 1].mean() and later[..., 2].mean() < now[..., 2].mean()
+    )  # redder, less blue
     middle = later[len(later) // 2, :, 0].astype(int)
     assert middle[-1000] > middle[1000]
 
@@ -223,10 +242,13 @@ def test_higher_up_a_coarser_level_is_used_and_the_place_is_the_same():
     assert fine.shape[0] == 4 * coarse.shape[0]
     for image, matrix in ((fine, fine_from_world), (coarse, coarse_from_world)):
         expected = transform_points(matrix, DOTS[70:71])
-        assert np.abs(centroids(image[..., 0], expected, 24 * image.shape[0] // fine.shape[0]) - expected).max() < 0.1
+        assert (
+            np.abs(centroids(image[..., 0], expected, 24 * image.shape[0] // fine.shape[0]) - expected).max()
+            < 0.1
+        )
 
 
-# -- the floor ----------------------------------------------------------------------------------------------------------
+# -- the floor ----------------------------------------------------------------------------------------
 
 
 def test_the_painted_hall_is_the_same_for_the_same_seed_and_carries_its_tags():
@@ -245,7 +267,9 @@ def test_a_picture_file_becomes_a_floor_with_ground_where_it_is_transparent(tmp_
     cv2.imwrite(str(tmp_path / "floor.png"), image)
     floor = Floor.from_file(tmp_path / "floor.png", 4.0)
     assert floor.area == (0.0, 4.0, 0.0, 2.0)
-    simulator = Simulator(floor, camera=SMALL, effects=Effects.none(), start=(2.0, 1.0), rng=np.random.default_rng(0))
+    simulator = Simulator(
+        floor, camera=SMALL, effects=Effects.none(), start=(2.0, 1.0), rng=np.random.default_rng(0)
+    )
     frame = simulator.render()
     green, ground = frame[60, 40].astype(int), frame[60, 120].astype(int)
     assert np.abs(green - (150, 44, 21)).max() <= 3  # pure green in Y, U, V

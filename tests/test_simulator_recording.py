@@ -20,11 +20,17 @@ SMALL = Camera(160, 120, 130.0)
 @pytest.fixture(scope="module")
 def floor() -> Floor:
     coarse = np.random.default_rng(1).integers(0, 256, (24, 24, 3), dtype=np.uint8)
-    return Floor(MapImage.from_extent(cv2.resize(coarse, (768, 768), interpolation=cv2.INTER_CUBIC), 0.0, 3.0, 256))
+    return Floor(
+        MapImage.from_extent(cv2.resize(coarse, (768, 768), interpolation=cv2.INTER_CUBIC), 0.0, 3.0, 256)
+    )
 
 
 def contents(folder) -> dict[str, bytes]:
-    return {str(path.relative_to(folder)): path.read_bytes() for path in sorted(folder.rglob("*")) if path.is_file()}
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
 
 
 def test_equal_seeds_give_equal_bytes_and_other_seeds_another_flight(tmp_path, floor):
@@ -59,13 +65,27 @@ def test_the_pair_shares_a_floor_but_not_the_flight(tmp_path, floor):
 
 def test_the_images_show_the_place_that_the_truth_names(tmp_path, floor):
     effects = replace(Effects.none(), roll_pitch=1.0, yaw=0.03, height_ripple=0.03)
-    flight = record_flight(tmp_path / "flight", pattern="waypoints", frames=4, every=9, floor=floor, camera=SMALL, effects=effects)
+    flight = record_flight(
+        tmp_path / "flight",
+        pattern="waypoints",
+        frames=4,
+        every=9,
+        floor=floor,
+        camera=SMALL,
+        effects=effects,
+    )
     for row in range(len(flight)):
         position = np.array([*flight.position[row], flight.height[row]])
-        matrix = np.linalg.inv(floor.picture.world_from_pixel) @ SMALL.world_from_pixel(position, flight.attitude[row])
-        expected = cv2.warpPerspective(floor.picture.image, matrix, (160, 120), flags=cv2.INTER_AREA | cv2.WARP_INVERSE_MAP)
+        matrix = np.linalg.inv(floor.picture.world_from_pixel) @ SMALL.world_from_pixel(
+            position, flight.attitude[row]
+        )
+        expected = cv2.warpPerspective(
+            floor.picture.image, matrix, (160, 120), flags=cv2.INTER_AREA | cv2.WARP_INVERSE_MAP
+        )
         luma = cv2.cvtColor(expected, cv2.COLOR_BGR2YCrCb)[..., 0].astype(float)
-        inside = cv2.warpPerspective(np.ones((768, 768), np.uint8), matrix, (160, 120), flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP)
+        inside = cv2.warpPerspective(
+            np.ones((768, 768), np.uint8), matrix, (160, 120), flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        )
         seen = cv2.erode(inside, np.ones((5, 5), np.uint8)) > 0
         assert seen.mean() > 0.2
         light = flight.image(row)[..., 0].astype(float)
@@ -86,7 +106,9 @@ def test_few_frames_can_cover_the_area(tmp_path, floor):
     assert (np.ptp(flight.position, axis=0) > 2.0).all()
 
 
-@pytest.mark.parametrize("options", [{"frames": 0}, {"every": 0}, {"seed": -1}, {"pattern": "spiral"}, {"height": 0.0}])
+@pytest.mark.parametrize(
+    "options", [{"frames": 0}, {"every": 0}, {"seed": -1}, {"pattern": "spiral"}, {"height": 0.0}]
+)
 def test_nonsense_is_refused_and_nothing_is_written(tmp_path, floor, options):
     with pytest.raises(ParameterError):
         record_flight(tmp_path / "flight", **({"frames": 2, "floor": floor, "camera": SMALL} | options))
@@ -104,9 +126,22 @@ def test_a_flight_that_breaks_off_leaves_the_old_one(tmp_path, floor, monkeypatc
 
 
 def test_the_command_records_a_flight_over_a_picture(tmp_path, capsys):
-    cv2.imwrite(str(tmp_path / "floor.png"), np.random.default_rng(0).integers(0, 256, (60, 60, 3), dtype=np.uint8))
-    command = ["simulate", "--out", str(tmp_path / "flight"), "--floor", str(tmp_path / "floor.png"), "--floor-width", "2"]
-    assert main([*command, "--frames", "2", "--off", "jpeg", "--off", "noise", "--set", "yaw=0.1", "--quiet"]) == 0
+    cv2.imwrite(
+        str(tmp_path / "floor.png"), np.random.default_rng(0).integers(0, 256, (60, 60, 3), dtype=np.uint8)
+    )
+    command = [
+        "simulate",
+        "--out",
+        str(tmp_path / "flight"),
+        "--floor",
+        str(tmp_path / "floor.png"),
+        "--floor-width",
+        "2",
+    ]
+    assert (
+        main([*command, "--frames", "2", "--off", "jpeg", "--off", "noise", "--set", "yaw=0.1", "--quiet"])
+        == 0
+    )
     names = sorted(path.name for path in (tmp_path / "flight" / "images").iterdir())
     assert names == ["000000.png", "000001.png"]
     assert capsys.readouterr().err == ""

@@ -13,20 +13,33 @@ from conftest import small_flight
 from trexton.camera import Camera, MapImage
 from trexton.errors import ParameterError
 from trexton.experiments import triggered_landing
-from trexton.experiments.triggered_landing import Attempt, summarize_attempts
+from trexton.experiments.closed_loop import Attempt
+from trexton.experiments.triggered_landing import summarize_attempts
 from trexton.figures import triggered_landing as figures
 from trexton.records import Record
 from trexton.simulator import Floor, record_flight
 
 SMALL = Camera(160, 120, 130.0)
-OPTIONS = {"landings": 3, "time_limit": 12.0, "armed_after": 1.0, "samples": 100, "textons": 8, "particles": 30, "neighbors": 3}
+OPTIONS = {
+    "landings": 3,
+    "time_limit": 12.0,
+    "armed_after": 1.0,
+    "samples": 100,
+    "textons": 8,
+    "particles": 30,
+    "neighbors": 3,
+}
 
 
 @pytest.fixture(scope="module")
 def train(tmp_path_factory):
     coarse = np.random.default_rng(1).integers(0, 256, (16, 16, 3), dtype=np.uint8)
-    floor = Floor(MapImage.from_extent(cv2.resize(coarse, (768, 768), interpolation=cv2.INTER_CUBIC), 0.0, 3.0, 256))
-    return record_flight(tmp_path_factory.mktemp("landing") / "room", frames=110, every=6, floor=floor, camera=SMALL)
+    floor = Floor(
+        MapImage.from_extent(cv2.resize(coarse, (768, 768), interpolation=cv2.INTER_CUBIC), 0.0, 3.0, 256)
+    )
+    return record_flight(
+        tmp_path_factory.mktemp("landing") / "room", frames=110, every=6, floor=floor, camera=SMALL
+    )
 
 
 @pytest.fixture(scope="module")
@@ -45,20 +58,39 @@ def attempt(truth: float | None, touchdown: float, wait: float = 10.0) -> Attemp
 
 def test_the_tally_of_landings_made_by_hand():
     mission = SimpleNamespace(radius=0.6, seed=1, places=np.array([[0.6, 0.6], [4.4, 4.4]]))
-    attempts = [attempt(0.5, 0.2), attempt(0.7, 0.5), attempt(0.1, 0.74), attempt(None, 0, 60.0), attempt(0.9, 0.78), attempt(0.3, 0.0)]
+    attempts = [
+        attempt(0.5, 0.2),
+        attempt(0.7, 0.5),
+        attempt(0.1, 0.74),
+        attempt(None, 0, 60.0),
+        attempt(0.9, 0.78),
+        attempt(0.3, 0.0),
+    ]
     values = summarize_attempts(attempts, mission)
     assert (values["attempts"], values["landings"], values["never_triggered"]) == (6, 5, 1)
     assert values["inside"] == 3 and values["outliers"] == 2
     assert np.allclose(values["outliers_cm"], [14, 18])
-    assert np.isclose(values["outlier_mean_cm"]["median"], 16) and np.isclose(values["outlier_mean_cm"]["low"], 14)
-    assert values["inside_rate"]["median"] == 0.6 and values["inside_rate"]["low"] < 0.6 < values["inside_rate"]["high"]
+    assert np.isclose(values["outlier_mean_cm"]["median"], 16) and np.isclose(
+        values["outlier_mean_cm"]["low"], 14
+    )
+    assert (
+        values["inside_rate"]["median"] == 0.6
+        and values["inside_rate"]["low"] < 0.6 < values["inside_rate"]["high"]
+    )
     assert values["triggered_inside_rate"]["median"] == 0.6
     assert np.isclose(values["never_rate"]["median"], 1 / 6)
-    assert values["first_flights"] == {"attempts": 6, "landings": 5, "inside": 3, "outliers_cm": pytest.approx([14, 18])}
+    assert values["first_flights"] == {
+        "attempts": 6,
+        "landings": 5,
+        "inside": 3,
+        "outliers_cm": pytest.approx([14, 18]),
+    }
     # At most four of six at a rate of 0.6: all but six and five of six.
     assert np.isclose(values["paper_or_fewer_chance"], 1 - 0.6**6 - 6 * 0.4 * 0.6**5)
     assert np.isclose(values["chance_rate"], np.pi * 0.36 / 25)
-    assert np.isclose(values["trigger_error_cm"]["median"], 50) and np.isclose(values["drift_cm"]["median"], 30)
+    assert np.isclose(values["trigger_error_cm"]["median"], 50) and np.isclose(
+        values["drift_cm"]["median"], 30
+    )
 
 
 def test_nothing_but_missed_landings_is_a_result_too():
@@ -73,7 +105,9 @@ def test_the_record_agrees_with_its_series(record, train):
     assert len(series["zone_m"]) == values["attempts"] == 3
     assert values["landings"] + values["never_triggered"] == 3
     low, high = train.position.min(axis=0) + 0.6, train.position.max(axis=0) - 0.6
-    for zone, fired, beyond, touchdown, path in zip(*(series[key] for key in ("zone_m", "triggered", "beyond_cm", "touchdown_m", "paths_m"))):
+    for zone, fired, beyond, touchdown, path in zip(
+        *(series[key] for key in ("zone_m", "triggered", "beyond_cm", "touchdown_m", "paths_m"))
+    ):
         assert (zone >= low).all() and (zone <= high).all()
         assert fired == (beyond is not None)
         if fired:
@@ -98,7 +132,9 @@ def test_equal_seeds_and_any_number_of_processes_give_the_same_record(record, tr
 
 
 def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
-    found = triggered_landing.run(train, train, **OPTIONS | {"spread": 1e-6, "landings": 1, "time_limit": 2.0})
+    found = triggered_landing.run(
+        train, train, **OPTIONS | {"spread": 1e-6, "landings": 1, "time_limit": 2.0}
+    )
     assert found.values["never_triggered"] == 1 and found.series["beyond_cm"] == [None]
     assert found.series["wait_s"][0] == pytest.approx(2.0, abs=0.081)
     assert figures.first_flights(found).axes[0].get_title(loc="left") == "1: never triggered"
@@ -109,7 +145,8 @@ def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
 
 @pytest.mark.parametrize(
     "options, message",
-    [({"radius": 2.0}, "does not fit"), ({"radius": -1.0}, "radius"), ({"landings": 0}, "0 landings"), ({"armed_after": 99.0}, "armed after"),
+    [({"radius": 2.0}, "does not fit"), ({"radius": -1.0}, "radius"), ({"landings": 0}, "0 landings"),
+     ({"armed_after": 99.0}, "armed after"),
      ({"consecutive": 0}, "consecutive"), ({"processes": 0}, "0 processes")],
 )  # fmt: skip
 def test_nonsense_is_refused(train, options, message):
@@ -125,11 +162,17 @@ def test_a_flight_without_a_floor_or_a_camera_cannot_serve(train):
 
 def test_the_figures_show_the_record(record):
     plans = [axes for axes in figures.first_flights(record).axes if axes.patches]
-    assert [np.round(axes.patches[0].center, 9).tolist() for axes in plans] == np.round(record.series["zone_m"], 9).tolist()
+    assert [np.round(axes.patches[0].center, 9).tolist() for axes in plans] == np.round(
+        record.series["zone_m"], 9
+    ).tolist()
     assert np.allclose(plans[0].lines[0].get_xydata(), record.series["paths_m"][0])
     shown = figures.targets(record).axes[1]
     points = np.concatenate([collection.get_offsets() for collection in shown.collections])
-    expected = [np.subtract(t, z) for t, z, fired in zip(*(record.series[k] for k in ("touchdown_m", "zone_m", "triggered"))) if fired]
+    expected = [
+        np.subtract(t, z)
+        for t, z, fired in zip(*(record.series[k] for k in ("touchdown_m", "zone_m", "triggered")))
+        if fired
+    ]
     assert sorted(map(tuple, np.round(points, 9))) == sorted(map(tuple, np.round(expected, 9)))
     steps = figures.waiting(record).axes[0].lines[0].get_ydata()
     assert steps[-1] == pytest.approx(100 * record.values["landings"] / 3)

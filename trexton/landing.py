@@ -32,12 +32,18 @@ class LandingZone:
     def __init__(self, center, radius: float = 0.6, spread=0.6, consecutive: int = 1):
         self.center = np.array(center, dtype=float)
         self.radius = float(radius)
-        self.spread = np.broadcast_to(np.asarray(spread, dtype=float), 2).copy() if np.size(spread) in (1, 2) else np.full(2, np.nan)
+        self.spread = (
+            np.broadcast_to(np.asarray(spread, dtype=float), 2).copy()
+            if np.size(spread) in (1, 2)
+            else np.full(2, np.nan)
+        )
         self.consecutive = consecutive
         if self.center.shape != (2,) or not np.isfinite(self.center).all():
             raise ParameterError(f"the landing zone's centre is {center}: expected finite x and y in metres")
         if not (0 < self.radius < np.inf and (self.spread > 0).all() and np.isfinite(self.spread).all()):
-            raise ParameterError(f"the landing zone has radius {radius} m and spread {spread} m: expected positive numbers")
+            raise ParameterError(
+                f"the landing zone has radius {radius} m and spread {spread} m: expected positive numbers"
+            )
         if consecutive < 1:
             raise ParameterError(f"{consecutive} consecutive estimates were asked for: expected at least 1")
         self._row = 0
@@ -47,7 +53,7 @@ class LandingZone:
         return bool(np.hypot(*(np.asarray(position) - self.center)) < self.radius)
 
     def accepts(self, estimate) -> bool:
-        """Whether this estimate alone permits a landing: inside, sure in both axes, not lost, from a frame that came."""
+        """Whether this estimate alone permits a landing: inside, sure, not lost, from a frame that came."""
         sure = bool((np.asarray(estimate.spread) < self.spread).all())
         return self.contains(estimate.position) and sure and estimate.observed and not estimate.lost
 

@@ -14,16 +14,35 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     defaults = Effects()
     effects = ", ".join(f"{name}={getattr(defaults, name):g}" for name in Effects.names())
     parser.add_argument("--out", required=True, metavar="FLIGHT", help="folder to write")
-    parser.add_argument("--pattern", choices=list(PATTERNS), default="survey", help="survey in lanes (training) or random waypoints an hour later (test)")
+    parser.add_argument(
+        "--pattern",
+        choices=list(PATTERNS),
+        default="survey",
+        help="survey in lanes (training) or random waypoints an hour later (test)",
+    )
     parser.add_argument("--frames", type=int, help="number of frames (survey 800, waypoints 415)")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="keep every N-th frame only")
     parser.add_argument("--seed", type=int, help="seed of the flight (survey 1, waypoints 2)")
-    parser.add_argument("--floor", metavar="IMAGE", help="picture of the floor instead of the painted hall; alpha 0 is not mapped")
-    parser.add_argument("--floor-width", type=float, metavar="M", help="width of the floor picture in metres (5)")
+    parser.add_argument(
+        "--floor",
+        metavar="IMAGE",
+        help="picture of the floor instead of the painted hall; alpha 0 is not mapped",
+    )
+    parser.add_argument(
+        "--floor-width", type=float, metavar="M", help="width of the floor picture in metres (5)"
+    )
     parser.add_argument("--floor-seed", type=int, default=0, metavar="S", help="seed of the painted hall (0)")
     parser.add_argument("--height", type=float, default=1.0, metavar="M", help="flying height in metres (1)")
-    parser.add_argument("--set", action="append", default=[], metavar="EFFECT=VALUE", help=f"strength of an effect; the defaults are {effects}")
-    parser.add_argument("--off", action="append", default=[], metavar="EFFECT", help="switch an effect off, or 'all'")
+    parser.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="EFFECT=VALUE",
+        help=f"strength of an effect; the defaults are {effects}",
+    )
+    parser.add_argument(
+        "--off", action="append", default=[], metavar="EFFECT", help="switch an effect off, or 'all'"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -32,7 +51,9 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.floor_width is not None and arguments.floor is None:
         raise ParameterError("--floor-width is given without --floor: it is the width of a floor picture")
     if arguments.floor is not None:
-        floor = Floor.from_file(arguments.floor, 5.0 if arguments.floor_width is None else arguments.floor_width)
+        floor = Floor.from_file(
+            arguments.floor, 5.0 if arguments.floor_width is None else arguments.floor_width
+        )
     else:
         floor = Floor.hall(arguments.floor_seed)
     flight = record_flight(
@@ -56,6 +77,10 @@ def _effects(settings: list[str], off: list[str]):
         try:
             effects = replace(effects, **{name: float(value)})
         except ValueError as error:
-            message = str(error) if isinstance(error, ParameterError) else f"effect {name} is {value!r}: expected a number"
+            message = (
+                str(error)
+                if isinstance(error, ParameterError)
+                else f"effect {name} is {value!r}: expected a number"
+            )
             raise ParameterError(message) from None
     return effects

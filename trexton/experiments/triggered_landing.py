@@ -2,116 +2,20 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
-from multiprocessing import get_context
-from time import perf_counter
-
 import numpy as np
 
-from trexton.camera import Camera
 from trexton.errors import ParameterError
+from trexton.experiments.closed_loop import Attempt, Mission, fly_all, fly_attempt
 from trexton.experiments.evaluation import floor_picture, provenance, trained_map
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone
-from trexton.localizer import Estimate, Localizer, TextonMap
 from trexton.metrics import wilson_interval
-from trexton.progress import progress
 from trexton.records import Record
-from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
+from trexton.simulator import Floor
 
-__all__ = ["Attempt", "Mission", "fly_attempt", "run", "summarize_attempts"]
+__all__ = ["run", "summarize_attempts"]
 
 PAPER_LANDINGS, PAPER_INSIDE = 6, 4
-
-
-@dataclass(frozen=True, eq=False)
-class Mission:
-    """What all attempts have in common.
-
-    Attributes
-    ----------
-    places : (2, 2) array
-        Lowest and highest x, y of a zone's centre: the circle stays within the surveyed area.
-    options : dict
-        Of the localizer.
-    """
-
-    texton_map: TextonMap
-    floor: Floor
-    camera: Camera
-    height: float
-    speed: float
-    places: np.ndarray
-    radius: float
-    spread: float
-    consecutive: int
-    armed_after: float
-    time_limit: float
-    options: dict
-    seed: int
-
-
-@dataclass(frozen=True, eq=False)
-class Attempt:
-    """One flight towards one zone; positions ``(2,)`` in metres, NaN where the landing was never triggered.
-
-    Attributes
-    ----------
-    path : (N, 2) array
-        True positions at the frames, until touchdown.
-    wait_s : float
-        From the start to the trigger, or to the time limit.
-    frame_s : (M,) array
-        Wall-clock time of rendering and localizing each frame.
-    """
-
-    zone: np.ndarray
-    triggered: bool
-    wait_s: float
-    estimate: np.ndarray
-    truth: np.ndarray
-    touchdown: np.ndarray
-    path: np.ndarray
-    frame_s: np.ndarray
-
-
-def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt:
-    """Fly at random until the trigger fires, then land; attempt `number` has a generator of its own.
-
-    `perfect` puts the true position in the localizer's place: what remains is what landing itself costs.
-    """
-    zone_rng, plan_rng, simulator_rng, localizer_rng = np.random.default_rng([mission.seed, 1 + number]).spawn(4)
-    zone = LandingZone(zone_rng.uniform(*mission.places), mission.radius, mission.spread, mission.consecutive)
-    plan = Plan(random_waypoints(mission.texton_map.area, plan_rng))
-    # The camera hands its frames over as they are: nothing is compressed on board.
-    simulator = Simulator(
-        mission.floor, camera=mission.camera, effects=Effects().without("jpeg"), light=Light.later(),
-        start=plan.start, height=mission.height, speed=mission.speed, rng=simulator_rng,
-    )  # fmt: skip
-    localizer = None if perfect else Localizer(mission.texton_map, rng=localizer_rng, **mission.options)
-    state, path, frame_s = simulator.state, [], []
-    triggered = False
-    while not triggered and state.time < mission.time_limit:
-        state = simulator.step(plan.goal(state.position))
-        start = perf_counter()
-        estimate = localizer.step(simulator.render()) if localizer else _certain(state.position[:2])
-        frame_s.append(perf_counter() - start)
-        path.append(state.position[:2])
-        triggered = zone.update(estimate) and state.time > mission.armed_after
-    wait_s, nowhere = state.time, np.full(2, np.nan)
-    if not triggered:
-        return Attempt(zone.center, False, wait_s, nowhere, nowhere, nowhere, np.array(path), np.array(frame_s))
-    truth = state.position[:2]
-    simulator.vehicle.land()
-    while not state.landed:
-        state = simulator.step()
-        path.append(state.position[:2])
-    return Attempt(zone.center, True, wait_s, estimate.position, truth, state.position[:2], np.array(path), np.array(frame_s))
-
-
-def _certain(position: np.ndarray) -> Estimate:
-    return Estimate(position, np.zeros(2), np.zeros((2, 2)), False, True, None, None, position[None], np.ones(1))
 
 
 def run(
@@ -137,8 +41,8 @@ def run(
     Parameters
     ----------
     train, test : Flight
-        The map is trained on `train`, and flown over the floor it carries. Of `test` nothing is used: the virtual
-        camera takes its place, under the light of an hour later.
+        The map is trained on `train`, and flown over the floor it carries. Of `test` nothing is used: the
+        virtual camera takes its place, under the light of an hour later.
     landings : int
         Attempts, each with another zone, path, wind and start.
     radius, spread : float
@@ -146,7 +50,7 @@ def run(
     consecutive : int
         Estimates in a row that must agree.
     armed_after : float
-        Seconds of flight before a trigger counts: a zone is set during a flight, when the filter has long settled.
+        Seconds of flight before a trigger counts: a zone is set in flight, when the filter has settled.
     time_limit : float
         Seconds of flight after which a landing counts as never triggered.
     processes : int
@@ -158,43 +62,40 @@ def run(
         The flight has no floor or camera, the area is too small for the zone, or there is nothing to fly.
     """
     if train.floor is None or train.camera is None:
-        raise ParameterError(f"flight {train.name!r} has no picture of its floor or no camera: the closed loop needs both, as trexton simulate gives them")
+        raise ParameterError(
+            f"flight {train.name!r} has no picture of its floor or no camera: the closed loop needs both, as "
+            "trexton simulate gives them"
+        )
     if landings < 1 or processes < 1 or not 0 <= armed_after < time_limit:
         raise ParameterError(
-            f"{landings} landings, {processes} processes, armed after {armed_after} s, time limit {time_limit} s: expected at "
-            "least one landing and one process, and a limit after the zone is armed"
+            f"{landings} landings, {processes} processes, armed after {armed_after} s, limit {time_limit} s: "
+            "expected 1 or more landings and processes, and a limit after the zone is armed"
         )
     LandingZone((0, 0), radius, spread, consecutive)  # refuses nonsense before the map is trained
     options = {"samples": samples, "particles": particles, "neighbors": neighbors}
+    choices = {"radius": radius, "spread": spread, "consecutive": consecutive, "speed": speed, "seed": seed}
+    choices |= {"armed_after": armed_after, "time_limit": time_limit}
     mission = Mission(
         texton_map=trained_map(train, textons=textons, neighbors=neighbors, seed=seed),
         floor=Floor(train.floor),
         camera=train.camera,
         height=1.0 if train.height is None else float(np.nanmean(train.height)),
-        speed=speed,
         places=_zone_places(train, radius),
-        radius=radius,
-        spread=spread,
-        consecutive=consecutive,
-        armed_after=armed_after,
-        time_limit=time_limit,
         options=options,
-        seed=seed,
+        **choices,
     )
-    attempts = _fly_all(mission, landings, processes)
+    attempts = fly_all(mission, landings, processes)
     perfect = [fly_attempt(mission, number, perfect=True) for number in range(landings)]
     floor, pictures = floor_picture(train)
     frame_s = np.concatenate([attempt.frame_s for attempt in attempts])
     return Record(
         experiment="triggered_landing",
         flight=train.name,
-        parameters=options
-        | {"textons": textons, "landings": landings, "radius": radius, "spread": spread, "consecutive": consecutive}
-        | {"armed_after": armed_after, "time_limit": time_limit, "speed": speed, "seed": seed},
+        parameters={"landings": landings, "textons": textons} | options | choices,
         values=summarize_attempts(attempts, mission) | {"perfect": summarize_attempts(perfect, mission)},
         series=_series(attempts, mission) | {"area_m": train.area} | floor,
         images=pictures,
-        timings={"frame_s": {"median": np.median(frame_s), "p99": np.percentile(frame_s, 99), "total": frame_s.sum()}},
+        timings={"frame_s": {"median": np.median(frame_s), "p99": np.percentile(frame_s, 99)}},
         provenance=provenance(train),
     )
 
@@ -202,33 +103,25 @@ def run(
 def _zone_places(train: Flight, radius: float) -> np.ndarray:
     low, high = np.nanmin(train.position, axis=0) + radius, np.nanmax(train.position, axis=0) - radius
     if (low >= high).any():
-        raise ParameterError(f"a zone of radius {radius} m does not fit into the area that flight {train.name!r} covers: choose a smaller one")
+        raise ParameterError(
+            f"a zone of radius {radius} m does not fit into the area that flight {train.name!r} covers: "
+            "choose a smaller one"
+        )
     return np.array([low, high])
 
 
-def _fly_some(mission: Mission, numbers: range) -> list[Attempt]:
-    return [fly_attempt(mission, number) for number in numbers]
-
-
-def _fly_all(mission: Mission, landings: int, processes: int) -> list[Attempt]:
-    """All attempts in order, every n-th of them flown by the n-th process."""
-    if processes == 1:
-        return [fly_attempt(mission, number) for number in progress(range(landings), "landings", landings)]
-    shares = [range(first, landings, processes) for first in range(min(processes, landings))]
-    with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
-        flown = pool.map(_fly_some, [mission] * len(shares), shares)
-        by_number = {number: attempt for share, some in zip(shares, flown) for number, attempt in zip(share, some)}
-    return [by_number[number] for number in range(landings)]
-
-
 def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict:
-    """Rates with their 95 % intervals, distances beyond the circle, waiting times, and the yardstick of chance."""
+    """Rates with 95 % intervals, distances beyond the circle, waiting times, the yardstick of chance."""
     done = [attempt for attempt in attempts if attempt.triggered]
     beyond = np.array([_beyond(attempt, attempt.touchdown, mission.radius) for attempt in done])
     outliers = np.sort(beyond[beyond > 0])
     triggered_inside = sum(_beyond(attempt, attempt.truth, mission.radius) <= 0 for attempt in done)
     inside_rate = _rate(len(done) - len(outliers), len(done))
-    first = [_beyond(attempt, attempt.touchdown, mission.radius) for attempt in attempts[:PAPER_LANDINGS] if attempt.triggered]
+    first = [
+        _beyond(attempt, attempt.touchdown, mission.radius)
+        for attempt in attempts[:PAPER_LANDINGS]
+        if attempt.triggered
+    ]
     surveyed = np.prod(mission.places[1] - mission.places[0] + 2 * mission.radius)
     return {
         "attempts": len(attempts),
@@ -250,7 +143,9 @@ def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict:
         "paper_or_fewer_chance": _chance(inside_rate),
         "chance_rate": np.pi * mission.radius**2 / surveyed,
         "wait_s": _quantiles([attempt.wait_s for attempt in attempts]),
-        "trigger_error_cm": _quantiles([100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in done]),
+        "trigger_error_cm": _quantiles(
+            [100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in done]
+        ),
         "drift_cm": _quantiles([100 * np.hypot(*(attempt.touchdown - attempt.truth)) for attempt in done]),
     }
 
@@ -291,7 +186,10 @@ def _chance(rate: dict | None) -> float | None:
 
 def _series(attempts: list[Attempt], mission: Mission) -> dict:
     """What the figures draw; paths in millimetres' resolution, of the first attempts only."""
-    columns = {f"{name}_m": np.array([getattr(a, name) for a in attempts]) for name in ("zone", "estimate", "truth", "touchdown")}
+    columns = {
+        f"{name}_m": np.array([getattr(a, name) for a in attempts])
+        for name in ("zone", "estimate", "truth", "touchdown")
+    }
     return columns | {
         "triggered": [attempt.triggered for attempt in attempts],
         "wait_s": [attempt.wait_s for attempt in attempts],

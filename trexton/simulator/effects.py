@@ -1,4 +1,4 @@
-"""What stands between a perfect picture of the floor and a camera's frame: each effect a number, 0 for off."""
+"""What stands between a perfect picture of the floor and a camera's frame: each a number, 0 for off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The floor of the virtual room: a picture with a place, the plain ground around it, and the light on both."""
+"""The floor of the virtual room: a picture with a place, plain ground around it, and light on both."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Texture:
     from_world: np.ndarray
 
     def level(self, pixels_per_metre: float) -> tuple[np.ndarray, np.ndarray]:
-        """The level that suits a camera of this resolution on the floor, and the homography from metres to its pixels."""
+        """The level for a camera of this resolution, and the homography from metres to its pixels."""
         wanted = np.log2(PIXELS_PER_METRE / pixels_per_metre)
         number = int(np.clip(np.floor(wanted + 0.25), 0, 5))
         while len(self.levels) <= number:
@@ -59,7 +59,9 @@ class Floor:
 
     @classmethod
     def from_file(cls, path: str | os.PathLike, width: float) -> Floor:
-        """A picture file as a floor `width` metres wide, its lower left corner at the origin; alpha 0 is not mapped.
+        """A picture file as a floor `width` metres wide, its lower left corner at the origin.
+
+        Where the picture is transparent (alpha 0) the floor is not mapped.
 
         Raises
         ------
@@ -70,21 +72,33 @@ class Floor:
         """
         if not (np.isfinite(width) and 0.5 <= width <= 50):
             raise ParameterError(f"the floor's width is {width} m: expected 0.5 to 50")
-        data = np.frombuffer(Path(path).read_bytes(), np.uint8) if Path(path).is_file() else np.empty(0, np.uint8)
+        data = (
+            np.frombuffer(Path(path).read_bytes(), np.uint8)
+            if Path(path).is_file()
+            else np.empty(0, np.uint8)
+        )
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
         if image is None or image.dtype != np.uint8:
-            raise ImageError(f"{path}: not a picture of 8 bits a channel that can be read: give a PNG or JPEG file of the floor")
+            raise ImageError(
+                f"{path}: not a readable picture of 8 bits a channel: give a PNG or JPEG file of the floor"
+            )
         if image.ndim == 2:
             image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
         mask = image[..., 3] > 0 if image.shape[2] == 4 else None
         scale = image.shape[1] / width
-        return cls(MapImage.from_extent(np.ascontiguousarray(image[..., :3]), 0.0, image.shape[0] / scale, scale, mask))
+        return cls(
+            MapImage.from_extent(
+                np.ascontiguousarray(image[..., :3]), 0.0, image.shape[0] / scale, scale, mask
+            )
+        )
 
     @property
     def area(self) -> tuple[float, float, float, float]:
         """x_min, x_max, y_min, y_max of the picture in metres."""
         height, width = self.picture.image.shape[:2]
-        corners = np.array([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
+        corners = np.array(
+            [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
+        )
         x, y = np.round(self.picture.to_world(corners), 6).T
         return (float(x.min()), float(x.max()), float(y.min()), float(y.max()))
 
@@ -99,13 +113,19 @@ class Floor:
     def texture(self, light: Light = Light()) -> Texture:
         """The floor and the ground around it under this light."""
         x_min, x_max, y_min, y_max = self.area
-        size = (round((x_max - x_min + 2 * MARGIN) * PIXELS_PER_METRE), round((y_max - y_min + 2 * MARGIN) * PIXELS_PER_METRE))
+        size = (
+            round((x_max - x_min + 2 * MARGIN) * PIXELS_PER_METRE),
+            round((y_max - y_min + 2 * MARGIN) * PIXELS_PER_METRE),
+        )
         canvas = np.full((size[1], size[0], 3), GROUND, np.uint8)
         place = MapImage.from_extent(canvas, x_min - MARGIN, y_max + MARGIN, PIXELS_PER_METRE)
         from_world = np.linalg.inv(place.world_from_pixel)
         inset = round(MARGIN * PIXELS_PER_METRE)
         shift = np.array([[1, 0, -inset], [0, 1, -inset], [0, 0, 1]])
-        self._draw(canvas[inset : size[1] - inset, inset : size[0] - inset], shift @ from_world @ self.picture.world_from_pixel)
+        self._draw(
+            canvas[inset : size[1] - inset, inset : size[0] - inset],
+            shift @ from_world @ self.picture.world_from_pixel,
+        )
         _illuminate(canvas, light)
         return Texture([cv2.cvtColor(canvas, cv2.COLOR_BGR2YCrCb)], from_world)
 
@@ -116,7 +136,9 @@ class Floor:
         if coarser > 1.2:  # the picture is finer than the texture: what cannot be shown is filtered out first
             image = cv2.GaussianBlur(image, (0, 0), 0.5 * coarser)
         if self.picture.mask is None:
-            target[:] = cv2.warpPerspective(image, target_from_pixel, extent, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+            target[:] = cv2.warpPerspective(
+                image, target_from_pixel, extent, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+            )
             return
         mask = self.picture.mask[..., None].astype(np.float32)
         known = cv2.warpPerspective(image * mask, target_from_pixel, extent)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from trexton.camera import MapImage, transform_points
+from trexton.camera import MapImage
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE, bgr, grain, polygon
 
 __all__ = ["SIDE", "LANDING_CIRCLE", "paint_hall"]
@@ -27,11 +27,20 @@ _LAYOUT = {
 
 
 def paint_hall(rng: np.random.Generator) -> MapImage:
-    """Paint the floor: boards, mats, tags, tape, a landing circle and lost things; equal generators give equal floors."""
+    """Paint boards, mats, tags, tape, a landing circle, lost things; equal generators, equal floors."""
     hall = _Hall(rng)
-    for draw in (hall.lay_boards, hall.mark_lanes, hall.lay_mats, hall.mark_landing_circle, hall.stick_tags, hall.scatter_objects):
+    for draw in (
+        hall.lay_boards,
+        hall.mark_lanes,
+        hall.lay_mats,
+        hall.mark_landing_circle,
+        hall.stick_tags,
+        hall.scatter_objects,
+    ):
         draw()
-    picture = cv2.GaussianBlur(hall.picture, (0, 0), 0.6)  # ink spreads and edges are soft, which also prevents aliasing
+    picture = cv2.GaussianBlur(
+        hall.picture, (0, 0), 0.6
+    )  # ink spreads and edges are soft, which also prevents aliasing
     return MapImage.from_extent(picture, 0.0, SIDE, PIXELS_PER_METRE)
 
 
@@ -41,7 +50,9 @@ class _Hall:
     def __init__(self, rng: np.random.Generator):
         self.rng = rng
         self.size = round(SIDE * PIXELS_PER_METRE)
-        self.map = MapImage.from_extent(np.zeros((self.size, self.size, 3), np.uint8), 0.0, SIDE, PIXELS_PER_METRE)
+        self.map = MapImage.from_extent(
+            np.zeros((self.size, self.size, 3), np.uint8), 0.0, SIDE, PIXELS_PER_METRE
+        )
         self.picture = self.map.image
         self.taken = np.zeros((self.size, self.size), np.uint8)
 
@@ -65,8 +76,10 @@ class _Hall:
         """Court lines and hazard tape."""
         blue, red, white = bgr("1f5fbf", "c8312b", "f5f3ee")
         for center, size, turn, color in (
-            ((2.5, 1.55), (5.0, 0.05), 0.004, white), ((1.66, 2.5), (0.05, 5.0), 0.006, blue),
-            ((3.46, 2.5), (0.05, 5.0), -0.005, red), ((2.5, 3.42), (5.0, 0.05), -0.003, white),
+            ((2.5, 1.55), (5.0, 0.05), 0.004, white),
+            ((1.66, 2.5), (0.05, 5.0), 0.006, blue),
+            ((3.46, 2.5), (0.05, 5.0), -0.005, red),
+            ((2.5, 3.42), (5.0, 0.05), -0.003, white),
         ):
             polygon(self.picture, self._rectangle(center, size, turn), color)
         for start, end in (((1.72, 3.30), (3.40, 3.36)), ((1.74, 1.70), (3.38, 1.66))):
@@ -111,19 +124,30 @@ class _Hall:
         """Tubes, cables, balls and boxes, with shadows."""
         orange, black, steel, green = bgr("ff5a1f", "23232b", "aab2bd", "3aa655")
         for start, end, width, color in (
-            ((1.55, 0.30), (1.98, 1.38), 0.095, orange), ((3.30, 3.05), (4.02, 2.92), 0.085, orange),
-            ((1.50, 4.78), (2.02, 4.55), 0.06, steel), ((3.52, 0.22), (3.60, 1.30), 0.045, steel),
-            ((0.25, 3.27), (0.95, 3.19), 0.055, green), ((3.08, 2.05), (3.18, 2.75), 0.04, black),
+            ((1.55, 0.30), (1.98, 1.38), 0.095, orange),
+            ((3.30, 3.05), (4.02, 2.92), 0.085, orange),
+            ((1.50, 4.78), (2.02, 4.55), 0.06, steel),
+            ((3.52, 0.22), (3.60, 1.30), 0.045, steel),
+            ((0.25, 3.27), (0.95, 3.19), 0.055, green),
+            ((3.08, 2.05), (3.18, 2.75), 0.04, black),
         ):
             self._tube(np.array(start), np.array(end), width, color)
-        for center, radius, color in (((2.05, 3.06), 0.11, bgr("ffd60a")[0]), ((3.22, 1.84), 0.085, bgr("e5383b")[0]), ((1.93, 1.92), 0.06, bgr("4cc9f0")[0])):
+        for center, radius, color in (
+            ((2.05, 3.06), 0.11, bgr("ffd60a")[0]),
+            ((3.22, 1.84), 0.085, bgr("e5383b")[0]),
+            ((1.93, 1.92), 0.06, bgr("4cc9f0")[0]),
+        ):
             self._ball(np.array(center), radius, color)
         for _ in range(3):
             self._cable(self.rng.uniform(0.6, 4.4, 2))
-        for center, size, code in (((3.02, 3.08), (0.26, 0.18), "6d4c41"), ((1.82, 2.52), (0.17, 0.22), "2b2d42"), ((4.78, 1.40), (0.24, 0.16), "f1c453")):
+        for center, size, code in (
+            ((3.02, 3.08), (0.26, 0.18), "6d4c41"),
+            ((1.82, 2.52), (0.17, 0.22), "2b2d42"),
+            ((4.78, 1.40), (0.24, 0.16), "f1c453"),
+        ):
             self._box(center, size, bgr(code)[0])
 
-    # -- brushes ----------------------------------------------------------------------------------------------------
+    # -- brushes ------------------------------------------------------------------------------------
 
     def _rectangle(self, center, size, turn: float) -> np.ndarray:
         """``(4, 2)`` pixel corners: top left, top right, bottom right, bottom left."""
@@ -132,18 +156,26 @@ class _Hall:
         return self.map.to_pixels(corners @ axes + center)
 
     def _pixel_disc(self, center, radius: float) -> tuple[list[int], int]:
-        return self.map.to_pixels(np.array([center]))[0].round().astype(int).tolist(), round(radius * PIXELS_PER_METRE)
+        return self.map.to_pixels(np.array([center]))[0].round().astype(int).tolist(), round(
+            radius * PIXELS_PER_METRE
+        )
 
     def _disc(self, center, radius: float, color: np.ndarray) -> None:
         angle = np.linspace(0, 2 * np.pi, 90, endpoint=False)
-        polygon(self.picture, self.map.to_pixels(center + radius * np.column_stack([np.cos(angle), np.sin(angle)])), color)
+        polygon(
+            self.picture,
+            self.map.to_pixels(center + radius * np.column_stack([np.cos(angle), np.sin(angle)])),
+            color,
+        )
 
     def _paste(self, picture: np.ndarray, corners: np.ndarray) -> None:
         """Warp `picture` onto the quadrilateral `corners`, touching only its bounding box."""
         low = np.maximum(np.floor(corners.min(axis=0)).astype(int) - 2, 0)
         high = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + 3, self.size)
         height, width = picture.shape[:2]
-        source = np.float32([[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]])
+        source = np.float32(
+            [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
+        )
         matrix = cv2.getPerspectiveTransform(source, (corners - low).astype(np.float32))
         extent = tuple((high - low).tolist())
         alpha = cv2.warpPerspective(np.ones((height, width), np.float32), matrix, extent)[..., None]
@@ -192,9 +224,16 @@ class _Hall:
         angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
         outline = self.map.to_pixels(center + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
         self._shade(outline + 14, 0.5, 12)
-        for reach, shift, light in ((1.0, 0.0, 0.72), (0.9, 0.05, 0.88), (0.72, 0.12, 1.0), (0.25, 0.3, 1.35)):
+        for reach, shift, light in (
+            (1.0, 0.0, 0.72),
+            (0.9, 0.05, 0.88),
+            (0.72, 0.12, 1.0),
+            (0.25, 0.3, 1.35),
+        ):
             offset = np.array([-shift, shift]) * radius
-            self._disc(center + offset, radius * reach, np.clip(color * light + (60 if light > 1 else 0), 0, 255))
+            self._disc(
+                center + offset, radius * reach, np.clip(color * light + (60 if light > 1 else 0), 0, 255)
+            )
 
     def _cable(self, start: np.ndarray) -> None:
         steps = np.cumsum(self.rng.normal(0, 0.16, 70))

@@ -1,6 +1,7 @@
-"""Printed mats for the virtual hall: each function paints ``(height, width, 3) uint8`` BGR from a size and a generator.
+"""Printed mats for the virtual hall: each function paints ``(height, width, 3) uint8`` BGR.
 
-Some repeat a motif, which misleads a localizer that sees only one of them; others never show the same thing twice.
+Some repeat a motif, which misleads a localizer that sees only one of them; others never show the same thing
+twice. A mat follows from its size and the generator.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ def bgr(*codes: str) -> np.ndarray:
     return np.array([[int(code[i : i + 2], 16) for i in (4, 2, 0)] for code in codes], dtype=np.float32)
 
 
-def grain(shape: tuple[int, int], rng: np.random.Generator, scales: tuple[float, ...], stretch: float = 1.0) -> np.ndarray:
-    """``shape float32`` noise of standard deviation near 1, a layer for each scale in pixels, stretched along x."""
+def grain(
+    shape: tuple[int, int], rng: np.random.Generator, scales: tuple[float, ...], stretch: float = 1.0
+) -> np.ndarray:
+    """``shape float32`` noise of deviation near 1, a layer for each scale in pixels, stretched along x."""
     total = np.zeros(shape, np.float32)
     for scale in scales:
         coarse = (max(2, int(shape[0] / scale) + 1), max(2, int(shape[1] / (scale * stretch)) + 1))
@@ -59,7 +62,10 @@ def _ring_of(center, radius: float, corners: int, turn: float = 0.0, inner: floa
 def _scatter(size: tuple[int, int], spacing: float, rng: np.random.Generator) -> np.ndarray:
     """``(N, 2)`` pixel positions (x, y) in random order, about `spacing` apart: a shaken grid."""
     rows, columns = np.mgrid[0 : size[0] + spacing : spacing, 0 : size[1] + spacing : spacing]
-    points = np.column_stack([columns.ravel(), rows.ravel()]) + rng.uniform(-0.45, 0.45, (columns.size, 2)) * spacing
+    points = (
+        np.column_stack([columns.ravel(), rows.ravel()])
+        + rng.uniform(-0.45, 0.45, (columns.size, 2)) * spacing
+    )
     return rng.permutation(points)
 
 
@@ -96,7 +102,11 @@ def rug(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     for x, y in _scatter((height, width), 44, rng):
         outer, inner = rng.permutation(len(inks))[:2]
         radius = rng.uniform(10, 24)
-        polygon(quarter, _ring_of((x, y), radius, int(rng.integers(3, 9)), rng.uniform(0, 3), rng.uniform(0.4, 0.9)), inks[outer])
+        polygon(
+            quarter,
+            _ring_of((x, y), radius, int(rng.integers(3, 9)), rng.uniform(0, 3), rng.uniform(0.4, 0.9)),
+            inks[outer],
+        )
         _disc(quarter, (x, y), radius * 0.4, inks[inner])
     medallion = 0.55 * min(height, width)
     for reach, ink in ((1.0, 1), (0.92, 0), (0.7, 5), (0.55, 2), (0.3, 3), (0.15, 1)):
@@ -118,11 +128,16 @@ def town(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     meadow = grain(size, rng, (60.0, 140.0))
     mat[meadow > 0.7] = bgr("a3cf62")[0]
     mat[meadow < -1.0] = bgr("4fa3d1")[0]
-    roofs, crowns = bgr("d1495b", "edae49", "9b5de5", "00798c", "f28482", "ffffff"), bgr("2d6a4f", "40916c", "1b4332", "f4845f")
+    roofs, crowns = (
+        bgr("d1495b", "edae49", "9b5de5", "00798c", "f28482", "ffffff"),
+        bgr("2d6a4f", "40916c", "1b4332", "f4845f"),
+    )
     for x, y in _scatter(size, 62, rng):
         if rng.random() < 0.5:
             for _ in range(3):
-                _disc(mat, (x, y) + rng.normal(0, 9, 2), rng.uniform(8, 15), crowns[rng.integers(len(crowns))])
+                _disc(
+                    mat, (x, y) + rng.normal(0, 9, 2), rng.uniform(8, 15), crowns[rng.integers(len(crowns))]
+                )
         else:
             _house(mat, (x, y), roofs[rng.integers(len(roofs))], rng)
     for number in range(5):
@@ -143,7 +158,11 @@ def _house(mat: np.ndarray, center, roof: np.ndarray, rng: np.random.Generator) 
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half @ axes + center
     polygon(mat, corners + 4, bgr("31572c")[0])
     polygon(mat, corners, roof)
-    polygon(mat, [corners[0], corners[1], (corners[1] + corners[2]) / 2, (corners[0] + corners[3]) / 2], roof * 0.75)
+    polygon(
+        mat,
+        [corners[0], corners[1], (corners[1] + corners[2]) / 2, (corners[0] + corners[3]) / 2],
+        roof * 0.75,
+    )
     _line(mat, corners, bgr("3d2c2e")[0], 2, closed=True)
 
 
@@ -155,7 +174,9 @@ def leaves(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         length, width, turn = rng.uniform(17, 34), rng.uniform(0.25, 0.5), rng.uniform(0, 2 * np.pi)
         along = np.linspace(-1, 1, 15)
         side = width * (1 - along**2) * (1 - 0.3 * along)
-        outline = np.concatenate([np.column_stack([along, side]), np.column_stack([along, -side])[::-1]]) * length
+        outline = (
+            np.concatenate([np.column_stack([along, side]), np.column_stack([along, -side])[::-1]]) * length
+        )
         axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         ink = inks[rng.integers(len(inks))]
         polygon(mat, outline @ axes + (x, y), ink)
@@ -180,7 +201,12 @@ def bauhaus(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
             for offset in range(-2, 3):
                 direction = np.array([np.cos(turn), np.sin(turn)])
                 middle = np.array([x, y]) + offset * 13 * direction[::-1] * (1, -1)
-                _line(mat, [middle - radius * direction, middle + radius * direction], first if offset % 2 else second, 6)
+                _line(
+                    mat,
+                    [middle - radius * direction, middle + radius * direction],
+                    first if offset % 2 else second,
+                    6,
+                )
         else:
             _disc(mat, (x, y), radius, first, 11)
             _disc(mat, (x, y), radius * 0.55, second, 6)
@@ -217,7 +243,11 @@ def terrazzo(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         corners = int(rng.integers(4, 7))
         angle = np.sort(rng.uniform(0, 2 * np.pi, corners))
         reach = rng.uniform(4, 15, corners)
-        polygon(mat, np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)]), inks[rng.integers(len(inks))])
+        polygon(
+            mat,
+            np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)]),
+            inks[rng.integers(len(inks))],
+        )
     return mat
 
 

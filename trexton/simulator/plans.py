@@ -25,7 +25,9 @@ class Plan:
     def goal(self, position: np.ndarray) -> np.ndarray:
         """The ``(2,)`` goal for a vehicle at `position`: a point of the line, ahead of the vehicle."""
         leg = self._next - self._last
-        while np.hypot(*(self._next - position[:2])) < REACHED or not leg.any():  # two rows of lanes may share a corner
+        while (
+            np.hypot(*(self._next - position[:2])) < REACHED or not leg.any()
+        ):  # two rows of lanes may share a corner
             self._last, self._next = self._next, next(self._waypoints)
             leg = self._next - self._last
         length = np.hypot(*leg)
@@ -40,10 +42,10 @@ def _inside(area) -> tuple[np.ndarray, np.ndarray]:
 
 
 def survey(area, seconds: float, speed: float) -> Iterator[np.ndarray]:
-    """A diagonal, then lanes along x and lanes along y that cover the area in about `seconds`, and so on without end.
+    """A diagonal, then lanes along x and along y that cover the area in about `seconds`, without end.
 
-    The diagonal comes first because the dictionary is learnt from the first frames (the first 100 in the paper): they should
-    see more than one edge of the room. Lanes in both directions let the motion model see both axes.
+    The diagonal comes first because the dictionary is learnt from the first frames (the first 100 in the
+    paper): they should see more than one edge of the room. Lanes both ways show the motion model both axes.
 
     Parameters
     ----------
@@ -65,7 +67,7 @@ def _lanes(low: np.ndarray, high: np.ndarray, lanes: int, swap: bool = False) ->
 
 
 def random_waypoints(area, rng: np.random.Generator, apart: float = 1.0) -> Iterator[np.ndarray]:
-    """Random places in the area without end, each at least `apart` metres (or a third of the area) from the last."""
+    """Random places without end, each at least `apart` metres (or a third of the area) from the last."""
     low, high = _inside(area)
     apart = min(apart, float((high - low).min()) / 3)
     last = rng.uniform(low, high)

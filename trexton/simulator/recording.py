@@ -50,7 +50,7 @@ def record_flight(
     pattern : {"survey", "waypoints"}
         A survey in lanes for training, or random waypoints an hour later, under another light, for test.
     frames, seed, light, speed : optional
-        The pattern's own unless given: 800 or 415 frames; flights with other seeds are other flights over the same floor.
+        The pattern's own unless given: 800 or 415 frames. Another seed is another flight over the same floor.
     floor : Floor or None
         None is the painted hall.
     every : int
@@ -68,10 +68,16 @@ def record_flight(
     seed = usual_seed if seed is None else seed
     speed = usual_speed if speed is None else speed
     if frames < 1 or every < 1 or seed < 0:
-        raise ParameterError(f"{frames} frames, every {every}, seed {seed}: expected at least one frame, a step of 1 or more, a seed from 0")
+        raise ParameterError(
+            f"{frames} frames, every {every}, seed {seed}: expected 1 or more, 1 or more, 0 or more"
+        )
     floor = Floor.hall() if floor is None else floor
     plan_rng, simulator_rng = np.random.default_rng(seed).spawn(2)
-    goals = survey(floor.area, frames * every * PERIOD, speed) if pattern == "survey" else random_waypoints(floor.area, plan_rng)
+    goals = (
+        survey(floor.area, frames * every * PERIOD, speed)
+        if pattern == "survey"
+        else random_waypoints(floor.area, plan_rng)
+    )
     plan = Plan(goals)
     simulator = Simulator(
         floor, camera=camera, effects=effects, light=usual_light if light is None else light,
@@ -101,7 +107,9 @@ def record_flight(
     return read_flight(path)
 
 
-def _fly(simulator: Simulator, plan: Plan, folder: Path, frames: int, every: int) -> tuple[tuple[Path, ...], np.ndarray]:
+def _fly(
+    simulator: Simulator, plan: Plan, folder: Path, frames: int, every: int
+) -> tuple[tuple[Path, ...], np.ndarray]:
     """Write the images; return their files and ``(frames, 6)`` truth."""
     (folder / "images").mkdir()
     files, truth = [], np.empty((frames, 6))

@@ -46,8 +46,10 @@ def _share_pairs(row):  # pragma: no cover - compiled
 
 
 @numba.njit(cache=True, nogil=True)
-def _develop(planes, gain, vignette, noise, top, left, base, slope, share_chroma):  # pragma: no cover - compiled
-    """Gain, vignette, noise and shared chroma, in that order and in place, for ``(3, H, W) uint8`` Y, Cr, Cb."""
+def _develop(
+    planes, gain, vignette, noise, top, left, base, slope, share_chroma
+):  # pragma: no cover - compiled
+    """Gain, vignette, noise and shared chroma, in place, for ``(3, H, W) uint8`` Y, Cr, Cb."""
     _, height, width = planes.shape
     factor, strength = np.empty(width, np.int32), np.empty(width, np.int32)
     for v in range(height):
@@ -78,7 +80,9 @@ class Sensor:
         self._effects = effects
         shape = (camera.height, camera.width)
         center_x, center_y = camera.principal_point
-        squared = (np.arange(camera.width) - center_x) ** 2 + (np.arange(camera.height)[:, None] - center_y) ** 2
+        squared = (np.arange(camera.width) - center_x) ** 2 + (
+            np.arange(camera.height)[:, None] - center_y
+        ) ** 2
         loss = effects.vignetting * squared / squared.max()
         self._vignette = np.rint((1 - loss) * 2**_ONE).astype(np.int32)
         tile = rng.standard_normal((3, shape[0] + _SPARE, shape[1] + _SPARE), dtype=np.float32)
@@ -96,7 +100,16 @@ class Sensor:
         planes = np.empty((3, *scene.shape[:2]), np.uint8)
         cv2.split(scene, list(planes))
         share = self._effects.chroma_subsampling > 0
-        _develop(planes, round(gain * 2**_ONE), self._vignette, self._noise, *offset, self._base, self._slope, share)
+        _develop(
+            planes,
+            round(gain * 2**_ONE),
+            self._vignette,
+            self._noise,
+            *offset,
+            self._base,
+            self._slope,
+            share,
+        )
         return cv2.merge(list(planes))
 
     @property
@@ -111,7 +124,12 @@ class Sensor:
             return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
         shared = self._effects.chroma_subsampling > 0
         factor = cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422 if shared else cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444
-        options = [cv2.IMWRITE_JPEG_QUALITY, round(self._effects.jpeg), cv2.IMWRITE_JPEG_SAMPLING_FACTOR, factor]
+        options = [
+            cv2.IMWRITE_JPEG_QUALITY,
+            round(self._effects.jpeg),
+            cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
+            factor,
+        ]
         return cv2.imencode(".jpg", image, options)[1].tobytes()
 
     def deliver(self, frame: np.ndarray) -> np.ndarray:

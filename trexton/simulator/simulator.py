@@ -16,7 +16,9 @@ from trexton.simulator.vehicle import Vehicle, VehicleState
 __all__ = ["Simulator", "PERIOD"]
 
 PERIOD = 0.08  # seconds between frames: the 12.5 Hz of the paper's camera
-TRUTH_NOISE = np.array([0.001, 0.001, 0.001, 0.002, 0.002, 0.002])  # of the motion capture, in metres and radians
+TRUTH_NOISE = np.array(
+    [0.001, 0.001, 0.001, 0.002, 0.002, 0.002]
+)  # of the motion capture, in metres and radians
 _NODE = 8  # pixels between the nodes at which the geometry is computed; between them it is linear to 0.02 px
 _EXPOSURE_TIME = 3.0  # seconds over which the camera's gain changes
 
@@ -56,7 +58,14 @@ class Simulator:
         flight_rng, sensor_rng, self._camera_rng, self._truth_rng = rng.spawn(4)
         x_min, x_max, y_min, y_max = self.floor.area
         start = ((x_min + x_max) / 2, (y_min + y_max) / 2) if start is None else start
-        self.vehicle = Vehicle(start, height=height, speed=speed, height_ripple=effects.height_ripple, yaw=effects.yaw, rng=flight_rng)
+        self.vehicle = Vehicle(
+            start,
+            height=height,
+            speed=speed,
+            height_ripple=effects.height_ripple,
+            yaw=effects.yaw,
+            rng=flight_rng,
+        )
         self._texture = self.floor.texture(light)
         self._sensor = Sensor(camera, effects, sensor_rng)
         self._nodes = _node_grid(camera)
@@ -81,7 +90,9 @@ class Simulator:
     def measure(self) -> np.ndarray:
         """``(6,)`` what motion capture reports now: x, y, z, roll, pitch, yaw with millimetre noise."""
         state = self.state
-        return np.concatenate([state.position, state.attitude]) + TRUTH_NOISE * self._truth_rng.standard_normal(6)
+        return np.concatenate(
+            [state.position, state.attitude]
+        ) + TRUTH_NOISE * self._truth_rng.standard_normal(6)
 
     def render(self) -> np.ndarray:
         """The frame at this moment, ``(H, W, 3) uint8`` Y, U, V; the same as `capture` would write."""
@@ -103,7 +114,9 @@ class Simulator:
         """The floor as the camera sees it, row after row while it moves: ``(H, W, 3) uint8`` Y, Cr, Cb."""
         texture, from_world = self._texture.level(self.camera.focal / state.position[2])
         readout = self.effects.rolling_shutter
-        first, last = (from_world @ self._world_from_pixel(state, delay) for delay in (-readout / 2, readout / 2))
+        first, last = (
+            from_world @ self._world_from_pixel(state, delay) for delay in (-readout / 2, readout / 2)
+        )
         # Within a readout the homography is linear in time to a hundredth of a pixel.
         time = (self._nodes[:, :1, 1] / max(self.camera.height - 1, 1))[..., None]
         start, change = self._nodes @ first.T, self._nodes @ (last - first).T
@@ -125,13 +138,16 @@ class Simulator:
 
 
 def _node_grid(camera: Camera) -> np.ndarray:
-    """``(rows, columns, 3)`` homogeneous pixel coordinates of nodes in the middle of cells, one cell beyond each side."""
-    x, y = (np.arange(-1, -(-size // _NODE) + 1) * _NODE + (_NODE - 1) / 2 for size in (camera.width, camera.height))
+    """``(rows, columns, 3)`` homogeneous pixels of nodes amid their cells, one cell beyond each side."""
+    x, y = (
+        np.arange(-1, -(-size // _NODE) + 1) * _NODE + (_NODE - 1) / 2
+        for size in (camera.width, camera.height)
+    )
     return np.stack([*np.meshgrid(x, y), np.ones((len(y), len(x)))], axis=-1)
 
 
 def _line_kernel(path: np.ndarray, longest: float = 41.0) -> np.ndarray | None:
-    """Kernel that averages along a straight path of (x, y) pixels, centred; None where it would change nothing."""
+    """Kernel that averages along a straight path of (x, y) pixels; None where it would change nothing."""
     length = float(np.hypot(*path))
     if length < 0.1:
         return None

@@ -1,7 +1,7 @@
 """A quadrotor that follows goals with lag, in gusty air.
 
-Velocity follows the goal, tilt follows the wanted acceleration, and the air pushes; heading and height wander. The
-equations are integrated in small steps, so that the motion within one exposure is true.
+Velocity follows the goal, tilt the wanted acceleration, and the air pushes; heading and height wander.
+The equations are integrated in small steps, so that the motion within one exposure is true.
 """
 
 from __future__ import annotations
@@ -78,9 +78,20 @@ class Vehicle:
         Wind and controllers' noise.
     """
 
-    def __init__(self, position, *, height: float = 1.0, speed: float = 0.5, height_ripple=0.03, yaw=0.03, rng: np.random.Generator):
+    def __init__(
+        self,
+        position,
+        *,
+        height: float = 1.0,
+        speed: float = 0.5,
+        height_ripple=0.03,
+        yaw=0.03,
+        rng: np.random.Generator,
+    ):
         if not (0.2 <= height <= 10 and 0 < speed <= 3):
-            raise ParameterError(f"height {height} m and speed {speed} m/s: expected 0.2 to 10 m, and up to 3 m/s")
+            raise ParameterError(
+                f"height {height} m and speed {speed} m/s: expected 0.2 to 10 m, and up to 3 m/s"
+            )
         self.speed = speed
         self._rng = rng
         self._height = height
@@ -130,14 +141,21 @@ class Vehicle:
     def _integrate(self, goal: np.ndarray | None) -> None:
         noise = self._rng.standard_normal(6)
         self._gust += -self._gust * STEP / GUST_TIME + GUST * math.sqrt(2 * STEP / GUST_TIME) * noise[:2]
-        self._jitter += -self._jitter * STEP / JITTER_TIME + TILT_JITTER * math.sqrt(2 * STEP / JITTER_TIME) * noise[2:4]
+        self._jitter += (
+            -self._jitter * STEP / JITTER_TIME + TILT_JITTER * math.sqrt(2 * STEP / JITTER_TIME) * noise[2:4]
+        )
         self._wander_step(noise[4:])
         wanted = np.zeros(2) if goal is None else _limit(APPROACH * (goal - self._xy), self.speed)
         push = _limit((wanted - self._velocity) / VELOCITY_LAG + DRAG * self._velocity, ACCELERATION)
         cosine, sine = math.cos(self._wander[1]), math.sin(self._wander[1])
         # Right side down pushes to the right, nose up pushes back (see trexton.camera).
-        command = np.array([cosine * push[0] + sine * push[1], sine * push[0] - cosine * push[1]]) / GRAVITY + self._jitter
-        self._tilt_rate += STEP * (TILT_FREQUENCY**2 * (command - self._tilt) - 2 * TILT_DAMPING * TILT_FREQUENCY * self._tilt_rate)
+        command = (
+            np.array([cosine * push[0] + sine * push[1], sine * push[0] - cosine * push[1]]) / GRAVITY
+            + self._jitter
+        )
+        self._tilt_rate += STEP * (
+            TILT_FREQUENCY**2 * (command - self._tilt) - 2 * TILT_DAMPING * TILT_FREQUENCY * self._tilt_rate
+        )
         self._tilt = self._tilt + STEP * self._tilt_rate
         right, forward = GRAVITY * math.tan(self._tilt[0]), -GRAVITY * math.tan(self._tilt[1])
         thrust = np.array([cosine * right - sine * forward, sine * right + cosine * forward])

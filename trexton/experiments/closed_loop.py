@@ -1,0 +1,128 @@
+"""The closed loop of the triggered landings: the localizer sees what the virtual camera sees, and decides."""
+
+from __future__ import annotations
+
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from multiprocessing import get_context
+from time import perf_counter
+
+import numpy as np
+
+from trexton.camera import Camera
+from trexton.landing import LandingZone
+from trexton.localizer import Estimate, Localizer, TextonMap
+from trexton.progress import progress
+from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
+
+__all__ = ["Attempt", "Mission", "fly_all", "fly_attempt"]
+
+NOWHERE = np.full(2, np.nan)
+
+
+@dataclass(frozen=True, eq=False)
+class Mission:
+    """What all attempts have in common.
+
+    Attributes
+    ----------
+    places : (2, 2) array
+        Lowest and highest x, y of a zone's centre: the circle stays within the surveyed area.
+    options : dict
+        Of the localizer.
+    """
+
+    texton_map: TextonMap
+    floor: Floor
+    camera: Camera
+    height: float
+    speed: float
+    places: np.ndarray
+    radius: float
+    spread: float
+    consecutive: int
+    armed_after: float
+    time_limit: float
+    options: dict
+    seed: int
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One flight towards one zone; positions ``(2,)`` in metres, NaN where the landing was never triggered.
+
+    Attributes
+    ----------
+    path : (N, 2) array
+        True positions at the frames, until touchdown.
+    wait_s : float
+        From the start to the trigger, or to the time limit.
+    frame_s : (M,) array
+        Wall-clock time of rendering and localizing each frame.
+    """
+
+    zone: np.ndarray
+    triggered: bool
+    wait_s: float
+    estimate: np.ndarray
+    truth: np.ndarray
+    touchdown: np.ndarray
+    path: np.ndarray
+    frame_s: np.ndarray
+
+
+def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt:
+    """Fly at random until the trigger fires, then land; attempt `number` has a generator of its own.
+
+    `perfect` puts the true position in the localizer's place: what remains is what landing itself costs.
+    """
+    rng = np.random.default_rng([mission.seed, 1 + number])
+    zone_rng, plan_rng, simulator_rng, localizer_rng = rng.spawn(4)
+    zone = LandingZone(zone_rng.uniform(*mission.places), mission.radius, mission.spread, mission.consecutive)
+    plan = Plan(random_waypoints(mission.texton_map.area, plan_rng))
+    # The camera hands its frames over as they are: nothing is compressed on board.
+    simulator = Simulator(
+        mission.floor, camera=mission.camera, effects=Effects().without("jpeg"), light=Light.later(),
+        start=plan.start, height=mission.height, speed=mission.speed, rng=simulator_rng,
+    )  # fmt: skip
+    localizer = None if perfect else Localizer(mission.texton_map, rng=localizer_rng, **mission.options)
+    state, path, frame_s, triggered = simulator.state, [], [], False
+    while not triggered and state.time < mission.time_limit:
+        state = simulator.step(plan.goal(state.position))
+        start = perf_counter()
+        estimate = localizer.step(simulator.render()) if localizer else _certain(state.position[:2])
+        frame_s.append(perf_counter() - start)
+        path.append(state.position[:2])
+        triggered = zone.update(estimate) and state.time > mission.armed_after
+    wait_s, guess = state.time, estimate.position if triggered else NOWHERE
+    truth = state.position[:2] if triggered else NOWHERE
+    if triggered:
+        simulator.vehicle.land()
+    while triggered and not state.landed:
+        state = simulator.step()
+        path.append(state.position[:2])
+    touchdown = state.position[:2] if triggered else NOWHERE
+    return Attempt(zone.center, triggered, wait_s, guess, truth, touchdown, np.array(path), np.array(frame_s))
+
+
+def _certain(position: np.ndarray) -> Estimate:
+    """An estimate without any doubt."""
+    nothing = np.zeros(2), np.zeros((2, 2))
+    return Estimate(position, *nothing, False, True, None, None, position[None], np.ones(1))
+
+
+def _fly_some(mission: Mission, numbers: range) -> list[Attempt]:
+    return [fly_attempt(mission, number) for number in numbers]
+
+
+def fly_all(mission: Mission, landings: int, processes: int) -> list[Attempt]:
+    """All attempts in order, every n-th of them flown by the n-th process."""
+    if processes == 1:
+        return [fly_attempt(mission, number) for number in progress(range(landings), "landings", landings)]
+    shares = [range(first, landings, processes) for first in range(min(processes, landings))]
+    with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
+        flown = pool.map(_fly_some, [mission] * len(shares), shares)
+        by_number = {
+            number: attempt for share, some in zip(shares, flown) for number, attempt in zip(share, some)
+        }
+    return [by_number[number] for number in range(landings)]
