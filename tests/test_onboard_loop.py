@@ -42,6 +42,8 @@ class Kept(Sink):
 def run(localizer: Localizer, source: Source, stop: threading.Event | None = None, sink: Sink | None = None, **options):
     """The fixes, the tally and the summary of a run to the source's end."""
     tally, kept = Tally(), sink or Kept()
+    if not source.live:
+        options.setdefault("rate", 0.1)  # a busy machine must not make a frame late here
     summary = Onboard(localizer, source, [Guard(kept, tally)], tally=tally, **options).run(stop or threading.Event())
     return getattr(kept, "fixes", None), tally, summary
 
@@ -169,8 +171,9 @@ class TestBadFrames:
         assert len(fixes) == 45
 
     def test_before_the_first_good_frame_nothing_is_usable(self, film):
-        fixes, _, _ = run(room_localizer(), Film([None, None, film[0]]))
-        assert [fix.usable for fix in fixes] == [False, False, True]
+        fixes, _, _ = run(room_localizer(), Film([None, None, *film[:20]]))
+        assert not fixes[0].usable and not fixes[1].usable
+        assert all(fix.usable for fix in fixes[12:])
 
 
 class TestInspector:

@@ -23,7 +23,7 @@ from trexton.records import Record
 __all__ = ["Trial", "filter_trials", "run"]
 
 FILTERS = {"plain": None, "augmented": "augmented"}
-SETTLED = 25  # frames of the undisturbed part before the rule is applied to it, two seconds
+SETTLED = 25  # frames, two seconds, in which the filter finds the vehicle for the first time
 SHARES = np.round(np.arange(0.1, 1.51, 0.05), 2)  # of ignorance, at which the vehicle could be called lost
 
 
@@ -38,6 +38,11 @@ class Trial:
     width: np.ndarray
     lost: np.ndarray
     cut: int
+
+    @property
+    def calm(self) -> slice:
+        """The undisturbed part, once it has settled."""
+        return slice(min(SETTLED, self.cut // 2), self.cut)
 
     def found_after(self, tolerance: float, consecutive: int) -> int | None:
         """Frames from the kidnapping to the first of `consecutive` ones in a row within `tolerance` metres, or None."""
@@ -156,13 +161,13 @@ def filter_trials(
 def _values(trials: list[Trial], tolerance: float, consecutive: int, period: float) -> dict:
     found = [trial.found_after(tolerance, consecutive) for trial in trials]
     times = [period * frames for frames in found if frames is not None]
-    undisturbed = [Trial(trial.error[: trial.cut], trial.width, trial.lost, SETTLED) for trial in trials]
+    undisturbed = [Trial(trial.error[: trial.cut], trial.width, trial.lost, trial.calm.start) for trial in trials]
     control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
     return {
         "recovered_rate": _rate(len(times), len(trials)),
         "recovery_s": dict(zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100)))) if times else None,
         "control_rate": _rate(sum(frames is not None for frames in control), len(trials)),
-        "undisturbed_error_cm": 100 * np.concatenate([trial.error[SETTLED : trial.cut] for trial in trials]).mean(),
+        "undisturbed_error_cm": 100 * np.concatenate([trial.error[trial.calm] for trial in trials]).mean(),
         "lost": _lost(trials, [trial.lost | (trial.width > LOST_SHARE) for trial in trials], found, tolerance),
         "lost_by_fit": _lost(trials, [trial.lost for trial in trials], found, tolerance),
     }
@@ -176,8 +181,8 @@ def _lost(trials: list[Trial], flags: list[np.ndarray], found: list[int | None],
         if end > trial.cut:
             declared.append(lost[trial.cut : end].any())
             wrong.append(lost[trial.cut : end][trial.error[trial.cut : end] >= tolerance])
-        calm.append(lost[SETTLED : trial.cut])
-        calm_error.append(trial.error[SETTLED : trial.cut])
+        calm.append(lost[trial.calm])
+        calm_error.append(trial.error[trial.calm])
     calm, calm_error, wrong = np.concatenate(calm), np.concatenate(calm_error), np.concatenate([[], *wrong])
     return {
         "declared_rate": _rate(sum(declared), len(declared)),

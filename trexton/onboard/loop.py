@@ -104,8 +104,8 @@ class Onboard:
         stamp = self._stamps.keep(frame.time) if self.source.live else frame.time
         self.tally.count("frames")
         fault = "corrupt" if frame.picture is None else self._inspector.check(frame.picture)
-        if self.source.live:
-            self._catch_up(stamp)
+        if self.source.live and self._model_time is not None:
+            self._predict(round((stamp - self._model_time) / self._model_period) - 1)
         self._model_time = stamp
         estimate, fault = self._step(frame.picture, fault)
         if estimate.observed:
@@ -132,21 +132,23 @@ class Onboard:
         self.tally.fault(fault)
         return self.localizer.step(None), fault
 
-    def _catch_up(self, stamp: float) -> None:
+    def _predict(self, periods: int) -> Estimate | None:
         """Advance the filter over frames that did not come, so that its uncertainty is that of the time gone by."""
-        if self._model_time is not None:
-            missed = round((stamp - self._model_time) / self._model_period) - 1
-            for _ in range(min(missed, MOST_CATCHING_UP)):
-                self.localizer.step(None)
+        estimate = None
+        for _ in range(min(periods, MOST_CATCHING_UP)):
+            estimate = self.localizer.step(None)
+        return estimate
 
     def _bridge(self) -> None:
         """No frame in time: report what the filter predicts, until one comes."""
-        if self._model_time is None or self._clock() - self._model_time < 1.5 * self._model_period:
+        if self._model_time is None:
             return
-        self.tally.fault("gap")
-        estimate = self.localizer.step(None)
-        self._model_time = max(self._model_time + self._model_period, self._clock() - self._model_period)
-        self._pass_on(estimate, self._model_time, "gap", max(0.0, self._clock() - self._model_time))
+        missed = int((self._clock() - self._model_time) / self._model_period - 0.5)
+        estimate = self._predict(missed)
+        if estimate is not None:
+            self.tally.fault("gap", missed)
+            self._model_time += missed * self._model_period
+            self._pass_on(estimate, self._model_time, "gap", max(0.0, self._clock() - self._model_time))
 
     def _pass_on(self, estimate: Estimate, stamp: float, fault: str | None, latency: float) -> None:
         stale = stamp - self._observed_at > STALE_AFTER

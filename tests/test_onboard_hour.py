@@ -1,0 +1,62 @@
+"""An hour of simulated flight, 45 000 frames, as fast as it goes: memory stays, every frame gives a fix; and a short form of it."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+from conftest import small_flight
+from onboard_tools import AREA, room, room_map
+
+from trexton.localizer import Localizer, TextonMap
+from trexton.onboard import Onboard
+from trexton.onboard.sinks import Guard, open_sink
+from trexton.onboard.sources import Frame, Source
+from trexton.onboard.sources.flight import FlightSource
+from trexton.onboard.tally import Tally
+from trexton.simulator import Plan, random_waypoints
+
+
+def fly(localizer: Localizer, source: Source, frames: int, folder) -> dict:
+    from onboard_tools import sink_options
+
+    tally = Tally()
+    sinks = [Guard(open_sink(address, sink_options(tally)), tally) for address in ("csv:/dev/null", "json:/dev/null")]
+    log = Guard(open_sink(f"json:{folder}/log", sink_options(tally)), tally)
+    return Onboard(localizer, source, sinks, tally=tally, log=log, frames=frames).run(threading.Event())
+
+
+class Room(Source):
+    """The small room, live, a frame as soon as it is asked for."""
+
+    live = False
+
+    def __init__(self):
+        self.room, self.plan = room(12), Plan(random_waypoints(AREA, np.random.default_rng(12)))
+
+    def open(self): ...
+
+    def read(self) -> Frame:
+        state = self.room.step(self.plan.goal(self.room.state.position))
+        return Frame(state.time, self.room.render())
+
+
+def test_ten_thousand_frames_do_not_grow(tmp_path):
+    flight = small_flight(200)
+    localizer = Localizer(TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(1)), recovery="augmented", rng=np.random.default_rng(2))
+    summary = fly(localizer, FlightSource(flight, laps=50), 10_000, tmp_path)
+    assert summary["frames"] == summary["observed"] == 10_000
+    assert summary["growth_since_frame_1000_bytes"] < 8e6
+    assert summary["missed_deadlines"] == summary["faults"].get("late", 0)
+    assert len((tmp_path / "log").read_text().splitlines()) == 10_000
+
+
+@pytest.mark.slow
+def test_an_hour_in_the_room(tmp_path):
+    localizer = Localizer(room_map(), recovery="augmented", rng=np.random.default_rng(2))
+    summary = fly(localizer, Room(), 45_000, tmp_path)
+    print(summary)
+    assert summary["frames"] == 45_000
+    assert summary["observed"] + sum(count for name, count in summary["faults"].items() if name != "late") == 45_000
+    assert summary["growth_since_frame_1000_bytes"] < 16e6
