@@ -81,6 +81,9 @@ def test_heat_map_by_hand():
     # In the upper row both weights shrink alike, so their mean does not change; its middle cell is sqrt(2) m from both.
     np.testing.assert_allclose(heat.values, [[left, 2.0, 4 - left], [left, np.nan, 4 - left]])
     assert heat.extent == (0, 3, 0, 2)
+    # Unless given, the reach is the larger sigma: the middle is 1 m from both below, sqrt(2) m above.
+    assert np.isnan(heat_map(values, positions, (0, 3, 0, 2), 0.9, cell=1.0).values[:, 1]).all()
+    assert np.isnan(heat_map(values, positions, (0, 3, 0, 2), (0.9, 1.1), cell=1.0).values[:, 1]).tolist() == [False, True]
 
 
 def test_heat_map_fills_the_area_with_whole_cells():

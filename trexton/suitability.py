@@ -88,7 +88,7 @@ class HeatMap:
     Attributes
     ----------
     values : (rows, columns) array
-        Row 0 lies at the smallest y; NaN farther than `reach` from every sample.
+        Row 0 lies at the smallest y; NaN far from every sample.
     extent : (x_min, x_max, y_min, y_max)
         Outer edges of the cells in metres.
     """
@@ -104,7 +104,7 @@ def heat_map(
     sigma: Sigma,
     *,
     cell: float = 0.05,
-    reach: float = 0.5,
+    reach: float | None = None,
 ) -> HeatMap:
     """Assign a value to every place of the floor: the samples' values, smoothed with a Gaussian.
 
@@ -118,14 +118,15 @@ def heat_map(
     sigma : float or pair of float
     cell : float
         Side of a cell in metres, or a little less, so that whole cells fill the area.
-    reach : float
-        Places farther than this from every sample, in metres, stay empty.
+    reach : float, optional
+        Places farther than this from every sample, in metres, stay empty; `sigma` unless given.
 
     Raises
     ------
     ParameterError
         `sigma`, `cell` or `reach` is not positive.
     """
+    reach = _scale(sigma).max() if reach is None else reach
     for name, length in (("cell", cell), ("reach", reach)):
         if not length > 0:
             raise ParameterError(f"{name} is {length}: expected a positive length in metres")

@@ -6,7 +6,7 @@ import numpy as np
 
 from trexton.metrics import BLOCK, block_rows
 
-__all__ = ["pair_correlation", "rank_correlation"]
+__all__ = ["pair_correlation", "pearson", "rank_correlation"]
 
 
 def rank_correlation(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 400, block: int = BLOCK) -> dict:
@@ -38,12 +38,17 @@ def pair_correlation(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
         return _with_interval(correlation(np.ones(count)), drawn)
 
 
+def pearson(a: np.ndarray, b: np.ndarray) -> float:
+    """Pearson's correlation, summed in one order whatever the number of threads; NaN where one side is constant."""
+    x, y = a - a.mean(), b - b.mean()
+    with np.errstate(invalid="ignore"):
+        return float(np.einsum("i,i->", x, y) / np.sqrt(np.einsum("i,i->", x, x) * np.einsum("i,i->", y, y)))
+
+
 def _spearman(a: np.ndarray, b: np.ndarray) -> float:
     from scipy.stats import rankdata
 
-    x, y = (rankdata(side) - (len(side) + 1) / 2 for side in (a, b))
-    with np.errstate(invalid="ignore"):
-        return float(np.einsum("i,i->", x, y) / np.sqrt(np.einsum("i,i->", x, x) * np.einsum("i,i->", y, y)))
+    return pearson(rankdata(a), rankdata(b))
 
 
 def _pair_ranks(matrix: np.ndarray) -> np.ndarray:

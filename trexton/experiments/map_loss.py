@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trexton.experiments.correlation import pair_correlation, rank_correlation
+from trexton.experiments.correlation import pair_correlation, pearson, rank_correlation
 from trexton.experiments.evaluation import floor_picture, fly, frames_of, provenance, trained_map
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap, neighbors_in_flight
@@ -75,7 +75,7 @@ def run(
             "positions_m": positions,
             "local_loss": losses,
             "error_m": errors,
-            "heat": {"loss": heat.values, "error_m": wrong.values, "extent_m": heat.extent},
+            "heat": {"loss": heat.values.round(5), "error_m": wrong.values.round(5), "extent_m": heat.extent},
             "sweep": sweep,
             "similarity": similarity_series,
             "groups": prediction_series | unseen_series,
@@ -122,7 +122,7 @@ def _sweep(histograms: np.ndarray, positions: np.ndarray, errors: np.ndarray, si
         sweep.append({
             "sigma_m": value,
             "global_loss": losses.mean(),
-            "agreement": np.corrcoef(alike[upper], ideal[upper])[0, 1],
+            "agreement": pearson(alike[upper], ideal[upper]),
             "prediction": rank_correlation(losses, errors, rng=np.random.default_rng([seed, 2])),
             "same_order": rank_correlation(losses, default, rng=np.random.default_rng([seed, 3])),
         })  # fmt: skip

@@ -62,7 +62,7 @@ def similarity_by_distance(record: Record) -> Figure:
         curve = np.linspace(0, distance.max(), 200)
         plot.plot(curve, np.exp(-(curve**2) / (2 * sigma**2)), color=COLORS["estimate"], linestyle="--", label=f"ideal, σ = {sigma:g} m")
         plot.set(xlabel="distance (m)", ylabel="cosine similarity", xlim=(0, None), ylim=(0, 1.02))
-        plot.legend(loc="upper right")
+        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
     return figure
 
 
