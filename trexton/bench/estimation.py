@@ -111,7 +111,7 @@ def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
         count = 5_000 if quick else 100_000
         say(f"bench: {count} frames")
         seconds, resident = _many_frames(whole, frames, count)
-    name, size, stages = "whole frame", "400 samples, 50 particles", parts.medians()
+    name, size, stages = "whole frame", "defaults", parts.medians()
     shares = ", ".join(f"{part} {duration(median)}" for part, median in stages.items())
     yield Row.compare(name, size, 1, times["frame"], "sum of its stages", sum(stages.values()), 1.15, shares)
     yield Row.compare(name, size, 1, times["frame"], "target", 0.25e-3, 1.0)

@@ -24,7 +24,7 @@ def growth(scene: Scene, quick: bool) -> Iterator[Row]:
         ("samples", (50, 200, 800, 3200, 12_800), _samples),
         ("particles, filter and MAP", (25, 100, 400, 1600, 6400), _particles),
         ("stored histograms, tree", (1000, 10_000, 100_000, 1_000_000), _stored("tree")),
-        ("stored histograms, brute force", (1000, 10_000, 100_000), _stored("brute")),
+        ("stored histograms, in turn", (1000, 10_000, 100_000), _stored("brute")),
     ):
         sizes = sizes[:-1] if quick else sizes
         rng = scene.rng(30)

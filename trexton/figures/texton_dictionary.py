@@ -45,7 +45,7 @@ def convergence(record: Record) -> Figure:
             plot.axhline(final["error"], color=COLORS[color], linestyle=":", linewidth=1)
         plot.set(xlabel="patches seen (thousands)", ylabel="RMS distance to the nearest\ntexton (grey levels)", ylim=(0, None))
         plot.set_xlim(0, record.values["patches"] / 1000)
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
+        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))
     return figure
 
 

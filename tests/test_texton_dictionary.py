@@ -1,0 +1,84 @@
+"""The dictionary's page: values against plain definitions, figures against the record."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from plain import plain_labels
+from small_room import picture_flight
+
+from trexton.experiments import texton_dictionary
+from trexton.experiments.texton_dictionary import place_frequencies
+from trexton.figures import texton_dictionary as figures
+from trexton.files import canonical_json
+from trexton.images import bgr_from_yuv
+from trexton.records import Record
+
+OPTIONS = {"textons": 6, "images": 10, "patches_per_image": 200, "cells": 4}
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("room")
+    return picture_flight(folder / "a", "survey"), picture_flight(folder / "b", "again", frames=20, turns=2.0)
+
+
+@pytest.fixture(scope="module")
+def record(flights, tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
+        return texton_dictionary.run(*flights, **OPTIONS)
+
+
+def test_frequencies_by_place_by_hand():
+    histograms = np.array([[1.0, 0.0], [0.5, 0.5], [0.0, 1.0]])
+    positions = np.array([[0.1, 0.1], [0.4, 0.3], [2.0, 1.0]])  # the last on the far corner
+    first, second = place_frequencies(histograms, positions, (0, 2, 0, 1), 2)
+    assert np.array_equal(first, [[0.75, np.nan], [np.nan, 0.0]], equal_nan=True)
+    assert np.array_equal(second, [[0.25, np.nan], [np.nan, 1.0]], equal_nan=True)
+
+
+def test_values(record, flights):
+    values = record.values
+    assert values["patches"] == 2000 and values["patches_per_image"] == 31 * 43
+    assert sum(values["frequency"]) == pytest.approx(1)
+    for method in ("kohonen", "winner-take-all"):
+        summary = values["methods"][method]
+        assert 1 <= summary["effective"] <= summary["used"] <= 6 and summary["error"] > 0
+        assert len(record.series["convergence"][method]) == 2
+    assert 0 <= values["chroma_share"] <= 1
+    assert np.shape(record.series["place_frequency"]) == (6, 4, 4)
+
+
+def test_the_labelled_frame_shows_mean_colours(flights, record):
+    strip = record.images["textons"]
+    assert strip.shape == (6, 36, 3)
+    from trexton.textons import TextonDictionary
+
+    dictionary = TextonDictionary.learn(flights[0], 6, rng=np.random.default_rng([1, 0]), images=10, patches_per_image=200)
+    assert np.array_equal(strip, bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1)))
+    image = flights[1].image(0)
+    painted = texton_dictionary._painted(image, dictionary)
+    means = np.rint(dictionary.textons.mean(axis=(1, 2))).astype(np.uint8)
+    assert np.array_equal(painted, bgr_from_yuv(means[plain_labels(image, dictionary.textons)]))
+
+
+def test_equal_seeds_give_equal_records(record, flights, tmp_path, monkeypatch):
+    monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
+    again = texton_dictionary.run(*flights, **OPTIONS)
+    assert canonical_json(again.values) == canonical_json(record.values)
+    assert canonical_json(again.series) == canonical_json(record.series)
+
+
+def test_figures_show_the_record(record, tmp_path):
+    loaded = Record.load(record.save(tmp_path))
+    labels = [axis.get_xlabel() for axis in figures.textons(loaded).axes]
+    assert labels == [f"{i}:  {100 * share:.1f} %" for i, share in enumerate(record.values["frequency"])]
+    plot = figures.convergence(loaded).axes[0]
+    for line, errors in zip(plot.lines[::2], record.series["convergence"].values()):
+        np.testing.assert_allclose(line.get_ydata(), errors)
+        assert line.get_xdata()[-1] == 2.0  # thousands
+    maps = [axis for axis in figures.places(loaded).axes if axis.get_title(loc="right")]
+    for axis, expected in zip(maps, record.series["place_frequency"], strict=True):
+        np.testing.assert_array_equal(axis.images[0].get_array().filled(np.nan), np.array(expected, dtype=float))
+    assert len(figures.labelled(loaded).axes) == 2

@@ -1,0 +1,77 @@
+"""How near each stage comes to the machine's limit: the rows of `trexton bench`, with its roofs and exponents."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from trexton.bench import STAGES, machine, measure
+from trexton.bench.clock import Row, interleave, limited_threads
+from trexton.experiments.evaluation import provenance
+from trexton.flights.flight import Flight
+from trexton.records import Record
+
+__all__ = ["run"]
+
+_COPIED = 64 * 2**20  # bytes: beyond every cache
+# stage and size of a row: (operations, bytes that must be read or written at least)
+_WORK = {
+    ("full histogram", "640x480"): (1.303e9, 640 * 480 * 3),
+    ("full histogram, NumPy", "640x480"): (1.303e9, 640 * 480 * 3),
+    ("sampled histogram", "400"): (400 * 20 * 108 * 2, 400 * 108),
+    ("neighbours", "800"): (800 * 20 * 2, 800 * 20 * 8),
+    ("filter step", "500"): (500**2 * 8, 500 * 2 * 3 * 8),
+    ("filter step", "5000"): (5000**2 * 8, 5000 * 2 * 3 * 8),
+}
+
+
+def run(train: Flight, test: Flight, *, quick: bool = True, seed: int = 1) -> Record:
+    """Run the bench, and measure the two roofs: copying memory and multiplying matrices, both on one thread.
+
+    Parameters
+    ----------
+    train, test : Flight
+        Name the record; the bench makes its own frames, which are the same for every flight.
+    quick : bool
+        As in `trexton.bench.measure`.
+    """
+    start = time.perf_counter()
+    rows = list(measure(quick=quick, seed=seed))
+    with limited_threads(1):
+        roofs = _roofs(np.random.default_rng([seed, 50]))
+    return Record(
+        experiment="speed",
+        flight=train.name,
+        parameters={"quick": quick, "seed": seed},
+        values={"stages": list(STAGES), "limits": sum(row.limit is not None for row in rows)},
+        timings={
+            "machine": machine(),
+            "rows": [row.as_dict() for row in rows],
+            "held": sum(row.holds is True for row in rows),
+            "points": _points(rows),
+            "bench_s": time.perf_counter() - start,
+            **roofs,
+        },
+        provenance=provenance(train, test),
+    )
+
+
+def _roofs(rng: np.random.Generator) -> dict:
+    source = np.zeros(_COPIED, np.uint8)
+    target, square = np.empty_like(source), rng.random((1024, 1024), dtype=np.float32)
+    times = interleave({"copy": lambda: np.copyto(target, source), "sgemm": lambda: square @ square}, 0.3)
+    return {"bytes_per_s": 2 * _COPIED / times["copy"].median, "operations_per_s": 2.0 * 1024**3 / times["sgemm"].median}
+
+
+def _points(rows: list[Row]) -> list[dict]:
+    """Work and rate of the stages whose work can be counted."""
+    points = {}
+    for row in rows:
+        if row.threads == 1 and (key := (row.stage, row.size)) in _WORK:
+            operations, touched = _WORK[key]
+            points[key] = {
+                "stage": row.stage, "size": row.size, "operations_per_byte": operations / touched,
+                "operations_per_s": operations / row.ours_s,
+            }  # fmt: skip
+    return list(points.values())
