@@ -1,4 +1,4 @@
-"""A receiver of its own for MAVLink over loopback UDP, and a small simulated autopilot made of it. Needs pymavlink."""
+"""A receiver of its own for MAVLink over loopback UDP, and a small autopilot made of it. Needs pymavlink."""
 
 from __future__ import annotations
 
@@ -41,7 +41,9 @@ class Peer:
 
     def send(self, *parts) -> None:
         for message in parts:
-            self.socket.sendto(message if isinstance(message, bytes) else message.pack(self.codec), self.address)
+            self.socket.sendto(
+                message if isinstance(message, bytes) else message.pack(self.codec), self.address
+            )
 
     def of(self, kind: str) -> list:
         return [message for message in list(self.received) if message.get_type() == kind]
@@ -67,13 +69,23 @@ class Autopilot(Peer):
             self._beat_at = time.monotonic() + 0.2
             self.send(AUTOPILOT_HEARTBEAT, mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0))
         for message in messages:
-            if message.get_type() != "COMMAND_LONG" or message.command != mavlink.MAV_CMD_NAV_LAND or self.manner == "is silent":
+            if (
+                message.get_type() != "COMMAND_LONG"
+                or message.command != mavlink.MAV_CMD_NAV_LAND
+                or self.manner == "is silent"
+            ):
                 continue
-            self.send(mavlink.MAVLink_command_ack_message(message.command, 0 if self.manner == "accepts" else 2))
+            self.send(
+                mavlink.MAVLink_command_ack_message(message.command, 0 if self.manner == "accepts" else 2)
+            )
             if self.manner == "accepts":
                 self._land()
 
     @property
     def commands(self) -> list[int]:
         """The confirmation of each landing command."""
-        return [message.confirmation for message in self.of("COMMAND_LONG") if message.command == mavlink.MAV_CMD_NAV_LAND]
+        return [
+            message.confirmation
+            for message in self.of("COMMAND_LONG")
+            if message.command == mavlink.MAV_CMD_NAV_LAND
+        ]

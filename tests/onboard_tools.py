@@ -1,4 +1,4 @@
-"""A small colourful room in which a small camera knows where it is, and other things the onboard tests share."""
+"""A small colourful room in which a small camera knows where it is, and what else the onboard tests share."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.sinks import SinkOptions
 from trexton.onboard.tally import Tally
-from trexton.simulator import Floor, Plan, Simulator, record_flight, survey
+from trexton.simulator import Floor, Simulator, record_flight
 
 CAMERA = Camera(128, 96, 104.0)
 AREA = (0.0, 4.0, 0.0, 4.0)
@@ -26,7 +26,9 @@ AREA = (0.0, 4.0, 0.0, 4.0)
 def colourful_floor() -> Floor:
     """A floor of 4 m x 4 m whose colours change slowly and never the same way twice."""
     rng = np.random.default_rng(3)
-    coarse = cv2.resize(rng.uniform(30, 225, (7, 7, 3)).astype(np.float32), (400, 400), interpolation=cv2.INTER_CUBIC)
+    coarse = cv2.resize(
+        rng.uniform(30, 225, (7, 7, 3)).astype(np.float32), (400, 400), interpolation=cv2.INTER_CUBIC
+    )
     grain = rng.normal(0, 12, (400, 400, 1))
     picture = np.clip(coarse + grain, 0, 255).astype(np.uint8)
     return Floor(MapImage.from_extent(picture, AREA[0], AREA[3], 100.0))
@@ -43,7 +45,9 @@ def room_map() -> TextonMap:
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
-        flight = record_flight(f"{folder}/survey", frames=200, every=4, seed=1, camera=CAMERA, floor=colourful_floor())
+        flight = record_flight(
+            f"{folder}/survey", frames=200, every=4, seed=1, camera=CAMERA, floor=colourful_floor()
+        )
         texton_map = TextonMap.train(flight, n_textons=16, rng=np.random.default_rng(1))
     # The survey was thinned out: a live camera gives four frames where it kept one.
     return replace(texton_map, period_s=0.08, process_covariance=texton_map.process_covariance / 4)
@@ -52,7 +56,13 @@ def room_map() -> TextonMap:
 def make_fix(time: float = 1.0, position=(0.0, 0.0), covariance=((0.04, 0.0), (0.0, 0.09)), **more) -> Fix:
     """A usable fix, unless told otherwise."""
     covariance = np.array(covariance, dtype=float)
-    fields = {"number": 1, "spread": np.sqrt(np.diagonal(covariance)), "lost": False, "observed": True, **more}
+    fields = {
+        "number": 1,
+        "spread": np.sqrt(np.diagonal(covariance)),
+        "lost": False,
+        "observed": True,
+        **more,
+    }
     return Fix(time=time, position=np.array(position, dtype=float), covariance=covariance, **fields)
 
 
@@ -60,7 +70,9 @@ def make_estimate(position=(0.0, 0.0), spread=(0.1, 0.1), lost=False, observed=T
     """An estimate whose four particles have that mean and spread."""
     position, spread = np.array(position, dtype=float), np.array(spread, dtype=float)
     particles = position + spread * [[1, 1], [1, -1], [-1, 1], [-1, -1]]
-    return Estimate(position, spread, np.diag(spread**2), lost, observed, None, None, particles, np.full(4, 0.25))
+    return Estimate(
+        position, spread, np.diag(spread**2), lost, observed, None, None, particles, np.full(4, 0.25)
+    )
 
 
 def sink_options(tally: Tally | None = None, **changes) -> SinkOptions:

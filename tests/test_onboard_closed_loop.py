@@ -1,4 +1,4 @@
-"""A closed loop over three programs: simulator as camera and vehicle, the onboard script in its own process, an autopilot."""
+"""A closed loop: the simulator as camera and vehicle, the onboard script in its own process, an autopilot."""
 
 from __future__ import annotations
 
@@ -40,17 +40,28 @@ def test_landing_over_mavlink(manner, tmp_path):
     script = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
         with open(camera, "wb", buffering=0) as stream:
-            stream.write(b"YUV4MPEG2 W%d H%d F25:2 Ip A1:1 C444 XCOLORRANGE=FULL\n" % (CAMERA.width, CAMERA.height))
-            assert eventually(lambda: film(stream, simulator.render()) or simulator.step() and autopilot.address is not None)
+            stream.write(
+                b"YUV4MPEG2 W%d H%d F25:2 Ip A1:1 C444 XCOLORRANGE=FULL\n" % (CAMERA.width, CAMERA.height)
+            )
+            assert eventually(
+                lambda: film(stream, simulator.render()) or simulator.step() and autopilot.address is not None
+            )
             for _ in range(1500):
                 state = simulator.step(ZONE)
                 film(stream, simulator.render())
                 time.sleep(FRAME_S)
-                done = {"accepts": state.landed, "denies": bool(autopilot.commands), "is silent": 1 in autopilot.commands}
+                done = {
+                    "accepts": state.landed,
+                    "denies": bool(autopilot.commands),
+                    "is silent": 1 in autopilot.commands,
+                }
                 if done[manner]:
                     break
             for _ in range(10):  # it goes on after the landing, the refusal, the silence
-                film(stream, simulator.render() if manner != "accepts" else simulator.step() and simulator.render())
+                film(
+                    stream,
+                    simulator.render() if manner != "accepts" else simulator.step() and simulator.render(),
+                )
                 time.sleep(FRAME_S)
             script.send_signal(signal.SIGTERM)
             _, errors = script.communicate(timeout=30)
@@ -75,7 +86,7 @@ def test_landing_over_mavlink(manner, tmp_path):
 
 
 def check_positions(autopilot: Autopilot, simulator) -> None:
-    """What the autopilot was told: finite, stamped in order, with its own attitude, and somewhere in the room."""
+    """What the autopilot was told: finite, stamped in order, with its own attitude, somewhere in the room."""
     sent = autopilot.of("VISION_POSITION_ESTIMATE")
     assert len(sent) > 20
     assert (np.diff([message.usec for message in sent]) > 0).all()

@@ -15,7 +15,9 @@ def random_estimate(rng: np.random.Generator) -> Estimate:
     particles = rng.normal(size=(30, 2)) @ rng.normal(size=(2, 2)) + rng.choice([0, 3], (30, 1))
     weights = rng.dirichlet(np.ones(30))
     covariance = np.cov(particles.T, aweights=weights, bias=True)
-    return Estimate(particles[0], np.sqrt(covariance.diagonal()), covariance, False, True, None, None, particles, weights)
+    return Estimate(
+        particles[0], np.sqrt(covariance.diagonal()), covariance, False, True, None, None, particles, weights
+    )
 
 
 def test_covariance_is_the_second_moment_about_the_reported_position(rng):

@@ -38,10 +38,14 @@ class Flight:
         zone = LandingZone(INSIDE, 0.6, 0.6, consecutive)
         self.commander = Commander(zone, [self.autopilot] if armed else [], self.events.append, **options)
 
-    def fly(self, frames=1, position=INSIDE, spread=(0.2, 0.2), lost=False, observed=True, stale=False) -> State:
+    def fly(
+        self, frames=1, position=INSIDE, spread=(0.2, 0.2), lost=False, observed=True, stale=False
+    ) -> State:
         for _ in range(frames):
             estimate = make_estimate(position, spread, lost, observed)
-            fix = make_fix(self.now, position, np.diag(np.square(spread)), lost=lost, observed=observed, stale=stale)
+            fix = make_fix(
+                self.now, position, np.diag(np.square(spread)), lost=lost, observed=observed, stale=stale
+            )
             self.commander.update(estimate, fix, self.now)
             self.now += 0.1
         return self.commander.state
@@ -93,7 +97,10 @@ class TestAnswers:
         assert flight.fly(50, position=OUTSIDE) is State.LANDING
         assert flight.autopilot.confirmations == [0]
 
-    @pytest.mark.parametrize(("result", "why"), [(2, "denied"), (3, "unsupported"), (4, "failed"), (6, "cancelled"), (9, "result 9")])
+    @pytest.mark.parametrize(
+        ("result", "why"),
+        [(2, "denied"), (3, "unsupported"), (4, "failed"), (6, "cancelled"), (9, "result 9")],
+    )
     def test_refused_is_reported_and_not_repeated_until_the_zone_is_entered_again(self, result, why):
         flight = Flight()
         flight.fly(3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
 import subprocess
 import sys
@@ -39,12 +38,20 @@ class Kept(Sink):
         self.fixes.append(fix)
 
 
-def run(localizer: Localizer, source: Source, stop: threading.Event | None = None, sink: Sink | None = None, **options):
+def run(
+    localizer: Localizer,
+    source: Source,
+    stop: threading.Event | None = None,
+    sink: Sink | None = None,
+    **options,
+):
     """The fixes, the tally and the summary of a run to the source's end."""
     tally, kept = Tally(), sink or Kept()
     if not source.live:
         options.setdefault("rate", 0.1)  # a busy machine must not make a frame late here
-    summary = Onboard(localizer, source, [Guard(kept, tally)], tally=tally, **options).run(stop or threading.Event())
+    summary = Onboard(localizer, source, [Guard(kept, tally)], tally=tally, **options).run(
+        stop or threading.Event()
+    )
     return getattr(kept, "fixes", None), tally, summary
 
 
@@ -111,8 +118,12 @@ class TestReplayEquality:
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         rows = [json.loads(line) for line in done.stdout.splitlines()]
-        assert [(row["x_m"], row["y_m"]) for row in rows] == [tuple(estimate.position.tolist()) for estimate in expected]
-        assert [(row["std_x_m"], row["std_y_m"]) for row in rows] == [tuple(estimate.spread.tolist()) for estimate in expected]
+        assert [(row["x_m"], row["y_m"]) for row in rows] == [
+            tuple(estimate.position.tolist()) for estimate in expected
+        ]
+        assert [(row["std_x_m"], row["std_y_m"]) for row in rows] == [
+            tuple(estimate.spread.tolist()) for estimate in expected
+        ]
         assert '"frames": 60' in done.stderr
         log = [json.loads(line) for line in (tmp_path / "log").read_text().splitlines()]
         assert log[-1]["event"] == "end" and log[-1]["frames"] == 60
@@ -287,7 +298,9 @@ class TestLive:
             return quick(picture)
 
         localizer.step = slow_once
-        source = Live([film[0], 0.05, film[1], *[step for picture in film[2:12] for step in (0.04, picture)], 0.2])
+        source = Live(
+            [film[0], 0.05, film[1], *[step for picture in film[2:12] for step in (0.04, picture)], 0.2]
+        )
         fixes, tally, summary = run(localizer, source, rate=50)
         assert tally["late"] >= 1 and summary["missed_deadlines"] == tally["late"]
         assert tally["dropped"] >= 5
@@ -305,7 +318,10 @@ class TestLive:
 
     def test_jumping_capture_stamps_never_reach_a_sink(self, film):
         jumps = iter([0.0, 0.0, 1e6, -1e6, 3e8, 0.0, 0.0, 0.0])
-        source = Live([step for picture in film[:8] for step in (0.05, picture)], clock=lambda: time.monotonic() + next(jumps))
+        source = Live(
+            [step for picture in film[:8] for step in (0.05, picture)],
+            clock=lambda: time.monotonic() + next(jumps),
+        )
         fixes, tally, _ = run(room_localizer(), source, rate=100)
         stamps = np.array([fix.time for fix in fixes])
         assert (np.diff(stamps) > 0).all()
@@ -323,7 +339,9 @@ class TestLive:
 
         tally, kept = Tally(), Kept()
         log = Guard(Broken(), tally)
-        Onboard(room_localizer(), Film(film[:20]), [Guard(kept, tally)], tally=tally, log=log).run(threading.Event())
+        Onboard(room_localizer(), Film(film[:20]), [Guard(kept, tally)], tally=tally, log=log).run(
+            threading.Event()
+        )
         assert len(kept.fixes) == 20
         assert tally["output"] >= 1
 
@@ -367,7 +385,11 @@ def test_status_line_once_a_second_tells_the_faults(capsys):
     flight = small_flight(120)
     pictures = list(flight.histograms) + [None] * 3
     loop = Onboard(
-        Localizer(histogram_map(flight), rng=np.random.default_rng(1)), Film(pictures), [], tally=Tally(), clock=clock
+        Localizer(histogram_map(flight), rng=np.random.default_rng(1)),
+        Film(pictures),
+        [],
+        tally=Tally(),
+        clock=clock,
     )
     loop.run(threading.Event())
     assert len(capsys.readouterr().err.splitlines()) == 1  # the clock stands still

@@ -1,4 +1,4 @@
-"""MAVLink: every field against the message's definition, bytes against a plain encoder, and the conversation."""
+"""MAVLink: fields against the message's definition, bytes against a plain encoder, and the conversation."""
 
 from __future__ import annotations
 
@@ -62,18 +62,24 @@ def upper_triangle(diagonal, north_east: float, rest: float) -> list[float]:
     numbers = []
     for row in range(6):
         for column in range(row, 6):
-            numbers.append(diagonal[row] if row == column else north_east if (row, column) == (0, 1) else rest)
+            numbers.append(
+                diagonal[row] if row == column else north_east if (row, column) == (0, 1) else rest
+            )
     return numbers
 
 
 class TestFields:
     def test_vision_position_for_px4(self):
-        message = messages.vision_position(1_234_567, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 258)
+        message = messages.vision_position(
+            1_234_567, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 258
+        )
         assert (message.usec, message.x, message.y, message.z) == (1_234_567, 2.0, 1.0, -1.0)
         assert (message.roll, message.pitch, message.yaw) == ATTITUDE
         assert message.reset_counter == 2
         # North is the map's y; the correlation is added to both variances.
-        np.testing.assert_allclose(message.covariance, upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN), rtol=1e-6)
+        np.testing.assert_allclose(
+            message.covariance, upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN), rtol=1e-6
+        )
 
     def test_no_attitude_is_no_zero(self):
         message = messages.vision_position(0, np.zeros(2), COVARIANCE, None, NORTH_UP, 0)
@@ -82,9 +88,15 @@ class TestFields:
     def test_odometry_for_ardupilot(self):
         message = messages.odometry(99, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 3, 77)
         assert (message.time_usec, message.x, message.y, message.z) == (99, 2.0, 1.0, -1.0)
-        assert (message.frame_id, message.child_frame_id) == (20, 12)  # LOCAL_FRD and BODY_FRD; all else is dropped
+        assert (message.frame_id, message.child_frame_id) == (
+            20,
+            12,
+        )  # LOCAL_FRD and BODY_FRD; all else is dropped
         assert (message.reset_counter, message.estimator_type, message.quality) == (3, 2, 77)
-        assert all(math.isnan(value) for value in (message.vx, message.vy, message.vz, message.rollspeed, message.yawspeed))
+        assert all(
+            math.isnan(value)
+            for value in (message.vx, message.vy, message.vz, message.rollspeed, message.yawspeed)
+        )
         numbers = np.array(message.pose_covariance)
         assert np.isfinite(numbers).all()
         assert (numbers[0], numbers[1], numbers[6]) == pytest.approx((0.10, 0.01, 0.05))
@@ -95,7 +107,9 @@ class TestFields:
         """Both ways in which its versions make one number of the three variances."""
         for ratio in (0.1, 0.7, 1.0):
             covariance = np.diag([std**2, (ratio * std) ** 2])
-            x, y, z = np.array(messages.odometry(0, np.zeros(2), covariance, ATTITUDE, NORTH_UP, 0, 50).pose_covariance)[[0, 6, 11]]
+            x, y, z = np.array(
+                messages.odometry(0, np.zeros(2), covariance, ATTITUDE, NORTH_UP, 0, 50).pose_covariance
+            )[[0, 6, 11]]
             assert math.sqrt(x + y + z) >= std - 1e-6
             assert math.cbrt(x**2 + y**2 + z**2) >= std - 1e-6
 
@@ -133,71 +147,127 @@ class TestFields:
 
     def test_land_and_origin(self):
         message = messages.land((1, 1), 3, NAN)
-        assert (message.target_system, message.target_component, message.command, message.confirmation) == (1, 1, 21, 3)
+        assert (message.target_system, message.target_component, message.command, message.confirmation) == (
+            1,
+            1,
+            21,
+            3,
+        )
         assert (message.param1, message.param2) == (0, 0) and math.isnan(message.param5)
         assert messages.land((1, 1), 0, 0.0).param5 == 0
         message = messages.origin(1, 51.9906, 4.3768, -2.5, 7)
-        assert (message.latitude, message.longitude, message.altitude, message.time_usec) == (519_906_000, 43_768_000, -2500, 7)
+        assert (message.latitude, message.longitude, message.altitude, message.time_usec) == (
+            519_906_000,
+            43_768_000,
+            -2500,
+            7,
+        )
 
 
 class TestGoldenBytes:
-    """One packet of each kind: as recorded, and as a plain encoder makes it from the protocol's definition."""
+    """One packet of each kind: as recorded, and as a plain encoder makes it from the definition."""
 
     def check(self, message, plain: bytes, golden: str) -> None:
         assert packed(message).hex() == plain.hex() == golden
 
     def test_heartbeat(self):
-        self.check(messages.heartbeat(), plain_packet(0, 50, "IBBBBB", 0, 18, 8, 0, 4, 3), "fd0900000001bf000000000000001208000403aec6")
+        self.check(
+            messages.heartbeat(),
+            plain_packet(0, 50, "IBBBBB", 0, 18, 8, 0, 4, 3),
+            "fd0900000001bf000000000000001208000403aec6",
+        )
 
     def test_vision_position_estimate(self):
         message = messages.vision_position(1_234_567, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 2)
         numbers = upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN)
         numbers[0], numbers[6] = messages.rounded_up(0.09 + 0.01), messages.rounded_up(0.04 + 0.01)
         plain = plain_packet(102, 158, "Q6f21fB", 1_234_567, 2.0, 1.0, -1.0, *ATTITUDE, *numbers, 2)
-        self.check(message, plain, (
-            "fd7500000001bf66000087d6120000000000000000400000803f000080bfcdcccc3dcdcc4cbe0000c03fcdcccc3d0ad7233c"
-            "0000c07f0000c07f0000c07f0000c07fcdcc4c3d0000c07f0000c07f0000c07f0000c07f0000c8420000c07f0000c07f0000"
-            "c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f023454"
-        ))
+        self.check(
+            message,
+            plain,
+            (
+                "fd7500000001bf66000087d6120000000000000000400000803f000080bfcdcccc3dcdcc4cbe0000c03fcdcccc3d0ad7233c"
+                "0000c07f0000c07f0000c07f0000c07fcdcc4c3d0000c07f0000c07f0000c07f0000c07f0000c8420000c07f0000c07f0000"
+                "c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f023454"
+            ),
+        )
 
     def test_odometry(self):
-        message = messages.odometry(99, np.array([1.0, 2.0]), np.diag([0.25, 0.25]), (0.0, 0.0, 0.0), NORTH_UP, 3, 77)
+        message = messages.odometry(
+            99, np.array([1.0, 2.0]), np.diag([0.25, 0.25]), (0.0, 0.0, 0.0), NORTH_UP, 3, 77
+        )
         numbers = upper_triangle([0.25, 0.25, 0.0, math.pi**2, math.pi**2, math.pi**2], 0.0, 0.0)
         plain = plain_packet(
-            331, 91, "Q3f4f6f21f21fBBBBb", 99, 2.0, 1.0, -1.0, 1.0, 0.0, 0.0, 0.0, *[NAN] * 6, *numbers, *[NAN] * 21, 20, 12, 3, 2, 77
+            331,
+            91,
+            "Q3f4f6f21f21fBBBBb",
+            99,
+            2.0,
+            1.0,
+            -1.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            *[NAN] * 6,
+            *numbers,
+            *[NAN] * 21,
+            20,
+            12,
+            3,
+            2,
+            77,
         )
-        self.check(message, plain, (
-            "fde900000001bf4b01006300000000000000000000400000803f000080bf0000803f0000000000000000000000000000c07f"
-            "0000c07f0000c07f0000c07f0000c07f0000c07f0000803e00000000000000000000000000000000000000000000803e0000"
-            "000000000000000000000000000000000000000000000000000000000000e6e91d410000000000000000e6e91d4100000000"
-            "e6e91d410000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000"
-            "c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f140c03024d247e"
-        ))
+        self.check(
+            message,
+            plain,
+            (
+                "fde900000001bf4b01006300000000000000000000400000803f000080bf0000803f0000000000000000000000000000c07f"
+                "0000c07f0000c07f0000c07f0000c07f0000c07f0000803e00000000000000000000000000000000000000000000803e0000"
+                "000000000000000000000000000000000000000000000000000000000000e6e91d410000000000000000e6e91d4100000000"
+                "e6e91d410000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000"
+                "c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f140c03024d247e"
+            ),
+        )
 
     def test_set_gps_global_origin(self):
         plain = plain_packet(48, 41, "iiiBQ", 519_906_000, 43_768_000, -2500, 1, 7)
-        self.check(messages.origin(1, 51.9906, 4.3768, -2.5, 7), plain, "fd0e00000001bf300000d022fd1ec0d89b023cf6ffff0107563a")
+        self.check(
+            messages.origin(1, 51.9906, 4.3768, -2.5, 7),
+            plain,
+            "fd0e00000001bf300000d022fd1ec0d89b023cf6ffff0107563a",
+        )
 
     def test_command_long(self):
         plain = plain_packet(76, 152, "7fHBBB", 0, 0, 0, NAN, NAN, NAN, NAN, 21, 1, 1, 2)
-        self.check(messages.land((1, 1), 2, NAN), plain, (
-            "fd2100000001bf4c00000000000000000000000000000000c07f0000c07f0000c07f0000c07f150001010266d8"
-        ))
+        self.check(
+            messages.land((1, 1), 2, NAN),
+            plain,
+            ("fd2100000001bf4c00000000000000000000000000000000c07f0000c07f0000c07f0000c07f150001010266d8"),
+        )
         plain = plain_packet(76, 152, "7fHBBB", 30, 50_000, 0, 0, 0, 0, 0, 511, 1, 1, 0)
-        self.check(messages.attitude_request((1, 1), 20.0), plain, (
-            "fd2000000001bf4c00000000f041005043470000000000000000000000000000000000000000ff0101010075"
-        ))
+        self.check(
+            messages.attitude_request((1, 1), 20.0),
+            plain,
+            ("fd2000000001bf4c00000000f041005043470000000000000000000000000000000000000000ff0101010075"),
+        )
 
     def test_timesync(self):
         request = mavlink.MAVLink_timesync_message(0, 123_456_789)
         plain = plain_packet(111, 34, "qq", 5_000_000_000, 123_456_789)
-        self.check(messages.timesync_reply(request, 5_000_000_000), plain, "fd0c00000001bf6f000000f2052a0100000015cd5b07884a")
+        self.check(
+            messages.timesync_reply(request, 5_000_000_000),
+            plain,
+            "fd0c00000001bf6f000000f2052a0100000015cd5b07884a",
+        )
 
 
 def from_autopilot(message, system=1, component=1):
     """The message as if it had come from there."""
     decoder = mavlink.MAVLink(None)
-    return decoder.parse_buffer(message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=component)))[0]
+    return decoder.parse_buffer(
+        message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=component))
+    )[0]
 
 
 def speaker(name="px4", *, heard_at=0.0, attitude_at=None, **options) -> Speaker:
@@ -235,7 +305,11 @@ class TestSpeaker:
     def test_repetitions_hold_the_position_and_lose_certainty(self):
         talk = speaker()
         talk.tell(make_fix(10.0, (1, 2)), 10.02)
-        sent = [message for tick in range(300) for message in due(talk, 10.02 + tick / 1000, "VISION_POSITION_ESTIMATE")]
+        sent = [
+            message
+            for tick in range(300)
+            for message in due(talk, 10.02 + tick / 1000, "VISION_POSITION_ESTIMATE")
+        ]
         assert len(sent) == 9
         assert sent[0].usec == 10_000_000  # the capture, not the sending
         assert {(message.x, message.y) for message in sent} == {(2.0, 1.0)}
@@ -258,13 +332,19 @@ class TestSpeaker:
         assert due(talk, 10.0 + PATIENCE - 0.01, "VISION_POSITION_ESTIMATE")
         assert not due(talk, 10.0 + PATIENCE + 0.01, "VISION_POSITION_ESTIMATE")
 
-    @pytest.mark.parametrize("bad", [{"lost": True}, {"stale": True}, {"position": (NAN, 0)}, {"covariance": ((NAN, 0), (0, 1))}])
+    @pytest.mark.parametrize(
+        "bad", [{"lost": True}, {"stale": True}, {"position": (NAN, 0)}, {"covariance": ((NAN, 0), (0, 1))}]
+    )
     def test_px4_hears_nothing_of_what_is_not_usable(self, bad):
         talk = speaker()
         talk.tell(make_fix(10.0), 10.0)
         assert due(talk, 10.0, "VISION_POSITION_ESTIMATE")
         talk.tell(make_fix(10.08, **bad), 10.08)
-        assert not [message for tick in range(200) for message in due(talk, 10.08 + tick / 1000, "VISION_POSITION_ESTIMATE")]
+        assert not [
+            message
+            for tick in range(200)
+            for message in due(talk, 10.08 + tick / 1000, "VISION_POSITION_ESTIMATE")
+        ]
 
     def test_a_prediction_is_no_measurement(self):
         talk = speaker("ardupilot", attitude_at=9.9)
@@ -308,7 +388,9 @@ class TestSpeaker:
         assert len(due(talk, 2.0, "SET_GPS_GLOBAL_ORIGIN")) == 1
         talk.hear(from_autopilot(mavlink.MAVLink_gps_global_origin_message(0, 0, 0, 0)), 3.0)
         assert len(due(talk, 4.0, "SET_GPS_GLOBAL_ORIGIN")) == 1  # another's origin confirms nothing
-        talk.hear(from_autopilot(mavlink.MAVLink_gps_global_origin_message(519_900_000, 43_700_000, 1000, 0)), 5.0)
+        talk.hear(
+            from_autopilot(mavlink.MAVLink_gps_global_origin_message(519_900_000, 43_700_000, 1000, 0)), 5.0
+        )
         assert len(due(talk, 6.0, "SET_GPS_GLOBAL_ORIGIN")) == 0
 
     def test_origin_is_not_asked_for_for_ever_nor_unasked(self):
@@ -327,7 +409,10 @@ class TestSpeaker:
 
     def test_only_the_autopilot_is_obeyed_and_listened_to(self):
         talk = speaker(heard_at=None)
-        talk.hear(from_autopilot(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), system=255, component=190), 0.0)
+        talk.hear(
+            from_autopilot(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), system=255, component=190),
+            0.0,
+        )
         assert talk.target is None and not talk.land(0)
         talk.hear(from_autopilot(AUTOPILOT_HEARTBEAT), 0.0)
         talk.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 0), system=9), 0.0)
@@ -371,8 +456,17 @@ class TestOverUdp:
         try:
             assert eventually(lambda: peer.of("HEARTBEAT"))
             beat = peer.of("HEARTBEAT")[0]
-            assert (beat.type, beat.autopilot, beat.get_srcSystem(), beat.get_srcComponent()) == (18, 8, 1, 191)
-            peer.send(AUTOPILOT_HEARTBEAT, mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0), mavlink.MAVLink_timesync_message(0, 5))
+            assert (beat.type, beat.autopilot, beat.get_srcSystem(), beat.get_srcComponent()) == (
+                18,
+                8,
+                1,
+                191,
+            )
+            peer.send(
+                AUTOPILOT_HEARTBEAT,
+                mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0),
+                mavlink.MAVLink_timesync_message(0, 5),
+            )
             assert eventually(lambda: peer.of("SET_GPS_GLOBAL_ORIGIN") and peer.of("TIMESYNC"))
             captured = time.monotonic()
             sink.write(make_fix(captured, (1.5, 2.5), resets=4))
@@ -381,7 +475,9 @@ class TestOverUdp:
             assert first.usec == pytest.approx(1e6 * captured, abs=1.5)
             assert (first.x, first.y, first.z, first.reset_counter) == (2.5, 1.5, -1.0, 4)
             assert (first.roll, first.pitch, first.yaw) == pytest.approx(ATTITUDE)
-            assert first.covariance[0] == pytest.approx(2 * 0.09) and first.covariance[6] == pytest.approx(2 * 0.04)
+            assert first.covariance[0] == pytest.approx(2 * 0.09) and first.covariance[6] == pytest.approx(
+                2 * 0.04
+            )
             assert math.isnan(first.covariance[20]) and first.covariance[11] == 100
             assert tally["sent VISION_POSITION_ESTIMATE"] >= 3
             assert "autopilot 1 heard" in sink.status()
@@ -433,7 +529,9 @@ class TestOverUdp:
             assert eventually(lambda: sink.write(make_fix(time.monotonic())) or tally["link"] >= 1)
             second = Peer(first.port)
             try:
-                assert eventually(lambda: sink.write(make_fix(time.monotonic())) or second.of("VISION_POSITION_ESTIMATE"))
+                assert eventually(
+                    lambda: sink.write(make_fix(time.monotonic())) or second.of("VISION_POSITION_ESTIMATE")
+                )
                 assert second.address == port_of_ours  # PX4 answers the first it has seen
             finally:
                 second.close()

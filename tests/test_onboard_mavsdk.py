@@ -1,4 +1,4 @@
-"""A second implementation of MAVLink reads what the onboard script sends. Opt in with ``TREXTON_MAVSDK=1``: it starts a server."""
+"""A second implementation of MAVLink reads what is sent; opt in with ``TREXTON_MAVSDK=1``."""
 
 from __future__ import annotations
 
@@ -47,7 +47,8 @@ class Vehicle:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
             while not self.stop.wait(0.1):
                 wire.sendto(AUTOPILOT_HEARTBEAT.pack(codec), ("127.0.0.1", self.port))
-                # MAVSDK stands between the two and does not pass messages on: the sink hears its autopilot directly.
+                # MAVSDK stands between the two and does not pass messages on: the sink hears its autopilot
+                # directly.
                 for message in (AUTOPILOT_HEARTBEAT, attitude):
                     with self.sink._lock:
                         decoded = mavlink.MAVLink(None).parse_buffer(message.pack(codec))[0]
@@ -93,7 +94,9 @@ def test_px4():
     fields = received("px4", "VISION_POSITION_ESTIMATE")
     assert (fields["x"], fields["y"], fields["z"], fields["reset_counter"]) == (2.5, 1.5, -1.0, 3)
     assert (fields["roll"], fields["pitch"], fields["yaw"]) == pytest.approx(ATTITUDE, abs=1e-5)
-    assert fields["covariance"][0] > 0.09 and fields["covariance"][6] > 0.04 and fields["covariance"][11] == 100
+    assert (
+        fields["covariance"][0] > 0.09 and fields["covariance"][6] > 0.04 and fields["covariance"][11] == 100
+    )
     assert fields["covariance"][15] is None and fields["covariance"][2] is None  # JSON's NaN
     assert abs(fields["usec"] / 1e6 - time.monotonic()) < 120
 

@@ -53,7 +53,11 @@ def test_csv(tmp_path):
     with open(tmp_path / "a.csv", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert [row["x_m"] for row in rows] == ["1.25", "1.5", ""]
-    assert [(row["lost"], row["observed"], row["fault"]) for row in rows] == [("0", "1", ""), ("1", "1", ""), ("0", "0", "dark")]
+    assert [(row["lost"], row["observed"], row["fault"]) for row in rows] == [
+        ("0", "1", ""),
+        ("1", "1", ""),
+        ("0", "0", "dark"),
+    ]
 
 
 def test_tum_holds_only_what_a_vehicle_may_steer_by(tmp_path):
@@ -84,7 +88,17 @@ def test_the_log_is_kept_over_a_restart_and_outputs_begin_anew(tmp_path):
 
 @pytest.mark.parametrize(
     "address",
-    ["xml:a", "csv", "tum:", "csv:/no/such/folder/a.csv", "udpout:14550", "tcp:host:port", "udpout:h:99999", "serial:", "serial:/dev/x:12345"],
+    [
+        "xml:a",
+        "csv",
+        "tum:",
+        "csv:/no/such/folder/a.csv",
+        "udpout:14550",
+        "tcp:host:port",
+        "udpout:h:99999",
+        "serial:",
+        "serial:/dev/x:12345",
+    ],
 )
 def test_wrong_addresses_are_errors_with_a_sentence(address):
     with pytest.raises(ParameterError, match="give"):

@@ -46,7 +46,9 @@ class TestRegistry:
         for kind in SOURCES:
             assert import_module(SOURCES[kind]).make
 
-    @pytest.mark.parametrize("address", ["nowhere", "/dev/videoX", "", "simulator:x", "video:none.avi", "flight:none"])
+    @pytest.mark.parametrize(
+        "address", ["nowhere", "/dev/videoX", "", "simulator:x", "video:none.avi", "flight:none"]
+    )
     def test_anything_else_is_an_error_with_a_sentence(self, address):
         with pytest.raises(TrextonError, match="give|no such"):
             open_source(address)
@@ -72,7 +74,14 @@ class TestFlight:
     def test_a_broken_image_is_a_frame_without_picture(self, image_folder):
         file = read_flight(image_folder).image_files[2]
         file.write_bytes(file.read_bytes()[:100])
-        assert [frame.picture is None for frame in everything(open_source(str(image_folder)))] == [False, False, True, False, False, False]
+        assert [frame.picture is None for frame in everything(open_source(str(image_folder)))] == [
+            False,
+            False,
+            True,
+            False,
+            False,
+            False,
+        ]
 
 
 class TestImages:
@@ -129,7 +138,9 @@ class TestVideo:
         source = open_source(str(pipe))
         assert isinstance(source, StreamSource)
         source.open()
-        shades, stamps = zip(*((frame.picture[..., 0].mean(), frame.time) for frame in (source.read() for _ in range(3))))
+        shades, stamps = zip(
+            *((frame.picture[..., 0].mean(), frame.time) for frame in (source.read() for _ in range(3)))
+        )
         assert shades == pytest.approx((50, 100, 150), abs=2)
         assert stamps[0] < stamps[1] < stamps[2]
         with pytest.raises(CameraLost):
@@ -180,15 +191,22 @@ class TestV4l2:
         np.testing.assert_array_equal(frame.picture, yuv_from_uyvy(raw))
         assert frame.time == 5.0
         assert capture.settings[cv2.CAP_PROP_CONVERT_RGB] == 0
-        assert (capture.settings[cv2.CAP_PROP_FRAME_WIDTH], capture.settings[cv2.CAP_PROP_FRAME_HEIGHT]) == (6, 4)
+        assert (capture.settings[cv2.CAP_PROP_FRAME_WIDTH], capture.settings[cv2.CAP_PROP_FRAME_HEIGHT]) == (
+            6,
+            4,
+        )
 
     def test_yuyv_is_turned_round(self):
         yuyv = np.array([[[10, 90], [20, 160]]], np.uint8)  # Y0 U, Y1 V
         source = self.source(FakeCapture([yuyv], code="YUYV"))
         source.open()
-        np.testing.assert_array_equal(source.read().picture, yuv_from_uyvy(np.array([[[90, 10], [160, 20]]], np.uint8)))
+        np.testing.assert_array_equal(
+            source.read().picture, yuv_from_uyvy(np.array([[[90, 10], [160, 20]]], np.uint8))
+        )
 
-    @pytest.mark.parametrize("raw", [None, np.zeros((4, 6, 3), np.uint8), np.zeros(47, np.uint8), np.zeros((4, 5, 2), np.uint8)])
+    @pytest.mark.parametrize(
+        "raw", [None, np.zeros((4, 6, 3), np.uint8), np.zeros(47, np.uint8), np.zeros((4, 5, 2), np.uint8)]
+    )
     def test_bytes_of_another_form_are_a_frame_without_picture(self, raw):
         source = self.source(FakeCapture([raw]))
         source.open()

@@ -1,7 +1,8 @@
 """Carried away and found again (paper, Related Work: global methods address the kidnapped robot problem).
 
-A recorded flight is cut: the vehicle has been localized for a while, and in the next frame it is somewhere far away. How long
-does the filter take to follow, does it say that it is lost meanwhile, and how often does it say so for nothing?
+A recorded flight is cut: the vehicle has been localized for a while, and in the next frame it is somewhere
+far away. How long does the filter take to follow, does it say that it is lost meanwhile, and how often does
+it say so for nothing?
 """
 
 from __future__ import annotations
@@ -29,7 +30,8 @@ SHARES = np.round(np.arange(0.1, 1.51, 0.05), 2)  # of ignorance, at which the v
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One kidnapping: errors in metres, the cloud's width as a share of knowing nothing, and the filter's own `lost`.
+    """One kidnapping: errors in metres, the cloud's width as a share of knowing nothing, and the filter's own
+    `lost`.
 
     The arrays start with the undisturbed part; the kidnapping lies between the frames `cut - 1` and `cut`.
     """
@@ -45,7 +47,7 @@ class Trial:
         return slice(min(SETTLED, self.cut // 2), self.cut)
 
     def found_after(self, tolerance: float, consecutive: int) -> int | None:
-        """Frames from the kidnapping to the first of `consecutive` ones in a row within `tolerance` metres, or None."""
+        """Frames to the first of `consecutive` in a row within `tolerance` metres, or None."""
         good = self.error[self.cut :] < tolerance
         for frame in range(len(good) - consecutive + 1):
             if good[frame : frame + consecutive].all():
@@ -67,7 +69,8 @@ def run(
     neighbors: int = 5,
     seed: int = 1,
 ) -> Record:
-    """Kidnap the vehicle again and again, with the paper's filter and with augmented Monte Carlo localization.
+    """Kidnap the vehicle again and again, with the paper's filter and with augmented Monte Carlo
+    localization.
 
     Parameters
     ----------
@@ -80,7 +83,8 @@ def run(
     tolerance, consecutive : float, int
         Found means: so many frames in a row with an error below so many metres.
     samples, textons, particles, neighbors : int
-        The paper's defaults. Where there are images, one histogram is drawn for each frame and used in all trials.
+        The paper's defaults. Where there are images, one histogram is drawn for each frame and used in all
+        trials.
     """
     texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
     histograms = _histograms(test, texton_map, samples, np.random.default_rng([seed, 20_000]))
@@ -89,7 +93,9 @@ def run(
     plan = _plan(test, kidnappings, patience, np.random.default_rng([seed, 20_001]))
     values, series = {}, {"time_s": np.arange(patience) * period, "shares": SHARES, "area_m": test.area}
     for name, recovery in FILTERS.items():
-        trials = filter_trials(texton_map, histograms, test.position, plan, patience, recovery, particles=particles, seed=seed)
+        trials = filter_trials(
+            texton_map, histograms, test.position, plan, patience, recovery, particles=particles, seed=seed
+        )
         values[name] = _values(trials, tolerance, consecutive, period)
         series[name] = _series(trials, tolerance, consecutive, period)
     distances = np.hypot(*(test.position[plan[:, 1]] - test.position[plan[:, 0]]).T)
@@ -121,7 +127,8 @@ def _histograms(test: Flight, texton_map: TextonMap, samples: int, rng: np.rando
 def _plan(test: Flight, count: int, patience: int, rng: np.random.Generator) -> np.ndarray:
     """``(count, 2)`` rows: the frame after which the vehicle is taken, and the frame to which it is carried.
 
-    At least half the longer side of the area lies between the two, `patience` frames before the first and after the second.
+    At least half the longer side of the area lies between the two, `patience` frames before the first and
+    after the second.
     """
     x_min, x_max, y_min, y_max = test.area
     far = max(x_max - x_min, y_max - y_min) / 2
@@ -129,7 +136,9 @@ def _plan(test: Flight, count: int, patience: int, rng: np.random.Generator) -> 
     steps = test.position[targets][None] - test.position[starts][:, None]
     pairs = np.argwhere(np.hypot(steps[..., 0], steps[..., 1]) >= far)
     if not len(pairs):
-        raise FlightError(f"flight {test.name!r} has no two places {far:.1f} m apart with {patience} frames around them: fly longer")
+        raise FlightError(
+            f"flight {test.name!r} has no two places {far:.1f} m apart, {patience} frames from its ends: fly longer"
+        )
     chosen = pairs[rng.integers(len(pairs), size=count)]
     return np.column_stack([starts[chosen[:, 0]], targets[chosen[:, 1]]])
 
@@ -138,10 +147,12 @@ def filter_trials(
     texton_map: TextonMap, histograms: np.ndarray, truth: np.ndarray, plan: np.ndarray, patience: int, recovery: str | None,
     *, particles: int, seed: int,
 ) -> list[Trial]:  # fmt: skip
-    """Fly every kidnapping of the `plan` with a filter of its own; trial i draws from the generator of (seed, 1 + i)."""
+    """Fly every kidnapping of the `plan` with a filter of its own; trial i draws from (seed, 1 + i)."""
     nothing = float(np.hypot(*ignorance(texton_map.area)))
     trials = []
-    for number, (taken, carried) in enumerate(progress(plan, f"kidnappings, {recovery or 'plain'}", len(plan))):
+    for number, (taken, carried) in enumerate(
+        progress(plan, f"kidnappings, {recovery or 'plain'}", len(plan))
+    ):
         rng = np.random.default_rng([seed, 1 + number])
         localizer = Localizer(texton_map, particles=particles, recovery=recovery, rng=rng)
         rows = np.r_[taken - patience : taken, carried : carried + patience]
@@ -161,20 +172,26 @@ def filter_trials(
 def _values(trials: list[Trial], tolerance: float, consecutive: int, period: float) -> dict:
     found = [trial.found_after(tolerance, consecutive) for trial in trials]
     times = [period * frames for frames in found if frames is not None]
-    undisturbed = [Trial(trial.error[: trial.cut], trial.width, trial.lost, trial.calm.start) for trial in trials]
+    undisturbed = [
+        Trial(trial.error[: trial.cut], trial.width, trial.lost, trial.calm.start) for trial in trials
+    ]
     control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
     return {
         "recovered_rate": _rate(len(times), len(trials)),
-        "recovery_s": dict(zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100)))) if times else None,
+        "recovery_s": dict(zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100))))
+        if times
+        else None,
         "control_rate": _rate(sum(frames is not None for frames in control), len(trials)),
         "undisturbed_error_cm": 100 * np.concatenate([trial.error[trial.calm] for trial in trials]).mean(),
-        "lost": _lost(trials, [trial.lost | (trial.width > LOST_SHARE) for trial in trials], found, tolerance),
+        "lost": _lost(
+            trials, [trial.lost | (trial.width > LOST_SHARE) for trial in trials], found, tolerance
+        ),
         "lost_by_fit": _lost(trials, [trial.lost for trial in trials], found, tolerance),
     }
 
 
 def _lost(trials: list[Trial], flags: list[np.ndarray], found: list[int | None], tolerance: float) -> dict:
-    """How well "lost" is told: in which share of kidnappings before the vehicle was found, of wrong frames, of calm ones."""
+    """How well "lost" is told: in which share of kidnappings, of wrong frames until found, of calm frames."""
     declared, wrong, calm, calm_error = [], [], [], []
     for trial, lost, frames in zip(trials, flags, found):
         end = len(trial.error) if frames is None else trial.cut + frames

@@ -1,4 +1,4 @@
-"""Figures of being carried away: when the vehicle is found again, its error meanwhile, and how well "lost" is told."""
+"""Figures of being carried away: when the vehicle is found, its error meanwhile, how well "lost" is told."""
 
 from __future__ import annotations
 
@@ -24,14 +24,26 @@ def time_to_recover(record: Record) -> Figure:
         for name, (label, color, style) in _FILTERS.items():
             times = np.array(record.series[name]["recovery_s"])
             found = 100 * np.arange(1, len(times) + 1) / total
-            plot.step([0, *times, patience], [0, *found, found[-1] if len(found) else 0], where="post", color=color, linestyle=style, label=label)
-        plot.set(xlabel="time since the kidnapping (s)", ylabel="found again (%)", xlim=(0, patience), ylim=(0, 102))
+            plot.step(
+                [0, *times, patience],
+                [0, *found, found[-1] if len(found) else 0],
+                where="post",
+                color=color,
+                linestyle=style,
+                label=label,
+            )
+        plot.set(
+            xlabel="time since the kidnapping (s)",
+            ylabel="found again (%)",
+            xlim=(0, patience),
+            ylim=(0, 102),
+        )
         plot.legend(loc="lower right")
     return figure
 
 
 def error_since(record: Record) -> Figure:
-    """Median error after a kidnapping with the range of four fifths, and the share of estimates that are called lost."""
+    """Median error after a kidnapping with the range of four fifths, and the share called lost."""
     time = np.array(record.series["time_s"])
     with canvas(2, 1, size=(6.4, 4.8), sharex=True, height_ratios=(3, 2)) as (figure, axes):
         error, lost = axes[:, 0]
@@ -40,32 +52,58 @@ def error_since(record: Record) -> Figure:
             error.fill_between(time, band["low"], band["high"], color=color, alpha=0.15, linewidth=0)
             error.plot(time, band["median"], color=color, linestyle=style, label=label)
         lost.plot(time, 100 * np.array(record.series["augmented"]["lost"]), color=COLORS["estimate"])
-        error.axhline(record.parameters["tolerance"], color=COLORS["truth"], linestyle=":", label="counts as found")
+        error.axhline(
+            record.parameters["tolerance"], color=COLORS["truth"], linestyle=":", label="counts as found"
+        )
         error.set(ylabel="error (m)", ylim=(0, None))
-        lost.set(xlabel="time since the kidnapping (s)", ylabel="called lost (%)", ylim=(0, None), xlim=(0, time[-1]))
+        lost.set(
+            xlabel="time since the kidnapping (s)",
+            ylabel="called lost (%)",
+            ylim=(0, None),
+            xlim=(0, time[-1]),
+        )
         error.legend(loc="upper right")
     return figure
 
 
 def lost_told(record: Record) -> Figure:
-    """What a width of the cloud, taken as "lost", tells of wrong frames and says of calm ones; the choice marked."""
+    """What a width of the cloud, taken as "lost", tells of wrong frames and of calm ones."""
     series, values = record.series["augmented"], record.values["augmented"]
-    shares, told, nothing = (100 * np.array(column, dtype=float) for column in (record.series["shares"], series["told"], series["for_nothing"]))
+    shares, told, nothing = (
+        100 * np.array(column, dtype=float)
+        for column in (record.series["shares"], series["told"], series["for_nothing"])
+    )
     with canvas(size=(6.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
-        plot.plot(nothing, told, color=COLORS["accent"], marker="o", markersize=4, label="the cloud's width alone")
+        plot.plot(
+            nothing, told, color=COLORS["accent"], marker="o", markersize=4, label="the cloud's width alone"
+        )
         for share in (30, 50, 70, 100):
             at = int(np.argmin(np.abs(shares - share)))
             if nothing[at] > 50:
                 continue
-            plot.annotate(f"{share} %", (nothing[at], told[at]), xytext=(6, -10), textcoords="offset points", fontsize=9)
+            plot.annotate(
+                f"{share} %", (nothing[at], told[at]), xytext=(6, -10), textcoords="offset points", fontsize=9
+            )
         for key, label, color, marker in (
             ("lost_by_fit", "the filter's fit alone", COLORS["spread"], "D"),
             ("lost", "both, as on board", COLORS["estimate"], "s"),
         ):
             point = values[key]
             if point["wrong_frames_rate"] is not None:
-                plot.plot(100 * point["calm_frames_rate"], 100 * point["wrong_frames_rate"], marker, color=color, markersize=8, label=label)
-        plot.set(xlabel="of undisturbed frames called lost (%)", ylabel="of wrong frames called lost (%)", xlim=(-1, 50), ylim=(-2, 102))
+                plot.plot(
+                    100 * point["calm_frames_rate"],
+                    100 * point["wrong_frames_rate"],
+                    marker,
+                    color=color,
+                    markersize=8,
+                    label=label,
+                )
+        plot.set(
+            xlabel="of undisturbed frames called lost (%)",
+            ylabel="of wrong frames called lost (%)",
+            xlim=(-1, 50),
+            ylim=(-2, 102),
+        )
         plot.legend(loc="lower right")
     return figure

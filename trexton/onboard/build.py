@@ -87,9 +87,15 @@ class Settings:
         if self.laps < 1 or (self.frames is not None and self.frames < 1):
             raise ParameterError(f"{self.laps} laps, {self.frames} frames: expected at least 1")
         if not (math.isfinite(self.heading_deg) and math.isfinite(self.height) and self.height > 0):
-            raise ParameterError(f"heading {self.heading_deg} degrees, height {self.height} m: expected a heading and a positive height")
-        if self.origin is not None and not (abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180 and math.isfinite(self.origin[2])):
-            raise ParameterError(f"origin {self.origin}: expected latitude, longitude in degrees and altitude in metres")
+            raise ParameterError(
+                f"heading {self.heading_deg} degrees, height {self.height} m: expected a positive height"
+            )
+        if self.origin is not None and not (
+            abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180 and math.isfinite(self.origin[2])
+        ):
+            raise ParameterError(
+                f"origin {self.origin}: expected latitude, longitude in degrees and altitude in metres"
+            )
         if self.arm_landing and self.land is None:
             raise ParameterError("--arm-landing is given without --land: say where, as in --land 2.5,2.5")
 
@@ -114,7 +120,9 @@ def build(settings: Settings) -> Onboard:
     tally = Tally()
     source = open_source(
         settings.camera,
-        SourceOptions(texton_map.image_shape, texton_map.period_s, settings.pace, settings.laps, settings.seed),
+        SourceOptions(
+            texton_map.image_shape, texton_map.period_s, settings.pace, settings.laps, settings.seed
+        ),
     )
     options = SinkOptions(
         LocalFrame(math.radians(settings.heading_deg), settings.height),
@@ -126,7 +134,9 @@ def build(settings: Settings) -> Onboard:
     )
     sinks = [Guard(open_sink(address, options), tally) for address in settings.outputs]
     log = Guard(JsonLines(settings.log, events=True), tally) if settings.log else None
-    onboard = Onboard(localizer, source, sinks, tally=tally, rate=settings.rate, log=log, frames=settings.frames)
+    onboard = Onboard(
+        localizer, source, sinks, tally=tally, rate=settings.rate, log=log, frames=settings.frames
+    )
     onboard.commander = onboard.status.commander = _commander(settings, sinks, onboard)
     return onboard
 
@@ -137,5 +147,7 @@ def _commander(settings: Settings, sinks: list[Guard], onboard: Onboard) -> Comm
     zone = LandingZone(settings.land, settings.radius, settings.spread, settings.consecutive)
     landers = [guard.sink for guard in sinks if hasattr(guard.sink, "land")] if settings.arm_landing else []
     if settings.arm_landing and not landers:
-        raise ParameterError("--arm-landing needs an output that can command a landing: add --output udpout:HOST:PORT or another MAVLink link")
+        raise ParameterError(
+            "--arm-landing needs an output that can command it: add --output udpout:HOST:PORT or another MAVLink link"
+        )
     return Commander(zone, landers, onboard.report)

@@ -23,17 +23,24 @@ class StampKeeper:
         Clocks in seconds: the one that stamps are made with, and the one that people set.
     """
 
-    def __init__(self, tally: Tally, steady: Callable[[], float] = time.monotonic, calendar: Callable[[], float] = time.time):
+    def __init__(
+        self,
+        tally: Tally,
+        steady: Callable[[], float] = time.monotonic,
+        calendar: Callable[[], float] = time.time,
+    ):
         self._tally, self._steady, self._calendar = tally, steady, calendar
         self._last: float | None = None
         self._shift = 0.0
         self._offset = calendar() - steady()
 
     def keep(self, stamp: float) -> float:
-        """`stamp`, or the nearest believable one: not before the last, not in the future, not far in the past."""
+        """`stamp`, or the nearest believable one: after the last, not in the future, not far in the past."""
         now = self._steady()
         offset = self._calendar() - now
-        if abs(offset - self._offset) > TOLERANCE:  # stamps do not come from this clock, so nothing else happens
+        if (
+            abs(offset - self._offset) > TOLERANCE
+        ):  # stamps do not come from this clock, so nothing else happens
             self._tally.fault("clock")
             self._offset = offset
         believed = stamp if now - 10 * TOLERANCE <= stamp <= now + TOLERANCE else now

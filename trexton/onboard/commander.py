@@ -53,7 +53,13 @@ class Commander:
     """
 
     def __init__(
-        self, zone: LandingZone, landers: list[Lander], report: Callable[[dict], None], *, answer_within=1.0, attempts=5
+        self,
+        zone: LandingZone,
+        landers: list[Lander],
+        report: Callable[[dict], None],
+        *,
+        answer_within=1.0,
+        attempts=5,
     ):
         self.zone, self._landers, self._report = zone, landers, report
         self._answer_within, self._attempts = answer_within, attempts
@@ -63,14 +69,15 @@ class Commander:
         self._ask_at = 0.0
 
     def update(self, estimate: Estimate, fix: Fix, now: float) -> State:
-        """Take in the latest estimate and whatever answers have come; `now` is in seconds of any steady clock."""
+        """Take in the latest estimate and whatever answers have come; `now` in seconds."""
         inside = self._inside(estimate, fix)
         self._take_answers(now)
         if self.state is State.WATCHING:
             if inside:
                 self._trigger(fix, now)
         elif self.state is State.ASKED:
-            # Also between two attempts: a vehicle that has drifted out must not be sent a command made for another place.
+            # Also between two attempts: a vehicle that has drifted out must not be sent a command made for
+            # another place.
             if not inside:
                 self._become(State.WATCHING, "the conditions no longer hold")
             elif now >= self._ask_at:
@@ -107,7 +114,12 @@ class Commander:
         self._ask_at = now + self._answer_within
 
     def _take_answers(self, now: float) -> None:
-        results = [answer.result for lander in self._landers for answer in lander.answers() if answer.command == NAV_LAND]
+        results = [
+            answer.result
+            for lander in self._landers
+            for answer in lander.answers()
+            if answer.command == NAV_LAND
+        ]
         for result in results:
             if result == ACCEPTED and self._asked:  # in whatever state: the vehicle lands
                 return self._become(State.LANDING, "accepted")

@@ -10,8 +10,8 @@ from trexton.localizer import Estimate
 
 __all__ = ["Fix", "JumpCounter", "about_position", "ignorance"]
 
-# A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by the kidnapping
-# experiment, which shows what other shares would miss and what they would refuse.
+# A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by the
+# kidnapping experiment, which shows what other shares would miss and what they would refuse.
 LOST_SHARE = 0.5
 # Squared Mahalanobis distance, two dimensions: one honest pair of reports in 3000 is farther apart.
 JUMP = 16.0
@@ -60,16 +60,24 @@ class Fix:
     fault: str | None = None
 
     @classmethod
-    def of(cls, estimate: Estimate, time: float, number: int, area: tuple[float, float, float, float], **more) -> Fix:
+    def of(
+        cls, estimate: Estimate, time: float, number: int, area: tuple[float, float, float, float], **more
+    ) -> Fix:
         """The report that an estimate of the localizer amounts to, in a map of this area."""
         covariance = about_position(estimate)
-        lost = estimate.lost or not np.sqrt(np.trace(covariance)) <= LOST_SHARE * float(np.hypot(*ignorance(area)))
-        return cls(time, number, estimate.position, estimate.spread, covariance, lost, estimate.observed, **more)
+        lost = estimate.lost or not np.sqrt(np.trace(covariance)) <= LOST_SHARE * float(
+            np.hypot(*ignorance(area))
+        )
+        return cls(
+            time, number, estimate.position, estimate.spread, covariance, lost, estimate.observed, **more
+        )
 
     @property
     def finite(self) -> bool:
         """Whether every number of the report is one."""
-        return bool(np.isfinite(self.position).all() and np.isfinite(self.covariance).all() and np.isfinite(self.time))
+        return bool(
+            np.isfinite(self.position).all() and np.isfinite(self.covariance).all() and np.isfinite(self.time)
+        )
 
     @property
     def usable(self) -> bool:
@@ -86,8 +94,8 @@ def ignorance(area: tuple[float, float, float, float]) -> np.ndarray:
 def about_position(estimate: Estimate) -> np.ndarray:
     """``(2, 2)`` second moment of the weighted particles about the estimate's position, square metres.
 
-    The point estimate is a particle, not the mean: a receiver that takes it for the centre must be told the spread
-    about it, which is larger than the covariance by the outer product of their difference.
+    The point estimate is a particle, not the mean: a receiver that takes it for the centre must be told the
+    spread about it, which is larger than the covariance by the outer product of their difference.
     """
     offset = estimate.weights @ estimate.particles - estimate.position
     return estimate.covariance + np.outer(offset, offset)
@@ -96,8 +104,8 @@ def about_position(estimate: Estimate) -> np.ndarray:
 class JumpCounter:
     """Counts the reports that cannot continue the ones before: what MAVLink calls `reset_counter`.
 
-    Being lost for a while and found again where the motion model expects it is no jump: a reset makes the autopilot drop
-    what it knows.
+    Being lost for a while and found again where the motion model expects it is no jump: a reset makes the
+    autopilot drop what it knows.
 
     Parameters
     ----------

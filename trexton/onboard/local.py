@@ -47,7 +47,8 @@ class LocalFrame:
 def decoupled(covariance: np.ndarray) -> np.ndarray:
     """The ``(2, 2)`` covariance with its correlation added to both variances.
 
-    Autopilots fuse the diagonal alone. Taken alone, the diagonal of a correlated cloud claims too much across its long
-    axis; this diagonal is at least the covariance in every direction, and so is the matrix with its correlation kept.
+    Autopilots fuse the diagonal alone. Taken alone, the diagonal of a correlated cloud claims too much across
+    its long axis; this diagonal is at least the covariance in every direction, and so is the matrix with its
+    correlation kept.
     """
     return covariance + abs(covariance[0, 1]) * np.eye(2)

@@ -25,7 +25,9 @@ __all__ = ["Onboard"]
 
 STALE_AFTER = 0.5  # seconds without an observed frame
 REOPEN_AFTER = 2.0  # seconds of a frozen picture after which the camera is opened again
-MOST_CATCHING_UP = 25  # predictions for missed frames; more would only spread the particles over the whole area
+MOST_CATCHING_UP = (
+    25  # predictions for missed frames; more would only spread the particles over the whole area
+)
 EAGERNESS = 0.9  # share of the period after which the next frame is looked for: cameras are not exact
 
 
@@ -38,7 +40,8 @@ class Onboard:
     source : Source
     sinks : list of Guard
     rate : float, optional
-        Frames a second that are localized at most from a live source, and the deadline of each; the map's own rate unless given.
+        Frames a second that are localized at most from a live source, and the deadline of each; the map's own
+        rate unless given.
     commander : Commander, optional
         Commands the landing.
     log : Guard, optional
@@ -56,7 +59,13 @@ class Onboard:
         commander: Commander | None = None, log: Guard | None = None, frames: int | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):  # fmt: skip
-        self.localizer, self.source, self.sinks, self.commander, self.log = localizer, source, sinks, commander, log
+        self.localizer, self.source, self.sinks, self.commander, self.log = (
+            localizer,
+            source,
+            sinks,
+            commander,
+            log,
+        )
         self.tally, self._frames, self._clock = tally, frames, clock
         self._model_period = localizer.map.period_s
         self._period = 1 / rate if rate else self._model_period
@@ -73,7 +82,14 @@ class Onboard:
         """Go on until the source ends, `frames` are done or `stop` is set; returns the summary."""
         feed = feed_from(self.source, self.tally)
         if self.log is not None:
-            self.log.event({"event": "start", "unix_s": time.time(), "clock_s": self._clock(), "map": self.localizer.map.provenance})
+            self.log.event(
+                {
+                    "event": "start",
+                    "unix_s": time.time(),
+                    "clock_s": self._clock(),
+                    "map": self.localizer.map.provenance,
+                }
+            )
         try:
             while not stop.is_set() and (self._frames is None or self.tally["frames"] < self._frames):
                 started = self._clock()
@@ -133,7 +149,7 @@ class Onboard:
         return self.localizer.step(None), fault
 
     def _predict(self, periods: int) -> Estimate | None:
-        """Advance the filter over frames that did not come, so that its uncertainty is that of the time gone by."""
+        """Advance the filter over frames that did not come, for its uncertainty to grow with time."""
         estimate = None
         for _ in range(min(periods, MOST_CATCHING_UP)):
             estimate = self.localizer.step(None)

@@ -12,7 +12,7 @@ __all__ = ["stopped_by_signals"]
 
 @contextmanager
 def stopped_by_signals() -> Iterator[threading.Event]:
-    """An event that the first SIGINT or SIGTERM sets; the usual handlers are back afterwards, and from then on."""
+    """An event that the first SIGINT or SIGTERM sets; then, or afterwards, the usual handlers are back."""
     stop = threading.Event()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 

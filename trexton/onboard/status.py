@@ -55,7 +55,8 @@ class Status:
         self._last_at, self._frames = now, frames
         parts = [f"{frames} frames {rate:.1f}/s, dropped {self._tally['dropped']}", self._where(fix)]
         if self._latencies.count:
-            parts.append(f"latency {1e3 * self._latencies.quantile(0.5):.1f} ms, p99 {1e3 * self._latencies.quantile(0.99):.1f} ms")
+            median, slowest = (1e3 * self._latencies.quantile(share) for share in (0.5, 0.99))
+            parts.append(f"latency {median:.1f} ms, p99 {slowest:.1f} ms")
         parts += [f"{guard.sink.name}: {words}" for guard in self._sinks if (words := guard.sink.status())]
         if self.commander is not None:
             why = f" ({self.commander.why})" if self.commander.why else ""
@@ -81,7 +82,11 @@ class Status:
             "observed": tally["observed"],
             "dropped": tally["dropped"],
             "missed_deadlines": tally["late"],
-            "latency_s": {"median": latencies.quantile(0.5), "p99": latencies.quantile(0.99), "longest": latencies.longest},
+            "latency_s": {
+                "median": latencies.quantile(0.5),
+                "p99": latencies.quantile(0.99),
+                "longest": latencies.longest,
+            },
             "memory_bytes": resident_bytes(),
             f"growth_since_frame_{SETTLED}_bytes": growth,
             "faults": tally.faults,

@@ -23,7 +23,7 @@ FAULTS = {
     "misfit": "a frame the map cannot use: predict only",
     "late": "a report later than the rate allows: sent with its own stamp, older frames dropped",
     "clock": "a clock that jumped: the stamp is replaced, and stamps go on increasing",
-    "output": "an output failed (disk full, pipe closed): the rest goes on, it is opened again after a growing pause",
+    "output": "an output failed (disk full, pipe closed): the rest goes on, it is tried again later",
     "link": "the autopilot's link failed: the rest goes on, it is opened again after a growing pause",
     "silent": "the autopilot was heard and fell silent: positions go on being sent, and it is said",
 }

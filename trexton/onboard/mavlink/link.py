@@ -1,7 +1,7 @@
 """The wire under MAVLink: UDP, TCP or a serial line, none of which ever blocks or prints.
 
-pymavlink's own connections retry with sleeps, print to standard output, and hide that a peer has gone; its coding and
-parsing of messages is used as it is.
+pymavlink's own connections retry with sleeps, print to standard output, and hide that a peer has gone; its
+coding and parsing of messages is used as it is.
 """
 
 from __future__ import annotations
@@ -20,13 +20,15 @@ CONNECT_TIMEOUT = 1.0
 
 
 def make_link(address: str) -> Link:
-    """The link at ``udpout:HOST:PORT``, ``udpin:HOST:PORT``, ``tcp:HOST:PORT`` or ``serial:DEVICE[:BAUD]``, not yet opened."""
+    """The link, not yet open, at ``udpout:``, ``udpin:`` or ``tcp:`` HOST:PORT, or at ``serial:DEVICE:BAUD``."""
     kind, _, rest = address.partition(":")
     if kind == "serial":
         device, _, baud = rest.partition(":")
         speed = getattr(termios, f"B{baud or 921600}", None)
         if not device or speed is None:
-            raise ParameterError(f"output {address!r}: give serial:DEVICE:BAUD with a usual baud rate, as in serial:/dev/ttyAMA0:921600")
+            raise ParameterError(
+                f"output {address!r}: give serial:DEVICE:BAUD with a usual rate, as in serial:/dev/ttyAMA0:921600"
+            )
         return SerialLink(device, speed)
     host, _, port = rest.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
@@ -35,7 +37,7 @@ def make_link(address: str) -> Link:
 
 
 class Link(ABC):
-    """Bytes out, bytes in; every method may raise `OSError`, after which the link is to be closed and opened again."""
+    """Bytes out, bytes in; where a method raises `OSError`, the link is to be closed and opened again."""
 
     @abstractmethod
     def open(self) -> None: ...

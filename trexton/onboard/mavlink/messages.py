@@ -19,9 +19,18 @@ __all__ = [
 ]  # fmt: skip
 
 NAN = math.nan
-UNKNOWN_HEIGHT = 100.0  # square metres: 10 m, so that a height nobody measured weighs nothing even if it is fused
+UNKNOWN_HEIGHT = (
+    100.0  # square metres: 10 m, so that a height nobody measured weighs nothing even if it is fused
+)
 UNKNOWN_ANGLE = math.pi**2  # square radians
-_DIAGONAL = (0, 6, 11, 15, 18, 20)  # x, y, z, roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row
+_DIAGONAL = (
+    0,
+    6,
+    11,
+    15,
+    18,
+    20,
+)  # x, y, z, roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row
 
 
 def rounded_up(value: float) -> float:
@@ -36,7 +45,8 @@ def pose_covariance(covariance: np.ndarray, height: float, angle: float, cross: 
     Parameters
     ----------
     covariance : (2, 2) array
-        Of north and east, square metres; its correlation is added to both variances, for receivers fuse those alone.
+        Of north and east, square metres; its correlation is added to both variances, for receivers fuse those
+        alone.
     height, angle : float
         Variances of z and of each angle; NaN for unknown.
     cross : float
@@ -52,26 +62,40 @@ def pose_covariance(covariance: np.ndarray, height: float, angle: float, cross: 
 
 
 def vision_position(
-    stamp_us: int, position: np.ndarray, covariance: np.ndarray, attitude: tuple | None, local: LocalFrame, resets: int
+    stamp_us: int,
+    position: np.ndarray,
+    covariance: np.ndarray,
+    attitude: tuple | None,
+    local: LocalFrame,
+    resets: int,
 ):
     """VISION_POSITION_ESTIMATE in local NED, the form in which PX4 takes a position as it is.
 
-    `attitude` is roll, pitch, yaw as the autopilot itself reports them; NaN goes out where there is none. The variance of z
-    is finite: PX4 uses no variance of ours unless all three are.
+    `attitude` is roll, pitch, yaw as the autopilot itself reports them; NaN goes out where there is none. The
+    variance of z is finite: PX4 uses no variance of ours unless all three are.
     """
     north, east, down = local.ned(position)
     roll, pitch, yaw = attitude or (NAN, NAN, NAN)
     matrix = pose_covariance(local.ned_covariance(covariance), UNKNOWN_HEIGHT, NAN)
-    return mavlink.MAVLink_vision_position_estimate_message(stamp_us, north, east, down, roll, pitch, yaw, matrix, resets % 256)
+    return mavlink.MAVLink_vision_position_estimate_message(
+        stamp_us, north, east, down, roll, pitch, yaw, matrix, resets % 256
+    )
 
 
 def odometry(
-    stamp_us: int, position: np.ndarray, covariance: np.ndarray, attitude: tuple, local: LocalFrame, resets: int, quality: int
+    stamp_us: int,
+    position: np.ndarray,
+    covariance: np.ndarray,
+    attitude: tuple,
+    local: LocalFrame,
+    resets: int,
+    quality: int,
 ):
     """ODOMETRY in MAV_FRAME_LOCAL_FRD with a BODY_FRD child, the only form that ArduPilot takes.
 
-    FRD is aligned with north: the map's heading is known. Velocities are NaN, for nothing measures them. ArduPilot makes
-    one number of the three variances, and a NaN among the six would void the message, so all are finite.
+    FRD is aligned with north: the map's heading is known. Velocities are NaN, for nothing measures them.
+    ArduPilot makes one number of the three variances, and a NaN among the six would void the message, so all
+    are finite.
     """
     north, east, down = local.ned(position)
     ned = local.ned_covariance(covariance)
@@ -85,20 +109,24 @@ def odometry(
 def _folded_height(covariance: np.ndarray) -> float:
     """A variance for z with which ArduPilot's position error is not less than the larger of ours.
 
-    It is the root of the sum of the three variances now; in older firmware, the cube root of the sum of their squares.
+    It is the root of the sum of the three variances now; in older firmware, the cube root of the sum of their
+    squares.
     """
     variances = np.diagonal(covariance)
     return math.sqrt(max(0.0, variances.max() ** 1.5 - float(variances @ variances)))
 
 
 def quality(spread: np.ndarray, area: tuple[float, float, float, float]) -> int:
-    """ArduPilot's 1 (worst) to 100 from the particles' spread; 1 is the spread of knowing nothing but the area."""
+    """ArduPilot's 1 (worst) to 100 from a spread; 1 is that of knowing nothing but the area."""
     return int(np.clip(round(100 * (1 - float(np.max(spread / ignorance(area))))), 1, 100))
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
     """w, x, y, z of the rotation from body to local frame."""
-    (sr, sp, sy), (cr, cp, cy) = np.sin(np.array([roll, pitch, yaw]) / 2), np.cos(np.array([roll, pitch, yaw]) / 2)
+    (sr, sp, sy), (cr, cp, cy) = (
+        np.sin(np.array([roll, pitch, yaw]) / 2),
+        np.cos(np.array([roll, pitch, yaw]) / 2),
+    )
     return [
         float(value)
         for value in (
@@ -124,7 +152,8 @@ def origin(target: int, latitude: float, longitude: float, altitude: float, stam
 
 
 def land(target: tuple[int, int], confirmation: int, unset: float):
-    """COMMAND_LONG with MAV_CMD_NAV_LAND, here and now; `unset` stands for what the autopilot shall choose itself.
+    """COMMAND_LONG with MAV_CMD_NAV_LAND, here and now; `unset` stands for what the autopilot shall choose
+    itself.
 
     PX4 takes NaN for that, ArduPilot zero.
     """
@@ -136,10 +165,19 @@ def land(target: tuple[int, int], confirmation: int, unset: float):
 def attitude_request(target: tuple[int, int], rate: float):
     """COMMAND_LONG that asks for ATTITUDE `rate` times a second."""
     return mavlink.MAVLink_command_long_message(
-        *target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, mavlink.MAVLINK_MSG_ID_ATTITUDE, 1e6 / rate, 0, 0, 0, 0, 0
+        *target,
+        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
+        0,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        1e6 / rate,
+        0,
+        0,
+        0,
+        0,
+        0,
     )
 
 
 def timesync_reply(request, now_ns: int):
-    """TIMESYNC answer: our clock beside the stamp of the request, so that the autopilot can convert our stamps."""
+    """TIMESYNC answer: our clock beside the stamp of the request, for the autopilot to convert our stamps."""
     return mavlink.MAVLink_timesync_message(now_ns, request.ts1)

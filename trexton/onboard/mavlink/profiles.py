@@ -38,7 +38,7 @@ class Profile:
 
 
 class Px4(Profile):
-    """VISION_POSITION_ESTIMATE at a steady 30 Hz; silence while there is no position, which ends the fusion after 0.4 s."""
+    """VISION_POSITION_ESTIMATE at a steady 30 Hz; silence, which ends its fusion, for no position."""
 
     name = "px4"
     repeat_rate = 30.0

@@ -20,7 +20,9 @@ __all__ = ["Answer", "Speaker"]
 SILENCE = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 REQUEST_PAUSE = 2.0
 ORIGIN_ATTEMPTS = 10
-PATIENCE = 0.5  # seconds for which a position is repeated while nothing new is told, not even that it is stale
+PATIENCE = (
+    0.5  # seconds for which a position is repeated while nothing new is told, not even that it is stale
+)
 ATTITUDE_RATE = 20.0
 ATTITUDE_AGE = 0.5  # an attitude farther from the frame in time says nothing about it
 SHORTEST_STEP = 1e-3  # stamps of successive messages differ by at least this
@@ -46,7 +48,9 @@ class Speaker:
         Set as the autopilot's global origin, again and again until it confirms it, but not for ever.
     """
 
-    def __init__(self, profile: Profile, motion_rate: np.ndarray, origin: tuple[float, float, float] | None = None):
+    def __init__(
+        self, profile: Profile, motion_rate: np.ndarray, origin: tuple[float, float, float] | None = None
+    ):
         self.profile, self._motion_rate, self._origin = profile, motion_rate, origin
         self.target: tuple[int, int] | None = None
         self.heard_at = -np.inf
@@ -64,7 +68,8 @@ class Speaker:
         self._due: dict[str, float] = {}
         self._origin_attempts = 0
 
-    # Said by us -------------------------------------------------------------------------------------------------------
+    # Said by us
+    # -------------------------------------------------------------------------------------------------------
 
     def tell(self, fix: Fix, now: float) -> None:
         """Take in a new fix. A prediction is no measurement: only what an image went into is passed on."""
@@ -138,15 +143,17 @@ class Speaker:
             self._failed = None
             return self.profile.failed(fix, self._stamp(fix.time), attitude)
         # A repetition is the motion model's prediction for a later moment: same place, more uncertainty.
-        stamp = max(fix.time + (0.0 if first else max(0.0, now - self._told_at)), self._last_stamp + SHORTEST_STEP)
+        stamp = max(
+            fix.time + (0.0 if first else max(0.0, now - self._told_at)), self._last_stamp + SHORTEST_STEP
+        )
         covariance = self._shared(fix.covariance) + self._motion_rate * (stamp - fix.time)
         return self.profile.position(fix, self._stamp(stamp), covariance, attitude)
 
     def _shared(self, covariance: np.ndarray) -> np.ndarray:
         """The covariance of one of several messages made of one image.
 
-        A receiver takes them for independent. The m-th is worth 1 / m (m + 1) of the image, so that however many there are,
-        together they never weigh more than it does.
+        A receiver takes them for independent. The m-th is worth 1 / m (m + 1) of the image, so that however
+        many there are, together they never weigh more than it does.
         """
         return covariance * (self._sent * (self._sent + 1) if self.profile.repeat_rate else 1)
 
@@ -159,7 +166,8 @@ class Speaker:
         nearest = min(self._attitudes, key=lambda entry: abs(entry[0] - time), default=None)
         return nearest[1] if nearest is not None and abs(nearest[0] - time) <= ATTITUDE_AGE else None
 
-    # Heard by us ------------------------------------------------------------------------------------------------------
+    # Heard by us
+    # ------------------------------------------------------------------------------------------------------
 
     def hear(self, message, now: float) -> None:
         """Take in one message."""
@@ -201,7 +209,14 @@ class Speaker:
         if self._origin is None or not self._from_autopilot(message):
             return
         told = (message.latitude * 1e-7, message.longitude * 1e-7)
-        self.news.append({"event": "origin", "latitude": told[0], "longitude": told[1], "altitude": message.altitude * 1e-3})
+        self.news.append(
+            {
+                "event": "origin",
+                "latitude": told[0],
+                "longitude": told[1],
+                "altitude": message.altitude * 1e-3,
+            }
+        )
         if np.allclose(told, self._origin[:2], rtol=0, atol=1e-5):
             self._origin = None
 
@@ -211,7 +226,9 @@ class Speaker:
 
     def _on_estimator_status(self, message, now: float) -> None:
         if self._from_autopilot(message):
-            self.fused = bool(message.flags & (mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS))
+            self.fused = bool(
+                message.flags & (mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS)
+            )
 
     def _on_ekf_status_report(self, message, now: float) -> None:
         if self._from_autopilot(message):

@@ -1,7 +1,7 @@
 """Where positions go: a registry with one small module each.
 
-A module has ``make(address, options) -> Sink``. An address is ``KIND`` or ``KIND:REST``; adding a sink is its file and its line
-here.
+A module has ``make(address, options) -> Sink``. An address is ``KIND`` or ``KIND:REST``; adding a sink is its
+file and its line here.
 """
 
 from __future__ import annotations
@@ -36,5 +36,7 @@ def open_sink(address: str, options: SinkOptions) -> Sink:
     """
     kind = address.partition(":")[0]
     if kind not in SINKS:
-        raise ParameterError(f"output {address!r} is of no kind that is known: give one of {', '.join(SINKS)}, then a colon and its address")
+        raise ParameterError(
+            f"output {address!r} is of no known kind: give one of {', '.join(SINKS)}, a colon and an address"
+        )
     return import_module(SINKS[kind]).make(address, options)

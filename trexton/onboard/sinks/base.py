@@ -46,7 +46,7 @@ class SinkOptions:
 
 
 class Sink(ABC):
-    """Takes one fix after another. May raise `OSError` from anything but its constructor; `Guard` deals with it."""
+    """Takes one fix after another; may raise `OSError` except in its constructor: `Guard` sees to it."""
 
     name = "output"
 
@@ -74,7 +74,8 @@ class Sink(ABC):
 
 
 class Guard:
-    """A sink that may fail: counted, closed, and opened again after a pause that doubles up to `LONGEST_PAUSE`.
+    """A sink that may fail: counted, closed, and opened again after a pause that doubles up to
+    `LONGEST_PAUSE`.
 
     Parameters
     ----------
@@ -108,7 +109,9 @@ class Guard:
             self._pause = FIRST_PAUSE
         except OSError as error:
             self._tally.fault("output")
-            say(f"trexton onboard: {self.sink.name}: {error.strerror or error}: trying again in {self._pause:g} s")
+            say(
+                f"trexton onboard: {self.sink.name}: {error.strerror or error}: trying again in {self._pause:g} s"
+            )
             self._retry_at = now + self._pause
             self._pause = min(2 * self._pause, LONGEST_PAUSE)
             self._open = False

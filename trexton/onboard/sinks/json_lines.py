@@ -38,7 +38,7 @@ def row(fix: Fix) -> dict:
 
 
 class JsonLines(Sink):
-    """Fixes as JSON lines; with `events` it is a log: events are lines with an ``event`` key, and an old file is kept."""
+    """Fixes as JSON lines; with `events` it is a log: events are lines as well, and an old file is kept."""
 
     def __init__(self, path: str, events: bool = False):
         self.name = f"json:{path or '-'}"

@@ -13,7 +13,8 @@ __all__ = ["LineFile"]
 
 
 class LineFile:
-    """A file that takes whole lines, each with one system call, so that a crash or a full disk leaves no half line behind.
+    """A file that takes whole lines, each with one system call, so that a crash or a full disk leaves no half
+    line behind.
 
     Parameters
     ----------
@@ -38,7 +39,9 @@ class LineFile:
             try:
                 os.close(os.open(path, os.O_WRONLY | os.O_CREAT | (0 if keep else os.O_TRUNC), 0o644))
             except OSError as error:
-                raise ParameterError(f"{path}: cannot be written ({error.strerror}): give a file in a folder that exists") from None
+                raise ParameterError(
+                    f"{path}: cannot be written ({error.strerror}): give a file in a folder that exists"
+                ) from None
 
     @property
     def _standard(self) -> bool:

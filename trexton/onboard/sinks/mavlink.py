@@ -47,7 +47,15 @@ class MavlinkSink(Sink):
     """
 
     def __init__(
-        self, address: str, link: Link, speaker, tally: Tally, *, system=1, component=191, clock: Callable[[], float] = time.monotonic
+        self,
+        address: str,
+        link: Link,
+        speaker,
+        tally: Tally,
+        *,
+        system=1,
+        component=191,
+        clock: Callable[[], float] = time.monotonic,
     ):
         from trexton.onboard.mavlink.messages import mavlink
 
@@ -107,7 +115,9 @@ class MavlinkSink(Sink):
             if not self._speaker.present(self._now()):
                 return "autopilot silent"
             words = {None: "", True: ", has a position", False: ", HAS NO POSITION"}[self._speaker.fused]
-            held = f", {self._speaker.withheld} withheld for want of attitude" if self._speaker.withheld else ""
+            held = (
+                f", {self._speaker.withheld} withheld for want of attitude" if self._speaker.withheld else ""
+            )
             return f"autopilot {self._speaker.target[0]} heard{words}{held}"
 
     def close(self) -> None:

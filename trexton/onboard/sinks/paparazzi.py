@@ -1,8 +1,8 @@
 """Paparazzi, the paper's own autopilot: REMOTE_GPS_LOCAL on its Ivy bus.
 
-The fields are those of the datalink message in Paparazzi's message definitions: aircraft, padding, east, north, up in
-metres, their speeds, time of week in milliseconds, course in degrees. Speeds and course are zero: nothing measures them,
-and the message knows no "unknown", so the aircraft must not be set to use them.
+The fields are those of the datalink message in Paparazzi's message definitions: aircraft, padding, east,
+north, up in metres, their speeds, time of week in milliseconds, course in degrees. Speeds and course are
+zero: nothing measures them, and the message knows no "unknown", so the aircraft must not be set to use them.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ def make(address: str, options: SinkOptions) -> Sink:
     """`address` is ``paparazzi:AIRCRAFT`` or ``paparazzi:AIRCRAFT@BUS``."""
     aircraft, _, bus = address.partition(":")[2].partition("@")
     if not aircraft.isdigit() or int(aircraft) > 255:
-        raise ParameterError(f"output {address!r}: give paparazzi:AIRCRAFT with the aircraft's number, 0 to 255, and @BUS where it is not {BUS}")
+        raise ParameterError(
+            f"output {address!r}: give paparazzi:AIRCRAFT, a number from 0 to 255, and @BUS where it is not {BUS}"
+        )
     return PaparazziSink(int(aircraft), options.local, bus or BUS)
 
 
@@ -48,7 +50,9 @@ class PaparazziSink(Sink):
         try:
             from ivy.ivy import IvyServer
         except ImportError:
-            raise ParameterError("Paparazzi needs the package ivy-python: pip install 'trexton[paparazzi]'") from None
+            raise ParameterError(
+                "Paparazzi needs the package ivy-python: pip install 'trexton[paparazzi]'"
+            ) from None
         logging.getLogger("Ivy").setLevel(logging.ERROR)
         self.name = f"paparazzi:{aircraft}"
         self._make_server, self._aircraft, self._local, self._bus = IvyServer, aircraft, local, bus

@@ -1,4 +1,4 @@
-"""A TUM trajectory: ``time x y z qx qy qz qw``, as trajectory tools read it; only positions a vehicle may steer by."""
+"""A TUM trajectory, ``time x y z qx qy qz qw``: only positions that a vehicle may steer by."""
 
 from __future__ import annotations
 

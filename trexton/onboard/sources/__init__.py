@@ -1,7 +1,7 @@
 """Where frames come from: a registry with one small module each.
 
-A module has ``matches(address) -> bool`` and ``make(address, options) -> Source``. The first that matches makes the source;
-``KIND:ADDRESS`` asks for one by name. Adding a source is its file and its line here.
+A module has ``matches(address) -> bool`` and ``make(address, options) -> Source``. The first that matches
+makes the source; ``KIND:ADDRESS`` asks for one by name. Adding a source is its file and its line here.
 """
 
 from __future__ import annotations
@@ -38,6 +38,6 @@ def open_source(address: str, options: SourceOptions = SourceOptions()) -> Sourc
         if module.matches(address):
             return module.make(address, options)
     raise ParameterError(
-        f"camera {address!r} is none of those known: give /dev/videoN, a flight or image folder, a video file or URL, "
+        f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, a video file or URL, "
         f"simulator, or KIND:ADDRESS with KIND one of {', '.join(SOURCES)}"
     )

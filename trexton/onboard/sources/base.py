@@ -43,8 +43,8 @@ class SourceOptions:
     period_s : float
         Seconds from frame to frame where the source itself does not say.
     pace : {"fast", "stamps", None}
-        A recording as fast as possible, every frame; or at its own stamps, like a live camera. None leaves it to the
-        source: recordings go fast, the simulator keeps time.
+        A recording as fast as possible, every frame; or at its own stamps, like a live camera. None leaves it
+        to the source: recordings go fast, the simulator keeps time.
     laps : int
         Times a recording is played.
     seed : int
@@ -61,8 +61,8 @@ class SourceOptions:
 class Source(ABC):
     """A camera, or something that stands for one.
 
-    A live source makes its own time: it is read in a thread, and only its newest frame counts. Any other is read
-    frame by frame by whoever works on them, so that nothing is left out.
+    A live source makes its own time: it is read in a thread, and only its newest frame counts. Any other is
+    read frame by frame by whoever works on them, so that nothing is left out.
     """
 
     live = True

@@ -26,7 +26,11 @@ def make(address: str, options: SourceOptions) -> Source:
 
 def _natural(path: Path) -> list:
     """Sort key under which frame 2 comes before frame 10."""
-    return [(0, int(part), "") if part.isdigit() else (1, 0, part) for part in re.split(r"(\d+)", path.name) if part]
+    return [
+        (0, int(part), "") if part.isdigit() else (1, 0, part)
+        for part in re.split(r"(\d+)", path.name)
+        if part
+    ]
 
 
 class ImageFolder(Source):
@@ -36,7 +40,9 @@ class ImageFolder(Source):
 
     def __init__(self, folder: str, options: SourceOptions):
         self.options = options
-        self.files = sorted((file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES), key=_natural)
+        self.files = sorted(
+            (file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES), key=_natural
+        )
         if not self.files:
             raise ImageError(f"{folder}: no images ({', '.join(SUFFIXES)}): give a folder that holds some")
         self._next = 0

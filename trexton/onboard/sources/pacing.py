@@ -23,7 +23,12 @@ class Paced(Source):
 
     live = True
 
-    def __init__(self, source: Source, clock: Callable[[], float] = time.monotonic, sleep: Callable[[float], None] = time.sleep):
+    def __init__(
+        self,
+        source: Source,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ):
         self.source, self._clock, self._sleep = source, clock, sleep
         self._offset: float | None = None
 

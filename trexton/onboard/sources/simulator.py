@@ -18,7 +18,9 @@ def matches(address: str) -> bool:
 def make(address: str, options: SourceOptions) -> Source:
     """`address` is empty or the seed of the flight."""
     if address not in ("", "simulator") and not address.isdigit():
-        raise ParameterError(f"camera 'simulator:{address}': give simulator or simulator:SEED with a whole number")
+        raise ParameterError(
+            f"camera 'simulator:{address}': give simulator or simulator:SEED with a whole number"
+        )
     source = SimulatorSource(int(address) if address.isdigit() else options.seed)
     return source if options.pace == "fast" else Paced(source)
 

@@ -37,7 +37,11 @@ class V4l2Source(Source):
     """
 
     def __init__(
-        self, device: str, options: SourceOptions, capture: Callable = cv2.VideoCapture, clock: Callable[[], float] = time.monotonic
+        self,
+        device: str,
+        options: SourceOptions,
+        capture: Callable = cv2.VideoCapture,
+        clock: Callable[[], float] = time.monotonic,
     ):
         self.device, self.options, self._make_capture, self._clock = device, options, capture, clock
         self._capture = None
@@ -46,7 +50,9 @@ class V4l2Source(Source):
     def open(self) -> None:
         capture = self._make_capture(self.device, cv2.CAP_V4L2)
         if not capture.isOpened():
-            raise CameraLost(f"{self.device}: cannot be opened: check the cable, the permissions and that nobody else uses it")
+            raise CameraLost(
+                f"{self.device}: cannot be opened: check cable, permissions, and that nobody else uses it"
+            )
         capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter_fourcc(*"UYVY"))
         if self.options.shape is not None:
             rows, columns = self.options.shape
@@ -57,7 +63,9 @@ class V4l2Source(Source):
         code = int(capture.get(cv2.CAP_PROP_FOURCC)).to_bytes(4, "little").decode("latin-1")
         if code not in ("UYVY", "YUYV"):
             capture.release()
-            raise CameraLost(f"{self.device}: gives {code!r} frames: UYVY or YUYV expected; open a compressed stream as video:{self.device}")
+            raise CameraLost(
+                f"{self.device}: gives {code!r} frames: UYVY or YUYV expected; open it as video:{self.device}"
+            )
         self._capture, self._reversed = capture, code == "YUYV"
 
     def read(self) -> Frame | None:

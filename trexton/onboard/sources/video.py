@@ -32,7 +32,7 @@ def make(address: str, options: SourceOptions) -> Source:
 
 
 def _is_stream(address: str) -> bool:
-    """A URL, a GStreamer pipeline, a device or a named pipe: something that goes on whether it is read or not."""
+    """A URL, a GStreamer pipeline, a device or a named pipe: what goes on whether it is read or not."""
     if re.match(r"\w+://", address) or " ! " in address:
         return True
     try:
@@ -43,16 +43,20 @@ def _is_stream(address: str) -> bool:
 
 
 class StreamSource(Source):
-    """A live stream (RTSP, HTTP, UDP, TCP, a named pipe, GStreamer where OpenCV was built with it), stamped at the grab."""
+    """A live stream (RTSP, HTTP, TCP, a named pipe, GStreamer where OpenCV has it), stamped at the grab."""
 
-    def __init__(self, address: str, capture: Callable = cv2.VideoCapture, clock: Callable[[], float] = time.monotonic):
+    def __init__(
+        self, address: str, capture: Callable = cv2.VideoCapture, clock: Callable[[], float] = time.monotonic
+    ):
         self.address, self._make_capture, self._clock = address, capture, clock
         self._capture = None
 
     def open(self) -> None:
         self._capture = self._make_capture(self.address)
         if not self._capture.isOpened():
-            raise CameraLost(f"{self.address}: cannot be opened: check that the stream runs and that OpenCV knows its kind")
+            raise CameraLost(
+                f"{self.address}: cannot be opened: check that the stream runs and that OpenCV knows its kind"
+            )
 
     def read(self) -> Frame | None:
         if not self._capture.grab():
@@ -80,7 +84,9 @@ class VideoFile(Source):
     def open(self) -> None:
         self._capture = cv2.VideoCapture(self.path)
         if not self._capture.isOpened():
-            raise ImageError(f"{self.path}: not a video that OpenCV can open: convert it, or give a folder of images")
+            raise ImageError(
+                f"{self.path}: not a video that OpenCV can open: convert it, or give a folder of images"
+            )
         rate = self._capture.get(cv2.CAP_PROP_FPS)
         self.period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.options.period_s
 
