@@ -421,6 +421,13 @@ class TestSpeaker:
         assert list(talk.answers) == [Answer(21, 2)]
         assert talk.land(1) and due(talk, 0.0, "COMMAND_LONG")[0].confirmation == 1
 
+    def test_an_answer_to_somebody_else_is_none_to_us(self):
+        talk = speaker()
+        talk.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 255, 190)), 0.0)
+        assert not talk.answers
+        talk.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 1, 191)), 0.0)
+        assert list(talk.answers) == [Answer(21, 0)]
+
     def test_what_the_autopilot_says_is_kept_for_the_log(self):
         talk = speaker()
         talk.hear(from_autopilot(mavlink.MAVLink_statustext_message(3, b"EKF variance")), 1.0)
@@ -501,6 +508,19 @@ class TestOverUdp:
             assert (message.x, message.y, message.z) == (2.5, 1.5, -1.0)
             assert message.q == pytest.approx(messages.quaternion(*ATTITUDE), abs=1e-6)
             assert message.quality == messages.quality(np.array([0.2, 0.3]), AREA)
+        finally:
+            sink.close()
+
+    def test_a_companion_shares_the_system_of_its_vehicle(self, peer):
+        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", sink_options())
+        sink.open()
+        try:
+            assert eventually(lambda: peer.of("HEARTBEAT"))
+            peer.codec.srcSystem = 7
+            peer.send(AUTOPILOT_HEARTBEAT)
+            assert eventually(lambda: sink.land(0) and peer.of("COMMAND_LONG"))
+            command = peer.of("COMMAND_LONG")[-1]
+            assert (command.target_system, command.get_srcSystem(), command.get_srcComponent()) == (7, 7, 191)
         finally:
             sink.close()
 

@@ -25,9 +25,7 @@ __all__ = ["Onboard"]
 
 STALE_AFTER = 0.5  # seconds without an observed frame
 REOPEN_AFTER = 2.0  # seconds of a frozen picture after which the camera is opened again
-MOST_CATCHING_UP = (
-    25  # predictions for missed frames; more would only spread the particles over the whole area
-)
+MOST_CATCHING_UP = 25  # predictions for missed frames; more would only spread the particles further
 EAGERNESS = 0.9  # share of the period after which the next frame is looked for: cameras are not exact
 
 
@@ -59,14 +57,8 @@ class Onboard:
         commander: Commander | None = None, log: Guard | None = None, frames: int | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):  # fmt: skip
-        self.localizer, self.source, self.sinks, self.commander, self.log = (
-            localizer,
-            source,
-            sinks,
-            commander,
-            log,
-        )
-        self.tally, self._frames, self._clock = tally, frames, clock
+        self.localizer, self.source, self.sinks, self.log = localizer, source, sinks, log
+        self.commander, self.tally, self._frames, self._clock = commander, tally, frames, clock
         self._model_period = localizer.map.period_s
         self._period = 1 / rate if rate else self._model_period
         self._inspector = Inspector(localizer.map.image_shape)
@@ -82,14 +74,8 @@ class Onboard:
         """Go on until the source ends, `frames` are done or `stop` is set; returns the summary."""
         feed = feed_from(self.source, self.tally)
         if self.log is not None:
-            self.log.event(
-                {
-                    "event": "start",
-                    "unix_s": time.time(),
-                    "clock_s": self._clock(),
-                    "map": self.localizer.map.provenance,
-                }
-            )
+            clocks = {"unix_s": time.time(), "clock_s": self._clock()}
+            self.log.event({"event": "start", **clocks, "map": self.localizer.map.provenance})
         try:
             while not stop.is_set() and (self._frames is None or self.tally["frames"] < self._frames):
                 started = self._clock()

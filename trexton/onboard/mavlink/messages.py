@@ -19,18 +19,10 @@ __all__ = [
 ]  # fmt: skip
 
 NAN = math.nan
-UNKNOWN_HEIGHT = (
-    100.0  # square metres: 10 m, so that a height nobody measured weighs nothing even if it is fused
-)
+COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER  # what we are on the vehicle's network
+UNKNOWN_HEIGHT = 100.0  # square metres: a height nobody measured must weigh nothing even if it is fused
 UNKNOWN_ANGLE = math.pi**2  # square radians
-_DIAGONAL = (
-    0,
-    6,
-    11,
-    15,
-    18,
-    20,
-)  # x, y, z, roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row
+_ANGLES = (15, 18, 20)  # variances of roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row
 
 
 def rounded_up(value: float) -> float:
@@ -56,7 +48,7 @@ def pose_covariance(covariance: np.ndarray, height: float, angle: float, cross: 
     bound = decoupled(covariance)
     entries[0], entries[1], entries[6] = rounded_up(bound[0, 0]), float(bound[0, 1]), rounded_up(bound[1, 1])
     entries[11] = rounded_up(height)
-    for place in _DIAGONAL[3:]:
+    for place in _ANGLES:
         entries[place] = angle
     return entries
 
@@ -123,18 +115,13 @@ def quality(spread: np.ndarray, area: tuple[float, float, float, float]) -> int:
 
 def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
     """w, x, y, z of the rotation from body to local frame."""
-    (sr, sp, sy), (cr, cp, cy) = (
-        np.sin(np.array([roll, pitch, yaw]) / 2),
-        np.cos(np.array([roll, pitch, yaw]) / 2),
-    )
+    half = np.array([roll, pitch, yaw]) / 2
+    (sr, sp, sy), (cr, cp, cy) = np.sin(half).tolist(), np.cos(half).tolist()
     return [
-        float(value)
-        for value in (
-            cr * cp * cy + sr * sp * sy,
-            sr * cp * cy - cr * sp * sy,
-            cr * sp * cy + sr * cp * sy,
-            cr * cp * sy - sr * sp * cy,
-        )
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
     ]
 
 

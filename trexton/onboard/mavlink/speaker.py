@@ -20,9 +20,7 @@ __all__ = ["Answer", "Speaker"]
 SILENCE = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 REQUEST_PAUSE = 2.0
 ORIGIN_ATTEMPTS = 10
-PATIENCE = (
-    0.5  # seconds for which a position is repeated while nothing new is told, not even that it is stale
-)
+PATIENCE = 0.5  # seconds for which a position is repeated while the loop says nothing at all
 ATTITUDE_RATE = 20.0
 ATTITUDE_AGE = 0.5  # an attitude farther from the frame in time says nothing about it
 SHORTEST_STEP = 1e-3  # stamps of successive messages differ by at least this
@@ -69,7 +67,6 @@ class Speaker:
         self._origin_attempts = 0
 
     # Said by us
-    # -------------------------------------------------------------------------------------------------------
 
     def tell(self, fix: Fix, now: float) -> None:
         """Take in a new fix. A prediction is no measurement: only what an image went into is passed on."""
@@ -143,9 +140,8 @@ class Speaker:
             self._failed = None
             return self.profile.failed(fix, self._stamp(fix.time), attitude)
         # A repetition is the motion model's prediction for a later moment: same place, more uncertainty.
-        stamp = max(
-            fix.time + (0.0 if first else max(0.0, now - self._told_at)), self._last_stamp + SHORTEST_STEP
-        )
+        since = 0.0 if first else max(0.0, now - self._told_at)
+        stamp = max(fix.time + since, self._last_stamp + SHORTEST_STEP)
         covariance = self._shared(fix.covariance) + self._motion_rate * (stamp - fix.time)
         return self.profile.position(fix, self._stamp(stamp), covariance, attitude)
 
@@ -167,7 +163,6 @@ class Speaker:
         return nearest[1] if nearest is not None and abs(nearest[0] - time) <= ATTITUDE_AGE else None
 
     # Heard by us
-    # ------------------------------------------------------------------------------------------------------
 
     def hear(self, message, now: float) -> None:
         """Take in one message."""
@@ -200,7 +195,7 @@ class Speaker:
             self._outbox.append(messages.timesync_reply(message, round(1e9 * now)))
 
     def _on_command_ack(self, message, now: float) -> None:
-        if self._from_autopilot(message):
+        if self._from_autopilot(message) and message.target_component in (0, messages.COMPONENT):
             self.answers.append(Answer(message.command, message.result))
             self.news.append({"event": "answer", "command": message.command, "result": message.result})
 
@@ -209,14 +204,7 @@ class Speaker:
         if self._origin is None or not self._from_autopilot(message):
             return
         told = (message.latitude * 1e-7, message.longitude * 1e-7)
-        self.news.append(
-            {
-                "event": "origin",
-                "latitude": told[0],
-                "longitude": told[1],
-                "altitude": message.altitude * 1e-3,
-            }
-        )
+        self.news.append({"event": "origin", "latitude": told[0], "longitude": told[1]})
         if np.allclose(told, self._origin[:2], rtol=0, atol=1e-5):
             self._origin = None
 
@@ -226,9 +214,8 @@ class Speaker:
 
     def _on_estimator_status(self, message, now: float) -> None:
         if self._from_autopilot(message):
-            self.fused = bool(
-                message.flags & (mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS)
-            )
+            horizontal = mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS
+            self.fused = bool(message.flags & horizontal)
 
     def _on_ekf_status_report(self, message, now: float) -> None:
         if self._from_autopilot(message):

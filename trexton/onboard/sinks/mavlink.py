@@ -40,28 +40,18 @@ class MavlinkSink(Sink):
     link : Link
     speaker : Speaker
     tally : Tally
-    system, component : int
-        Ours on the MAVLink network: a companion shares the system of its vehicle.
     clock : callable
         Seconds, the clock that stamps live frames.
     """
 
     def __init__(
-        self,
-        address: str,
-        link: Link,
-        speaker,
-        tally: Tally,
-        *,
-        system=1,
-        component=191,
-        clock: Callable[[], float] = time.monotonic,
+        self, address: str, link: Link, speaker, tally: Tally, clock: Callable[[], float] = time.monotonic
     ):
-        from trexton.onboard.mavlink.messages import mavlink
+        from trexton.onboard.mavlink.messages import COMPONENT, mavlink
 
         self.name = address
         self._link, self._speaker, self._tally, self._clock = link, speaker, tally, clock
-        self._codec = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=COMPONENT)
         self._codec.robust_parsing = True  # garbage on the wire is skipped, not raised
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._alarm, self._bell = socket.socketpair()  # a new fix ends the thread's wait
@@ -170,7 +160,9 @@ class MavlinkSink(Sink):
             now = self._now()
             for message in messages:
                 self._speaker.hear(message, now)
-            present = self._speaker.present(now)
+            present, target = self._speaker.present(now), self._speaker.target
+        if target is not None:
+            self._codec.srcSystem = target[0]  # a companion shares the system of its vehicle
         if self._was_present and not present:
             self._tally.fault("silent")
         self._was_present = present

@@ -8,6 +8,9 @@ zero: nothing measures them, and the message knows no "unknown", so the aircraft
 from __future__ import annotations
 
 import logging
+import queue
+import threading
+from contextlib import suppress
 
 from trexton.errors import ParameterError
 from trexton.onboard.fix import Fix
@@ -40,6 +43,8 @@ def remote_gps_local(fix: Fix, aircraft: int, local: LocalFrame) -> str:
 class PaparazziSink(Sink):
     """Usable fixes that an image went into; the bus finds its readers itself, whenever they come.
 
+    A reader that sleeps makes the bus wait: a thread does the waiting, and only the newest message is kept for it.
+
     Raises
     ------
     ParameterError
@@ -56,22 +61,38 @@ class PaparazziSink(Sink):
         logging.getLogger("Ivy").setLevel(logging.ERROR)
         self.name = f"paparazzi:{aircraft}"
         self._make_server, self._aircraft, self._local, self._bus = IvyServer, aircraft, local, bus
+        self._newest: queue.Queue[str | None] | None = None
         self._server = None
         self._readers = 0
 
     def open(self) -> None:
         self._server = self._make_server("trexton", "trexton ready", usesDaemons=True)
         self._server.start(self._bus)
+        self._newest = queue.Queue(maxsize=1)
+        threading.Thread(
+            target=self._send, args=(self._server, self._newest), name=self.name, daemon=True
+        ).start()
 
     def write(self, fix: Fix) -> None:
         if fix.usable and fix.observed:
-            self._readers = self._server.send_msg(remote_gps_local(fix, self._aircraft, self._local))
+            self._replace(remote_gps_local(fix, self._aircraft, self._local))
+
+    def _replace(self, text: str | None) -> None:
+        with suppress(queue.Empty):
+            self._newest.get_nowait()
+        with suppress(queue.Full):  # never by one writer
+            self._newest.put_nowait(text)
+
+    def _send(self, server, newest: queue.Queue) -> None:
+        while (text := newest.get()) is not None:
+            self._readers = server.send_msg(text)
 
     def status(self) -> str:
         return f"{self._readers} on the bus listen"
 
     def close(self) -> None:
         if self._server is not None:
+            self._replace(None)
             if self._server.isAlive():
                 self._server.stop()
             self._server.server_close()
