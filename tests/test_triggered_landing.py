@@ -51,9 +51,11 @@ def attempt(truth: float | None, touchdown: float, wait: float = 10.0) -> Attemp
     """A landing at a distance from a zone at (1, 2), to its right; None: never triggered."""
     zone, nowhere = np.array([1.0, 2.0]), np.full(2, np.nan)
     if truth is None:
-        return Attempt(zone, False, wait, nowhere, nowhere, nowhere, np.zeros((1, 2)), np.zeros(1))
-    places = [zone + (distance, 0.0) for distance in (0.0, truth, touchdown)]
-    return Attempt(zone, True, wait, *places, np.zeros((1, 2)), np.zeros(1))
+        return Attempt(zone, False, wait, nowhere, nowhere, nowhere, nowhere, np.zeros((1, 2)), np.zeros(1))
+    guess, truth, touchdown = (zone + (distance, 0.0) for distance in (0.0, truth, touchdown))
+    return Attempt(
+        zone, True, wait, guess, truth, np.array([0.3, 0.4]), touchdown, np.zeros((1, 2)), np.zeros(1)
+    )
 
 
 def test_the_tally_of_landings_made_by_hand():
@@ -88,6 +90,7 @@ def test_the_tally_of_landings_made_by_hand():
     # At most four of six at a rate of 0.6: all but six and five of six.
     assert np.isclose(values["paper_or_fewer_chance"], 1 - 0.6**6 - 6 * 0.4 * 0.6**5)
     assert np.isclose(values["chance_rate"], np.pi * 0.36 / 25)
+    assert np.isclose(values["lag_cm"]["median"], 50 * 0.6)  # of the vehicle's way, 0.6 is to the right
     assert np.isclose(values["trigger_error_cm"]["median"], 50) and np.isclose(
         values["drift_cm"]["median"], 30
     )
@@ -182,3 +185,8 @@ def test_the_table_stands_beside_the_paper(record):
     table = figures.table(record)
     assert table.iloc[0]["Landings"] == 6 and table.iloc[0]["Inside"] == 4
     assert table.iloc[2]["Landings"] == record.values["landings"]
+    causes = figures.causes(record)
+    assert causes.iloc[1]["Error at the trigger"].startswith("0 ")
+    assert causes.iloc[1]["Drift to touchdown"].startswith(
+        f"{record.values['perfect']['drift_cm']['median']:.0f} "
+    )

@@ -53,6 +53,8 @@ class Attempt:
 
     Attributes
     ----------
+    velocity : (2,) array
+        True velocity at the trigger, metres a second.
     path : (N, 2) array
         True positions at the frames, until touchdown.
     wait_s : float
@@ -66,6 +68,7 @@ class Attempt:
     wait_s: float
     estimate: np.ndarray
     truth: np.ndarray
+    velocity: np.ndarray
     touchdown: np.ndarray
     path: np.ndarray
     frame_s: np.ndarray
@@ -95,14 +98,15 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
         path.append(state.position[:2])
         triggered = zone.update(estimate) and state.time > mission.armed_after
     wait_s, guess = state.time, estimate.position if triggered else NOWHERE
-    truth = state.position[:2] if triggered else NOWHERE
+    truth, velocity = (state.position[:2], state.velocity[:2]) if triggered else (NOWHERE, NOWHERE)
     if triggered:
         simulator.vehicle.land()
     while triggered and not state.landed:
         state = simulator.step()
         path.append(state.position[:2])
     touchdown = state.position[:2] if triggered else NOWHERE
-    return Attempt(zone.center, triggered, wait_s, guess, truth, touchdown, np.array(path), np.array(frame_s))
+    flown = np.array(path), np.array(frame_s)
+    return Attempt(zone.center, triggered, wait_s, guess, truth, velocity, touchdown, *flown)
 
 
 def _certain(position: np.ndarray) -> Estimate:

@@ -146,6 +146,7 @@ def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict:
         "trigger_error_cm": _quantiles(
             [100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in done]
         ),
+        "lag_cm": _quantiles([_lag(attempt) for attempt in done]),
         "drift_cm": _quantiles([100 * np.hypot(*(attempt.touchdown - attempt.truth)) for attempt in done]),
     }
 
@@ -153,6 +154,11 @@ def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict:
 def _beyond(attempt: Attempt, place: np.ndarray, radius: float) -> float:
     """Distance in cm from the circle to a place outside it; negative inside."""
     return float(100 * (np.hypot(*(place - attempt.zone)) - radius))
+
+
+def _lag(attempt: Attempt) -> float:
+    """How far in cm the estimate trails the vehicle at the trigger, along the way it flies."""
+    return float(100 * (attempt.truth - attempt.estimate) @ attempt.velocity / np.hypot(*attempt.velocity))
 
 
 def _rate(successes: int, trials: int) -> dict | None:

@@ -11,7 +11,7 @@ from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
 from trexton.paper import published
 from trexton.records import Record
 
-__all__ = ["first_flights", "table", "targets", "waiting"]
+__all__ = ["causes", "first_flights", "table", "targets", "waiting"]
 
 _COUNTS = ("", "Landings", "Inside", "Rate", "Triggered inside", "Never triggered")
 _DISTANCES = ("Beyond the circle (cm), mean", "furthest")
@@ -130,6 +130,26 @@ def table(record: Record) -> pd.DataFrame:
         _row("With the true position", ideal, **_rates(ideal)),
     ]
     return pd.DataFrame(rows, columns=_COUNTS + _DISTANCES, dtype=object).fillna("")
+
+
+def causes(record: Record) -> pd.DataFrame:
+    """What a miss is made of: the estimate's error, its lag behind the vehicle, the drift while landing."""
+    columns = {
+        "Error at the trigger": "trigger_error_cm",
+        "Lag of the estimate": "lag_cm",
+        "Drift to touchdown": "drift_cm",
+    }
+    rows = [
+        {"cm": name} | {column: _range(summary[key]) for column, key in columns.items()}
+        for name, summary in (("Localizer", record.values), ("True position", record.values["perfect"]))
+    ]
+    return pd.DataFrame(rows)
+
+
+def _range(quantiles: dict | None) -> str:
+    if quantiles is None:
+        return ""
+    return f"{quantiles['median']:.0f} <small>[{quantiles['p10']:.0f}, {quantiles['p90']:.0f}]</small>"
 
 
 def _row(name: str, counts: dict, **more) -> dict:
