@@ -95,6 +95,12 @@ class Page:
             table.append({"cm": label, **cells, "Euclidean median": _interval(summary.get("median_cm"))})
         return show_table(pd.DataFrame(table).fillna(""))
 
+    def quantities(self, rows: dict[str, str]) -> HTML:
+        """Single numbers of the record: label, and place in its values; what the record does not have is left out."""
+        found = {label: look_up(self.record.values, path) for label, path in rows.items()}
+        table = [{"": label, " ": _number(value)} for label, value in found.items() if value is not None]
+        return show_table(pd.DataFrame(table))
+
     def footer(self) -> HTML:
         """The command that runs this experiment again, its parameters, and what can be downloaded."""
         record = self.record

@@ -1,0 +1,94 @@
+"""Training on homography positions (paper, Analysis, "Training Set based on Homography-finding Method")."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, median_filter
+
+from trexton.experiments.evaluation import evaluate, floor_picture, frames_of, provenance, tracks, trained_map
+from trexton.experiments.stitched import locate_all, stitched_map
+from trexton.flights.flight import Flight
+from trexton.metrics import absolute_errors, summarize
+from trexton.records import Record
+
+__all__ = ["filtered_positions", "run"]
+
+OUTLIER_M = 0.4  # a fix that is this far from the running median was no motion of the vehicle
+MEDIAN_FRAMES = 11
+SMOOTHING_FRAMES = 2.0
+
+
+def filtered_positions(position: np.ndarray) -> np.ndarray:
+    """The remedy the paper suggests: fixes ``(N, 2)`` without outliers and smoothed over time; gaps are interpolated.
+
+    A fix counts as an outlier if it is more than 0.4 m from the running median over eleven frames.
+    """
+    rows = np.arange(len(position))
+    kept = np.isfinite(position).all(axis=1)
+
+    def filled(values: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.interp(rows, rows[kept], column[kept]) for column in values.T])
+
+    running = median_filter(filled(position), size=(MEDIAN_FRAMES, 1), mode="nearest")
+    kept &= np.hypot(*(position - running).T) <= OUTLIER_M
+    return gaussian_filter1d(filled(position), SMOOTHING_FRAMES, axis=0, mode="nearest")
+
+
+def run(
+    train: Flight,
+    test: Flight,
+    *,
+    samples: int = 400,
+    textons: int = 20,
+    particles: int = 50,
+    neighbors: int = 5,
+    repeats: int = 20,
+    anchors: int = 12,
+    seed: int = 1,
+) -> Record:
+    """The motion-capture experiment again, with training positions from homographies on the flight's own mosaic.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images.
+    samples, textons, particles, neighbors : int
+        The paper's defaults.
+    repeats : int
+        Independent runs of the filter over the test flight.
+    anchors : int
+        Training frames whose motion-capture position places the mosaic.
+    """
+    located = locate_all(stitched_map(train, anchors).map, train, "training frames")
+    sources = {"filter": located.position, "remedy": filtered_positions(located.position)}
+    frames = frames_of(test)
+    rng = np.random.default_rng([seed, 0])
+    values: dict = {"failures": int((~located.found).sum())}
+    series: dict = {}
+    step_s = []
+    for name, positions in sources.items():
+        texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed, positions=positions)
+        runs = tracks(texton_map, frames, repeats=repeats, seed=seed, samples=samples, particles=particles)
+        found, drawn = evaluate(runs, texton_map.positions, test, k=neighbors, seed=seed)
+        values[name] = found["filter"]
+        values[f"{name}_knn"] = found["knn"]
+        values[f"{name}_training"] = summarize([positions], train.position, train.diagonal, rng=rng)
+        series = series or drawn
+        series[f"{name}_training_error_m"] = absolute_errors(positions, train.position)
+        series[f"{name}_estimate_m"] = drawn["estimate_m"]
+        step_s += [run.step_s for run in runs]
+    floor, pictures = floor_picture(test)
+    seconds = np.concatenate(step_s)
+    return Record(
+        experiment="homography_training",
+        flight=train.name,
+        parameters={
+            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors,
+            "repeats": repeats, "anchors": anchors, "seed": seed,
+        },
+        values=values,
+        series=series | floor,
+        images=pictures,
+        timings={"step_s": {"median": np.median(seconds), "p99": np.percentile(seconds, 99)}},
+        provenance=provenance(train, test),
+    )  # fmt: skip

@@ -1,0 +1,65 @@
+"""The hyperspatial image, stitched from a flight's own frames (paper, Dataset Generation; Baseline, figure of the map)."""
+
+from __future__ import annotations
+
+from time import perf_counter
+
+import numpy as np
+
+from trexton.experiments.evaluation import provenance
+from trexton.experiments.stitched import floor_residual, picture_of, stitched_map
+from trexton.flights.flight import Flight
+from trexton.records import Record
+
+__all__ = ["run"]
+
+_ARROWS = 400  # matched places that the figure of the deviation shows
+
+
+def run(train: Flight, test: Flight | None = None, *, anchors: int = 12, seed: int = 1) -> Record:
+    """Stitch the training flight; compare with the true floor where the flight carries it.
+
+    Parameters
+    ----------
+    train : Flight
+        With images; the positions of `anchors` of its frames place the map in the world.
+    test : Flight, optional
+        Not used: nothing of the test flight may enter the map.
+    anchors : int
+    """
+    start = perf_counter()
+    mosaic = stitched_map(train, anchors)
+    seconds = perf_counter() - start
+    extent, picture = picture_of(mosaic.map)
+    error_cm = 100 * np.hypot(*(mosaic.poses[:, :2] - train.position).T)[mosaic.used]
+    values = {
+        "frames": len(train),
+        "used": int(mosaic.used.sum()),
+        "anchors": len(mosaic.anchors),
+        "links": len(mosaic.pairs),
+        "rejected_links": mosaic.rejected,
+        "link_error_px": _spread(mosaic.errors),
+        "frame_position_error_cm": _spread(error_cm),
+        "pixels_per_metre": 1 / float(np.hypot(*mosaic.map.world_from_pixel[:2, 0])),
+        "size_px": mosaic.map.image.shape[1::-1],
+    }
+    series = {"map": extent, "area_m": train.area, "frames_m": train.position, "anchors_m": train.position[mosaic.anchors]}
+    if train.floor is not None:
+        truth, deviation = floor_residual(mosaic.map, train.floor)
+        values["residual_cm"] = _spread(100 * np.hypot(*deviation.T)) | {"matches": len(truth)}
+        rows = np.random.default_rng([seed, 0]).permutation(len(truth))[:_ARROWS]
+        series |= {"residual_at_m": truth[rows], "residual_m": deviation[rows]}
+    return Record(
+        experiment="mosaic",
+        flight=train.name,
+        parameters={"anchors": anchors, "seed": seed},
+        values=values,
+        series=series,
+        images={"map": picture},
+        timings={"stitching_s": seconds},
+        provenance=provenance(train),
+    )
+
+
+def _spread(values: np.ndarray) -> dict:
+    return {"median": np.median(values), "p95": np.percentile(values, 95), "rms": np.sqrt(np.mean(np.square(values)))}

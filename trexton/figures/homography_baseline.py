@@ -1,0 +1,48 @@
+"""Figures of the homography baseline: its fixes on the map, and how its errors are distributed."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
+from trexton.records import Record
+
+__all__ = ["MAPS", "error_distribution", "fixes"]
+
+# place in the record: label and colour
+MAPS = {"mosaic": ("on the stitched map", COLORS["estimate"]), "perfect_floor": ("on the true floor", COLORS["accent"])}
+
+
+def fixes(record: Record) -> Figure:
+    """The fixes on the stitched map, each joined to the true position; frames without a fix as crosses."""
+    series = record.series
+    truth, position = np.array(series["truth_m"]), np.array(series["mosaic_m"], dtype=float)
+    lost = ~np.isfinite(position).all(axis=1)
+    with canvas(size=(5.6, 5.6)) as (figure, axes):
+        plan = axes[0, 0]
+        floor_axes(plan, series["area_m"])
+        show_floor(plan, series["map"], record.images["map"])
+        for true, found in zip(truth[~lost], position[~lost]):
+            plan.plot(*zip(true, found), color=COLORS["estimate"], linewidth=0.6, alpha=0.6)
+        plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="motion capture")
+        plan.plot(*position[~lost].T, ".", color=COLORS["estimate"], markersize=3, label="homography")
+        plan.plot(*truth[lost].T, "x", color=COLORS["accent"], label=f"no homography ({lost.sum()})")
+        plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3)
+    return figure
+
+
+def error_distribution(record: Record) -> Figure:
+    """Share of all frames whose error is at most so large; frames without a fix never count."""
+    truth = np.array(record.series["truth_m"])
+    with canvas(size=(7.2, 3.2)) as (figure, axes):
+        plot = axes[0, 0]
+        for name, (label, color) in MAPS.items():
+            if f"{name}_m" not in record.series:
+                continue
+            error = 100 * np.hypot(*(np.array(record.series[f"{name}_m"], dtype=float) - truth).T)
+            error = np.sort(error[np.isfinite(error)])
+            plot.step(error, 100 * np.arange(1, len(error) + 1) / len(truth), where="post", color=color, label=label)
+        plot.set(xscale="log", xlabel="Euclidean error (cm)", ylabel="share of frames (%)", ylim=(0, 102))
+        plot.legend(loc="lower right")
+    return figure

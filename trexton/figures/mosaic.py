@@ -1,0 +1,42 @@
+"""Figures of the stitched map: the map with the flight over it, and where it deviates from the true floor."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
+from trexton.records import Record
+
+__all__ = ["deviation", "stitched"]
+
+
+def stitched(record: Record) -> Figure:
+    """The mosaic, the frames' true positions and the few that placed it in the world."""
+    series = record.series
+    frames, anchors = np.array(series["frames_m"]), np.array(series["anchors_m"])
+    with canvas(size=(6.2, 6.4)) as (figure, axes):
+        plan = axes[0, 0]
+        floor_axes(plan, series["area_m"])
+        show_floor(plan, series["map"], record.images["map"], fade=1.0)
+        plan.plot(*frames.T, color="white", linewidth=0.7, alpha=0.8)
+        plan.plot(*anchors.T, "o", color=COLORS["estimate"], markeredgecolor="white", markersize=6, label="frames that place it")
+        plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1))
+    return figure
+
+
+def deviation(record: Record, magnified: float = 5.0) -> Figure:
+    """Arrows from true places to where the mosaic shows them, lengthened `magnified` times."""
+    series = record.series
+    places, offsets = np.array(series["residual_at_m"]), np.array(series["residual_m"])
+    with canvas(size=(6.2, 6.2)) as (figure, axes):
+        plan = axes[0, 0]
+        floor_axes(plan, series["area_m"])
+        show_floor(plan, series["map"], record.images["map"], fade=0.35)
+        length = 100 * np.hypot(*offsets.T)
+        arrows = plan.quiver(
+            *places.T, *(magnified * offsets.T), length, cmap="viridis", angles="xy", scale_units="xy", scale=1, width=0.004
+        )
+        figure.colorbar(arrows, ax=plan, label="deviation (cm)", shrink=0.7)
+        plan.set_title(f"Arrows are {magnified:.0f} times too long")
+    return figure
