@@ -21,7 +21,9 @@ def lanes(frames: int, turns: float) -> np.ndarray:
     return np.column_stack([0.5 + 3.0 * across, 0.5 + 3.0 * phase])
 
 
-def picture_flight(folder: Path, name: str, frames: int = 48, turns: float = 3.0, floor: bool = True) -> Flight:
+def picture_flight(
+    folder: Path, name: str, frames: int = 48, turns: float = 3.0, floor: bool = True
+) -> Flight:
     """Frames cut from a floor of coloured blobs; a quarter of a second apart."""
     folder.mkdir(parents=True, exist_ok=True)
     rng = np.random.default_rng(11)
@@ -45,7 +47,9 @@ def picture_flight(folder: Path, name: str, frames: int = 48, turns: float = 3.0
         area=(0.0, METRES, 0.0, METRES),
         image_files=tuple(files),
         floor_file=folder / "floor.png" if floor else None,
-        floor_from_pixel=np.array([[step, 0, step / 2], [0, -step, METRES - step / 2], [0, 0, 1]]) if floor else None,
+        floor_from_pixel=np.array([[step, 0, step / 2], [0, -step, METRES - step / 2], [0, 0, 1]])
+        if floor
+        else None,
     )
 
 
@@ -54,7 +58,9 @@ def histogram_flight(name: str, frames: int = 60, turns: float = 3.0, noise: int
     rng = np.random.default_rng(noise)
     position = lanes(frames, turns) + rng.normal(scale=0.02, size=(frames, 2))  # no two distances alike
     x, y = position.T
-    histograms = np.stack([np.sin(x) ** 2, np.cos(y) ** 2, np.sin(x + y) ** 2, np.full(frames, 0.5), 0.2 * x], axis=1)
+    histograms = np.stack(
+        [np.sin(x) ** 2, np.cos(y) ** 2, np.sin(x + y) ** 2, np.full(frames, 0.5), 0.2 * x], axis=1
+    )
     histograms += rng.uniform(0, 0.1, histograms.shape)
     return Flight(
         name=name,

@@ -60,10 +60,16 @@ def test_prediction(record, flights):
     np.testing.assert_allclose(record.series["local_loss"], losses)
     prediction = record.values["prediction"]
     assert prediction["correlation"]["value"] == pytest.approx(spearmanr(losses, errors).statistic)
-    assert prediction["correlation"]["low"] <= prediction["correlation"]["value"] <= prediction["correlation"]["high"]
+    assert (
+        prediction["correlation"]["low"]
+        <= prediction["correlation"]["value"]
+        <= prediction["correlation"]["high"]
+    )
     alike = cosine_similarity(train.histograms).mean(axis=1)
     assert prediction["similarity_alone"]["value"] == pytest.approx(spearmanr(alike, errors).statistic)
-    assert prediction["sparseness_alone"]["value"] == pytest.approx(spearmanr(losses - alike, errors).statistic)
+    assert prediction["sparseness_alone"]["value"] == pytest.approx(
+        spearmanr(losses - alike, errors).statistic
+    )
 
 
 def test_sigma(record, flights):
@@ -71,11 +77,15 @@ def test_sigma(record, flights):
     half, double = (local_losses(train.histograms, train.position, sigma) for sigma in (0.35, 1.4))
     sigma = record.values["sigma"]
     assert sigma["rank_correlation"]["value"] == pytest.approx(spearmanr(half, double).statistic)
-    assert (sigma["half_sigma_loss"], sigma["double_sigma_loss"]) == pytest.approx((half.mean(), double.mean()))
+    assert (sigma["half_sigma_loss"], sigma["double_sigma_loss"]) == pytest.approx(
+        (half.mean(), double.mean())
+    )
     sweep = record.series["sweep"]
     assert [row["sigma_m"] for row in sweep] == list(map_loss.SIGMAS)
     for row in sweep:
-        assert row["global_loss"] == pytest.approx(global_loss(train.histograms, train.position, row["sigma_m"]))
+        assert row["global_loss"] == pytest.approx(
+            global_loss(train.histograms, train.position, row["sigma_m"])
+        )
     assert sigma["best_agreement_m"] == sweep[np.argmax([row["agreement"] for row in sweep])]["sigma_m"]
 
 
@@ -109,7 +119,12 @@ def test_runs_on_images(tmp_path, monkeypatch):
     record = map_loss.run(train, test, textons=6, samples=60)
     assert record.images["floor"].shape[2] == 3
     assert record.values["counts"] == {"train": 48, "test": 48, "textons": 6}
-    for draw in (figures.heat_maps, figures.errors_by_loss, figures.similarity_by_distance, figures.sigma_sweep):
+    for draw in (
+        figures.heat_maps,
+        figures.errors_by_loss,
+        figures.similarity_by_distance,
+        figures.sigma_sweep,
+    ):
         draw(record)
 
 
@@ -130,8 +145,12 @@ def test_figures_show_the_record(record, tmp_path):
         shown = np.ma.filled(plan.images[-1].get_array(), np.nan)
         np.testing.assert_allclose(shown, scale * np.array(heat[key], dtype=float))
     loss, correlations = figures.sigma_sweep(loaded).axes
-    np.testing.assert_allclose(loss.lines[0].get_ydata(), [row["global_loss"] for row in record.series["sweep"]])
-    np.testing.assert_allclose(correlations.lines[1].get_ydata(), [row["prediction"]["value"] for row in record.series["sweep"]])
+    np.testing.assert_allclose(
+        loss.lines[0].get_ydata(), [row["global_loss"] for row in record.series["sweep"]]
+    )
+    np.testing.assert_allclose(
+        correlations.lines[1].get_ydata(), [row["prediction"]["value"] for row in record.series["sweep"]]
+    )
     (plot,) = figures.errors_by_loss(loaded).axes
     groups = record.series["groups"]["test_filter"]
     np.testing.assert_allclose(plot.lines[2].get_ydata(), [group["error_cm"]["value"] for group in groups])

@@ -54,7 +54,12 @@ def test_shows_what_the_localizer_did(record, pair):
 
 def test_typical_frame_has_the_median_error(record, pair):
     train, test = pair
-    localizer = Localizer(trained_map(train, textons=6, neighbors=3), samples=60, particles=15, rng=np.random.default_rng([1, 1]))
+    localizer = Localizer(
+        trained_map(train, textons=6, neighbors=3),
+        samples=60,
+        particles=15,
+        rng=np.random.default_rng([1, 1]),
+    )
     errors = 100 * np.linalg.norm(fly(localizer, frames_of(test)).estimate - test.position, axis=1)
     assert (errors < record.values["error_cm"]).sum() == (len(errors) - 1) // 2
     assert record.values["median_error_cm"] == pytest.approx(np.median(errors))
@@ -84,7 +89,9 @@ def test_figure_shows_the_record(record, tmp_path):
     figure = figures.pipeline(loaded)
     image, histogram, similar, neighbors, particles, position = figure.axes[:6]
     assert len(image.collections[0].get_paths()) == 60
-    np.testing.assert_allclose([bar.get_height() for bar in histogram.patches], 100 * np.array(record.series["histogram"]))
+    np.testing.assert_allclose(
+        [bar.get_height() for bar in histogram.patches], 100 * np.array(record.series["histogram"])
+    )
     strip = record.images["textons"][..., ::-1].astype(float) / 255
     np.testing.assert_allclose(histogram.patches[2].get_facecolor()[:3], strip[:, 12:18].mean(axis=(0, 1)))
     assert len(similar.images) == 3

@@ -1,9 +1,10 @@
 """Map evaluation: how well a floor suits the method, from a training set alone (Methods, "Map evaluation").
 
-Histograms taken close together should be alike, and less so with distance. The ideal is a Gaussian bump around every
-position; the loss is what the actual similarity exceeds it by. Being less alike than the ideal lowers the loss.
+Histograms taken close together should be alike, and less so with distance. The ideal is a Gaussian bump
+around every position; the loss is what the actual similarity exceeds it by, negative where it falls short.
 
-Throughout, `histograms` is ``(N, K)``, `positions` ``(N, 2)`` in metres, `sigma` metres: one number, or one an axis.
+Throughout, `histograms` is ``(N, K)``, `positions` is ``(N, 2)`` in metres, `sigma` is in metres: one number,
+or one for each axis.
 """
 
 from __future__ import annotations
@@ -14,7 +15,15 @@ import numpy as np
 
 from trexton.errors import MapError, ParameterError
 
-__all__ = ["HeatMap", "cosine_similarity", "global_loss", "heat_map", "ideal_similarity", "local_losses", "smooth"]
+__all__ = [
+    "HeatMap",
+    "cosine_similarity",
+    "global_loss",
+    "heat_map",
+    "ideal_similarity",
+    "local_losses",
+    "smooth",
+]
 
 _ROWS = 512  # rows of an (N, N) matrix that are held at once
 Sigma = float | tuple[float, float]
@@ -41,14 +50,14 @@ def ideal_similarity(positions: np.ndarray, others: np.ndarray, sigma: Sigma) ->
         `sigma` is not positive.
     """
     scale = _scale(sigma)
-    exponent = sum(np.square((positions[:, None, axis] - others[None, :, axis]) / scale[axis]) for axis in range(2))
-    return np.exp(-exponent / 2)
+    (x, y), (others_x, others_y) = (np.asarray(places).T / scale[:, None] for places in (positions, others))
+    return np.exp(-(np.square(x[:, None] - others_x) + np.square(y[:, None] - others_y)) / 2)
 
 
 def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> np.ndarray:
     """``(N,)``: the loss of each sample, (1/N) sum_j CS(h_i, h_j) - d_e(pos_i, pos_j).
 
-    The sum over j of the similarities is one product with the sum of all unit histograms, which spares the double sum.
+    The similarities of a sample add up to one product with the sum of all unit histograms.
 
     Raises
     ------
@@ -59,7 +68,10 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) ->
     """
     units, positions = _units(histograms), np.asarray(positions, dtype=float)
     if positions.shape != (len(units), 2) or not np.isfinite(positions).all():
-        raise MapError(f"{len(units)} histograms came with positions of shape {positions.shape}: expected finite ({len(units)}, 2) metres")
+        raise MapError(
+            f"{len(units)} histograms came with positions of shape {positions.shape}: "
+            f"expected finite ({len(units)}, 2) metres"
+        )
     alike = np.einsum("nk,k->n", units, units.sum(axis=0))
     blocks = [positions[first : first + _ROWS] for first in range(0, len(positions), _ROWS)]
     ideal = np.concatenate([ideal_similarity(block, positions, sigma).sum(axis=1) for block in blocks])
@@ -72,7 +84,7 @@ def global_loss(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> 
 
 
 def smooth(values: np.ndarray, positions: np.ndarray, places: np.ndarray, sigma: Sigma) -> np.ndarray:
-    """``(M,)``: mean of the samples' `values` at `places` ``(M, 2)``, weighted by a Gaussian of their distance."""
+    """``(M,)``: mean of the samples' `values` around `places` ``(M, 2)``, weighted by a Gaussian."""
     smoothed = np.empty(len(places))
     for first in range(0, len(places), _ROWS):
         weights = ideal_similarity(places[first : first + _ROWS], positions, sigma)
@@ -108,7 +120,7 @@ def heat_map(
 ) -> HeatMap:
     """Assign a value to every place of the floor: the samples' values, smoothed with a Gaussian.
 
-    A normalised convolution, taken at the cells' centres from the samples' own positions, not from a grid of them.
+    A normalised convolution, taken at the cells' centres from the samples' own positions.
 
     Parameters
     ----------
@@ -148,7 +160,9 @@ def _centers(start: float, end: float, cell: float) -> np.ndarray:
 def _scale(sigma: Sigma) -> np.ndarray:
     scale = np.broadcast_to(np.asarray(sigma, dtype=float), 2)
     if not (np.isfinite(scale).all() and (scale > 0).all()):
-        raise ParameterError(f"sigma is {sigma}: expected a positive length in metres, or one for x and one for y")
+        raise ParameterError(
+            f"sigma is {sigma}: expected a positive length in metres, or one for x and one for y"
+        )
     return scale
 
 

@@ -18,7 +18,8 @@ def milliseconds(runs: Sequence[np.ndarray], stretch: int = _STRETCH) -> dict:
     """
     pieces = [piece for run in runs for piece in np.array_split(run, max(1, len(run) // stretch))]
     low, high = np.percentile([np.median(piece) for piece in pieces], (2.5, 97.5))
-    return {"median": 1000 * np.median(np.concatenate(runs)), "low": 1000 * low, "high": 1000 * high}
+    median = np.median(np.concatenate(runs))
+    return {"median": 1000 * median, "low": 1000 * min(low, median), "high": 1000 * max(high, median)}
 
 
 def frequency(time_ms: dict) -> dict:

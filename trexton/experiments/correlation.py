@@ -9,8 +9,10 @@ from trexton.metrics import BLOCK, block_rows
 __all__ = ["pair_correlation", "pearson", "rank_correlation"]
 
 
-def rank_correlation(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 400, block: int = BLOCK) -> dict:
-    """Spearman's correlation of two ``(N,)`` arrays: ``value``, and ``low`` and ``high`` of its 95 % interval.
+def rank_correlation(
+    a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 400, block: int = BLOCK
+) -> dict:
+    """Spearman's correlation of two ``(N,)`` arrays: ``value``, ``low`` and ``high`` of its 95 % interval.
 
     The interval draws whole blocks of rows; `block` = 1 draws single rows. NaN where one side is constant.
     """
@@ -20,7 +22,7 @@ def rank_correlation(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
 
 
 def pair_correlation(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 200) -> dict:
-    """Spearman's correlation over all pairs of N frames of two symmetric ``(N, N)`` arrays, with its 95 % interval.
+    """Spearman's correlation of two symmetric ``(N, N)`` arrays over all pairs, with its 95 % interval.
 
     Frames, not pairs, are drawn anew in blocks: N (N - 1) / 2 pairs are far from independent. Ranks are kept.
     """
@@ -34,12 +36,15 @@ def pair_correlation(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
         return (xy - mean_x * mean_y) / np.sqrt((xx - mean_x**2) * (yy - mean_y**2))
 
     with np.errstate(invalid="ignore", divide="ignore"):
-        drawn = [correlation(np.bincount(block_rows(count, rng), minlength=count).astype(float)) for _ in range(draws)]
+        drawn = [
+            correlation(np.bincount(block_rows(count, rng), minlength=count).astype(float))
+            for _ in range(draws)
+        ]
         return _with_interval(correlation(np.ones(count)), drawn)
 
 
 def pearson(a: np.ndarray, b: np.ndarray) -> float:
-    """Pearson's correlation, summed in one order whatever the number of threads; NaN where one side is constant."""
+    """Pearson's correlation, the same bits on any number of threads; NaN where one side is constant."""
     x, y = a - a.mean(), b - b.mean()
     with np.errstate(invalid="ignore"):
         return float(np.einsum("i,i->", x, y) / np.sqrt(np.einsum("i,i->", x, x) * np.einsum("i,i->", y, y)))

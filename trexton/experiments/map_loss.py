@@ -1,4 +1,4 @@
-"""Which floors are suitable (paper, Methods, "Map evaluation", and its figure): the loss, and whether it tells errors."""
+"""Which floors are suitable (paper, Methods, "Map evaluation" and its figure), what the loss foretells."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ def run(
 ) -> Record:
     """Evaluate the training set of one flight, and compare its loss with the errors that are then made.
 
-    Two kinds of error: on the training flight each frame is localized by its k-NN among the others (a frame and those
-    within half a second of it are left out); on the test flight by the k-NN and by the filter, where the loss is that of the
-    place, smoothed from the training samples around it.
+    Two kinds of error: on the training flight each frame is localized by its k-NN among the others, those
+    within half a second left out; on the test flight by the k-NN and by the filter. There the loss is that
+    of the place, smoothed from the training samples around it.
 
     Parameters
     ----------
     train, test : Flight
         With images, or with histograms.
     sigma : float
-        Of the ideal similarity and of the smoothing, in metres; 0.8 m is what the authors used on their flight.
+        Of the ideal similarity and of the smoothing, in metres; the authors used 0.8 m on their flight.
     samples, textons, particles, neighbors : int
         The paper's defaults; `samples` and `particles` matter to the errors on the test flight only.
     """
@@ -53,7 +53,8 @@ def run(
     similarity, similarity_series = _similarity(histograms, positions, sigma, seed)
     sweep, chosen = _sweep(histograms, positions, errors, sigma, seed)
     prediction, prediction_series = _prediction(positions, losses, errors, sigma, seed)
-    unseen, unseen_series = _unseen(texton_map, test, losses, sigma, {"samples": samples, "particles": particles}, seed)
+    options = {"samples": samples, "particles": particles}
+    unseen, unseen_series = _unseen(texton_map, test, losses, sigma, options, seed)
     heat = heat_map(losses, positions, train.area, sigma)
     wrong = heat_map(errors, positions, train.area, sigma)
     floor, pictures = floor_picture(train)
@@ -61,7 +62,11 @@ def run(
         experiment="map_loss",
         flight=train.name,
         parameters={
-            "sigma": sigma, "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors, "seed": seed,
+            **options,
+            "sigma": sigma,
+            "textons": textons,
+            "neighbors": neighbors,
+            "seed": seed,
         },
         values={
             "global_loss": losses.mean(),
@@ -104,12 +109,15 @@ def _similarity(histograms: np.ndarray, positions: np.ndarray, sigma: float, see
     upper = np.triu_indices(len(rows), 1)
     edges = np.linspace(0, distance.max(), 25)
     bins = np.digitize(distance[upper], edges[1:-1])
-    quartiles = [np.percentile(alike[upper][bins == b], (25, 50, 75)) if (bins == b).any() else [np.nan] * 3 for b in range(24)]
+    groups = [alike[upper][bins == b] for b in range(24)]
+    quartiles = [np.percentile(group, (25, 50, 75)) if len(group) else [np.nan] * 3 for group in groups]
     low, median, high = np.array(quartiles).T
     return values, {"distance_m": (edges[1:] + edges[:-1]) / 2, "low": low, "median": median, "high": high}
 
 
-def _sweep(histograms: np.ndarray, positions: np.ndarray, errors: np.ndarray, sigma: float, seed: int) -> tuple[list, dict]:
+def _sweep(
+    histograms: np.ndarray, positions: np.ndarray, errors: np.ndarray, sigma: float, seed: int
+) -> tuple[list, dict]:
     """What another sigma would have given, from an eighth of the paper's to four times it."""
     frames = _evenly(len(histograms))
     alike, place = cosine_similarity(histograms[frames]), positions[frames]
@@ -135,11 +143,13 @@ def _sweep(histograms: np.ndarray, positions: np.ndarray, errors: np.ndarray, si
     }
 
 
-def _prediction(positions: np.ndarray, losses: np.ndarray, errors: np.ndarray, sigma: float, seed: int) -> tuple[dict, dict]:
+def _prediction(
+    positions: np.ndarray, losses: np.ndarray, errors: np.ndarray, sigma: float, seed: int
+) -> tuple[dict, dict]:
     """Does the loss of a training frame tell its error, and which part of the loss does?
 
-    The loss is mean similarity less mean ideal, and the ideal knows nothing of the floor: its mean only counts the
-    frames around each frame, so it is small at the border and wherever few frames were taken.
+    The loss is mean similarity less mean ideal, and the ideal knows nothing of the floor: its mean only
+    counts the frames around each frame, so it is small at the border and wherever few frames were taken.
     """
     crowding = ideal_similarity(positions, positions, sigma).mean(axis=1)
 
@@ -154,18 +164,23 @@ def _prediction(positions: np.ndarray, losses: np.ndarray, errors: np.ndarray, s
     return values, {"train_knn": _grouped(losses, errors, seed)}
 
 
-def _unseen(texton_map: TextonMap, test: Flight, losses: np.ndarray, sigma: float, options: dict, seed: int) -> tuple[dict, dict]:
+def _unseen(
+    texton_map: TextonMap, test: Flight, losses: np.ndarray, sigma: float, options: dict, seed: int
+) -> tuple[dict, dict]:
     """The same on another flight: the smoothed loss of each place against the errors made there."""
     expected = smooth(losses, texton_map.positions, test.position, sigma)
     track = fly(Localizer(texton_map, rng=np.random.default_rng([seed, 6]), **options), frames_of(test))
-    errors = {"test_knn": _euclidean(track.knn, test.position), "test_filter": _euclidean(track.estimate, test.position)}
+    errors = {
+        "test_knn": _euclidean(track.knn, test.position),
+        "test_filter": _euclidean(track.estimate, test.position),
+    }
     rng = np.random.default_rng([seed, 7])
     values = {name: rank_correlation(expected, wrong, rng=rng) for name, wrong in errors.items()}
     return values, {name: _grouped(expected, wrong, seed) for name, wrong in errors.items()}
 
 
 def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict]:
-    """Mean error in cm in tenths of the frames, from lowest to highest loss; intervals draw stretches of the flight."""
+    """Mean error in cm in tenths of the frames by rising loss, intervals over stretches of the flight."""
     order = np.argsort(losses, kind="stable")
     group = np.empty(len(order), dtype=np.int64)
     group[order] = np.arange(len(order)) * GROUPS // len(order)
@@ -179,7 +194,8 @@ def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict]:
     low, high = np.nanpercentile(drawn, (2.5, 97.5), axis=0)
     loss, error = (means(values, np.arange(len(order))) for values in (losses, 100 * errors))
     return [
-        {"loss": loss[i], "error_cm": {"value": error[i], "low": low[i], "high": high[i]}} for i in range(GROUPS)
+        {"loss": loss[i], "error_cm": {"value": error[i], "low": low[i], "high": high[i]}}
+        for i in range(GROUPS)
     ]
 
 

@@ -1,4 +1,4 @@
-"""The pipeline on one real frame (paper, Introduction, figure of the overview): everything Algorithm 1 saw and drew."""
+"""The pipeline on one real frame (paper, Introduction, overview): all that Algorithm 1 saw and drew."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def run(
     samples, textons, particles, neighbors : int
         The paper's defaults.
     frame : int, optional
-        The frame's number; else the one whose error is the median of the flight's, and so neither flatters nor blames.
+        The frame's number; else that whose error is the median of the flight's, to neither flatter nor blame.
 
     Raises
     ------
@@ -69,7 +69,8 @@ def run(
         experiment="overview",
         flight=train.name,
         parameters={
-            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors, "frame": frame, "seed": seed,
+            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors,
+            "frame": frame, "seed": seed,
         },
         values={
             "frame": test.frame[row],
@@ -104,7 +105,15 @@ def run(
 def sampled_patches(
     image: np.ndarray, dictionary: TextonDictionary, samples: int, *, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where `trexton.histograms.sampled_histogram` looks with this `rng`, ``(n, 2)`` (row, column), and the ``(n,)`` labels."""
+    """Where `trexton.histograms.sampled_histogram` looks with this `rng`, and what it finds.
+
+    Returns
+    -------
+    positions : (n, 2) int array
+        Row and column of each patch.
+    labels : (n,) int array
+        Nearest textons.
+    """
     positions = sample_positions(image.shape, dictionary.patch, samples, rng)
     return positions, dictionary.label(gather_patches(image, positions, dictionary.patch))
 
@@ -129,7 +138,8 @@ def _row(flight: Flight, frame: int) -> int:
     rows = np.flatnonzero(flight.frame == frame)
     if not len(rows):
         raise FlightError(
-            f"flight {flight.name!r} has no frame {frame}: choose one from {flight.frame[0]} to {flight.frame[-1]}, or None"
+            f"flight {flight.name!r} has no frame {frame}: "
+            f"choose one from {flight.frame[0]} to {flight.frame[-1]}, or None"
         )
     return int(rows[0])
 

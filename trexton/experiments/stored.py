@@ -1,4 +1,4 @@
-"""How the number of stored histograms sets the rate, far beyond the 800 of the paper: brute force and tree."""
+"""How the number of stored histograms sets the rate, far beyond the paper's 800: brute force and tree."""
 
 from __future__ import annotations
 
@@ -18,10 +18,12 @@ _FRAMES = 12  # timed for each number
 _METHODS = ("brute", "tree")
 
 
-def multiplied(histograms: np.ndarray, count: int, *, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    """``(count, K)`` histograms like these, as if the floor had been flown over again and again, and the rows they copy.
+def multiplied(
+    histograms: np.ndarray, count: int, *, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """``(count, K)`` histograms as if the floor had been flown over again and again, and the rows they copy.
 
-    Each is one of the originals plus noise that has, texton by texton, the deviation of the change from frame to frame.
+    Each is one of the originals plus noise, in each texton as large as the change from frame to frame.
     """
     rows = rng.integers(len(histograms), size=count)
     deviation = np.diff(histograms, axis=0).std(axis=0)
@@ -32,7 +34,9 @@ def multiplied(histograms: np.ndarray, count: int, *, rng: np.random.Generator) 
     return copies, rows
 
 
-def time_stored(texton_map: TextonMap, frames, *, samples: int, particles: int, most: int, seed: int) -> tuple[list, list, float, dict]:
+def time_stored(
+    texton_map: TextonMap, frames, *, samples: int, particles: int, most: int, seed: int
+) -> tuple[list, list, float, dict]:
     """Time the search and the whole step on 100, 300, 1000 ... histograms, up to `most`.
 
     Returns
@@ -45,21 +49,26 @@ def time_stored(texton_map: TextonMap, frames, *, samples: int, particles: int, 
         What the claims need of the shortest and the longest.
     """
     crowd, origin = multiplied(texton_map.histograms, most, rng=np.random.default_rng([seed, 20_000]))
-    localizer = Localizer(texton_map, samples=samples, particles=particles, rng=np.random.default_rng([seed, 20_001]))
+    localizer = Localizer(
+        texton_map, samples=samples, particles=particles, rng=np.random.default_rng([seed, 20_001])
+    )
     asked = [localizer.observe(frame) for frame in frames[:_FRAMES]]
     rows, clocks = [], []
     for count in progress(_numbers(most), "stored histograms"):
         clock, found = {"stored": count}, []
         for method in _METHODS:
             start = perf_counter()
-            store = NearestHistograms(crowd[:count], texton_map.positions[origin[:count]], k=texton_map.neighbors, method=method)
+            store = NearestHistograms(
+                crowd[:count], texton_map.positions[origin[:count]], k=texton_map.neighbors, method=method
+            )
             built_s = perf_counter() - start
             localizer.nearest = store
             step_ms = milliseconds([fly(localizer, frames[:_FRAMES]).step_s], 4)
             query_s, neighbors = zip(*(_timed(store, histogram) for histogram in asked))
             found.append(np.array(neighbors))
             clock[method] = {
-                "build_s": built_s, "query_ms": milliseconds([np.array(query_s)], 4), "frame_ms": step_ms, "frequency_hz": frequency(step_ms),
+                "build_s": built_s, "query_ms": milliseconds([np.array(query_s)], 4),
+                "frame_ms": step_ms, "frequency_hz": frequency(step_ms),
             }  # fmt: skip
         rows.append({"stored": count, "same": np.mean((found[0] == found[1]).all(axis=1))})
         clocks.append(clock)

@@ -1,4 +1,4 @@
-"""Speed against accuracy (paper, Analysis, "Speed versus Accuracy Trade-Off", its three figures; Discussion)."""
+"""Speed against accuracy (paper, Analysis, "Speed versus Accuracy Trade-Off" and its figures; Discussion)."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def run(
 ) -> Record:
     """Vary one parameter at a time, the others at their defaults: the error, and the time of a frame.
 
-    The time is that of `Localizer.step`; the image is at hand, decoded. Samples are varied where there are images.
+    The time is that of `Localizer.step`, the image at hand and decoded. Only images can be sampled.
 
     Parameters
     ----------
@@ -56,18 +56,19 @@ def run(
     samples, textons, particles, neighbors : int
         The paper's defaults.
     repeats : int
-        Independent runs of the filter for each setting; half of them for neighbours and training set, a third where a
-        frame takes longest, at least three.
+        Independent runs of the filter for each setting; half of them for neighbours and training set, a third
+        where a frame takes longest, at least three.
     stored : int
         The largest number of histograms that the search is timed on.
     """
-    bench = _Bench(
-        trained_map(train, textons=textons, neighbors=neighbors, seed=seed), train, test,
-        {"samples": samples, "particles": particles, "neighbors": neighbors, "training": len(train)}, repeats, seed,
-    )  # fmt: skip
+    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    defaults = {"samples": samples, "particles": particles, "neighbors": neighbors, "training": len(train)}
+    bench = _Bench(texton_map, train, test, defaults, repeats, seed)
     sweeps = {name: bench.sweep(name) for name in SWEPT if name != "samples" or test.has_images}
     values, timings = _headlines(sweeps, bench)
-    grid, best = search_settings(bench.wide, test, bench.frames, bench.full, samples=samples, repeats=repeats, seed=seed)
+    grid, best = search_settings(
+        bench.wide, test, bench.frames, bench.full, samples=samples, repeats=repeats, seed=seed
+    )
     rows, clocks, agreement, ends = time_stored(
         bench.map, bench.frames, samples=samples, particles=particles, most=stored, seed=seed
     )
@@ -91,7 +92,9 @@ def run(
     )  # fmt: skip
 
 
-def retrained(texton_map: TextonMap, time: np.ndarray, *, rows: np.ndarray | None = None, neighbors: int | None = None) -> TextonMap:
+def retrained(
+    texton_map: TextonMap, time: np.ndarray, *, rows: np.ndarray | None = None, neighbors: int | None = None
+) -> TextonMap:
     """The map of some of its training frames only, or for another number of neighbours.
 
     Parameters
@@ -106,7 +109,12 @@ def retrained(texton_map: TextonMap, time: np.ndarray, *, rows: np.ndarray | Non
     rows = np.arange(len(time)) if rows is None else rows
     histograms, positions = texton_map.histograms[rows], texton_map.positions[rows]
     nearest = neighbors_in_flight(histograms, time[rows], neighbors or texton_map.neighbors)
-    return replace(texton_map, histograms=histograms, positions=positions, rank_covariance=rank_covariances(positions, nearest))
+    return replace(
+        texton_map,
+        histograms=histograms,
+        positions=positions,
+        rank_covariance=rank_covariances(positions, nearest),
+    )
 
 
 @dataclass
@@ -121,23 +129,28 @@ class _Sweep:
 class _Bench:
     """A map and a test flight, its images decoded once."""
 
-    def __init__(self, texton_map: TextonMap, train: Flight, test: Flight, defaults: dict, repeats: int, seed: int):
+    def __init__(
+        self, texton_map: TextonMap, train: Flight, test: Flight, defaults: dict, repeats: int, seed: int
+    ):
         self.map, self.train, self.test = texton_map, train, test
         self.defaults, self.repeats, self.seed = defaults, repeats, seed
         self.frames = frames_of(test)
-        Localizer(texton_map, rng=np.random.default_rng(seed)).step(self.frames[0])  # whatever the first call loads
+        warm = Localizer(texton_map, rng=np.random.default_rng(seed))
+        warm.step(self.frames[0])  # the first call loads what later ones need
 
     @cached_property
     def full(self) -> list[np.ndarray]:
         """The test frames' histograms of full sampling."""
         if not self.test.has_images:
             return self.frames
-        return [texton_histogram(image, self.map.dictionary) for image in progress(self.frames, "full sampling")]
+        images = progress(self.frames, "full sampling")
+        return [texton_histogram(image, self.map.dictionary) for image in images]
 
     @cached_property
     def wide(self) -> TextonMap:
         """The map with a measurement model for as many neighbours as are swept."""
-        most = max(k for k in (*SWEPT["neighbors"], self.map.neighbors) if k <= max(self.map.neighbors, len(self.train) // 4))
+        limit = max(self.map.neighbors, len(self.train) // 4)
+        most = max(k for k in (*SWEPT["neighbors"], self.map.neighbors) if k <= limit)
         return retrained(self.map, self.train.time, neighbors=most)
 
     def sweep(self, name: str) -> _Sweep:
@@ -152,7 +165,8 @@ class _Bench:
             runs = result.runs[value] = self._runs(setting, repeats)
             filtered, knn = (self.summary([getattr(run, of) for run in runs]) for of in ("estimate", "knn"))
             errors = {key: filtered[key] for key in _KEPT} | {"knn": {key: knn[key] for key in _KEPT}}
-            time_ms = milliseconds(self._full_times() if setting["samples"] is None else [run.step_s for run in runs])
+            step_s = self._full_times() if setting["samples"] is None else [run.step_s for run in runs]
+            time_ms = milliseconds(step_s)
             result.rows.append(setting | self._patches(setting) | {"runs": len(runs)} | errors)
             result.clocks.append(setting | {"frame_ms": time_ms, "frequency_hz": frequency(time_ms)})
         return result
@@ -188,8 +202,8 @@ class _Bench:
 
 
 def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict, dict]:
-    """The ends of each sweep (errors in x, as the paper plots them; times), and what the Discussion concludes from them."""
-    values, timings = {}, {}
+    """The ends of both sweeps of the paper (errors in x, as it plots them), and what it concludes."""
+    values, timings, errors, rates = {}, {}, [], []
     for name in ("samples", "particles"):
         if name not in sweeps:
             continue
@@ -197,20 +211,23 @@ def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict, dict]:
         for label, end in ((f"fewest_{name}", 0), (most, -1)):
             values[f"{label}_error_cm"] = sweep.rows[end]["error_cm_x"]
             timings[f"{label}_ms"] = sweep.clocks[end]["frame_ms"]
-        last = sweep.runs[sweep.rows[-1][name]]
-        gain = _gain(sweep.runs[bench.defaults[name]], last, bench.test, rng=np.random.default_rng([bench.seed, 10_003]))
-        values["plateau_gain" if name == "samples" else "particles_plateau_gain"] = gain
-    error = [row["error_cm_x"]["median"] for name in ("samples", "particles") if name in sweeps for row in sweeps[name].rows]
-    rate = [row["frequency_hz"]["median"] for name in ("samples", "particles") if name in sweeps for row in sweeps[name].clocks]
+        default, last = (sweep.runs[value] for value in (bench.defaults[name], sweep.rows[-1][name]))
+        key = "plateau_gain" if name == "samples" else "particles_plateau_gain"
+        values[key] = _gain(default, last, bench.test, rng=np.random.default_rng([bench.seed, 10_003]))
+        errors += [row["error_cm_x"]["median"] for row in sweep.rows]
+        rates += [clock["frequency_hz"]["median"] for clock in sweep.clocks]
     rng = np.random.default_rng([bench.seed, 10_004])
-    timings["error_frequency_correlation"] = rank_correlation(error, rate, rng=rng, block=1)
+    timings["error_frequency_correlation"] = rank_correlation(errors, rates, rng=rng, block=1)
     return values, timings
 
 
-def _gain(before: list[Track], after: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 1000) -> dict:
-    """By which share the error in x falls from one setting to another, with its 95 % interval over runs and frames."""
+def _gain(
+    before: list[Track], after: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 1000
+) -> dict:
+    """By which share the error in x falls from one setting to another, with its 95 % interval."""
     first, second = (
-        np.stack([absolute_errors(run.estimate, test.position)[:, 0] for run in runs]) for runs in (before, after)
+        np.stack([absolute_errors(run.estimate, test.position)[:, 0] for run in runs])
+        for runs in (before, after)
     )
 
     def share(a: np.ndarray, b: np.ndarray) -> float:
@@ -221,4 +238,5 @@ def _gain(before: list[Track], after: list[Track], test: Flight, *, rng: np.rand
         rows = block_rows(len(test), rng)
         drawn.append(share(first[rng.integers(len(first)), rows], second[rng.integers(len(second)), rows]))
     low, high = np.percentile(drawn, (2.5, 97.5))
-    return {"value": share(np.median(first.mean(axis=1)), np.median(second.mean(axis=1))), "low": low, "high": high}
+    value = share(np.median(first.mean(axis=1)), np.median(second.mean(axis=1)))
+    return {"value": value, "low": low, "high": high}

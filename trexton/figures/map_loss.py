@@ -1,4 +1,4 @@
-"""Figures of the map evaluation: loss and error over the floor, what the loss foretells, the choice of sigma."""
+"""Figures of the map evaluation: loss and error over the floor, what the loss foretells, choice of sigma."""
 
 from __future__ import annotations
 
@@ -20,7 +20,9 @@ def heat_maps(record: Record) -> Figure:
             floor_axes(plan, record.series["area_m"])
             show_floor(plan, record.series.get("floor"), record.images.get("floor"), fade=0.3)
             values = scale * np.array(heat[key], dtype=float)
-            colors = plan.imshow(values, extent=heat["extent_m"], origin="lower", cmap="YlOrRd", alpha=0.75, zorder=1)
+            colors = plan.imshow(
+                values, extent=heat["extent_m"], origin="lower", cmap="YlOrRd", alpha=0.75, zorder=1
+            )
             plan.plot(*positions.T, ".", color=COLORS["truth"], markersize=1.2, alpha=0.6)
             plan.set_title(title)
             bar = figure.colorbar(colors, ax=plan, location="bottom", shrink=0.9, aspect=25)
@@ -31,7 +33,7 @@ def heat_maps(record: Record) -> Figure:
 
 
 def errors_by_loss(record: Record) -> Figure:
-    """Mean error in tenths of the frames, ordered by their loss: a loss that foretells errors gives rising lines."""
+    """Mean error in tenths of the frames, ordered by loss: one that foretells errors gives rising lines."""
     lines = (
         ("train_knn", "training frames, k-NN without the frame", COLORS["accent"], "o"),
         ("test_knn", "test flight, k-NN", COLORS["knn"], "s"),
@@ -51,16 +53,18 @@ def errors_by_loss(record: Record) -> Figure:
 
 
 def similarity_by_distance(record: Record) -> Figure:
-    """Similarity of pairs of frames by their distance, median and quartiles, and the ideal that the loss compares with."""
+    """Similarity of pairs of frames by their distance, median and quartiles, and the ideal beside it."""
     series, sigma = record.series["similarity"], record.parameters["sigma"]
     distance = np.array(series["distance_m"])
     low, median, high = (np.array(series[key], dtype=float) for key in ("low", "median", "high"))
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
-        plot.fill_between(distance, low, high, color=COLORS["accent"], alpha=0.2, linewidth=0, label="half of all pairs")
-        plot.plot(distance, median, color=COLORS["accent"], label="median")
+        style = {"color": COLORS["accent"]}
+        plot.fill_between(distance, low, high, alpha=0.2, linewidth=0, label="half of all pairs", **style)
+        plot.plot(distance, median, label="median", **style)
         curve = np.linspace(0, distance.max(), 200)
-        plot.plot(curve, np.exp(-(curve**2) / (2 * sigma**2)), color=COLORS["estimate"], linestyle="--", label=f"ideal, σ = {sigma:g} m")
+        ideal = np.exp(-(curve**2) / (2 * sigma**2))
+        plot.plot(curve, ideal, color=COLORS["estimate"], linestyle="--", label=f"ideal, σ = {sigma:g} m")
         plot.set(xlabel="distance (m)", ylabel="cosine similarity", xlim=(0, None), ylim=(0, 1.02))
         plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
     return figure
@@ -77,15 +81,17 @@ def sigma_sweep(record: Record) -> Figure:
     )
     with canvas(2, 1, size=(6.4, 4.8), sharex=True, height_ratios=(1, 2)) as (figure, axes):
         loss, plot = axes[:, 0]
-        loss.plot(sigma, [row["global_loss"] for row in sweep], color=COLORS["truth"], marker="o", markersize=4)
+        losses = [row["global_loss"] for row in sweep]
+        loss.plot(sigma, losses, color=COLORS["truth"], marker="o", markersize=4)
         loss.set(ylabel="global loss L")
         for key, label, color, marker in lines:
             values = [row[key] for row in sweep]
             if isinstance(values[0], dict):
-                band = {name: np.array([row[name] for row in values], dtype=float) for name in ("value", "low", "high")}
-                plot.fill_between(sigma, band["low"], band["high"], color=color, alpha=0.15, linewidth=0)
-                values = band["value"]
-            plot.plot(sigma, np.array(values, dtype=float), color=color, marker=marker, markersize=4, label=label)
+                low, high, values = ([row[name] for row in values] for name in ("low", "high", "value"))
+                low, high = np.array([low, high], dtype=float)
+                plot.fill_between(sigma, low, high, color=color, alpha=0.15, linewidth=0)
+            values = np.array(values, dtype=float)
+            plot.plot(sigma, values, color=color, marker=marker, markersize=4, label=label)
         plot.set(xlabel="σ (m)", ylabel="correlation", xscale="log", ylim=(None, 1.05))
         plot.set_xticks(sigma, labels=[f"{value:g}" for value in sigma])
         plot.minorticks_off()

@@ -17,7 +17,7 @@ _MARK = {"markeredgecolor": "white", "markeredgewidth": 0.8, "linestyle": "none"
 
 
 def pipeline(record: Record) -> Figure:
-    """Image and sampled patches, histogram, most similar training images; their places, the particles, the position."""
+    """Image and sampled patches, histogram, nearest training images; their places, particles, position."""
     steps = (
         ("Image, {samples} random patches", _image),
         ("Texton histogram", _histogram),
@@ -54,7 +54,8 @@ def _image(axes: Axes, record: Record) -> None:
     rows, columns = picture.shape[:2]
     pale = 255 - (255 - picture.astype(float)) * 0.55
     axes.imshow(pale.astype(np.uint8), extent=(0, columns, rows, 0), interpolation="bilinear")
-    corners = np.array(record.series["patches"])[:, None, ::-1] + patch * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    square = patch * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
+    corners = np.array(record.series["patches"])[:, None, ::-1] + square
     colors = _colors(record)[record.series["labels"]]
     axes.add_collection(PolyCollection(corners, facecolors=colors, edgecolors="black", linewidths=0.3))
     _bare(axes)
@@ -63,7 +64,8 @@ def _image(axes: Axes, record: Record) -> None:
 def _histogram(axes: Axes, record: Record) -> None:
     histogram, strip = np.array(record.series["histogram"]), record.images["textons"][..., ::-1]
     count = len(histogram)
-    axes.bar(np.arange(count), 100 * histogram, width=0.9, color=_colors(record), edgecolor="#555555", linewidth=0.5)
+    style = {"color": _colors(record), "edgecolor": "#555555", "linewidth": 0.5}
+    axes.bar(np.arange(count), 100 * histogram, width=0.9, **style)
     # The textons themselves stand under their bars.
     pictures = axes.inset_axes((0, -0.1, 1, 0.075))
     for index, texton in enumerate(np.split(strip, count, axis=1)):
@@ -88,7 +90,8 @@ def _similar(axes: Axes, record: Record) -> None:
     for index, picture in enumerate(pictures[1:]):
         top, left = 1 - index * height, shape + gap
         bottom = top - height + (gap if index < others - 1 else 0)
-        axes.imshow(picture, extent=(left, left + (top - bottom) * shape, bottom, top), interpolation="bilinear")
+        extent = (left, left + (top - bottom) * shape, bottom, top)
+        axes.imshow(picture, extent=extent, interpolation="bilinear")
         if others <= 6:
             _number(axes, index + 2, (left + 0.015, top - 0.015), size=7.5)
     axes.set(xlim=(0, shape + (gap + height * shape if others else 0)), ylim=(0, 1), aspect="equal")
@@ -96,8 +99,14 @@ def _similar(axes: Axes, record: Record) -> None:
 
 
 def _number(axes: Axes, number: int, at: tuple[float, float], size: float = 10) -> None:
-    box = {"boxstyle": "circle,pad=0.2", "facecolor": COLORS["accent"], "edgecolor": "white", "linewidth": 0.6}
-    axes.text(*at, str(number), color="white", fontsize=size, fontweight="bold", ha="left", va="top", bbox=box)
+    box = {
+        "boxstyle": "circle,pad=0.2",
+        "facecolor": COLORS["accent"],
+        "edgecolor": "white",
+        "linewidth": 0.6,
+    }
+    style = {"color": "white", "fontsize": size, "fontweight": "bold", "ha": "left", "va": "top"}
+    axes.text(*at, str(number), bbox=box, **style)
 
 
 def _plan(axes: Axes, record: Record) -> None:
@@ -110,7 +119,9 @@ def _truth(axes: Axes, record: Record) -> None:
 
 
 def _legend(axes: Axes, columns: int = 2) -> None:
-    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=columns, handletextpad=0.3, columnspacing=1.2)
+    axes.legend(
+        loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=columns, handletextpad=0.3, columnspacing=1.2
+    )
 
 
 def _neighbors(axes: Axes, record: Record) -> None:
@@ -119,20 +130,20 @@ def _neighbors(axes: Axes, record: Record) -> None:
     places = record.series["neighbors_m"]
     for rank, place in enumerate(places, start=1):  # the nearest on top, each number with its own disc
         label = "neighbours" if rank == 1 else None
-        axes.plot(*place, "o", color=COLORS["accent"], markersize=10, label=label, zorder=4 - rank / 100, **_MARK)
+        axes.plot(
+            *place, "o", color=COLORS["accent"], markersize=10, label=label, zorder=4 - rank / 100, **_MARK
+        )
         if len(places) <= 9:
-            style = {"color": "white", "fontsize": 7.5, "fontweight": "bold", "ha": "center", "va": "center_baseline"}
-            axes.annotate(str(rank), place, zorder=4 - rank / 100 + 0.005, **style)
+            style = {"color": "white", "fontsize": 7.5, "ha": "center", "va": "center_baseline"}
+            axes.annotate(str(rank), place, fontweight="bold", zorder=4.005 - rank / 100, **style)
     _legend(axes)
 
 
 def _particles(axes: Axes, record: Record) -> None:
     _plan(axes, record)
-    weights = np.array(record.series["weights"])
-    axes.scatter(
-        *np.array(record.series["particles_m"]).T, s=6 + 110 * weights / weights.max(), color=COLORS["spread"], alpha=0.7,
-        edgecolors="white", linewidths=0.5, label="particles, size by weight",
-    )  # fmt: skip
+    places, weights = np.array(record.series["particles_m"]), np.array(record.series["weights"])
+    look = {"color": COLORS["spread"], "alpha": 0.7, "edgecolors": "white", "linewidths": 0.5}
+    axes.scatter(*places.T, s=6 + 110 * weights / weights.max(), label="particles, size by weight", **look)
     _truth(axes, record)
     _legend(axes)
 
@@ -148,5 +159,7 @@ def _position(axes: Axes, record: Record) -> None:
     center = np.array(series["weights"]) @ np.array(series["particles_m"])
     width, height = 2 * np.sqrt(np.maximum(variances, 0))
     angle = np.degrees(np.arctan2(directions[1, 0], directions[0, 0]))
-    axes.add_patch(Ellipse(center, width, height, angle=angle, fill=False, edgecolor=COLORS["estimate"], linestyle="--"))
+    axes.add_patch(
+        Ellipse(center, width, height, angle=angle, fill=False, edgecolor=COLORS["estimate"], linestyle="--")
+    )
     _legend(axes)

@@ -1,4 +1,4 @@
-"""Figures of speed against accuracy: one parameter at a time, error against rate, and the number of stored histograms."""
+"""Figures of speed against accuracy: one parameter at a time, error against rate, stored histograms."""
 
 from __future__ import annotations
 
@@ -60,12 +60,13 @@ def error_by_frequency(record: Record) -> Figure:
             error = _column(rows, "error_cm_x")
             bars = {"xerr": _whiskers(rate), "yerr": _whiskers(error)}
             plot.errorbar(
-                rate["median"], error["median"], **bars, color=color, marker=marker, markersize=5, elinewidth=0.8, alpha=0.9,
-                label=f"{_AXIS[name]}: {_ends(rows, name)}",
+                rate["median"], error["median"], **bars, color=color, alpha=0.9, marker=marker, markersize=5,
+                elinewidth=0.8, label=f"{_AXIS[name]}: {_ends(rows, name)}",
             )  # fmt: skip
             for i, place in ((0, (6, 2)), (-1, (-4, 8))):
                 at = (rate["median"][i], error["median"][i])
-                plot.annotate(_name(rows[i][name]), at, xytext=place, textcoords="offset points", color=color, fontsize=9)
+                style = {"textcoords": "offset points", "color": color, "fontsize": 9}
+                plot.annotate(_name(rows[i][name]), at, xytext=place, **style)
         plot.set(xlabel="rate (Hz)", ylabel="error in x (cm)", xscale="log", ylim=(0, None))
         _camera(plot, record, vertical=True)
         plot.margins(x=0.08)
@@ -78,7 +79,10 @@ def stored(record: Record) -> Figure:
     """Rate of the whole loop against the number of stored histograms, searched in turn or by a tree."""
     clocks = record.timings["stored"]
     count = [row["stored"] for row in clocks]
-    lines = (("brute", "every histogram in turn", COLORS["estimate"], "o"), ("tree", "k-d tree", COLORS["accent"], "s"))
+    lines = (
+        ("brute", "every histogram in turn", COLORS["estimate"], "o"),
+        ("tree", "k-d tree", COLORS["accent"], "s"),
+    )
     with canvas(size=(6.4, 4.0)) as (figure, axes):
         plot = axes[0, 0]
         for method, label, color, marker in lines:
@@ -105,11 +109,14 @@ def grid(record: Record) -> Figure:
             k, error = [row["neighbors"] for row in mine], _column(mine, "axis_mean_cm")
             of_all = "" if not record.values["applies"]["samples"] else f"{_name(drawn)} samples, "
             plot.fill_between(k, error["low"], error["high"], color=color, alpha=0.1, linewidth=0)
-            plot.plot(k, error["median"], color=color, marker=marker, markersize=5, label=f"{of_all}{_name(count)} particles")
+            label = f"{of_all}{_name(count)} particles"
+            plot.plot(k, error["median"], color=color, marker=marker, markersize=5, label=label)
         at = (best["neighbors"], record.values["best_error_cm"]["median"])
-        plot.plot(*at, "o", markersize=15, markerfacecolor="none", markeredgecolor=COLORS["truth"], label="best")
+        ring = {"markersize": 15, "markerfacecolor": "none", "markeredgecolor": COLORS["truth"]}
+        plot.plot(*at, "o", label="best", **ring)
         plot.set(xlabel=_AXIS["neighbors"], ylabel="mean error, both axes (cm)", ylim=(0, None), xscale="log")
-        plot.set_xticks(sorted({row["neighbors"] for row in rows}), labels=sorted({row["neighbors"] for row in rows}))
+        ticks = sorted({row["neighbors"] for row in rows})
+        plot.set_xticks(ticks, labels=ticks)
         plot.minorticks_off()
         plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
     return figure
@@ -129,10 +136,13 @@ def _error_and_rate(record: Record, name: str) -> Figure:
             ("k-NN alone, y", [row["knn"] for row in rows], "error_cm_y", COLORS["knn"], "--", None),
         )
         for label, table, key, color, style, marker in lines:
-            _band(error, value, _column(table, key), swept, color=color, linestyle=style, marker=marker, label=label)
+            look = {"color": color, "linestyle": style, "marker": marker, "label": label}
+            _band(error, value, _column(table, key), swept, **look)
         _band(rate, value, _column(clocks, "frequency_hz"), swept, color=COLORS["truth"], marker="o")
         error.set(ylabel="mean error (cm)", ylim=(0, None), xscale="log")
-        rate.set(ylabel="rate (Hz)", yscale="log", xlabel=_AXIS[name] + (" (all: full sampling)" if full else ""))
+        rate.set(
+            ylabel="rate (Hz)", yscale="log", xlabel=_AXIS[name] + (" (all: full sampling)" if full else "")
+        )
         _camera(rate, record)
         _plain_ticks(rate, "y")
         default = record.parameters.get(name)
@@ -148,29 +158,34 @@ def _error_and_rate(record: Record, name: str) -> Figure:
 
 def _band(axes: Axes, x: np.ndarray, y: dict, swept: slice, **style) -> None:
     """A line with its interval; full sampling, which no line leads to, as a point with whiskers."""
-    axes.fill_between(x[swept], y["low"][swept], y["high"][swept], color=style["color"], alpha=0.13, linewidth=0)
+    axes.fill_between(
+        x[swept], y["low"][swept], y["high"][swept], color=style["color"], alpha=0.13, linewidth=0
+    )
     axes.plot(x[swept], y["median"][swept], markersize=4.5, **style)
     if swept.stop is not None:
         last = {key: values[-1:] for key, values in y.items()}
         marker = style.get("marker") or "D"
-        axes.errorbar(x[-1:], last["median"], yerr=_whiskers(last), color=style["color"], marker=marker, markersize=6, capsize=2)
+        look = {"color": style["color"], "marker": marker, "markersize": 6, "capsize": 2}
+        axes.errorbar(x[-1:], last["median"], yerr=_whiskers(last), **look)
 
 
 def _camera(axes: Axes, record: Record, vertical: bool = False) -> None:
     """The camera's rate: faster than this nothing is gained."""
     hz, color = record.values["camera_hz"], COLORS["spread"]
-    text = {"color": color, "fontsize": 9, "textcoords": "offset points"}
+    name = f"camera, {hz:.3g} Hz"
+    style = {"color": color, "fontsize": 9, "textcoords": "offset points"}
     if vertical:
         axes.axvline(hz, color=color, linewidth=1.6, linestyle="-.")
-        axes.annotate(f"camera, {hz:.3g} Hz", (hz, 1), xycoords=("data", "axes fraction"), xytext=(4, -10), **text)
+        axes.annotate(name, (hz, 1), xycoords=("data", "axes fraction"), xytext=(4, -10), **style)
     else:
         axes.axhline(hz, color=color, linewidth=1.6, linestyle="-.")
-        axes.annotate(f"camera, {hz:.3g} Hz", (0, hz), xycoords=("axes fraction", "data"), xytext=(6, 4), **text)
+        axes.annotate(name, (0, hz), xycoords=("axes fraction", "data"), xytext=(6, 4), **style)
         axes.margins(y=0.12)
 
 
 def _column(rows: list[dict], key: str) -> dict[str, np.ndarray]:
-    return {name: np.array([row[key][name] for row in rows], dtype=float) for name in ("median", "low", "high")}
+    names = ("median", "low", "high")
+    return {name: np.array([row[key][name] for row in rows], dtype=float) for name in names}
 
 
 def _whiskers(column: dict[str, np.ndarray]) -> np.ndarray:
