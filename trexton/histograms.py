@@ -1,10 +1,11 @@
-"""Texton histograms of an image (Methods, "Histogram Extraction"): from every position, or from a random sample.
+"""Texton histograms of an image (Methods, "Histogram Extraction"): of every patch, or of a random sample.
 
-Every patch gets the label of its nearest texton; a histogram is the relative frequency of each label. Labels are decided
-on integers, so that any backend and number of threads give the same bits. An image is ``(H, W, 3) uint8`` (Y, U, V).
+Every patch gets the label of its nearest texton; a histogram is the relative frequency of each label. Labels
+are decided on integers, so that any backend and number of threads give the same bits. An image is ``(H, W, 3)
+uint8`` (Y, U, V).
 
-Full sampling runs in a compiled kernel (`trexton.kernels.label_rows`), or as matrix products where numba is absent.
-A few hundred samples stay with NumPy: there numba would gain less than it costs to load.
+Full sampling runs in a compiled kernel (`trexton.kernels.label_rows`), or as matrix products where numba is
+absent. A few hundred samples stay with NumPy: there numba would gain less than it costs to load.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ from trexton.textons import TextonDictionary
 
 __all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_positions"]
 
-# Positions labelled at once by matrix products: their scores stay in the processor's cache, and BLAS libraries have
-# quicker kernels for matrices this small.
+# Positions labelled at once by matrix products: their scores stay in the processor's cache, and BLAS
+# libraries have quicker kernels for matrices this small.
 _ROWS, _COLUMNS = 16, 320
 
 
 def texton_histogram(
     image: np.ndarray, dictionary: TextonDictionary, backend: str | None = None, threads: int | None = None
 ) -> np.ndarray:
-    """Relative frequency of each texton over every position: full sampling (301 625 positions at 640x480 and 6x6).
+    """Relative frequency of each texton over every position: full sampling (301 625 at 640x480 and 6x6).
 
     Parameters
     ----------
@@ -113,33 +114,35 @@ def _label(
 def _label_by_products(image: np.ndarray, dictionary: TextonDictionary, labels: np.ndarray) -> None:
     """Label a strip ``(H, 3 W)`` by matrix products, in blocks of one size (the last ones overlap).
 
-    A block is copied once so that each of its rows holds its P shifted copies; P such rows in sequence are the matrix
-    of all patches of one row of positions, without a further copy.
+    A block is copied once so that each of its rows holds its P shifted copies, and ones for the constant
+    -|t|^2. P such rows in sequence are the matrix of all patches of one row of positions, without a further
+    copy.
     """
     patch, n_textons, kind = dictionary.patch, dictionary.n_textons, dictionary.weights.dtype
     height, width = min(_ROWS, labels.shape[0]), min(_COLUMNS, labels.shape[1])
+    lines = 3 * patch + 1
+    weights = np.zeros((patch, lines, n_textons), dtype=kind)
+    weights[:, :-1] = dictionary.weights.reshape(patch, -1, n_textons)
+    weights[0, -1] = dictionary.bias
+    weights = weights.reshape(-1, n_textons).T
     planar = np.empty((height + patch - 1, 3, width + patch - 1), dtype=np.uint8)
-    shifted = np.empty((height + patch - 1, patch, 3, width), dtype=kind)
-    rows = shifted.reshape(-1, width)
-    patches = np.lib.stride_tricks.as_strided(
-        rows, (height, 3 * patch * patch, width), (3 * patch * rows.strides[0], *rows.strides), writeable=False
-    )
-    scores = np.empty((height, n_textons, width), dtype=kind)
-    best = np.empty((height, 1, width), dtype=kind)
-    is_best = np.empty(scores.shape, dtype=bool)
+    shifted = np.ones((height + patch - 1, lines, width), dtype=kind)
+    shape = (height, patch * lines, width)
+    patches = np.lib.stride_tricks.as_strided(shifted, shape, shifted.strides, writeable=False)
+    scores, best = np.empty((height, n_textons, width), dtype=kind), np.empty((height, 1, width), dtype=kind)
+    is_best, ranked = (np.empty(scores.shape, dtype=np.uint8) for _ in range(2))
     rank = np.arange(n_textons - 1, -1, -1, dtype=np.uint8)[:, None] + np.zeros((1, width), np.uint8)
     image = image.reshape(len(image), -1, 3)
     for top in _starts(labels.shape[0], height):
         for left in _starts(labels.shape[1], width):
             planar[...] = image[top : top + len(planar), left : left + planar.shape[2]].transpose(0, 2, 1)
             for dx in range(patch):
-                shifted[:, dx] = planar[:, :, dx : dx + width]
-            np.matmul(dictionary.weights.T, patches, out=scores)
-            np.add(scores, dictionary.bias[:, None], out=scores)
-            np.equal(scores, np.max(scores, axis=1, keepdims=True, out=best), out=is_best)
+                shifted[:, 3 * dx : 3 * dx + 3] = planar[:, :, dx : dx + width]
+            np.matmul(weights, patches, out=scores)
+            np.equal(scores, np.max(scores, axis=1, keepdims=True, out=best), out=is_best.view(bool))
             # The first of the best textons has the highest rank.
-            block = np.multiply(is_best.view(np.uint8), rank).max(axis=1)
-            labels[top : top + height, left : left + width] = n_textons - 1 - block
+            np.multiply(is_best, rank, out=ranked)
+            labels[top : top + height, left : left + width] = n_textons - 1 - ranked.max(axis=1)
 
 
 def _starts(length: int, step: int) -> list[int]:

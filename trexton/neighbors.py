@@ -1,8 +1,8 @@
 """The k most similar histograms of the training set and where they were taken (Methods, "k-Nearest Neighbors").
 
-Plain Euclidean distance, exact; equal distances rank by index. Few histograms are searched by brute force in NumPy, many
-through a tree of bounding boxes, with the same arithmetic in the end and therefore the same bits. (SciPy's k-d tree
-spends more on a call than a whole search takes here, and leaves the order of equals open.)
+Plain Euclidean distance, exact; equal distances rank by index. Few histograms are searched by brute force in
+NumPy, many through a tree of bounding boxes, with the same arithmetic in the end and therefore the same bits.
+(SciPy's k-d tree spends more on a call than a whole search takes here, and leaves the order of equals open.)
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ from trexton.kernels import compiled
 __all__ = ["BoxTree", "NearestHistograms", "Neighbors"]
 
 METHODS = ("brute", "tree")
-# From here on the tree is clearly quicker. The paper's 800 stay with NumPy: they cost six microseconds more, and the
-# onboard program starts without having to load numba.
+# From here on the tree is clearly quicker. The paper's 800 stay with NumPy: they cost six microseconds more,
+# and the onboard program starts without having to load numba.
 TREE_FROM = 1000
 LEAF = 32  # rows in a leaf, at most
 SPREAD = 64  # rows that show how wide a node is
@@ -154,7 +154,8 @@ class BoxTree:
     Attributes
     ----------
     low, high : (2 L - 1, K) arrays
-        Corners of the box of each node; node i has the children 2 i + 1 and 2 i + 2, the last L nodes are leaves.
+        Corners of the box of each node; node i has the children 2 i + 1 and 2 i + 2, the last L nodes are
+        leaves.
     leaves : (L, K, S) array
         The S rows of each leaf, transposed; infinite where there is none.
     rows : (L, S) int64 array

@@ -1,6 +1,7 @@
 """Patches of an image: where they can lie, drawing positions, cutting them out.
 
-A position is the (row, column) of a patch's top left corner; an image is ``(H, W, 3) uint8`` (Y, U, V), P the patch size.
+A position is the (row, column) of a patch's top left corner; an image is ``(H, W, 3) uint8`` (Y, U, V), P the
+patch size.
 """
 
 from __future__ import annotations

@@ -1,14 +1,15 @@
 """The texton dictionary: small image patches that stand for the texture of an environment (Methods, "Texton Dictionary").
 
-A Kohonen network [1]_ clusters random patches: textons sit on a chain; each patch pulls its nearest texton, and that one's
-neighbours on the chain a little less, towards itself. Learning rate and neighbourhood shrink geometrically over the pass,
-from a coarse ordering to fine averaging. The authors' flight code had no neighbourhood and a constant rate; that is
-the method ``"winner-take-all"``.
+A Kohonen network [1]_ clusters random patches: textons sit on a chain; each patch pulls its nearest texton,
+and that one's neighbours on the chain a little less, towards itself. Learning rate and neighbourhood shrink
+geometrically over the pass, from a coarse ordering to fine averaging. The authors' flight code had no
+neighbourhood and a constant rate; that is the method ``"winner-take-all"``.
 
-All arithmetic is exact: textons move on a grid of 2**-12 grey levels with gains in steps of 2**-16, and end rounded to
-bytes. Equal seeds therefore give equal dictionaries on any machine, with numba or without.
+All arithmetic is exact: textons move on a grid of 2**-12 grey levels with gains in steps of 2**-16, and end
+rounded to bytes. Equal seeds therefore give equal dictionaries on any machine, with numba or without.
 
-Throughout, P is the patch size, K the number of textons; a patch is ``(P, P, 3) uint8``: rows, columns, and Y, U, V.
+Throughout, P is the patch size, K the number of textons; a patch is ``(P, P, 3) uint8``: rows, columns, and
+Y, U, V.
 
 .. [1] T. Kohonen, "The self-organizing map", Proceedings of the IEEE 78(9), 1990.
 """
@@ -77,7 +78,8 @@ class TextonDictionary:
     def weights(self) -> np.ndarray:
         """``(3 P P, K)``: 2 t. The nearest texton has the largest score 2 p.t - |t|^2, since |p|^2 is common to all.
 
-        Single precision where every partial sum stays below 2**24 (6x6 patches do), and so is exact in any order.
+        Single precision where every partial sum stays below 2**24 (6x6 patches do), and so is exact in any
+        order.
         """
         size = self.textons[0].size
         exact = np.float32 if 2 * size * 255**2 < 2**24 else np.float64
@@ -166,7 +168,8 @@ class Learning:
     ----------
     dictionary : TextonDictionary
     errors : (N,) float64 array
-        Distance of each patch to its nearest texton at the moment it was seen, in grey levels per value (RMS over the patch).
+        Distance of each patch to its nearest texton at the moment it was seen, in grey levels per value (RMS
+        over the patch).
     """
 
     dictionary: TextonDictionary
@@ -187,14 +190,15 @@ def learn_textons(
 ) -> Learning:
     """Cluster patches with a Kohonen network, or with the authors' winner-take-all.
 
-    Kohonen: patches in random order, start at random patches. At progress s in [0, 1) a texton j steps away from the
-    winner on the chain moves by ``rate(s) exp(-j^2 / (2 radius(s)^2))`` of its difference to the patch, where
-    ``rate(s) = rate[0] (rate[1] / rate[0])^s`` and likewise the radius.
+    Kohonen: patches in random order, start at random patches. At progress s in [0, 1) a texton j steps away
+    from the winner on the chain moves by ``rate(s) exp(-j^2 / (2 radius(s)^2))`` of its difference to the
+    patch, where ``rate(s) = rate[0] (rate[1] / rate[0])^s`` and likewise the radius.
 
-    Winner-take-all: patches in the order given, start at random patches among the `first` (those of the first image);
-    only the winner moves, by ``alpha / 255``.
+    Winner-take-all: patches in the order given, start at random patches among the `first` (those of the first
+    image); only the winner moves, by ``alpha / 255``.
 
-    With fewer patches than textons, or fewer different ones, some textons are equal; the lowest index gets all labels.
+    With fewer patches than textons, or fewer different ones, some textons are equal; the lowest index gets
+    all labels.
 
     Parameters
     ----------

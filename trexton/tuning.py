@@ -1,7 +1,7 @@
 """Settings for a computer and a rate: what a frame costs here, and what it would lose in accuracy.
 
-Costs are measured on this machine, stage by stage. Errors are those of the trade-off experiment, which varied samples and
-particles one at a time; their effects are taken to add up.
+Costs are measured on this machine, stage by stage. Errors are those of the trade-off experiment, which varied
+samples and particles one at a time; their effects are taken to add up.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ def tune(
     Raises
     ------
     ParameterError
-        The rate or the headroom is out of range, the record is of another experiment, or nothing is fast enough.
+        The rate or the headroom is out of range, the record is of another experiment, or nothing is fast
+        enough.
     """
     if not 0 < rate < np.inf:
         raise ParameterError(f"the rate is {rate} Hz: expected a positive number")
@@ -88,7 +89,8 @@ def choose(settings: list[Setting], budget_s: float) -> Setting:
 def predicted_errors(record: Record, *, with_samples: bool = True) -> dict[tuple[int | None, int], float]:
     """Error in cm for every pair of samples and particles that the record varied.
 
-    Without samples (a map of histograms only) the first of each pair is the record's default and stands for nothing.
+    Without samples (a map of histograms only) the first of each pair is the record's default and stands for
+    nothing.
     """
     if record.experiment != "trade_off":
         raise ParameterError(f"the record is of {record.experiment!r}: expected one of 'trade_off'")

@@ -22,7 +22,8 @@ class StageClock:
     Attributes
     ----------
     seconds : dict of str to list of float
-        ``histogram`` (empty where frames are histograms), ``neighbors``, ``filter``, ``estimate``: one entry a frame.
+        ``histogram`` (empty where frames are histograms), ``neighbors``, ``filter``, ``estimate``: one entry
+        a frame.
     """
 
     def __init__(self, localizer: Localizer):

@@ -36,7 +36,8 @@ def run(
     Parameters
     ----------
     train, test : Flight
-        With images. The dictionary comes from the first alone; of the second, one frame is shown with its labels.
+        With images. The dictionary comes from the first alone; of the second, one frame is shown with its
+        labels.
     textons, images, patches_per_image : int
         K, and the patches it is learnt from: the paper's defaults.
     cells : int

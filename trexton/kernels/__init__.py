@@ -65,7 +65,8 @@ def thread_count(threads: int | None = None) -> int:
 def in_strips(work: Callable[[slice], object], rows: int, threads: int | None = None) -> list:
     """Call `work` on equal slices of `rows` rows, one a thread; kernels and matrix products release Python's lock.
 
-    Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep beside the BLAS's own.
+    Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep beside the
+    BLAS's own.
     """
     strips = min(thread_count(threads), rows)
     bounds = [rows * i // strips for i in range(strips + 1)]

@@ -1,15 +1,12 @@
 """Nearest texton at every position of an image, in integers, four bytes at a time.
 
-The largest score 2 p.t - |t|^2 marks the nearest texton. With w = t - 128, which fits a signed byte, p.t is p.w plus
-128 sum(p), the same for all textons. So a score is made of products of unsigned with signed bytes, and some processors
-add four such products to each of 16 sums in one instruction (AVX-512 VNNI). Others get products of 16-bit pairs.
+The largest score 2 p.t - |t|^2 marks the nearest texton. With w = t - 128, a signed byte, p.t is p.w plus
+128 sum(p), the same for all textons. So a score is made of products of unsigned with signed bytes; some
+processors add four such products to each of 16 sums in one instruction, others get 16-bit pairs.
 
-A row of a patch is 3 P neighbouring bytes of the image: ceil(3 P / 4) words of four bytes. Word j of the patch at column x
-starts at byte 3 x + 4 j; word j + 3 at x is thus word j at x + 4, and three planes of words serve a whole image row.
-The scores of 4 textons at up to 64 positions stay in registers while all words of the patch pass by.
+A row of a patch is 3 P bytes of the image: ceil(3 P / 4) words. Word j at column x starts at byte 3 x + 4 j;
+word j + 3 at x is thus word j at x + 4, and three planes of words serve a whole image row.
 """
-
-from __future__ import annotations
 
 import numpy as np
 from llvmlite import ir
@@ -19,7 +16,8 @@ from numba.extending import intrinsic
 
 LANES, GROUP, BLOCK = 16, 4, 64
 _I8, _I16, _I32, _I64 = (ir.IntType(bits) for bits in (8, 16, 32, 64))
-_WORDS, _HALVES = ir.VectorType(_I32, LANES), ir.VectorType(_I16, 2 * LANES)
+_BYTES, _WORDS = ir.VectorType(_I8, LANES), ir.VectorType(_I32, LANES)
+_HALVES, _PRODUCTS = ir.VectorType(_I16, 2 * LANES), ir.VectorType(_I32, 2 * LANES)
 
 
 def _constant(kind, value):
@@ -31,25 +29,42 @@ def _splat(builder, value):
     return builder.shuffle_vector(lane, lane, _constant(_WORDS, 0))
 
 
-def _load(builder, pointer, index):
-    return builder.load(builder.bitcast(builder.gep(pointer, [index]), _WORDS.as_pointer()), align=4)
-
-
 def _dot(builder, vnni, total, pixels, weight):
     """`total` plus, in each lane, the products of four unsigned bytes with four signed ones."""
     if vnni:
-        kind = ir.FunctionType(_WORDS, [_WORDS] * 3)
-        return builder.call(builder.module.declare_intrinsic("llvm.x86.avx512.vpdpbusd.512", (), kind), [total, pixels, weight])
+        kind, name = ir.FunctionType(_WORDS, [_WORDS] * 3), "llvm.x86.avx512.vpdpbusd.512"
+        return builder.call(builder.module.declare_intrinsic(name, (), kind), [total, pixels, weight])
     pixels, weight = (builder.bitcast(word, _HALVES) for word in (pixels, weight))
     eight, low_byte = _constant(_HALVES, 8), _constant(_HALVES, 255)
     even = builder.and_(pixels, low_byte), builder.ashr(builder.shl(weight, eight), eight)
     odd = builder.lshr(pixels, eight), builder.ashr(weight, eight)
     for factors in (even, odd):
-        product = builder.mul(*(builder.sext(half, ir.VectorType(_I32, 2 * LANES)) for half in factors))
-        for first in (0, 1):  # neighbouring products added: the form that becomes one instruction on most processors
+        product = builder.mul(*(builder.sext(half, _PRODUCTS) for half in factors))
+        for first in (0, 1):  # neighbours added: on most processors one instruction with the product
             lanes = ir.Constant(_WORDS, list(range(first, 2 * LANES, 2)))
             total = builder.add(total, builder.shuffle_vector(product, product, lanes))
     return total
+
+
+def _add_word(builder, vnni, place, planes, weights, item, totals, strips):
+    """Add to the scores of 4 textons, which stay in registers, what one word of the patch gives."""
+    places = [builder.gep(planes.data, [builder.add(place, _I64(LANES * s))]) for s in strips]
+    pixels = [builder.load(builder.bitcast(at, _WORDS.as_pointer()), align=4) for at in places]
+    for t in range(GROUP):
+        place = builder.add(builder.mul(item, _I64(GROUP)), _I64(t))
+        weight = _splat(builder, builder.load(builder.gep(weights.data, [place])))
+        for s in strips:
+            total = totals[GROUP * s + t]
+            builder.store(_dot(builder, vnni, builder.load(total), pixels[s], weight), total)
+
+
+def _keep_better(builder, texton, bias, total, best, label):
+    """Where the texton's score beats the best so far, it is the label; ties stay with the lower index."""
+    score = builder.shl(builder.load(total), _constant(_WORDS, 1))
+    score, held = builder.add(score, _splat(builder, bias)), builder.load(best)
+    better, name = builder.icmp_signed(">", score, held), _splat(builder, builder.trunc(texton, _I32))
+    builder.store(builder.select(better, score, held), best)
+    builder.store(builder.select(better, name, builder.load(label)), label)
 
 
 @intrinsic
@@ -59,41 +74,35 @@ def _label_block(typing, planes, start, offsets, weights, bias, labels):
 
     def generate(context, builder, signature, arguments):
         vnni = "+avx512vnni" in context.codegen().magic_tuple()[2]
-        strips = range(4 if vnni else 1)
-        arrays = [None if kind is start else context.make_array(kind)(context, builder, value) for kind, value in zip(kinds, arguments)]
-        planes, _, offsets, weights, bias, labels = (array and array.data for array in arrays)
-        n_words = cgutils.unpack_tuple(builder, arrays[2].shape)[0]
-        n_groups = cgutils.unpack_tuple(builder, arrays[3].shape)[0]
-        best, label, totals = ([cgutils.alloca_once(builder, _WORDS) for _ in range(n)] for n in (4, 4, 4 * GROUP))
-        with cgutils.for_range_slice(builder, _I64(0), _I64(BLOCK), _I64(LANES * len(strips)), _I64) as (block, _):
-            for s in strips:
-                builder.store(_constant(_WORDS, -(2**31)), best[s])
+        strips, start = range(4 if vnni else 1), arguments[1]
+        planes, offsets, weights, bias, labels = (
+            context.make_array(kinds[i])(context, builder, arguments[i]) for i in (0, 2, 3, 4, 5)
+        )
+        n_words = cgutils.unpack_tuple(builder, offsets.shape)[0]
+        n_groups = cgutils.unpack_tuple(builder, weights.shape)[0]
+        best, label = ([cgutils.alloca_once(builder, _WORDS) for _ in strips] for _ in range(2))
+        totals = [cgutils.alloca_once(builder, _WORDS) for _ in range(GROUP * len(strips))]
+        bounds = _I64(0), _I64(BLOCK), _I64(LANES * len(strips))
+        with cgutils.for_range_slice(builder, *bounds, _I64) as (block, _):
+            for lowest in best:
+                builder.store(_constant(_WORDS, -(2**31)), lowest)
             with cgutils.for_range(builder, n_groups) as group:
                 for total in totals:
                     builder.store(_constant(_WORDS, 0), total)
                 with cgutils.for_range(builder, n_words) as word:
-                    place = builder.add(builder.add(arguments[1], block), builder.load(builder.gep(offsets, [word.index])))
-                    pixels = [_load(builder, planes, builder.add(place, _I64(LANES * s))) for s in strips]
-                    row = builder.add(builder.mul(group.index, n_words), word.index)
-                    for t in range(GROUP):
-                        item = builder.add(builder.mul(row, _I64(GROUP)), _I64(t))
-                        weight = _splat(builder, builder.load(builder.gep(weights, [item])))
-                        for s in strips:
-                            total = totals[GROUP * s + t]
-                            builder.store(_dot(builder, vnni, builder.load(total), pixels[s], weight), total)
+                    offset = builder.load(builder.gep(offsets.data, [word.index]))
+                    place = builder.add(builder.add(start, block), offset)
+                    item = builder.add(builder.mul(group.index, n_words), word.index)
+                    _add_word(builder, vnni, place, planes, weights, item, totals, strips)
                 for t in range(GROUP):
                     texton = builder.add(builder.mul(group.index, _I64(GROUP)), _I64(t))
-                    offset, name = _splat(builder, builder.load(builder.gep(bias, [texton]))), _splat(builder, builder.trunc(texton, _I32))
+                    size = builder.load(builder.gep(bias.data, [texton]))
                     for s in strips:
-                        score = builder.add(builder.shl(builder.load(totals[GROUP * s + t]), _constant(_WORDS, 1)), offset)
-                        held = builder.load(best[s])
-                        better = builder.icmp_signed(">", score, held)  # strict: ties stay with the lower index
-                        builder.store(builder.select(better, score, held), best[s])
-                        builder.store(builder.select(better, name, builder.load(label[s])), label[s])
+                        _keep_better(builder, texton, size, totals[GROUP * s + t], best[s], label[s])
             for s in strips:
-                place = builder.gep(labels, [builder.add(block, _I64(LANES * s))])
-                bytes_ = ir.VectorType(_I8, LANES)
-                builder.store(builder.trunc(builder.load(label[s]), bytes_), builder.bitcast(place, bytes_.as_pointer()), align=1)
+                place = builder.gep(labels.data, [builder.add(block, _I64(LANES * s))])
+                names = builder.trunc(builder.load(label[s]), _BYTES)
+                builder.store(names, builder.bitcast(place, _BYTES.as_pointer()), align=1)
         return context.get_dummy_value()
 
     return types.void(*kinds), generate
@@ -101,38 +110,32 @@ def _label_block(typing, planes, start, offsets, weights, bias, labels):
 
 @njit(cache=True, nogil=True)
 def _fill_plane(line, start, plane):
-    """The word of four bytes that starts at byte 3 x + `start`, for every x; bytes beyond the line count as 0."""
-    whole = max(0, (len(line) - start - 1) // 3)
-    for x in range(whole):
+    """The word of four bytes at byte 3 x + `start` of a line, for every x."""
+    for x in range((len(line) - start) // 3 - 1):
         byte = np.uint64(3 * x + start)
         low = np.uint32(line[byte]) | np.uint32(line[byte + np.uint64(1)]) << np.uint32(8)
         high = np.uint32(line[byte + np.uint64(2)]) | np.uint32(line[byte + np.uint64(3)]) << np.uint32(8)
         plane[x] = low | high << np.uint32(16)
-    for x in range(whole, len(line) // 3):
-        word = np.uint32(0)
-        for i in range(max(0, len(line) - 3 * x - start)):
-            word |= np.uint32(line[3 * x + start + i]) << np.uint32(8 * i)
-        plane[x] = word
 
 
 @njit(cache=True, nogil=True)
 def label_rows(image, weights, bias, labels, counts):
     """Label all positions of an image (or a strip of one) and count the labels.
 
-    image (H, 3 W) uint8; weights (G, P * words, GROUP) int32, each four signed bytes; bias (G * GROUP,) int32;
+    image (H, 3 W) uint8; weights (G, P words, GROUP) int32, each four signed bytes; bias (G GROUP,) int32;
     labels (H - P + 1, W - P + 1) uint8, written; counts (K,) int64, added to.
     """
-    height, n_bytes = image.shape
-    rows, columns = labels.shape
+    (height, n_bytes), (rows, columns) = image.shape, labels.shape
     patch = height - rows + 1
     words = weights.shape[1] // patch
     padded = (columns + BLOCK - 1) // BLOCK * BLOCK + 4 * patch
-    planes = np.zeros((patch, 3, padded), np.int32)  # a ring of image rows; beyond the end of a row the weights are 0
-    offsets = np.empty(patch * words, np.int64)
-    line = np.empty(padded, np.uint8)
+    planes = np.zeros((patch, 3, padded), np.int32)  # a ring of image rows; beyond a row the weights are 0
+    offsets, out = np.empty(patch * words, np.int64), np.empty(padded, np.uint8)
+    line = np.zeros(n_bytes + 16, np.uint8)
     for row in range(height):
+        line[:n_bytes] = image[row]
         for j in range(3):
-            _fill_plane(image[row], 4 * j, planes[row % patch, j])
+            _fill_plane(line[: n_bytes + 4 * j + 3], 4 * j, planes[row % patch, j])
         y = row - patch + 1
         if y < 0:
             continue
@@ -140,7 +143,7 @@ def label_rows(image, weights, bias, labels, counts):
             for j in range(words):
                 offsets[r * words + j] = ((y + r) % patch * 3 + j % 3) * padded + 4 * (j // 3)
         for x in range(0, columns, BLOCK):
-            _label_block(planes, x, offsets, weights, bias, line[x:])
+            _label_block(planes, x, offsets, weights, bias, out[x:])
         for x in range(columns):
-            labels[y, x] = line[x]
-            counts[line[x]] += 1
+            labels[y, x] = out[x]
+            counts[out[x]] += 1

@@ -1,6 +1,7 @@
 """The k rows of a table nearest to a query, through a tree of boxes.
 
-Differences are squared and added feature by feature without fused operations: the bits of NumPy, on any processor.
+Differences are squared and added feature by feature without fused operations: the bits of NumPy, on any
+processor.
 """
 
 from __future__ import annotations
