@@ -83,7 +83,7 @@ def lost_told(record: Record) -> Figure:
             if nothing[at] > 50:
                 continue
             plot.annotate(
-                f"{share} %", (nothing[at], told[at]), xytext=(6, -10), textcoords="offset points", fontsize=9
+                f"{share} %", (nothing[at], told[at]), xytext=(7, -3), textcoords="offset points", fontsize=9
             )
         for key, label, color, marker in (
             ("lost_by_fit", "the filter's fit alone", COLORS["spread"], "D"),
