@@ -8,6 +8,7 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from trexton.experiments.evaluation import evaluate, floor_picture, frames_of, provenance, tracks, trained_map
 from trexton.experiments.stitched import locate_all, stitched_map
 from trexton.flights.flight import Flight
+from trexton.localizer import TextonMap
 from trexton.metrics import absolute_errors, summarize
 from trexton.records import Record
 
@@ -72,11 +73,14 @@ def run(
         found, drawn = evaluate(runs, texton_map.positions, test, k=neighbors, seed=seed)
         values[name] = found["filter"]
         values[f"{name}_knn"] = found["knn"]
+        values[f"{name}_process_std_cm"] = _process_std_cm(texton_map)
         values[f"{name}_training"] = summarize([positions], train.position, train.diagonal, rng=rng)
         series = series or drawn
         series[f"{name}_training_error_m"] = absolute_errors(positions, train.position)
         series[f"{name}_estimate_m"] = drawn["estimate_m"]
         step_s += [run.step_s for run in runs]
+    mocap = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    values["mocap_process_std_cm"] = _process_std_cm(mocap)
     floor, pictures = floor_picture(test)
     seconds = np.concatenate(step_s)
     return Record(
@@ -92,3 +96,8 @@ def run(
         timings={"step_s": {"median": np.median(seconds), "p99": np.percentile(seconds, 99)}},
         provenance=provenance(train, test),
     )  # fmt: skip
+
+
+def _process_std_cm(texton_map: TextonMap) -> float:
+    """Root mean square over the axes of the process noise that the training positions give."""
+    return 100 * float(np.sqrt(np.trace(texton_map.process_covariance) / 2))
