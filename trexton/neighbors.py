@@ -1,4 +1,4 @@
-"""The k most similar histograms of the training set and where they were taken (Methods, "k-Nearest Neighbors").
+"""The k most similar training histograms and where they were taken (Methods, "k-Nearest Neighbors").
 
 Plain Euclidean distance, exact; equal distances rank by index. Few histograms are searched by brute force in
 NumPy, many through a tree of bounding boxes, with the same arithmetic in the end and therefore the same bits.
@@ -77,13 +77,14 @@ class NearestHistograms:
     ):
         histograms = np.asarray(histograms, dtype=np.float64)
         positions = np.array(positions, dtype=np.float64)
-        if histograms.ndim != 2 or positions.shape != (len(histograms), 2) or not np.isfinite(histograms).all():
+        fit = histograms.ndim == 2 and positions.shape == (len(histograms), 2)
+        if not fit or not np.isfinite(histograms).all():
             raise MapError(
-                f"neighbours need finite (N, K) histograms and (N, 2) positions, found {histograms.shape} and "
-                f"{positions.shape}: leave out frames without them"
+                "neighbours need finite (N, K) histograms and (N, 2) positions, "
+                f"found {histograms.shape} and {positions.shape}: leave out frames without them"
             )
         if not 1 <= k <= len(histograms):
-            raise ParameterError(f"k is {k}: expected 1 to {len(histograms)}, the number of training histograms")
+            raise ParameterError(f"k is {k}: expected 1 to {len(histograms)}, the training histograms")
         if method not in (None, *METHODS):
             raise ParameterError(f"method {method!r} is unknown: choose one of {', '.join(METHODS)}")
         self.positions, self.k = positions, k
@@ -109,7 +110,9 @@ class NearestHistograms:
             )
         if self._kernels:
             tree = self._search
-            index, squared = self._kernels.nearest_in_tree(tree.low, tree.high, tree.leaves, tree.rows, histogram, self.k)
+            index, squared = self._kernels.nearest_in_tree(
+                tree.low, tree.high, tree.leaves, tree.rows, histogram, self.k
+            )
         else:
             index, squared = self._search.nearest(histogram, size, self.k)
         return Neighbors(index, np.sqrt(squared), self.positions.take(index, axis=0))
@@ -125,7 +128,7 @@ class _Columns:
 
     def nearest(self, query: np.ndarray, size: float, k: int) -> tuple[np.ndarray, np.ndarray]:
         """The k nearest rows and their squared distances; `size` is the squared length of the query."""
-        closeness = self.half - query @ self.columns  # half the squared distance, but for a constant and rounding
+        closeness = self.half - query @ self.columns  # half the squared distance, less a constant
         margin = _ROUNDING * (size + self.largest)
         if k < len(closeness):
             candidates = closeness.argpartition(k)[: k + 1]
@@ -149,7 +152,7 @@ class _Columns:
 
 @dataclass(frozen=True, eq=False)
 class BoxTree:
-    """A complete binary tree of bounding boxes: each node splits its rows at the median of its widest feature.
+    """A complete binary tree of bounding boxes: a node splits its rows at the median of its widest feature.
 
     Attributes
     ----------

@@ -26,7 +26,9 @@ def position_grid(shape: tuple[int, ...], patch: int) -> tuple[int, int]:
     """
     rows, columns = shape[0] - patch + 1, shape[1] - patch + 1
     if rows < 1 or columns < 1:
-        raise ImageError(f"the image has {shape[1]}x{shape[0]} pixels, a patch {patch}x{patch}: give a larger image")
+        raise ImageError(
+            f"the image has {shape[1]}x{shape[0]} pixels, a patch {patch}x{patch}: give a larger image"
+        )
     return rows, columns
 
 
@@ -48,7 +50,11 @@ def gather_patches(image: np.ndarray, positions: np.ndarray, patch: int) -> np.n
     return windows[positions[:, 0], positions[:, 1]].view(np.uint8).reshape(-1, patch, patch, 3)
 
 
-def draw_patches(images: Iterable[np.ndarray], patch: int, per_image: int, rng: np.random.Generator) -> np.ndarray:
+def draw_patches(
+    images: Iterable[np.ndarray], patch: int, per_image: int, rng: np.random.Generator
+) -> np.ndarray:
     """``(N, P, P, 3) uint8``: `per_image` random patches (with replacement) from each image in turn."""
-    drawn = [gather_patches(image, sample_positions(image.shape, patch, per_image, rng), patch) for image in images]
+    drawn = [
+        gather_patches(image, sample_positions(image.shape, patch, per_image, rng), patch) for image in images
+    ]
     return np.concatenate(drawn) if drawn else np.empty((0, patch, patch, 3), np.uint8)

@@ -1,4 +1,4 @@
-"""The texton dictionary: small image patches that stand for the texture of an environment (Methods, "Texton Dictionary").
+"""The texton dictionary: patches that stand for the texture of a place (Methods, "Texton Dictionary").
 
 A Kohonen network [1]_ clusters random patches: textons sit on a chain; each patch pulls its nearest texton,
 and that one's neighbours on the chain a little less, towards itself. Learning rate and neighbourhood shrink
@@ -54,8 +54,9 @@ class TextonDictionary:
 
     def __post_init__(self):
         textons = np.asarray(self.textons)
-        square = textons.ndim == 4 and textons.shape[1] == textons.shape[2] and textons.shape[3] == 3
-        if not square or textons.dtype != np.uint8 or not 1 <= len(textons) <= MAX_TEXTONS or not 1 <= textons.shape[1] <= MAX_PATCH:
+        shape = textons.shape
+        square = textons.ndim == 4 and shape[1] == shape[2] <= MAX_PATCH and shape[3] == 3
+        if not square or textons.dtype != np.uint8 or not textons.size or len(textons) > MAX_TEXTONS:
             raise MapError(
                 f"textons are a (K, P, P, 3) uint8 array with K up to {MAX_TEXTONS} and P up to {MAX_PATCH}, "
                 f"found {textons.dtype} {textons.shape}: learn the dictionary again"
@@ -76,7 +77,7 @@ class TextonDictionary:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """``(3 P P, K)``: 2 t. The nearest texton has the largest score 2 p.t - |t|^2, since |p|^2 is common to all.
+        """``(3 P P, K)``: 2 t; the nearest texton has the largest score 2 p.t - |t|^2, as |p|^2 is common.
 
         Single precision where every partial sum stays below 2**24 (6x6 patches do), and so is exact in any
         order.
@@ -88,17 +89,19 @@ class TextonDictionary:
     @cached_property
     def bias(self) -> np.ndarray:
         """``(K,)``: -\\|t\\|^2, in the type of `weights`."""
-        return -np.square(self.textons.reshape(self.n_textons, -1).astype(np.int64)).sum(axis=1).astype(self.weights.dtype)
+        flat = self.textons.reshape(self.n_textons, -1).astype(np.int64)
+        return -np.square(flat).sum(axis=1).astype(self.weights.dtype)
 
     @cached_property
     def words(self) -> np.ndarray:
-        """``(G, P ceil(3 P / 4), 4) int32``: t - 128 as signed bytes, four to a word, for groups of 4 textons.
+        """``(G, P ceil(3 P / 4), 4) int32``: t - 128 as signed bytes, four a word, in groups of 4 textons.
 
         The layout of `trexton.kernels.label_rows`; missing bytes and textons are 0.
         """
         groups, row_bytes = -(-self.n_textons // 4), 3 * self.patch
         padded = np.zeros((4 * groups, self.patch, -(-row_bytes // 4) * 4), dtype=np.int8)
-        padded[: self.n_textons, :, :row_bytes] = self.textons.reshape(self.n_textons, self.patch, row_bytes).astype(np.int16) - 128
+        signed = self.textons.reshape(self.n_textons, self.patch, row_bytes).astype(np.int16) - 128
+        padded[: self.n_textons, :, :row_bytes] = signed
         words = padded.view("<i4").astype(np.int32).reshape(groups, 4, -1)
         return np.ascontiguousarray(words.transpose(0, 2, 1))
 
@@ -155,7 +158,10 @@ class TextonDictionary:
             patches = source
         else:
             if not source.has_images:
-                raise MapError(f"flight {source.name!r} has no images to learn textons from: give a dictionary, or a flight with images")
+                raise MapError(
+                    f"flight {source.name!r} has no images to learn textons from: "
+                    "give a dictionary, or a flight with images"
+                )
             patches = draw_patches(islice(source.images(), images), patch, patches_per_image, rng)
         return learn_textons(patches, n_textons, rng=rng, method=method, **options).dictionary
 
@@ -227,7 +233,7 @@ def learn_textons(
         raise ParameterError(f"n_textons is {n_textons}: expected 1 to {MAX_TEXTONS}")
     patches = _check_patches(patches)
     if not len(patches):
-        raise ImageError("no patches to learn textons from: give at least one image that is as large as a patch")
+        raise ImageError("no patches to learn textons from: give at least one image as large as a patch")
     flat = patches.reshape(len(patches), -1)
     if method == "kohonen":
         flat = flat[rng.permutation(len(flat))]
@@ -247,7 +253,7 @@ def learn_textons(
 
 
 def kohonen_steps(patches: np.ndarray, textons: np.ndarray, gains: np.ndarray, grain: float) -> np.ndarray:
-    """Move `textons` in place towards each patch in turn; the definition of the compiled kernel of the same name.
+    """Move `textons` in place towards each patch in turn; the definition of the compiled kernel.
 
     Parameters
     ----------
@@ -275,10 +281,15 @@ def kohonen_steps(patches: np.ndarray, textons: np.ndarray, gains: np.ndarray, g
     return errors
 
 
-def _kohonen_gains(n_textons: int, n_patches: int, rate: tuple[float, float], radius: tuple[float, float]) -> np.ndarray:
+def _kohonen_gains(
+    n_textons: int, n_patches: int, rate: tuple[float, float], radius: tuple[float, float]
+) -> np.ndarray:
     for name, (start, end) in (("rate", rate), ("radius", radius)):
         if not 0 < end <= start or (name == "rate" and start > 1):
-            raise ParameterError(f"{name} goes from {start} to {end}: expected positive numbers that do not grow, a rate at most 1")
+            raise ParameterError(
+                f"{name} goes from {start} to {end}: "
+                "expected positive numbers that do not grow, and a rate of at most 1"
+            )
     parts = min(n_patches, 1000)
     progress = np.arange(parts)[:, None] / parts
     rates, radii = (start * (end / start) ** progress for start, end in (rate, radius))
@@ -294,5 +305,8 @@ def _check_patches(patches: np.ndarray, patch: int | None = None) -> np.ndarray:
     size = patches.shape[1] if patch is None and patches.ndim == 4 else patch
     if patches.ndim != 4 or patches.shape[1:] != (size, size, 3) or patches.dtype != np.uint8:
         side = "P" if patch is None else patch
-        raise ImageError(f"patches are an (N, {side}, {side}, 3) uint8 array, found {patches.dtype} {patches.shape}: cut them from images")
+        raise ImageError(
+            f"patches are an (N, {side}, {side}, 3) uint8 array, found {patches.dtype} {patches.shape}: "
+            "cut them from images"
+        )
     return patches

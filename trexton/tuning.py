@@ -24,7 +24,7 @@ _TOLERANCE = 0.02  # differences in error below this are not worth any time
 
 @dataclass(frozen=True)
 class Setting:
-    """Samples (None: every patch) and particles, with a frame's seconds here and the error to expect in cm."""
+    """Samples (None: every patch) and particles, a frame's seconds here, and the error to expect in cm."""
 
     samples: int | None
     particles: int
@@ -58,7 +58,9 @@ def tune(
     if not 0 < rate < np.inf:
         raise ParameterError(f"the rate is {rate} Hz: expected a positive number")
     if not 0 <= headroom < 1:
-        raise ParameterError(f"the headroom is {headroom}: expected a share from 0 up to 1, 0.5 to keep half of the time free")
+        raise ParameterError(
+            f"the headroom is {headroom}: expected a share from 0 up to 1, 0.5 to keep half of the time free"
+        )
     errors = predicted_errors(record, with_samples=texton_map.dictionary is not None)
     samples, particles = zip(*errors)
     frame_s = costs(texton_map, sorted(set(samples), key=_amount), sorted(set(particles)), rng=rng)
@@ -67,7 +69,7 @@ def tune(
 
 
 def choose(settings: list[Setting], budget_s: float) -> Setting:
-    """The cheapest of those within the budget whose error is as good as the best of them, but for two per cent.
+    """The cheapest of those within the budget whose error is within two per cent of the best of them.
 
     Raises
     ------
@@ -96,8 +98,12 @@ def predicted_errors(record: Record, *, with_samples: bool = True) -> dict[tuple
         raise ParameterError(f"the record is of {record.experiment!r}: expected one of 'trade_off'")
     default = {name: record.parameters[name] for name in ("samples", "particles")}
     if with_samples and "samples" not in record.series:
-        raise ParameterError(f"the trade-off of {record.flight!r} did not vary samples, as it had no images: give the record of a flight with images")
-    swept = {name: _sweep(record, name) for name in (("samples", "particles") if with_samples else ("particles",))}
+        raise ParameterError(
+            f"the trade-off of {record.flight!r} did not vary samples, as it had no images: "
+            "give the record of a flight with images"
+        )
+    names = ("samples", "particles") if with_samples else ("particles",)
+    swept = {name: _sweep(record, name) for name in names}
     base = swept["particles"][default["particles"]]
     by_samples = swept.get("samples", {default["samples"]: base})
     reference = by_samples[default["samples"]]
@@ -112,28 +118,39 @@ def _sweep(record: Record, name: str) -> dict[int | None, float]:
 
 
 def costs(
-    texton_map: TextonMap, samples: list[int | None], particles: list[int], *, rng: np.random.Generator, repeats: int = 60
+    texton_map: TextonMap,
+    samples: list[int | None],
+    particles: list[int],
+    *,
+    rng: np.random.Generator,
+    repeats: int = 60,
 ) -> dict[tuple[int | None, int], float]:
-    """Median seconds a frame takes here for every pair: each histogram and each filter is timed once, and they are added."""
+    """Median seconds a frame takes here for every pair; histograms and filters are timed once, and added."""
     if texton_map.dictionary is None:
         frames = list(texton_map.histograms[:repeats])
         of_samples = dict.fromkeys(samples, 0.0)
     else:
         # What is in the picture does not change the time; reading fresh memory does.
         frames = [rng.integers(0, 256, (*texton_map.image_shape, 3), dtype=np.uint8) for _ in range(8)]
-        of_samples = {drawn: _stage_medians(texton_map, frames, repeats, rng, samples=drawn)["histogram"] for drawn in samples}
+        of_samples = {
+            drawn: _stage_medians(texton_map, frames, repeats, rng, samples=drawn)["histogram"]
+            for drawn in samples
+        }
     of_particles = {}
     for count in particles:
         stages = _stage_medians(texton_map, texton_map.histograms, repeats, rng, particles=count)
         of_particles[count] = sum(stages.values())
-    return {(drawn, count): of_samples[drawn] + of_particles[count] for drawn, count in product(samples, particles)}
+    return {pair: of_samples[pair[0]] + of_particles[pair[1]] for pair in product(samples, particles)}
 
 
-def _stage_medians(texton_map: TextonMap, frames, repeats: int, rng: np.random.Generator, **options) -> dict[str, float]:
+def _stage_medians(
+    texton_map: TextonMap, frames, repeats: int, rng: np.random.Generator, **options
+) -> dict[str, float]:
     clock = StageClock(Localizer(texton_map, rng=rng, **options))
     for index in range(repeats + 3):
         clock.step(frames[index % len(frames)])
-    return {name: float(np.median(taken[3:])) for name, taken in clock.seconds.items() if taken}  # the first warm up
+    # the first three warm up
+    return {name: float(np.median(taken[3:])) for name, taken in clock.seconds.items() if taken}
 
 
 def _amount(samples: int | None) -> float:

@@ -57,7 +57,9 @@ def measure(stages: Iterable[str] | None = None, *, quick: bool = False, seed: i
         try:
             yield from getattr(import_module(f"trexton.bench.{module}"), function)(scene, quick)
         except ModuleNotFoundError as error:
-            raise ParameterError(f"stage {name!r} needs {error.name}, which is not installed: pip install trexton[book]") from None
+            raise ParameterError(
+                f"stage {name!r} needs {error.name}, which is not installed: pip install trexton[book]"
+            ) from None
 
 
 def machine() -> dict:
@@ -65,7 +67,8 @@ def machine() -> dict:
     model = platform.processor() or platform.machine()
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as stream:
-            model = next((line.split(":", 1)[1].strip() for line in stream if line.startswith("model name")), model)
+            names = (line.split(":", 1)[1].strip() for line in stream if line.startswith("model name"))
+            model = next(names, model)
     except OSError:
         pass
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None

@@ -62,7 +62,15 @@ class Row:
 
     @classmethod
     def compare(
-        cls, stage: str, size, threads: int, ours: Times, yardstick: str, theirs: Times | float, limit=None, note=""
+        cls,
+        stage: str,
+        size: object,
+        threads: int,
+        ours: Times,
+        yardstick: str,
+        theirs: Times | float,
+        limit: float | None = None,
+        note: str = "",
     ) -> Row:
         """A row from times; a yardstick may be a plain number of seconds, a target."""
         seconds = float(theirs.median if isinstance(theirs, Times) else theirs)
@@ -137,10 +145,12 @@ def table(rows: list[Row]) -> str:
         limit = "" if row.limit is None else f"{row.limit:.2f}"
         verdict = {True: "holds", False: "MISSED", None: ""}[row.holds]
         p99 = "" if row.p99_s is None else duration(row.p99_s)
-        cells = (row.stage, row.size, str(row.threads), duration(row.ours_s), p99)
-        lines.append((*cells, row.yardstick, duration(row.yardstick_s), f"{row.ratio:.3g}", limit, verdict, row.note))
+        ours = (row.stage, row.size, str(row.threads), duration(row.ours_s), p99)
+        theirs = (row.yardstick, duration(row.yardstick_s), f"{row.ratio:.3g}", limit, verdict, row.note)
+        lines.append(ours + theirs)
     widths = [max(map(len, column)) for column in zip(*lines)]
-    return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(line, widths)).rstrip() for line in lines)
+    cells = (map(str.ljust, line, widths) for line in lines)
+    return "\n".join("  ".join(line).rstrip() for line in cells)
 
 
 def duration(seconds: float) -> str:

@@ -102,10 +102,13 @@ def _map_by_sums(particles, log_likelihood, previous, weights, precision) -> np.
 
 
 def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
-    """Image in, estimate out at the paper's defaults, against the sum of its stages; then very many frames."""
+    """Image in, estimate out at the paper's defaults, against the sum of its stages; then many frames."""
     whole, parts, frames = scene.localizer(), StageClock(scene.localizer()), scene.views[0]
     turn = iter(np.tile(np.arange(len(frames)), 100_000))
-    contestants = {"frame": lambda: whole.step(frames[next(turn)]), "stages": lambda: parts.step(frames[next(turn)])}
+    contestants = {
+        "frame": lambda: whole.step(frames[next(turn)]),
+        "stages": lambda: parts.step(frames[next(turn)]),
+    }
     with limited_threads(1):
         times = interleave(contestants, 0.5 if quick else 2.0, 15)
         count = 5_000 if quick else 100_000
@@ -120,7 +123,8 @@ def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
     yield Row.compare(f"{name}, p99", size, 1, p99, "twice the median", 2 * long.median, 1.0)
     first, last = (Times.of(part) for part in (seconds[: count // 10], seconds[-count // 10 :]))
     grown = f"{(resident[1] - resident[0]) / 2**20:+.1f} MiB"
-    yield Row.compare(f"{name}, last tenth of {count}", size, 1, last, "first tenth", first, 1.1, f"memory {grown}")
+    tenth = f"{name}, last tenth of {count}"
+    yield Row.compare(tenth, size, 1, last, "first tenth", first, 1.1, f"memory {grown}")
 
 
 def _many_frames(localizer, frames, count: int) -> tuple[np.ndarray, tuple[int, int]]:

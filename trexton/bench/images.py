@@ -40,11 +40,12 @@ def full_histogram(scene: Scene, quick: bool) -> Iterator[Row]:
             times = interleave(contestants, 0.6 if quick else 2.0, 3 if quick else 9, pause=threads > 1)
         same_work = times["sgemm"].median * share
         name, size = "full histogram", f"{image.shape[1]}x{image.shape[0]}"
-        yield Row.compare(name, size, threads, times["numba"], "sgemm's rate", same_work, 1 / (1.15, 0.9)[threads - 1])
+        limit = 1 / (1.15, 0.9)[threads - 1]
+        yield Row.compare(name, size, threads, times["numba"], "sgemm's rate", same_work, limit)
         if threads == 1:
             yield Row.compare(name, size, threads, times["numba"], "SciPy cdist", times["cdist"], 1 / 15)
-        limit = 1 / 0.5 if threads == 1 else None
-        yield Row.compare(f"{name}, NumPy", size, threads, times["numpy"], "sgemm's rate", same_work, limit)
+        slower = 1 / 0.5 if threads == 1 else None
+        yield Row.compare(f"{name}, NumPy", size, threads, times["numpy"], "sgemm's rate", same_work, slower)
 
 
 def sampled(scene: Scene, quick: bool) -> Iterator[Row]:
@@ -72,7 +73,8 @@ def homography(scene: Scene, quick: bool) -> Iterator[Row]:
     frames, positions = scene.views
     whole, half = (HomographyLocalizer(scene.simulator.floor.picture, scale=scale) for scale in (1.0, 0.5))
     turn = iter(np.tile(np.arange(len(frames)), 10_000))
-    found, luma = cv2.SIFT_create(nfeatures=whole.keypoints), [np.ascontiguousarray(frame[..., 0]) for frame in frames]
+    found = cv2.SIFT_create(nfeatures=whole.keypoints)
+    luma = [np.ascontiguousarray(frame[..., 0]) for frame in frames]
     contestants = {
         "whole": lambda: whole.locate(frames[next(turn)]),
         "half": lambda: half.locate(frames[next(turn)]),
@@ -89,7 +91,8 @@ def homography(scene: Scene, quick: bool) -> Iterator[Row]:
         }  # fmt: skip
     size = f"{frames[0].shape[1]}x{frames[0].shape[0]}"
     notes = {name: f"right within {_FOUND} m: {share:.0%}" for name, share in right.items()}
-    yield Row.compare("homography", size, 1, times["whole"], "SIFT of the frame", times["sift"], 1.4, notes["whole"])
+    sift = "SIFT of the frame"
+    yield Row.compare("homography", size, 1, times["whole"], sift, times["sift"], 1.4, notes["whole"])
     half_name = "homography, half resolution"
     yield Row.compare(half_name, size, 1, times["half"], "homography", times["whole"], 1 / 3, notes["half"])
 
@@ -98,7 +101,8 @@ def simulator(scene: Scene, quick: bool) -> Iterator[Row]:
     """A frame of the virtual room with all effects against one warp of the floor's picture."""
     room, picture = scene.simulator, scene.simulator.floor.picture
     state = room.state
-    view = np.linalg.inv(picture.world_from_pixel) @ room.camera.world_from_pixel(state.position, state.attitude)
+    seen = room.camera.world_from_pixel(state.position, state.attitude)
+    view = np.linalg.inv(picture.world_from_pixel) @ seen
     size = (room.camera.width, room.camera.height)
 
     def warp():
@@ -110,15 +114,17 @@ def simulator(scene: Scene, quick: bool) -> Iterator[Row]:
 
     with limited_threads(1):
         times = interleave({"ours": render, "warp": warp}, 0.5 if quick else 2.0)
-    yield Row.compare("simulator", f"{size[0]}x{size[1]}", 1, times["ours"], "warpPerspective", times["warp"], 8.0)
+    name = f"{size[0]}x{size[1]}"
+    yield Row.compare("simulator", name, 1, times["ours"], "warpPerspective", times["warp"], 8.0)
 
 
 def _by_cdist(image: np.ndarray, dictionary, rows: int = 16) -> np.ndarray:
     """Full sampling with SciPy, a few rows at a time."""
     from scipy.spatial.distance import cdist
 
-    patch, textons = dictionary.patch, dictionary.textons.reshape(dictionary.n_textons, -1).astype(float)
-    windows = np.lib.stride_tricks.sliding_window_view(image, (patch, patch), axis=(0, 1)).transpose(0, 1, 3, 4, 2)
+    window = (dictionary.patch, dictionary.patch)
+    textons = dictionary.textons.reshape(dictionary.n_textons, -1).astype(float)
+    windows = np.lib.stride_tricks.sliding_window_view(image, window, axis=(0, 1)).transpose(0, 1, 3, 4, 2)
     counts = np.zeros(dictionary.n_textons)
     for first in range(0, len(windows), rows):
         patches = windows[first : first + rows].reshape(-1, textons.shape[1])

@@ -18,7 +18,7 @@ _VIEWS = 48
 
 
 def crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """``(count, K)`` histograms between neighbours of a sequence, each with the noise of counting 2000 patches."""
+    """``(count, K)`` histograms between neighbours of a sequence, with the noise of counting 2000 patches."""
     rows, share = rng.integers(len(histograms) - 1, size=count), rng.random((count, 1))
     mixed = histograms[rows] * (1 - share)
     mixed += histograms[rows + 1] * share
@@ -29,7 +29,7 @@ def crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.nd
 
 
 class Scene:
-    """Frames along a diagonal of the painted hall, with everything a stage may ask for, made when asked for."""
+    """Frames along a diagonal of the painted hall, and all that a stage may ask for, made when asked for."""
 
     def __init__(self, seed: int = 1):
         self.seed = seed

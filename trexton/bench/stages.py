@@ -28,7 +28,8 @@ class StageClock:
 
     def __init__(self, localizer: Localizer):
         self.localizer = localizer
-        self.seconds: dict[str, list[float]] = {"histogram": [], "neighbors": [], "filter": [], "estimate": []}
+        names = ("histogram", "neighbors", "filter", "estimate")
+        self.seconds: dict[str, list[float]] = {name: [] for name in names}
 
     def step(self, frame: np.ndarray) -> None:
         """One frame, an image or a histogram."""

@@ -1,4 +1,4 @@
-"""How near each stage comes to the machine's limit: the rows of `trexton bench`, with its roofs and exponents."""
+"""How near each stage comes to the machine's limit: the rows of `trexton bench`, roofs and exponents."""
 
 from __future__ import annotations
 
@@ -61,7 +61,10 @@ def _roofs(rng: np.random.Generator) -> dict:
     source = np.zeros(_COPIED, np.uint8)
     target, square = np.empty_like(source), rng.random((1024, 1024), dtype=np.float32)
     times = interleave({"copy": lambda: np.copyto(target, source), "sgemm": lambda: square @ square}, 0.3)
-    return {"bytes_per_s": 2 * _COPIED / times["copy"].median, "operations_per_s": 2.0 * 1024**3 / times["sgemm"].median}
+    return {
+        "bytes_per_s": 2 * _COPIED / times["copy"].median,
+        "operations_per_s": 2.0 * 1024**3 / times["sgemm"].median,
+    }
 
 
 def _points(rows: list[Row]) -> list[dict]:

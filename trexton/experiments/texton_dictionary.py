@@ -1,4 +1,4 @@
-"""The texton dictionary (paper, Methods, "Texton Dictionary Generation"): what it is, how it was learnt, where it shows."""
+"""The texton dictionary (paper, Methods, "Texton Dictionary Generation"): textons, learning, places."""
 
 from __future__ import annotations
 
@@ -52,12 +52,14 @@ def run(
     texton_map = trained_map(train, textons=textons, seed=seed)
     frequency = texton_map.histograms.mean(axis=0)
     shown = test.image(len(test) // 2)
+    places = place_frequencies(texton_map.histograms, texton_map.positions, train.area, cells)
     floor, pictures = floor_picture(train)
     return Record(
         experiment="texton_dictionary",
         flight=train.name,
         parameters={
-            "textons": textons, "images": images, "patches_per_image": patches_per_image, "cells": cells, "seed": seed,
+            "textons": textons, "images": images, "patches_per_image": patches_per_image, "cells": cells,
+            "seed": seed,
         },
         values={
             "patches": len(patches),
@@ -70,7 +72,7 @@ def run(
         },
         series={
             "convergence": {method: _convergence(one.errors) for method, one in learned.items()},
-            "place_frequency": place_frequencies(texton_map.histograms, texton_map.positions, train.area, cells),
+            "place_frequency": places,
             "area_m": train.area,
             **floor,
         },
@@ -85,7 +87,7 @@ def run(
 
 
 def place_frequencies(histograms: np.ndarray, positions: np.ndarray, area, cells: int) -> np.ndarray:
-    """``(K, cells, cells)``: mean frequency of each texton over the frames of each square; NaN where there are none.
+    """``(K, cells, cells)``: mean frequency of each texton over the frames of each square, NaN without any.
 
     Rows go with y, columns with x, from the lower left corner of `area`.
     """
@@ -119,7 +121,7 @@ def _convergence(errors: np.ndarray) -> np.ndarray:
 
 
 def _chroma_share(textons: np.ndarray) -> float:
-    """Share of the variance between textons that lies in U and V; two thirds if all channels told them apart alike."""
+    """Share of the variance between textons that lies in U and V; two thirds if all channels vary alike."""
     variance = textons.astype(float).var(axis=0).sum(axis=(0, 1))
     return float(variance[1:].sum() / max(variance.sum(), 1e-12))
 

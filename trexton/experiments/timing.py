@@ -1,4 +1,4 @@
-"""Time for one frame, stage by stage (paper, Analysis, "Speed versus Accuracy Trade-Off", last paragraph; Discussion)."""
+"""Time for one frame, stage by stage (paper, Analysis, "Speed versus Accuracy Trade-Off"; Discussion)."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def run(
     homography_frames: int = 20,
     seed: int = 1,
 ) -> Record:
-    """Time each stage of the localizer over the test flight, full sampling, and a homography; images are at hand, decoded.
+    """Time each stage of the localizer over the test flight, full sampling, a homography; images are decoded.
 
     Parameters
     ----------
@@ -71,10 +71,11 @@ def run(
         "total_ms": _distribution(total_s),
         "frequency_hz": frequency(milliseconds([total_s])),
         "stages_ms": {name: _distribution(seconds) for name, seconds in stages_s.items()},
-        "frames_ms": {"total": 1000 * total_s, **{name: 1000 * seconds for name, seconds in stages_s.items()}},
+        "frames_ms": {name: 1000 * seconds for name, seconds in ({"total": total_s} | stages_s).items()},
     }
     if test.has_images:
-        timings["histogram_share"] = float(np.median(stages_s["histogram"]) / sum(map(np.median, stages_s.values())))
+        medians = {name: np.median(seconds) for name, seconds in stages_s.items()}
+        timings["histogram_share"] = float(medians["histogram"] / sum(medians.values()))
         timings |= _full_sampling(localizer(samples=None), frames[:full_frames])
     if test.has_images and test.floor is not None:
         timings["homography_ms"] = _homography(test, frames[:: max(1, len(frames) // homography_frames)])
@@ -82,8 +83,8 @@ def run(
         experiment="timing",
         flight=train.name,
         parameters={
-            **options, "textons": textons, "neighbors": neighbors, "passes": passes, "full_frames": full_frames,
-            "homography_frames": homography_frames, "seed": seed,
+            **options, "textons": textons, "neighbors": neighbors, "passes": passes,
+            "full_frames": full_frames, "homography_frames": homography_frames, "seed": seed,
         },
         values={
             "applies": {"histogram": test.has_images, "homography": "homography_ms" in timings},
@@ -98,7 +99,8 @@ def run(
 
 def _distribution(seconds: np.ndarray) -> dict:
     """Median in ms with its interval, and the 99th percentile of frames."""
-    return milliseconds([seconds], stretch=min(20, max(1, len(seconds) // 5))) | {"p99": 1000 * np.percentile(seconds, 99)}
+    stretch = min(20, max(1, len(seconds) // 5))
+    return milliseconds([seconds], stretch) | {"p99": 1000 * np.percentile(seconds, 99)}
 
 
 def _full_sampling(localizer: Localizer, frames) -> dict:

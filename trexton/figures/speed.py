@@ -49,12 +49,16 @@ def roofline(record: Record) -> Figure:
         plot = axes[0, 0]
         span = np.geomspace(min(intensity.min(), 0.3 * peak / memory) / 2, intensity.max() * 3, 200)
         roof = np.minimum(memory * span, peak)
-        plot.plot(span, roof / 1e9, color=COLORS["truth"], label="one thread: memory copied, matrices multiplied (sgemm)")
+        label = "one thread: memory copied, matrices multiplied (sgemm)"
+        plot.plot(span, roof / 1e9, color=COLORS["truth"], label=label)
         plot.fill_between(span, roof / 1e9, color=COLORS["truth"], alpha=0.07, linewidth=0)
-        for point, color, marker in zip(points, ("accent", "knn", "warm", "paper", "spread", "estimate"), "os^Dvp"):
+        colors = ("accent", "knn", "warm", "paper", "spread", "estimate")
+        for point, color, marker in zip(points, colors, "os^Dvp"):
             at = point["operations_per_byte"], point["operations_per_s"] / 1e9
-            plot.plot(*at, marker, color=COLORS[color], markersize=8, linestyle="none", label=f"{point['stage']}, {point['size']}")
-        plot.set(xscale="log", yscale="log", xlabel="operations a byte", ylabel="thousand million operations a second")
+            label = f"{point['stage']}, {point['size']}"
+            plot.plot(*at, marker, color=COLORS[color], markersize=8, linestyle="none", label=label)
+        plot.set(xlabel="operations a byte", ylabel="thousand million operations a second")
+        plot.set(xscale="log", yscale="log")
         _plain_numbers(plot)
         plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
     return figure

@@ -1,4 +1,4 @@
-"""Figures of the dictionary: the textons, how they were learnt, where on the floor each occurs, a frame in their colours."""
+"""Figures of the dictionary: the textons, how they were learnt, where each occurs, a frame in textons."""
 
 from __future__ import annotations
 
@@ -43,8 +43,9 @@ def convergence(record: Record) -> Figure:
             label = f"{_NAMES[method]}: in the end {final['error']:.1f} over all patches"
             plot.plot(seen / 1000, errors, color=COLORS[color], label=label, linewidth=1.1)
             plot.axhline(final["error"], color=COLORS[color], linestyle=":", linewidth=1)
-        plot.set(xlabel="patches seen (thousands)", ylabel="RMS distance to the nearest\ntexton (grey levels)", ylim=(0, None))
-        plot.set_xlim(0, record.values["patches"] / 1000)
+        plot.set(xlabel="patches seen (thousands)")
+        plot.set(ylabel="RMS distance to the nearest\ntexton (grey levels)")
+        plot.set(xlim=(0, record.values["patches"] / 1000), ylim=(0, None))
         plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))
     return figure
 
@@ -62,9 +63,8 @@ def places(record: Record) -> Figure:
                 axis.set_axis_off()
                 continue
             top = np.nanmax(maps[index])
-            axis.imshow(
-                maps[index], origin="lower", extent=(x_min, x_max, y_min, y_max), cmap="cividis", vmin=0, vmax=top or 1,
-            )  # fmt: skip
+            extent = (x_min, x_max, y_min, y_max)
+            axis.imshow(maps[index], origin="lower", extent=extent, cmap="cividis", vmin=0, vmax=top or 1)
             axis.set_facecolor("#eeeeee")
             axis.grid(False)
             axis.set_title(f"{index}   up to {100 * top:.2g} %", fontsize=8, loc="right", weight="normal")

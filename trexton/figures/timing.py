@@ -32,7 +32,8 @@ def times(record: Record) -> dict[str, dict]:
     rest = np.sum(parts, axis=0)
     found["rest"] = {"median": float(np.median(rest)), "p99": float(np.percentile(rest, 99))}
     found["total"] = timings["total_ms"]
-    found |= {row: timings[key] for row, key in (("full", "full_sampling_ms"), ("homography", "homography_ms")) if key in timings}
+    optional = {"full": "full_sampling_ms", "homography": "homography_ms"}
+    found |= {row: timings[key] for row, key in optional.items() if key in timings}
     return {name: found[name] for name in _ROWS if name in found}
 
 
@@ -43,12 +44,17 @@ def stages(record: Record) -> Figure:
     with canvas(size=(7.2, 0.8 + 0.42 * len(ours))) as (figure, axes):
         plot = axes[0, 0]
         for place, (name, time) in enumerate(reversed(ours.items())):
-            plot.plot([time["median"], time["p99"]], [place, place], color=COLORS["accent"], linewidth=4, alpha=0.3, solid_capstyle="butt")
-            plot.plot(time["median"], place, "o", color=COLORS["accent"], label="here, to the 99th percentile" if not place else None)
-            plot.annotate(f"{time['median']:.3g} ms", (time["median"], place), xytext=(0, 6), textcoords="offset points", ha="center", fontsize=8)
+            at = (time["median"], place)
+            plot.hlines(place, time["median"], time["p99"], color=COLORS["accent"], linewidth=4, alpha=0.3)
+            label = "here, to the 99th percentile" if not place else None
+            plot.plot(*at, "o", color=COLORS["accent"], label=label)
+            style = {"textcoords": "offset points", "ha": "center", "fontsize": 8}
+            plot.annotate(f"{time['median']:.3g} ms", at, xytext=(0, 6), **style)
             if (key := _ROWS[name][1]) is not None:
-                plot.plot(paper[key], place, "D", color=COLORS["paper"], label="the paper" if key == "total_ms" else None)
-        plot.axvline(1000 / paper["camera_hz"], color=COLORS["truth"], linestyle=":", label=f"one frame at {paper['camera_hz']:g} Hz")
+                label = "the paper" if key == "total_ms" else None
+                plot.plot(paper[key], place, "D", color=COLORS["paper"], label=label)
+        camera = paper["camera_hz"]
+        plot.axvline(1000 / camera, color=COLORS["truth"], linestyle=":", label=f"one frame at {camera:g} Hz")
         plot.set_yticks(range(len(ours)), labels=[_ROWS[name][0] for name in reversed(ours)])
         plot.set(xscale="log", xlabel="time a frame (ms)", ylim=(-0.6, len(ours) - 0.2))
         plot.margins(x=0.07)
@@ -60,7 +66,8 @@ def stages(record: Record) -> Figure:
 
 def frames(record: Record) -> Figure:
     """The time of every frame of the flight, split by stage."""
-    split = {name: np.array(values) for name, values in record.timings["frames_ms"].items() if name != "total"}
+    split = {name: np.array(values) for name, values in record.timings["frames_ms"].items()}
+    del split["total"]
     total = record.timings["total_ms"]
     colors = dict(zip(("histogram", "neighbors", "filter", "estimate"), ("accent", "warm", "spread", "knn")))
     with canvas(size=(7.2, 3.0)) as (figure, axes):

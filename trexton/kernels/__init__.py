@@ -1,4 +1,4 @@
-"""Hot loops compiled by numba, one a file, imported on first use only; each has a NumPy twin that gives the same bits."""
+"""Hot loops compiled by numba, one a file, loaded on first use; each has a NumPy twin of the same bits."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def compiled(module: str, backend: str | None = None) -> ModuleType | None:
         raise ParameterError(f"backend {backend!r} is unknown: choose one of {', '.join(BACKENDS)}")
     kernels = None if backend == "numpy" else _load(module)
     if kernels is None and backend == "numba":
-        raise ParameterError("backend 'numba' was asked for, but numba cannot be imported: install it or choose 'numpy'")
+        raise ParameterError("backend 'numba' was asked for, but is not installed: install it or choose 'numpy'")
     return kernels
 
 
 def thread_count(threads: int | None = None) -> int:
-    """How many threads to use: `threads`, else ``$OMP_NUM_THREADS``, else the processors given to this process."""
+    """How many threads to use: `threads`, else ``$OMP_NUM_THREADS``, else the processors of this process."""
     if threads is None:
         given = os.environ.get("OMP_NUM_THREADS", "")
         if given.isdigit() and int(given):
@@ -63,7 +63,7 @@ def thread_count(threads: int | None = None) -> int:
 
 
 def in_strips(work: Callable[[slice], object], rows: int, threads: int | None = None) -> list:
-    """Call `work` on equal slices of `rows` rows, one a thread; kernels and matrix products release Python's lock.
+    """Call `work` on equal slices of `rows` rows, one a thread; kernels and products release Python's lock.
 
     Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep beside the
     BLAS's own.

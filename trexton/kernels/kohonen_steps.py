@@ -21,7 +21,7 @@ def _squared_distance(texton, patch):
 
 @njit(cache=True, nogil=True, fastmath=_EXACT)
 def kohonen_steps(patches, textons, gains, grain):
-    """Move `textons` in place towards each patch in turn; see `trexton.textons.kohonen_steps` for the definition."""
+    """Move `textons` in place towards each patch in turn; defined by `trexton.textons.kohonen_steps`."""
     n_patches, n_textons = len(patches), len(textons)
     errors = np.empty(n_patches)
     patch = np.empty(patches.shape[1])

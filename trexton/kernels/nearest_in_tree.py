@@ -27,7 +27,7 @@ def _squared_distances(columns, query, sums):
 def _insert(row, distance, index, squared):
     """Keep the sorted lists sorted; for candidates that belong before the last."""
     place = len(squared) - 1
-    while place > 0 and (distance < squared[place - 1] or (distance == squared[place - 1] and row < index[place - 1])):
+    while place > 0 and (distance, row) < (squared[place - 1], index[place - 1]):
         squared[place] = squared[place - 1]
         index[place] = index[place - 1]
         place -= 1
@@ -47,7 +47,7 @@ def _box_bound(low, high, query):
 
 @njit(cache=True, nogil=True)
 def nearest_in_tree(low, high, leaves, rows, query, k):
-    """``(k,)`` indices and squared distances, nearest first, equals by index; for `trexton.neighbors.BoxTree`."""
+    """``(k,)`` rows and squared distances, nearest first, equals by row; for `trexton.neighbors.BoxTree`."""
     n_inner = len(low) - len(leaves)
     index, squared = np.full(k, rows.size), np.full(k, np.inf)
     sums = np.empty(leaves.shape[2])
@@ -58,7 +58,8 @@ def nearest_in_tree(low, high, leaves, rows, query, k):
         node, bound = waiting[top], bounds[top]
         while bound <= squared[k - 1] and node < n_inner:
             node = 2 * node + 1
-            bound, other = _box_bound(low[node], high[node], query), _box_bound(low[node + 1], high[node + 1], query)
+            bound = _box_bound(low[node], high[node], query)
+            other = _box_bound(low[node + 1], high[node + 1], query)
             if other < bound:
                 waiting[top], bounds[top], node, bound = node, bound, node + 1, other
             else:
@@ -68,7 +69,6 @@ def nearest_in_tree(low, high, leaves, rows, query, k):
             leaf = node - n_inner
             _squared_distances(leaves[leaf], query, sums)
             for i in range(len(sums)):
-                row = rows[leaf, i]
-                if sums[i] < squared[k - 1] or (sums[i] == squared[k - 1] and row < index[k - 1]):
-                    _insert(row, sums[i], index, squared)
+                if (sums[i], rows[leaf, i]) < (squared[k - 1], index[k - 1]):
+                    _insert(rows[leaf, i], sums[i], index, squared)
     return index, squared
