@@ -1,0 +1,99 @@
+"""The three homography experiments on a small simulated flight, whose geometry is known."""
+
+import numpy as np
+import pytest
+
+from trexton.experiments import homography_baseline, homography_training, mosaic
+from trexton.experiments.homography_training import filtered_positions
+from trexton.experiments.stitched import floor_residual, locate_all, stitched_map
+from trexton.camera import MapImage
+from trexton.figures import homography_baseline as baseline_figures
+from trexton.figures import homography_training as training_figures
+from trexton.figures import mosaic as mosaic_figures
+from trexton.simulator import record_flight
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    """Sixty frames that follow each other closely enough to be linked, and eight of another flight."""
+    folder = tmp_path_factory.mktemp("flights")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
+        train = record_flight(folder / "train", frames=60, every=2)
+        test = record_flight(folder / "test", pattern="waypoints", frames=8, every=2)
+        yield train, test
+
+
+def test_fixes_on_the_true_floor_are_right(flights):
+    _, test = flights
+    located = locate_all(test.floor, test, "frames")
+    error = np.hypot(*(located.position - test.position).T)
+    assert located.found.all() and (located.inliers > 20).all()
+    # What is left is the tilt, which the method does not know: a metre of height times a few degrees.
+    tilt = np.hypot(*np.tan(test.attitude[:, :2]).T) * test.height
+    assert (error < tilt + 0.03).all()
+
+
+def test_the_residual_of_a_shifted_map_is_its_shift(flights):
+    floor = flights[0].floor
+    small = MapImage(floor.image[:1200, :1200], floor.world_from_pixel)
+    shifted = floor.world_from_pixel.copy()
+    shifted[:2, 2] += (0.10, -0.05)
+    truth, deviation = floor_residual(MapImage(small.image, shifted), small)
+    assert len(truth) > 100
+    np.testing.assert_allclose(np.median(deviation, axis=0), [0.10, -0.05], atol=1e-3)
+
+
+def test_the_mosaic_record_says_what_the_mosaic_is(flights):
+    train, _ = flights
+    record = mosaic.run(train, anchors=6)
+    stitched = stitched_map(train, 6)  # from the cache
+    assert record.values["used"] == stitched.used.sum() and record.values["links"] == len(stitched.pairs)
+    assert record.values["residual_cm"]["median"] < 5
+    plan = mosaic_figures.stitched(record).axes[0]
+    np.testing.assert_array_equal(plan.lines[1].get_xydata(), train.position[stitched.anchors])
+    arrows = mosaic_figures.deviation(record, magnified=2).axes[0].collections[0]
+    np.testing.assert_allclose(arrows.U, 2 * np.array(record.series["residual_m"])[:, 0])
+
+
+def test_the_baseline_counts_failures_and_shows_both_maps(flights):
+    train, test = flights
+    record = homography_baseline.run(train, test, anchors=6)
+    position = np.array(record.series["mosaic_m"], dtype=float)
+    lost = int((~np.isfinite(position).all(axis=1)).sum())
+    assert record.values["mosaic"]["failures"] == lost == record.values["mosaic"]["missing"]
+    assert record.values["perfect_floor"]["failures"] == 0
+    assert record.values["perfect_floor"]["error_cm_x"]["median"] < 15
+    error = np.abs(position - test.position)[np.isfinite(position).all(axis=1)]
+    assert record.values["mosaic"]["error_cm_x"]["median"] == pytest.approx(100 * error[:, 0].mean())
+    lines = baseline_figures.error_distribution(record).axes[0].lines
+    assert lines[1].get_ydata()[-1] == 100 and lines[0].get_ydata()[-1] == pytest.approx(100 * len(error) / len(test))
+    baseline_figures.fixes(record)
+
+
+def test_filtering_drops_outliers_fills_gaps_and_keeps_the_rest():
+    time = np.arange(80) * 0.08
+    truth = np.column_stack([0.5 * time, 1 + 0.3 * np.sin(time)])
+    position = truth.copy()
+    position[[10, 40]] += 3.0
+    position[20:23] = np.nan
+    before = position.copy()
+    found = filtered_positions(position)
+    np.testing.assert_allclose(found[4:-4], truth[4:-4], atol=0.02)
+    np.testing.assert_array_equal(position, before)  # the input is left as it was
+
+
+def test_training_on_homography_positions_differs_only_in_them(flights):
+    train, test = flights
+    record = homography_training.run(train, test, samples=60, textons=6, particles=20, neighbors=2, repeats=2, anchors=6)
+    values = record.values
+    assert values["filter"]["frames"] == len(test)
+    training = np.array(record.series["filter_training_error_m"], dtype=float)
+    known = np.isfinite(training).all(axis=1)
+    assert values["failures"] == (~known).sum()
+    assert values["filter_training"]["error_cm_y"]["median"] == pytest.approx(100 * training[known, 1].mean())
+    assert min(values[f"{name}_process_std_cm"] for name in ("filter", "remedy", "mocap")) > 0
+    lines = training_figures.estimate_errors(record).axes[0].lines
+    estimate = np.array(record.series["remedy_estimate_m"])
+    np.testing.assert_allclose(lines[1].get_ydata(), 100 * np.abs(estimate - test.position)[:, 0])
+    training_figures.training_errors(record)
