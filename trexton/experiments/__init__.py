@@ -63,7 +63,7 @@ EXPERIMENTS: dict[str, Experiment] = {
         "Training on homography positions", needs=_IMAGES, after=("mosaic", "homography_baseline", "mocap_training"), cost_s=90
     ),
     "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=120),
-    "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=90),
+    "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=60, alone=True),
     "map_loss": Experiment("Which floors are suitable: the map loss", needs=("positions",)),
     "timing": Experiment("Time for one frame", needs=("positions",), alone=True),
     "speed": Experiment("As fast as the machine allows", needs=_IMAGES, alone=True),
