@@ -1,0 +1,209 @@
+"""Which frames see the same floor: successive ones first, then those that the layout so far puts over the same place.
+
+A keypoint is looked for only near where it should be. A tiled floor looks the same every few decimetres, and a match
+that is good but one tile off is the one error that no robust loss can undo.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from trexton.camera import Camera, transform_points
+from trexton.flights.flight import Flight
+from trexton.homography import Keypoints, detect_keypoints, find_homography
+from trexton.mosaic.adjust import Links
+from trexton.mosaic.poses import world_from_pixel
+from trexton.progress import progress
+
+__all__ = ["flight_keypoints", "spatial_links", "successive_links", "threads"]
+
+_POINTS = 12  # matched points kept for a link: enough for its homography, few enough for thousands of links
+_LEAST_INLIERS = 12
+_RATIO = 0.85
+_THRESHOLD = 3.0  # pixels of the frame
+_LEAST_OVERLAP = 0.08  # of a frame's area
+_APART = 0.2  # of a frame's width: spatial neighbours nearer to one another along the path say the same
+_STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside successive ones
+# Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the motion is steady over
+# some frames before and after, and if a chain of links predicts it.
+_STILL, _STEADY, _CHAINED = 0.12, 0.06, 0.06
+_WINDOW = 8
+# Inliers among the matches: by chance there are few within reach, and many where a floor repeats out of reach.
+_LEAST_SHARE, _LEAST_SHARE_ANYWHERE = 0.2, 0.5
+
+
+def threads() -> ThreadPoolExecutor:
+    """A pool as large as the machine, within reason; OpenCV and NumPy work outside Python's lock."""
+    return ThreadPoolExecutor(min(4, os.cpu_count() or 1))
+
+
+def flight_keypoints(flight: Flight, *, scale: float, limit: int) -> list[Keypoints]:
+    """Keypoints of every frame."""
+
+    def detect(row: int) -> Keypoints:
+        return detect_keypoints(flight.image(row)[..., 0], scale=scale, limit=limit)
+
+    with threads() as pool:
+        return list(progress(pool.map(detect, range(len(flight))), "keypoints", len(flight)))
+
+
+def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
+    """Links of frames one, two, five and twelve apart."""
+    # Most frames hardly move; one that does is looked for anywhere.
+    still = (np.eye(3), _STILL * camera.width)
+
+    def follow(pair: tuple[int, int]):
+        return _match(keypoints, pair, camera, *still) or _match(keypoints, pair, camera)
+
+    found = _all_links(follow, [(row, row + 1) for row in range(len(keypoints) - 1)], "linking")
+    found = _steadied(found, keypoints, camera)
+    chain = {first: homography for (first, _), homography, _ in found}
+
+    def leap(pair: tuple[int, int]):
+        predicted = np.eye(3)
+        for row in range(*pair):
+            if row not in chain:
+                return _match(keypoints, pair, camera)
+            predicted = chain[row] @ predicted
+        return _match(keypoints, pair, camera, predicted, _CHAINED * camera.width)
+
+    pairs = [(row, row + step) for step in _STEPS for row in range(len(keypoints) - step)]
+    return _as_links(found + _all_links(leap, pairs, "linking"), camera)
+
+
+def _steadied(found: list, keypoints: list[Keypoints], camera: Camera) -> list:
+    """Successive links again, those that jump: looked for where the motion before and after says that they should be."""
+    center = [camera.principal_point]
+    shift = np.array([transform_points(homography, center)[0] for _, homography, _ in found]).reshape(-1, 2) - center
+    result = []
+    for place, link in enumerate(found):
+        usual = np.median(shift[max(0, place - _WINDOW) : place + _WINDOW + 1], axis=0)
+        if np.abs(shift[place] - usual).max() > _STEADY * camera.width:
+            predicted = np.array([[1, 0, usual[0]], [0, 1, usual[1]], [0, 0, 1]])
+            again = _match(keypoints, link[0], camera, predicted, _STEADY * camera.width)
+            link = (link[0], *again) if again else link
+        result.append(link)
+    return result
+
+
+def spatial_links(
+    keypoints: list[Keypoints], poses: np.ndarray, camera: Camera, count: int, reach: float, known: set[tuple[int, int]]
+) -> Links:
+    """Links of frames that their ``(N, 8)`` `poses` put over the same floor on different passes.
+
+    Parameters
+    ----------
+    count : int
+        Most partners looked for, for each frame.
+    reach : float
+        Of a frame's width: how far a keypoint may be from where the poses put it.
+    known : set of pairs
+        Left out; the pairs found are added to it.
+    """
+    matrices = [world_from_pixel(pose, camera) for pose in poses]
+
+    def revisit(pair: tuple[int, int]):
+        first, second = pair
+        return _match(keypoints, pair, camera, np.linalg.solve(matrices[second], matrices[first]), reach * camera.width)
+
+    found = _all_links(revisit, _spatial_pairs(poses, camera, count, known), "linking passes")
+    known.update(pair for pair, _, _ in found)
+    return _as_links(found, camera)
+
+
+def _spatial_pairs(poses: np.ndarray, camera: Camera, count: int, known: set[tuple[int, int]]) -> list[tuple[int, int]]:
+    """For each frame up to `count` others of other passes, by overlap, not too near to one another along the path."""
+    seen = float(np.median(poses[:, 2])) / camera.focal * np.array([camera.width, camera.height])
+    path = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    cos, sin = np.cos(poses[:, 5]), np.sin(poses[:, 5])
+    pairs = set()
+    for row in range(len(poses)):
+        x, y = (poses[:, :2] - poses[row, :2]).T
+        right, up = cos[row] * x + sin[row] * y, cos[row] * y - sin[row] * x
+        overlap = np.clip(1 - np.abs(right) / seen[0], 0, None) * np.clip(1 - np.abs(up) / seen[1], 0, None)
+        overlap[np.abs(path - path[row]) < seen.max()] = 0
+        taken: list[int] = []
+        for other in np.argsort(-overlap, kind="stable"):
+            if overlap[other] < _LEAST_OVERLAP or len(taken) == count:
+                break
+            if not taken or np.abs(path[taken] - path[other]).min() > _APART * seen.max():
+                taken.append(int(other))
+                pairs.add((min(row, int(other)), max(row, int(other))))
+    return sorted(pairs - known)
+
+
+def _all_links(match: Callable, pairs: list[tuple[int, int]], label: str) -> list:
+    """``(pair, homography, points)`` of every pair that `match` finds, in order."""
+    from threadpoolctl import threadpool_limits
+
+    # The pool keeps every core busy; more threads inside the products would only wait for one another.
+    with threadpool_limits(1, "blas"), threads() as pool:
+        matched = progress(pool.map(match, pairs), label, len(pairs))
+        return [(pair, *found) for pair, found in zip(pairs, matched) if found]
+
+
+def _as_links(found: list, camera: Camera) -> Links:
+    pairs = np.array([pair for pair, _, _ in found], dtype=np.int64).reshape(-1, 2)
+    points = np.array([points for _, _, points in found]).reshape(-1, 2, _POINTS, 2)
+    return Links(pairs, points - np.array(camera.principal_point))
+
+
+def _match(keypoints, pair, camera: Camera, predicted: np.ndarray | None = None, reach: float = np.inf):
+    """A homography and ``(2, _POINTS, 2)`` matched points of two frames, or None if they do not show the same floor.
+
+    `predicted` is where the first frame's pixels should be in the second, give or take `reach` pixels.
+    """
+    first, second = keypoints[pair[0]], keypoints[pair[1]]
+    if min(len(first), len(second)) < _LEAST_INLIERS:
+        return None
+    source, target = _mutual_matches(first, second, predicted, reach)
+    homography, inliers = find_homography(source, target, _THRESHOLD)
+    share = _LEAST_SHARE_ANYWHERE if predicted is None else _LEAST_SHARE
+    if inliers.sum() < max(_LEAST_INLIERS, share * len(source)) or not _plausible(homography, camera):
+        return None
+    source, target = source[inliers], target[inliers]
+    chosen = _spread(source, _POINTS)
+    return homography, np.stack([source[chosen], target[chosen]])
+
+
+def _mutual_matches(first: Keypoints, second: Keypoints, predicted, reach) -> tuple[np.ndarray, np.ndarray]:
+    """Matches within reach that are nearest in both directions and pass the ratio test.
+
+    SIFT descriptors are whole numbers up to 255, so that these float32 products are exact in any order.
+    """
+    a, b = first.descriptors, second.descriptors
+    squared = (a * a).sum(axis=1)[:, None] + (b * b).sum(axis=1) - 2 * (a @ b.T)
+    if predicted is not None:
+        places = transform_points(predicted, first.points)
+        for axis in (0, 1):
+            squared[np.abs(places[:, None, axis] - second.points[:, axis]) > reach] = np.inf
+    forward, backward = squared.argmin(axis=1), squared.argmin(axis=0)
+    rows = np.flatnonzero((backward[forward] == np.arange(len(a))) & np.isfinite(squared.min(axis=1)))
+    columns = forward[rows]
+    nearest = squared[rows, columns]
+    squared[rows, columns] = np.inf
+    good = nearest < _RATIO**2 * squared[rows].min(axis=1, initial=np.inf)
+    return first.points[rows[good]], second.points[columns[good]]
+
+
+def _plausible(homography: np.ndarray, camera: Camera) -> bool:
+    """True if the frame's outline stays a convex quadrangle of similar size, as between two views from similar heights."""
+    width, height = camera.width, camera.height
+    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=float)
+    sides = np.diff(transform_points(homography, corners)[[0, 1, 2, 3, 0]], axis=0)
+    turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
+    return bool((turns > 0.25 * width * height).all() and (turns < 4 * width * height).all())
+
+
+def _spread(points: np.ndarray, count: int) -> np.ndarray:
+    """`count` indices of points far from one another (farthest-point sampling; repeats where there are fewer)."""
+    chosen = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
+    distance = np.full(len(points), np.inf)
+    while len(chosen) < count:
+        distance = np.minimum(distance, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
+        chosen.append(int(np.argmax(distance)))
+    return np.array(chosen)

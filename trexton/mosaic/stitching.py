@@ -1,0 +1,144 @@
+"""From a flight to one picture of its floor: keypoints, links, global adjustment, blending."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trexton.camera import Camera, MapImage
+from trexton.errors import FlightError, MapError, ParameterError
+from trexton.flights.flight import Flight
+from trexton.mosaic.adjust import Anchors, Links, adjust, layout, link_errors
+from trexton.mosaic.blend import blend
+from trexton.mosaic.links import flight_keypoints, spatial_links, successive_links
+
+__all__ = ["Mosaic", "stitch"]
+
+# Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked for.
+_REACHES = (0.2, 0.05)
+_GRAIN = 0.55  # map pixels for each pixel of a frame: the map keeps what most keypoints need
+_TRUSTED = 3.0  # pixels: a link whose median error is larger is wrong
+
+
+@dataclass(frozen=True, eq=False)
+class Mosaic:
+    """A stitched map and how it came about.
+
+    Attributes
+    ----------
+    map : MapImage
+    poses : (N, 8) array
+        Pose of each frame of the flight, see `trexton.mosaic.poses`.
+    used : (N,) bool array
+        Frames in the picture; the others could not be linked.
+    anchors : (A,) int array
+        Rows of the frames whose recorded position placed the map in the world.
+    pairs : (L, 2) int array
+        Rows of the linked frames.
+    errors : (L,) array
+        Median distance in frame pixels between the points of a link, after the adjustment.
+    rejected : int
+        Links that contradicted the others.
+    """
+
+    map: MapImage
+    poses: np.ndarray
+    used: np.ndarray
+    anchors: np.ndarray
+    pairs: np.ndarray
+    errors: np.ndarray
+    rejected: int
+
+
+def stitch(
+    flight: Flight,
+    *,
+    anchors: int = 12,
+    scale: float = 0.5,
+    keypoints: int = 600,
+    neighbors: int = 6,
+    pixels_per_metre: float | None = None,
+    camera: Camera | None = None,
+) -> Mosaic:
+    """Stitch the hyperspatial image of a flight (Sec. "Dataset Generation").
+
+    Only images and the positions of `anchors` frames, evenly spread in time, are used: no attitude, no height.
+
+    Parameters
+    ----------
+    anchors : int
+        Frames whose recorded position is used, at least 3.
+    scale : float
+        Size at which frames are searched for keypoints.
+    keypoints : int
+        Most keypoints of a frame.
+    neighbors : int
+        Most spatial neighbours that a frame is matched with, beside its successors.
+    pixels_per_metre : float, optional
+        Resolution of the map; by default 0.55 of the frames' own.
+    camera : Camera, optional
+        By default the flight's; where neither is known, a focal length of 0.8 image widths is assumed, and the heights
+        absorb most of the error.
+
+    Raises
+    ------
+    FlightError
+        The flight has no images, or too few of its frames have a position.
+    MapError
+        The frames cannot be linked.
+    """
+    if anchors < 3 or neighbors < 0 or keypoints < 12:
+        raise ParameterError(f"anchors, neighbors, keypoints are {anchors}, {neighbors}, {keypoints}: expected at least 3, 0, 12")
+    camera = camera or flight.camera or _assumed_camera(flight)
+    described = flight_keypoints(flight, scale=scale, limit=keypoints)
+    links = successive_links(described, camera)
+    known = _choose_anchors(flight, links, anchors)
+    poses = adjust(layout(len(flight), links, known, camera.focal), links, known, camera.focal)
+    linked: set[tuple[int, int]] = set()
+    for reach in _REACHES if neighbors else ():
+        links = links + spatial_links(described, poses, camera, neighbors, reach, linked)
+        poses = adjust(poses, links, known, camera.focal, widths=(8, 4, 2))
+    agreeing = _median_errors(poses, links, camera) < _TRUSTED
+    links, rejected = links[agreeing], int((~agreeing).sum())
+    used = _connected(len(flight), links, known.rows)
+    poses = adjust(poses, links, known, camera.focal, widths=(2,))
+    if pixels_per_metre is None:
+        pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
+    picture = blend(flight, poses, used, camera, pixels_per_metre)
+    errors = _median_errors(poses, links, camera)
+    return Mosaic(picture, poses, used, known.rows, links.pairs, errors, rejected)
+
+
+def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarray:
+    return np.median(link_errors(poses, links, camera.focal), axis=1)
+
+
+def _assumed_camera(flight: Flight) -> Camera:
+    height, width = flight.image(0).shape[:2]
+    return Camera(width, height, 0.8 * width)
+
+
+def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
+    """`count` frames evenly spread in time among those that have a position and a link."""
+    linked = np.zeros(len(flight), bool)
+    linked[links.pairs.ravel()] = True
+    rows = np.flatnonzero(linked & np.isfinite(flight.position).all(axis=1))
+    if not linked.any():
+        raise MapError(f"no two successive frames of flight {flight.name!r} show the same floor: a mosaic needs overlapping frames of a textured floor")
+    if len(rows) < 3:
+        raise FlightError(f"flight {flight.name!r} has {len(rows)} linked frames with a position, a mosaic needs 3: record some positions")
+    rows = np.unique(rows[np.linspace(0, len(rows) - 1, count).round().astype(int)])
+    return Anchors(rows, flight.position[rows])
+
+
+def _connected(count: int, links: Links, anchors: np.ndarray) -> np.ndarray:
+    """``(N,) bool``: frames that links join to at least two anchors, or to most of the other frames."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(links)), tuple(links.pairs.T)), (count, count))
+    group = connected_components(graph, directed=False)[1]
+    placed = np.bincount(group[anchors], minlength=group.max() + 1) >= 2
+    placed[np.argmax(np.bincount(group))] = True
+    return placed[group]
