@@ -1,8 +1,9 @@
 """A frame's position by keypoints: match it to a map image, find the homography, project the frame's centre.
 
-The baseline of the paper (Sec. "Dataset Generation" and "Baseline: Homography-based Approach"), unfiltered: the fix is
-whatever the homography says. A tilted camera sees the floor at about height times tilt from the point below the
-vehicle; the method does not know the tilt, so that offset is part of its error, as it was in the paper.
+The baseline of the paper (Sec. "Dataset Generation" and "Baseline: Homography-based Approach"), unfiltered:
+the fix is whatever the homography says. A tilted camera sees the floor at about height times tilt from the
+point below the vehicle; the method does not know the tilt, so that offset is part of its error, as it was
+in the paper.
 """
 
 from __future__ import annotations
@@ -100,7 +101,8 @@ class HomographyLocalizer:
     ----------
     map_image : MapImage
     scale : float
-        Size at which frames are searched for keypoints; 0.5 takes about a third of the time and loses some frames.
+        Size at which frames are searched for keypoints; 0.5 takes about a third of the time and loses some
+        frames.
     keypoints : int
         Most keypoints of a frame, the strongest.
     map_keypoints : int
@@ -131,10 +133,12 @@ class HomographyLocalizer:
         threshold: float = 5.0,
         checks: int = 16,
     ):
-        for name, value, top in (("scale", scale, 1), ("ratio", ratio, 1), ("threshold", threshold, np.inf)):
+        for name, value, top in (("scale", scale, 1), ("ratio", ratio, 1), ("threshold", threshold,
+        np.inf)):
             if not 0 < value <= top:
                 raise ParameterError(f"{name} is {value}: expected a number above 0 and up to {top}")
-        for name, value, least in (("keypoints", keypoints, 4), ("map_keypoints", map_keypoints, 4), ("checks", checks, 1)):
+        for name, value, least in (("keypoints", keypoints, 4), ("map_keypoints", map_keypoints, 4),
+        ("checks", checks, 1)):
             if value < least:
                 raise ParameterError(f"{name} is {value}: expected at least {least}")
         self.map_image, self.scale, self.ratio, self.threshold = map_image, scale, ratio, threshold

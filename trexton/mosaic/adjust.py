@@ -16,8 +16,8 @@ __all__ = ["Links", "Anchors", "adjust", "layout", "link_errors"]
 
 _SIZE = len(PARAMETERS)
 _HEIGHT = PARAMETERS.index("z")
-# In typical heights: how well an anchor is known, and how far a frame may stray from steady motion (a weak hold for
-# frames without links); in radians: how far the heading may turn between frames.
+# In typical heights: how well an anchor is known, and how far a frame may stray from steady motion (a weak
+# hold for frames without links); in radians: how far the heading may turn between frames.
 _ANCHOR, _MOTION, _TURN = 0.005, 0.3, 0.3
 _REWEIGHTED = 10  # rounds in which the layout gives less weight to links that disagree
 
@@ -83,7 +83,8 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
         place = _solve_complex(graph + steady + pin, pull @ move)
         errors = np.abs(step @ place - move)
         weight = 1 / (1 + (errors / (3 * np.median(errors) + 1e-9)) ** 2)
-    # The links alone have decided which of them to trust; now the anchors bend the drifting chain into place.
+    # The links alone have decided which of them to trust; now the anchors bend the drifting chain into
+    # place.
     goal = anchors.position @ [1, 1j]
     unit, origin = _fit(place[anchors.rows], goal)
     known, anchored = np.zeros(count, complex), np.zeros(count)
@@ -108,8 +109,8 @@ def adjust(
 ) -> np.ndarray:
     """Refine ``(N, 8)`` poses until links, anchors and level flight agree best, under a Cauchy loss.
 
-    The loss is as wide as each of `widths` in turn, in pixels: wide first, so that a poor start is not taken for wrong
-    links.
+    The loss is as wide as each of `widths` in turn, in pixels: wide first, so that a poor start is not
+    taken for wrong links.
     """
     height = float(np.median(poses[:, 2]))
     poses = poses / ([height] * 3 + [1] * 5)  # in typical heights from here on
@@ -177,7 +178,8 @@ def _normal_equations(poses, links, hold, expected, focal, width):
     first, second = (floor_jacobian(poses[links.pairs[:, side]], links.points[:, side], focal) * unit for side in (0, 1))
     weight = 1 / (1 + (residual**2).sum(axis=-1) / width**2)  # Cauchy: iteratively reweighted
     jacobian = np.concatenate([first, -second], axis=-1)
-    # Residuals are in pixels of the pair's mean height; without this term the map would shrink to shrink them.
+    # Residuals are in pixels of the pair's mean height; without this term the map would shrink to shrink
+    # them.
     jacobian[..., [_HEIGHT, _SIZE + _HEIGHT]] -= residual[..., None] / poses[links.pairs, _HEIGHT].sum(axis=1)[:, None, None, None]
     jacobian = jacobian.reshape(len(links), -1, 2 * _SIZE)
     weighted = jacobian.transpose(0, 2, 1) * np.repeat(weight, 2, axis=1)[:, None, :]

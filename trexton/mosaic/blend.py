@@ -45,7 +45,8 @@ def blend(flight: Flight, poses: np.ndarray, used: np.ndarray, camera: Camera, p
     total = np.zeros((lines, columns, 3), np.float32)
     weights = np.zeros((lines, columns), np.float32)
     with threads() as pool:
-        # Placed in parallel, added in order, a few at a time so that the waiting ones do not fill the memory.
+        # Placed in parallel, added in order, a few at a time so that the waiting ones do not fill the
+        # memory.
         jobs = iter(zip(rows, matrices, outlines))
         bar = progress(range(len(rows)), "blending", len(rows))
         while batch := list(islice(jobs, 16)):

@@ -1,7 +1,7 @@
 """Which frames see the same floor: successive ones first, then those that the layout so far puts over the same place.
 
-A keypoint is looked for only near where it should be. A tiled floor looks the same every few decimetres, and a match
-that is good but one tile off is the one error that no robust loss can undo.
+A keypoint is looked for only near where it should be. A tiled floor looks the same every few decimetres,
+and a match that is good but one tile off is the one error that no robust loss can undo.
 """
 
 from __future__ import annotations
@@ -28,11 +28,12 @@ _THRESHOLD = 3.0  # pixels of the frame
 _LEAST_OVERLAP = 0.08  # of a frame's area
 _APART = 0.2  # of a frame's width: spatial neighbours nearer to one another along the path say the same
 _STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside successive ones
-# Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the motion is steady over
-# some frames before and after, and if a chain of links predicts it.
+# Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the motion is
+# steady over some frames before and after, and if a chain of links predicts it.
 _STILL, _STEADY, _CHAINED = 0.12, 0.06, 0.06
 _WINDOW = 8
-# Inliers among the matches: by chance there are few within reach, and many where a floor repeats out of reach.
+# Inliers among the matches: by chance there are few within reach, and many where a floor repeats out of
+# reach.
 _LEAST_SHARE, _LEAST_SHARE_ANYWHERE = 0.2, 0.5
 
 

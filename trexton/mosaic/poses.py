@@ -1,10 +1,12 @@
 """Where a frame sees the floor: eight numbers for each frame, which together are its homography.
 
-A pose is ``x, y, z, roll, pitch, yaw, shear, stretch``: the pinhole camera of `trexton.camera` over a plane, plus two
-numbers for what a rolling shutter does to a moving camera (each row is displaced in proportion to its number). All
-eight have a physical size that a hovering vehicle keeps small, which is what holds a large mosaic flat.
+A pose is ``x, y, z, roll, pitch, yaw, shear, stretch``: the pinhole camera of `trexton.camera` over a
+plane, plus two numbers for what a rolling shutter does to a moving camera (each row is displaced in
+proportion to its number). All eight have a physical size that a hovering vehicle keeps small, which is what
+holds a large mosaic flat.
 
-Everything here works in units of the flight's typical height, so that a room and a field need the same settings.
+Everything here works in units of the flight's typical height, so that a room and a field need the same
+settings.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from trexton.camera import Camera
 __all__ = ["PARAMETERS", "TYPICAL", "floor_points", "floor_jacobian", "world_from_pixel"]
 
 PARAMETERS = ("x", "y", "z", "roll", "pitch", "yaw", "shear", "stretch")
-# Standard deviations that hold frames near level flight at the common height; positions and heading are free.
+# Standard deviations that hold frames near level flight at the common height; positions and heading are
+# free.
 TYPICAL = {"z": 0.05, "roll": 0.06, "pitch": 0.06, "shear": 0.02, "stretch": 0.02}
 
 

@@ -63,7 +63,8 @@ def stitch(
 ) -> Mosaic:
     """Stitch the hyperspatial image of a flight (Sec. "Dataset Generation").
 
-    Only images and the positions of `anchors` frames, evenly spread in time, are used: no attitude, no height.
+    Only images and the positions of `anchors` frames, evenly spread in time, are used: no attitude, no
+    height.
 
     Parameters
     ----------
@@ -78,8 +79,8 @@ def stitch(
     pixels_per_metre : float, optional
         Resolution of the map; by default 0.55 of the frames' own.
     camera : Camera, optional
-        By default the flight's; where neither is known, a focal length of 0.8 image widths is assumed, and the heights
-        absorb most of the error.
+        By default the flight's; where neither is known, a focal length of 0.8 image widths is assumed, and
+        the heights absorb most of the error.
 
     Raises
     ------
