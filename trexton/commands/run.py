@@ -35,7 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
         notebooks=arguments.notebooks,
     )
     print_outcomes(outcomes, arguments.explain)
-    if not arguments.no_book:
+    if not arguments.no_book and any(outcome.status in ("ran", "reused") for outcome in outcomes):
         from trexton.book import build_small_book
 
         print(build_small_book(pairs, outcomes, Path(arguments.out)))
