@@ -32,6 +32,7 @@ __all__ = [
 # Pairs of particles whose densities are held at once: they stay in the processor's cache.
 _PAIRS = 2**16
 _WORTH_THREADS = 64  # blocks of pairs; fewer are done before a thread has started
+_MINUS_HALF = np.array([-0.5, -0.5])
 # Particles further apart than this log density count as this far: denormal numbers would take ten times as long.
 _FAR = -500.0
 # Below this the plain weights would all be zero in double precision: no particle explains the measurement.
@@ -66,40 +67,42 @@ class GaussianMotion:
 
     def sample(self, particles: np.ndarray, rng: np.random.Generator) -> np.ndarray:
         """Move every particle by its own draw of the process noise."""
-        moved = rng.standard_normal(particles.shape) @ self._color.T
+        moved = rng.standard_normal(particles.shape).dot(self._color.T)
         moved += particles
         return moved
 
     def log_predictive(self, particles: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """``(M,)`` log of sum_j p(x_i | x_j at t-1) w_j, up to a constant that all particles share."""
-        center = previous[0]  # keeps the expanded squares small, and so exact
         # -|a - b|^2 / 2 of all pairs is one product of [a, -|a|^2 / 2, 1] with [b, 1, -|b|^2 / 2].
-        a = _quadratic((particles - center) @ self._whiten.T, -2, -1)
-        b = _quadratic((previous - center) @ self._whiten.T, -1, -2).T
-        result = np.empty(len(a))
-        rows = min(len(a), max(1, _PAIRS // b.shape[1]))
-        firsts = range(0, len(a), rows)
+        count = len(particles)
+        both = np.concatenate((particles, previous))
+        both -= previous[0]  # keeps the squares small, and so exact
+        features = np.empty((len(both), 4))
+        white = np.dot(both, self._whiten.T, out=both)
+        features[:, :2], features[:, 2:] = white, 1
+        squares = np.dot(white * white, _MINUS_HALF)
+        features[:count, 2], features[count:, 3] = squares[:count], squares[count:]
+        # No pair is further apart than twice the length of the longest vector.
+        near = 4 * squares.min() > _FAR
+        density = np.empty(count)
+        rows = min(count, max(1, _PAIRS // len(previous)))
+        blocks = range(0, count, rows)
 
         def work(part: slice) -> None:
-            buffer = np.empty((rows, b.shape[1]))
-            for first in firsts[part]:
-                block = a[first : first + rows]
-                density = np.matmul(block, b, out=buffer[: len(block)])
-                np.maximum(density, _FAR, out=density)
-                np.exp(density, out=density)
-                np.matmul(density, weights, out=result[first : first + rows])
+            buffer = np.empty((rows, len(previous)))
+            for first in blocks[part]:
+                block = features[first : min(first + rows, count)]
+                pairs = np.matmul(block, features[count:].T, out=buffer[: len(block)])
+                if not near:
+                    np.maximum(pairs, _FAR, out=pairs)
+                np.exp(pairs, out=pairs)
+                np.dot(pairs, weights, out=density[first : first + len(block)])
 
-        in_strips(work, len(firsts), None if len(firsts) >= _WORTH_THREADS else 1)
-        return np.log(result)
-
-
-def _quadratic(points: np.ndarray, square: int, one: int) -> np.ndarray:
-    """``(M, 4)``: the points, and in the columns named -|p|^2 / 2 and 1."""
-    features = np.empty((len(points), 4))
-    features[:, :2] = points
-    features[:, square] = np.square(points) @ (-0.5, -0.5)
-    features[:, one] = 1
-    return features
+        if len(blocks) < _WORTH_THREADS:
+            work(slice(None))
+        else:
+            in_strips(work, len(blocks))
+        return np.log(density, out=density)
 
 
 class RankMixture:
@@ -127,16 +130,17 @@ class RankMixture:
         """``(M,)`` log of the mixture density of `measurement` at each particle."""
         if measurement.shape != (self.k, 2):
             raise ParameterError(f"the measurement has shape {measurement.shape}: expected ({self.k}, 2), one position for each rank")
-        deviation = self._rows @ particles.T
-        deviation -= (self._whiten @ measurement[..., None]).reshape(-1, 1)
+        deviation = self._rows.dot(particles.T)
+        deviation -= np.matmul(self._whiten, measurement[..., None]).reshape(-1, 1)
         deviation *= deviation
         exponent = deviation[::2] + deviation[1::2]  # (k, M)
         exponent *= -0.5
         exponent += self._log_norm
-        peak = exponent.max(axis=0)
+        peak = np.maximum.reduce(exponent)
         exponent -= peak
         np.exp(exponent, out=exponent)
-        return np.log(exponent.sum(axis=0)) + peak
+        density = np.add.reduce(exponent)
+        return np.log(density, out=density) + peak
 
 
 def resampling_wheel(weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
@@ -148,7 +152,8 @@ def resampling_wheel(weights: np.ndarray, rng: np.random.Generator) -> np.ndarra
     start = rng.integers(len(weights))
     ends = weights.cumsum()
     travelled = rng.random(len(weights)).cumsum() * (2 * weights.max())
-    places = (ends[start] - weights[start] + travelled) % ends[-1]
+    places = travelled + (ends[start] - weights[start])
+    places -= np.floor(places / ends[-1]) * ends[-1]
     return np.minimum(ends.searchsorted(places, side="left"), len(weights) - 1)
 
 

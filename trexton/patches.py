@@ -37,7 +37,9 @@ def sample_positions(shape: tuple[int, ...], patch: int, n: int, rng: np.random.
     rows, columns = position_grid(shape, patch)
     if n < 1:
         raise ParameterError(f"the number of samples is {n}: expected at least 1")
-    return np.column_stack(np.divmod(rng.integers(rows * columns, size=n), columns))
+    positions = np.empty((2, n), dtype=np.int64)
+    np.divmod(rng.integers(rows * columns, size=n), columns, out=(positions[0], positions[1]))
+    return positions.T
 
 
 def gather_patches(image: np.ndarray, positions: np.ndarray, patch: int) -> np.ndarray:

@@ -122,11 +122,11 @@ class TextonDictionary:
         (N,) int64 array
         """
         flat = _check_patches(patches, self.patch).reshape(len(patches), self.textons[0].size)
-        labels = np.empty(len(flat), dtype=np.int64)
-        for start in range(0, len(flat), _BLOCK):
-            block = flat[start : start + _BLOCK].astype(self.weights.dtype)
-            labels[start : start + _BLOCK] = (block @ self.weights + self.bias).argmax(axis=1)
-        return labels
+        labels = [
+            (flat[start : start + _BLOCK].astype(self.weights.dtype) @ self.weights + self.bias).argmax(axis=1)
+            for start in range(0, max(len(flat), 1), _BLOCK)
+        ]
+        return labels[0] if len(labels) == 1 else np.concatenate(labels)
 
     @classmethod
     def learn(

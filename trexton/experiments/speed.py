@@ -68,10 +68,10 @@ def _roofs(rng: np.random.Generator) -> dict:
 
 
 def _points(rows: list[Row]) -> list[dict]:
-    """Work and rate of the stages whose work can be counted."""
+    """Work and rate of the stages whose work can be counted, on one thread where that was timed."""
     points = {}
     for row in rows:
-        if row.threads == 1 and (key := (row.stage, row.size)) in _WORK:
+        if (key := (row.stage, row.size)) in _WORK and key not in points:
             operations, touched = _WORK[key]
             points[key] = {
                 "stage": row.stage, "size": row.size, "operations_per_byte": operations / touched,
