@@ -174,10 +174,10 @@ def _plan(pairs, out: Path, notebooks: list[Notebook], experiments, parameters) 
 
 
 class _Run:
-    """One pass over all tasks: start what is ready, longest first, until nothing is left."""
+    """One pass over all tasks: start what is ready, what most waits for first, until nothing is left."""
 
     def __init__(self, tasks: list[_Task], out: Path, crew: Crew, pool: ThreadPoolExecutor, display: Display, jobs: int):
-        self.waiting = sorted(tasks, key=lambda task: (task.experiment.alone, -task.experiment.cost_s))
+        self.waiting = sorted(tasks, key=lambda task: (task.experiment.alone, -_chain(task, tasks)))
         self.out, self.crew, self.pool, self.display, self.jobs = out, crew, pool, display, jobs
         self.done: dict[tuple[str, str], Outcome] = {}
         self.running: dict[Future, _Task] = {}
@@ -251,6 +251,12 @@ class _Run:
     def _finish(self, task: _Task, outcome: Outcome) -> None:
         self.done[task.key] = outcome
         self.display.finished(outcome)
+
+
+def _chain(task: _Task, tasks: list[_Task]) -> float:
+    """Seconds from the start of `task` to the end of whatever waits for it, on the same flight."""
+    heirs = [_chain(other, tasks) for other in tasks if other.pair and task.key in other.waits_for]
+    return task.experiment.cost_s + max(heirs, default=0.0)
 
 
 def _described(inputs: dict) -> str:
