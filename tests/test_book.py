@@ -95,7 +95,7 @@ def results(tmp_path):
     chart = '<svg xmlns="http://www.w3.org/2000/svg" width="20" height="10"><rect width="20" height="10"/></svg>'
     (folder / "mocap_training-chart.svg").write_text(chart)
     cells = [
-        nbformat.v4.new_markdown_cell("# A finished experiment\n\nIt has $x^2$ in it."),
+        nbformat.v4.new_markdown_cell("# A finished experiment\n\nIt has $x^2$ in it. See [itself](mocap_training.ipynb), [the map](mosaic.ipynb)."),
         nbformat.v4.new_code_cell(
             "chart", metadata={"mystnb": {"image": {"alt": "a black box"}}, "tags": ["remove-input"]}, execution_count=1,
             outputs=[nbformat.v4.new_output("display_data", {"image/svg+xml": chart, "text/plain": "chart"})],
@@ -119,6 +119,8 @@ def test_the_contents_name_only_pages_that_are_there(results, tmp_path):
     toc = (staged / "_toc.yml").read_text()
     assert "small/mocap_training" in toc and "mosaic" not in toc and "claims" not in toc
     assert "small has no images" in (staged / "small.md").read_text()
+    # A link to an experiment without a page is plain text, and no fault of the build.
+    assert "See [itself](mocap_training.ipynb), the map." in (staged / "small" / "mocap_training.ipynb").read_text()
 
 
 def test_a_page_that_does_not_exist_stops_the_build(results, tmp_path):

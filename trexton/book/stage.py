@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import nbformat
 import yaml
 
 from trexton.book.library import MODULES, describe_module
@@ -68,7 +70,10 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
         (folder / flight).mkdir(exist_ok=True)
         for name in contents.good(flight):
             for path in outputs_of(contents.results / flight, name):
-                shutil.copyfile(path, folder / flight / path.name)
+                if path.suffix == ".ipynb":
+                    _copy_notebook(path, folder / flight / path.name, contents.good(flight))
+                else:
+                    shutil.copyfile(path, folder / flight / path.name)
     for name, path in contents.extra.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copyfile(path, folder / name)
@@ -76,6 +81,19 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
         shutil.copyfile(contents.source / name, folder / name)
     shutil.copytree(contents.source / "_static", folder / "_static")
     (folder / "_toc.yml").write_text(yaml.safe_dump(toc, sort_keys=False), encoding="utf-8")
+
+
+def _copy_notebook(path: Path, target: Path, pages: list[str]) -> None:
+    """Copy an executed notebook; its links to experiments that this flight has no page for become plain text."""
+    notebook = nbformat.read(path, as_version=4)
+
+    def link(found: re.Match) -> str:
+        return found[0] if found["page"] in pages else found["text"]
+
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = re.sub(r"\[(?P<text>[^\]]*)\]\((?P<page>\w+)\.ipynb\)", link, cell.source)
+    nbformat.write(notebook, target)
 
 
 def _context(contents: Contents) -> dict:
