@@ -21,7 +21,7 @@ __all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_posit
 
 # Positions labelled at once by matrix products: their scores stay in the processor's cache, and BLAS
 # libraries have quicker kernels for matrices this small.
-_ROWS, _COLUMNS = 16, 320
+_ROWS, _COLUMNS = 24, 320
 
 
 def texton_histogram(

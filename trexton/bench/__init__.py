@@ -5,11 +5,15 @@ from __future__ import annotations
 import os
 import platform
 from collections.abc import Iterable, Iterator
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from trexton.bench.clock import Row, table
-from trexton.bench.scene import Scene
 from trexton.errors import ParameterError
 from trexton.progress import say
+
+if TYPE_CHECKING:  # loaded when measured; named here for whoever follows imports, as the cache does
+    from trexton.bench import estimation, growth, images, start  # noqa: F401
 
 __all__ = ["Row", "STAGES", "machine", "measure", "table"]
 
@@ -44,7 +48,7 @@ def measure(stages: Iterable[str] | None = None, *, quick: bool = False, seed: i
     ParameterError
         A stage is unknown, or a yardstick's package is missing.
     """
-    from importlib import import_module
+    from trexton.bench.scene import Scene
 
     stages = list(STAGES) if stages is None else list(stages)
     for name in stages:
