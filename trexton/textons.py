@@ -61,9 +61,7 @@ class TextonDictionary:
                 f"textons are a (K, P, P, 3) uint8 array with K up to {MAX_TEXTONS} and P up to {MAX_PATCH}, "
                 f"found {textons.dtype} {textons.shape}: learn the dictionary again"
             )
-        textons = np.ascontiguousarray(textons)
-        if textons is self.textons or textons.base is not None:
-            textons = textons.copy()
+        textons = np.array(textons, order="C")
         textons.flags.writeable = False
         object.__setattr__(self, "textons", textons)
 
