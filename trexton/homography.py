@@ -24,7 +24,7 @@ _KD_TREES = 2
 
 @dataclass(frozen=True, eq=False)
 class Keypoints:
-    """SIFT keypoints: `points` ``(N, 2) float64`` (column, row) in pixels, `descriptors` ``(N, 128) float32``."""
+    """SIFT keypoints: `points` ``(N, 2)`` (column, row) in pixels, `descriptors` ``(N, 128) float32``."""
 
     points: np.ndarray
     descriptors: np.ndarray
@@ -58,8 +58,10 @@ class HomographyFix:
         return self.homography is not None
 
 
-def detect_keypoints(luma: np.ndarray, *, scale: float = 1.0, limit: int = 0, mask: np.ndarray | None = None) -> Keypoints:
-    """SIFT keypoints of an ``(H, W) uint8`` image, detected at `scale`, given in the pixels of the whole image.
+def detect_keypoints(
+    luma: np.ndarray, *, scale: float = 1.0, limit: int = 0, mask: np.ndarray | None = None
+) -> Keypoints:
+    """SIFT keypoints of an ``(H, W) uint8`` image, detected at `scale`, in the pixels of the whole image.
 
     At most `limit` of them, the strongest (0: all), and only where `mask` is nonzero.
     """
@@ -79,10 +81,13 @@ def detect_keypoints(luma: np.ndarray, *, scale: float = 1.0, limit: int = 0, ma
     return Keypoints(points, descriptors[: limit or None])
 
 
-def find_homography(source: np.ndarray, target: np.ndarray, threshold: float) -> tuple[np.ndarray | None, np.ndarray]:
-    """MAGSAC homography between ``(N, 2)`` matched points, and the ``(N,) bool`` inliers within `threshold` pixels.
+def find_homography(
+    source: np.ndarray, target: np.ndarray, threshold: float
+) -> tuple[np.ndarray | None, np.ndarray]:
+    """MAGSAC homography between ``(N, 2)`` matched points, and its ``(N,) bool`` inliers.
 
-    None where there are fewer than four matches or all of them are degenerate.
+    Inliers lie within `threshold` pixels. None for fewer than four matches, or where all of them are
+    degenerate.
     """
     if len(source) >= 4:
         # At most 2000 iterations: a wrong set of matches would otherwise cost far more than a right one.
@@ -147,7 +152,10 @@ class HomographyLocalizer:
         luma = cv2.cvtColor(map_image.image, cv2.COLOR_BGR2GRAY)
         self._map = detect_keypoints(luma, limit=map_keypoints, mask=mask)
         if len(self._map) < 4:
-            raise MapError(f"the map image has {len(self._map)} keypoints, a homography needs 4: give a sharper or larger map")
+            raise MapError(
+                f"the map image has {len(self._map)} keypoints, a homography needs 4: "
+                "give a sharper or larger map"
+            )
         cv2.setRNGSeed(0)  # FLANN draws its split dimensions from OpenCV's generator
         self._index = cv2.flann_Index(self._map.descriptors, {"algorithm": 1, "trees": _KD_TREES})
 

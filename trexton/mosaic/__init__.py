@@ -1,4 +1,4 @@
-"""The hyperspatial image: one picture of the floor, stitched from a flight's own frames (Sec. "Dataset Generation").
+"""The hyperspatial image: one picture of the floor from a flight's own frames (Sec. "Dataset Generation").
 
 The paper used a closed program for this. Here frames are linked by keypoints, all their poses are adjusted
 at once over a plane, and the frames are blended; a handful of motion-capture positions place the picture in

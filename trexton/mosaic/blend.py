@@ -1,4 +1,4 @@
-"""One picture from many frames whose places are known: a weighted mean that favours the middle of sharp frames."""
+"""One picture from many frames whose places are known: a mean that favours the middle of sharp frames."""
 
 from __future__ import annotations
 
@@ -20,16 +20,22 @@ __all__ = ["blend"]
 _LARGEST = 100_000_000  # pixels
 
 
-def blend(flight: Flight, poses: np.ndarray, used: np.ndarray, camera: Camera, pixels_per_metre: float) -> MapImage:
+def blend(
+    flight: Flight, poses: np.ndarray, used: np.ndarray, camera: Camera, pixels_per_metre: float
+) -> MapImage:
     """The map image of the `used` frames, ``(N,) bool``, each placed by its ``(8,)`` pose."""
     rows = np.flatnonzero(used)
     matrices = [world_from_pixel(poses[row], camera) for row in rows]
     width, height = camera.width - 1, camera.height - 1
-    outlines = [transform_points(matrix, [[0, 0], [width, 0], [width, height], [0, height]]) for matrix in matrices]
+    corners = [[0, 0], [width, 0], [width, height], [0, height]]
+    outlines = [transform_points(matrix, corners) for matrix in matrices]
     (x_min, y_min), (x_max, y_max) = np.min(outlines, axis=(0, 1)), np.max(outlines, axis=(0, 1))
-    columns, lines = int(np.ceil((x_max - x_min) * pixels_per_metre)), int(np.ceil((y_max - y_min) * pixels_per_metre))
-    if not columns * lines <= _LARGEST:
-        raise MapError(f"the mosaic would have {columns} x {lines} pixels: lower pixels_per_metre or give more anchors")
+    columns, lines = (int(np.ceil(extent * pixels_per_metre)) for extent in (x_max - x_min, y_max - y_min))
+    if columns * lines > _LARGEST:
+        raise MapError(
+            f"the mosaic would have {columns} x {lines} pixels, at most {_LARGEST:.0e} are made: "
+            "lower pixels_per_metre or give more anchors"
+        )
     empty = MapImage.from_extent(np.zeros((lines, columns, 3), np.uint8), x_min, y_max, pixels_per_metre)
     map_from_world = np.linalg.inv(empty.world_from_pixel)
     feather = _feather(camera)
@@ -71,7 +77,8 @@ def _feather(camera: Camera) -> np.ndarray:
 
 def _sharpness(image: np.ndarray) -> np.float32:
     """Mean squared Laplacian of the luma: small in a frame blurred by motion."""
-    return np.float32(np.mean(np.square(cv2.Laplacian(image[..., 0], cv2.CV_16S, ksize=1), dtype=np.float32)) + 1e-3)
+    edges = cv2.Laplacian(image[..., 0], cv2.CV_16S, ksize=1)
+    return np.float32(np.square(edges, dtype=np.float32).mean() + 1e-3)  # never 0: a blank frame counts too
 
 
 def _window(outline: np.ndarray, limits: tuple[int, int]) -> tuple[tuple[int, int], tuple[int, int]]:

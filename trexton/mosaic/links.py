@@ -1,4 +1,4 @@
-"""Which frames see the same floor: successive ones first, then those that the layout so far puts over the same place.
+"""Which frames see the same floor: successive ones first, then those that a layout puts over the same place.
 
 A keypoint is looked for only near where it should be. A tiled floor looks the same every few decimetres,
 and a match that is good but one tile off is the one error that no robust loss can undo.
@@ -9,22 +9,19 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 
 from trexton.camera import Camera, transform_points
 from trexton.flights.flight import Flight
-from trexton.homography import Keypoints, detect_keypoints, find_homography
-from trexton.mosaic.adjust import Links
+from trexton.homography import Keypoints, detect_keypoints
+from trexton.mosaic.matching import POINTS, match_frames
 from trexton.mosaic.poses import world_from_pixel
 from trexton.progress import progress
 
-__all__ = ["flight_keypoints", "spatial_links", "successive_links", "threads"]
+__all__ = ["Anchors", "Links", "flight_keypoints", "spatial_links", "successive_links", "threads"]
 
-_POINTS = 12  # matched points kept for a link: enough for its homography, few enough for thousands of links
-_LEAST_INLIERS = 12
-_RATIO = 0.85
-_THRESHOLD = 3.0  # pixels of the frame
 _LEAST_OVERLAP = 0.08  # of a frame's area
 _APART = 0.2  # of a frame's width: spatial neighbours nearer to one another along the path say the same
 _STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside successive ones
@@ -32,9 +29,43 @@ _STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside su
 # steady over some frames before and after, and if a chain of links predicts it.
 _STILL, _STEADY, _CHAINED = 0.12, 0.06, 0.06
 _WINDOW = 8
-# Inliers among the matches: by chance there are few within reach, and many where a floor repeats out of
-# reach.
-_LEAST_SHARE, _LEAST_SHARE_ANYWHERE = 0.2, 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """Pairs of frames that see the same floor, with K matched points each.
+
+    Attributes
+    ----------
+    pairs : (L, 2) int array
+        Rows of the two frames.
+    points : (L, 2, K, 2) array
+        Offsets from the principal point in pixels, in the first and in the second frame.
+    """
+
+    pairs: np.ndarray
+    points: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    def __add__(self, other: Links) -> Links:
+        return Links(np.concatenate([self.pairs, other.pairs]), np.concatenate([self.points, other.points]))
+
+    def __getitem__(self, chosen: np.ndarray) -> Links:
+        return Links(self.pairs[chosen], self.points[chosen])
+
+    def sides(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows ``(L,)`` and points ``(L, K, 2)`` of the first frames, then of the second."""
+        return [(self.pairs[:, side], self.points[:, side]) for side in (0, 1)]
+
+
+@dataclass(frozen=True, eq=False)
+class Anchors:
+    """Frames whose position is known: `rows` ``(A,) int`` and `position` ``(A, 2)`` in metres."""
+
+    rows: np.ndarray
+    position: np.ndarray
 
 
 def threads() -> ThreadPoolExecutor:
@@ -58,7 +89,7 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
     still = (np.eye(3), _STILL * camera.width)
 
     def follow(pair: tuple[int, int]):
-        return _match(keypoints, pair, camera, *still) or _match(keypoints, pair, camera)
+        return _match(keypoints, camera, pair, *still) or _match(keypoints, camera, pair)
 
     found = _all_links(follow, [(row, row + 1) for row in range(len(keypoints) - 1)], "linking")
     found = _steadied(found, keypoints, camera)
@@ -68,31 +99,37 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
         predicted = np.eye(3)
         for row in range(*pair):
             if row not in chain:
-                return _match(keypoints, pair, camera)
+                return _match(keypoints, camera, pair)
             predicted = chain[row] @ predicted
-        return _match(keypoints, pair, camera, predicted, _CHAINED * camera.width)
+        return _match(keypoints, camera, pair, predicted, _CHAINED * camera.width)
 
     pairs = [(row, row + step) for step in _STEPS for row in range(len(keypoints) - step)]
     return _as_links(found + _all_links(leap, pairs, "linking"), camera)
 
 
 def _steadied(found: list, keypoints: list[Keypoints], camera: Camera) -> list:
-    """Successive links again, those that jump: looked for where the motion before and after says that they should be."""
+    """The links again, those that jump: looked for where the motion before and after says they should be."""
     center = [camera.principal_point]
-    shift = np.array([transform_points(homography, center)[0] for _, homography, _ in found]).reshape(-1, 2) - center
+    moved = [transform_points(homography, center)[0] for _, homography, _ in found]
+    shift = np.array(moved).reshape(-1, 2) - center
     result = []
     for place, link in enumerate(found):
         usual = np.median(shift[max(0, place - _WINDOW) : place + _WINDOW + 1], axis=0)
         if np.abs(shift[place] - usual).max() > _STEADY * camera.width:
             predicted = np.array([[1, 0, usual[0]], [0, 1, usual[1]], [0, 0, 1]])
-            again = _match(keypoints, link[0], camera, predicted, _STEADY * camera.width)
+            again = _match(keypoints, camera, link[0], predicted, _STEADY * camera.width)
             link = (link[0], *again) if again else link
         result.append(link)
     return result
 
 
 def spatial_links(
-    keypoints: list[Keypoints], poses: np.ndarray, camera: Camera, count: int, reach: float, known: set[tuple[int, int]]
+    keypoints: list[Keypoints],
+    poses: np.ndarray,
+    camera: Camera,
+    count: int,
+    reach: float,
+    known: set[tuple[int, int]],
 ) -> Links:
     """Links of frames that their ``(N, 8)`` `poses` put over the same floor on different passes.
 
@@ -109,15 +146,16 @@ def spatial_links(
 
     def revisit(pair: tuple[int, int]):
         first, second = pair
-        return _match(keypoints, pair, camera, np.linalg.solve(matrices[second], matrices[first]), reach * camera.width)
+        predicted = np.linalg.solve(matrices[second], matrices[first])
+        return _match(keypoints, camera, pair, predicted, reach * camera.width)
 
     found = _all_links(revisit, _spatial_pairs(poses, camera, count, known), "linking passes")
     known.update(pair for pair, _, _ in found)
     return _as_links(found, camera)
 
 
-def _spatial_pairs(poses: np.ndarray, camera: Camera, count: int, known: set[tuple[int, int]]) -> list[tuple[int, int]]:
-    """For each frame up to `count` others of other passes, by overlap, not too near to one another along the path."""
+def _spatial_pairs(poses: np.ndarray, camera: Camera, count: int, known: set) -> list[tuple[int, int]]:
+    """For each frame up to `count` others of other passes, by overlap, spread along the path."""
     seen = float(np.median(poses[:, 2])) / camera.focal * np.array([camera.width, camera.height])
     path = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
     cos, sin = np.cos(poses[:, 5]), np.sin(poses[:, 5])
@@ -125,7 +163,7 @@ def _spatial_pairs(poses: np.ndarray, camera: Camera, count: int, known: set[tup
     for row in range(len(poses)):
         x, y = (poses[:, :2] - poses[row, :2]).T
         right, up = cos[row] * x + sin[row] * y, cos[row] * y - sin[row] * x
-        overlap = np.clip(1 - np.abs(right) / seen[0], 0, None) * np.clip(1 - np.abs(up) / seen[1], 0, None)
+        overlap = np.maximum(1 - np.abs(right) / seen[0], 0) * np.maximum(1 - np.abs(up) / seen[1], 0)
         overlap[np.abs(path - path[row]) < seen.max()] = 0
         taken: list[int] = []
         for other in np.argsort(-overlap, kind="stable"):
@@ -135,6 +173,10 @@ def _spatial_pairs(poses: np.ndarray, camera: Camera, count: int, known: set[tup
                 taken.append(int(other))
                 pairs.add((min(row, int(other)), max(row, int(other))))
     return sorted(pairs - known)
+
+
+def _match(keypoints: list[Keypoints], camera: Camera, pair: tuple[int, int], *guess):
+    return match_frames(keypoints[pair[0]], keypoints[pair[1]], camera, *guess)
 
 
 def _all_links(match: Callable, pairs: list[tuple[int, int]], label: str) -> list:
@@ -149,62 +191,5 @@ def _all_links(match: Callable, pairs: list[tuple[int, int]], label: str) -> lis
 
 def _as_links(found: list, camera: Camera) -> Links:
     pairs = np.array([pair for pair, _, _ in found], dtype=np.int64).reshape(-1, 2)
-    points = np.array([points for _, _, points in found]).reshape(-1, 2, _POINTS, 2)
+    points = np.array([points for _, _, points in found]).reshape(-1, 2, POINTS, 2)
     return Links(pairs, points - np.array(camera.principal_point))
-
-
-def _match(keypoints, pair, camera: Camera, predicted: np.ndarray | None = None, reach: float = np.inf):
-    """A homography and ``(2, _POINTS, 2)`` matched points of two frames, or None if they do not show the same floor.
-
-    `predicted` is where the first frame's pixels should be in the second, give or take `reach` pixels.
-    """
-    first, second = keypoints[pair[0]], keypoints[pair[1]]
-    if min(len(first), len(second)) < _LEAST_INLIERS:
-        return None
-    source, target = _mutual_matches(first, second, predicted, reach)
-    homography, inliers = find_homography(source, target, _THRESHOLD)
-    share = _LEAST_SHARE_ANYWHERE if predicted is None else _LEAST_SHARE
-    if inliers.sum() < max(_LEAST_INLIERS, share * len(source)) or not _plausible(homography, camera):
-        return None
-    source, target = source[inliers], target[inliers]
-    chosen = _spread(source, _POINTS)
-    return homography, np.stack([source[chosen], target[chosen]])
-
-
-def _mutual_matches(first: Keypoints, second: Keypoints, predicted, reach) -> tuple[np.ndarray, np.ndarray]:
-    """Matches within reach that are nearest in both directions and pass the ratio test.
-
-    SIFT descriptors are whole numbers up to 255, so that these float32 products are exact in any order.
-    """
-    a, b = first.descriptors, second.descriptors
-    squared = (a * a).sum(axis=1)[:, None] + (b * b).sum(axis=1) - 2 * (a @ b.T)
-    if predicted is not None:
-        places = transform_points(predicted, first.points)
-        for axis in (0, 1):
-            squared[np.abs(places[:, None, axis] - second.points[:, axis]) > reach] = np.inf
-    forward, backward = squared.argmin(axis=1), squared.argmin(axis=0)
-    rows = np.flatnonzero((backward[forward] == np.arange(len(a))) & np.isfinite(squared.min(axis=1)))
-    columns = forward[rows]
-    nearest = squared[rows, columns]
-    squared[rows, columns] = np.inf
-    good = nearest < _RATIO**2 * squared[rows].min(axis=1, initial=np.inf)
-    return first.points[rows[good]], second.points[columns[good]]
-
-
-def _plausible(homography: np.ndarray, camera: Camera) -> bool:
-    """True if the frame's outline stays a convex quadrangle of similar size, as between two views from similar heights."""
-    width, height = camera.width, camera.height
-    corners = np.array([[0, 0], [width, 0], [width, height], [0, height]], dtype=float)
-    sides = np.diff(transform_points(homography, corners)[[0, 1, 2, 3, 0]], axis=0)
-    turns = sides[:, 0] * np.roll(sides[:, 1], -1) - sides[:, 1] * np.roll(sides[:, 0], -1)
-    return bool((turns > 0.25 * width * height).all() and (turns < 4 * width * height).all())
-
-
-def _spread(points: np.ndarray, count: int) -> np.ndarray:
-    """`count` indices of points far from one another (farthest-point sampling; repeats where there are fewer)."""
-    chosen = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
-    distance = np.full(len(points), np.inf)
-    while len(chosen) < count:
-        distance = np.minimum(distance, ((points - points[chosen[-1]]) ** 2).sum(axis=1))
-        chosen.append(int(np.argmax(distance)))
-    return np.array(chosen)

@@ -24,9 +24,9 @@ TYPICAL = {"z": 0.05, "roll": 0.06, "pitch": 0.06, "shear": 0.02, "stretch": 0.0
 
 
 def floor_points(poses: np.ndarray, offsets: np.ndarray, focal: float) -> np.ndarray:
-    """Floor points of pixels: ``(L, 8)`` poses and ``(L, K, 2)`` pixel offsets from the principal point to ``(L, K, 2)``.
+    """``(L, K, 2)`` floor points that ``(L, 8)`` poses see at ``(L, K, 2)`` pixels.
 
-    Analytic in the poses, so complex poses give derivatives.
+    Pixels are offsets from the principal point. Analytic in the poses, so complex poses give derivatives.
     """
     x, y, z, roll, pitch, yaw, shear, stretch = (column[:, None] for column in poses.T)
     right = (offsets[..., 0] + shear * offsets[..., 1]) / focal

@@ -9,15 +9,18 @@ import numpy as np
 from trexton.camera import Camera, MapImage
 from trexton.errors import FlightError, MapError, ParameterError
 from trexton.flights.flight import Flight
-from trexton.mosaic.adjust import Anchors, Links, adjust, layout, link_errors
+from trexton.mosaic.adjust import adjust, link_errors
 from trexton.mosaic.blend import blend
-from trexton.mosaic.links import flight_keypoints, spatial_links, successive_links
+from trexton.mosaic.layout import layout
+from trexton.mosaic.links import Anchors, Links, flight_keypoints, spatial_links, successive_links
+from trexton.mosaic.sparse import connected
 
 __all__ = ["Mosaic", "stitch"]
 
 # Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked for.
 _REACHES = (0.2, 0.05)
 _GRAIN = 0.55  # map pixels for each pixel of a frame: the map keeps what most keypoints need
+_FOCAL = 0.8  # image widths, where the camera is not known
 _TRUSTED = 3.0  # pixels: a link whose median error is larger is wrong
 
 
@@ -89,9 +92,13 @@ def stitch(
     MapError
         The frames cannot be linked.
     """
-    if anchors < 3 or neighbors < 0 or keypoints < 12:
-        raise ParameterError(f"anchors, neighbors, keypoints are {anchors}, {neighbors}, {keypoints}: expected at least 3, 0, 12")
-    camera = camera or flight.camera or _assumed_camera(flight)
+    least = {"anchors": (anchors, 3), "neighbors": (neighbors, 0), "keypoints": (keypoints, 12)}
+    for name, (value, lowest) in least.items():
+        if value < lowest:
+            raise ParameterError(f"{name} is {value}: expected at least {lowest}")
+    if not 0 < scale <= 1:
+        raise ParameterError(f"scale is {scale}: expected a number above 0 and up to 1")
+    camera = _camera_of(flight, camera)
     described = flight_keypoints(flight, scale=scale, limit=keypoints)
     links = successive_links(described, camera)
     known = _choose_anchors(flight, links, anchors)
@@ -102,7 +109,7 @@ def stitch(
         poses = adjust(poses, links, known, camera.focal, widths=(8, 4, 2))
     agreeing = _median_errors(poses, links, camera) < _TRUSTED
     links, rejected = links[agreeing], int((~agreeing).sum())
-    used = _connected(len(flight), links, known.rows)
+    used = _placed(len(flight), links, known.rows)
     poses = adjust(poses, links, known, camera.focal, widths=(2,))
     if pixels_per_metre is None:
         pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
@@ -115,9 +122,15 @@ def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarra
     return np.median(link_errors(poses, links, camera.focal), axis=1)
 
 
-def _assumed_camera(flight: Flight) -> Camera:
+def _camera_of(flight: Flight, camera: Camera | None) -> Camera:
     height, width = flight.image(0).shape[:2]
-    return Camera(width, height, 0.8 * width)
+    camera = camera or flight.camera or Camera(width, height, _FOCAL * width)
+    if (camera.width, camera.height) != (width, height):
+        raise FlightError(
+            f"the images of flight {flight.name!r} are {width}x{height}, "
+            f"its camera takes {camera.width}x{camera.height}: correct [camera] in flight.toml"
+        )
+    return camera
 
 
 def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
@@ -126,20 +139,22 @@ def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
     linked[links.pairs.ravel()] = True
     rows = np.flatnonzero(linked & np.isfinite(flight.position).all(axis=1))
     if not linked.any():
-        raise MapError(f"no two successive frames of flight {flight.name!r} show the same floor: a mosaic needs overlapping frames of a textured floor")
+        raise MapError(
+            f"no two successive frames of flight {flight.name!r} could be matched: "
+            "a mosaic needs overlapping frames of a floor with texture"
+        )
     if len(rows) < 3:
-        raise FlightError(f"flight {flight.name!r} has {len(rows)} linked frames with a position, a mosaic needs 3: record some positions")
+        raise FlightError(
+            f"flight {flight.name!r} has {len(rows)} linked frames with a position, a mosaic needs 3: "
+            "record more of them"
+        )
     rows = np.unique(rows[np.linspace(0, len(rows) - 1, count).round().astype(int)])
     return Anchors(rows, flight.position[rows])
 
 
-def _connected(count: int, links: Links, anchors: np.ndarray) -> np.ndarray:
-    """``(N,) bool``: frames that links join to at least two anchors, or to most of the other frames."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import connected_components
-
-    graph = coo_array((np.ones(len(links)), tuple(links.pairs.T)), (count, count))
-    group = connected_components(graph, directed=False)[1]
-    placed = np.bincount(group[anchors], minlength=group.max() + 1) >= 2
-    placed[np.argmax(np.bincount(group))] = True
-    return placed[group]
+def _placed(count: int, links: Links, anchors: np.ndarray) -> np.ndarray:
+    """``(N,) bool``: frames on the largest piece of linked frames, or on one with two anchors or more."""
+    piece = connected(count, links.pairs)
+    placed = np.bincount(piece[anchors], minlength=piece.max() + 1) >= 2
+    placed[np.argmax(np.bincount(piece))] = True
+    return placed[piece]
