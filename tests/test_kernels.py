@@ -69,6 +69,17 @@ def test_the_label_kernel_counts_what_it_labels(rng):
     assert np.array_equal(counts, 1 + np.bincount(labels.ravel(), minlength=6))
 
 
+@pytest.mark.parametrize("fault", [ImportError, RuntimeError])
+def test_kernels_that_cannot_be_loaded_are_done_without(monkeypatch, fault):
+    import trexton.kernels
+
+    def fail(name):
+        raise fault(name)
+
+    monkeypatch.setattr(trexton.kernels, "import_module", fail)
+    assert trexton.kernels._load.__wrapped__("label_rows") is None
+
+
 def test_numba_asked_for_but_absent_is_an_error(monkeypatch):
     import trexton.kernels
 

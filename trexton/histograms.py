@@ -129,20 +129,22 @@ def _label_by_products(image: np.ndarray, dictionary: TextonDictionary, labels: 
     shifted = np.ones((height + patch - 1, lines, width), dtype=kind)
     shape = (height, patch * lines, width)
     patches = np.lib.stride_tricks.as_strided(shifted, shape, shifted.strides, writeable=False)
-    scores, best = np.empty((height, n_textons, width), dtype=kind), np.empty((height, 1, width), dtype=kind)
+    # Texton after texton, so that comparing them runs over long stretches of memory.
+    scores, best = np.empty((n_textons, height, width), dtype=kind), np.empty((height, width), dtype=kind)
     is_best, ranked = (np.empty(scores.shape, dtype=np.uint8) for _ in range(2))
-    rank = np.arange(n_textons - 1, -1, -1, dtype=np.uint8)[:, None] + np.zeros((1, width), np.uint8)
+    rank = np.empty(scores.shape, dtype=np.uint8)
+    rank[...] = np.arange(n_textons - 1, -1, -1, dtype=np.uint8)[:, None, None]
     image = image.reshape(len(image), -1, 3)
     for top in _starts(labels.shape[0], height):
         for left in _starts(labels.shape[1], width):
             planar[...] = image[top : top + len(planar), left : left + planar.shape[2]].transpose(0, 2, 1)
             for dx in range(patch):
                 shifted[:, 3 * dx : 3 * dx + 3] = planar[:, :, dx : dx + width]
-            np.matmul(weights, patches, out=scores)
-            np.equal(scores, np.max(scores, axis=1, keepdims=True, out=best), out=is_best.view(bool))
+            np.matmul(weights, patches, out=scores.transpose(1, 0, 2))
+            np.equal(scores, np.max(scores, axis=0, out=best), out=is_best.view(bool))
             # The first of the best textons has the highest rank.
             np.multiply(is_best, rank, out=ranked)
-            labels[top : top + height, left : left + width] = n_textons - 1 - ranked.max(axis=1)
+            labels[top : top + height, left : left + width] = n_textons - 1 - ranked.max(axis=0)
 
 
 def _starts(length: int, step: int) -> list[int]:

@@ -24,7 +24,7 @@ BACKENDS = ("numba", "numpy")
 def _load(module: str) -> ModuleType | None:
     try:
         return import_module(f"trexton.kernels.{module}")
-    except ImportError:
+    except (ImportError, RuntimeError):  # numba is absent, or finds no folder for its cache
         return None
 
 
