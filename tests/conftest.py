@@ -10,6 +10,7 @@ import pytest
 
 from trexton.flights import Flight, write_flight
 from trexton.flights.registry import raw_files
+from trexton.progress import set_quiet
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -35,6 +36,13 @@ def cyberzoo(shared_data) -> Flight:
     from trexton.flights.cyberzoo import read_cyberzoo
 
     return read_cyberzoo(*(shared_data / key for key in raw_files("cyberzoo")))
+
+
+@pytest.fixture(autouse=True)
+def _audible():
+    """Commands run in this process with --quiet silence only their own test."""
+    yield
+    set_quiet(False)
 
 
 @pytest.fixture
