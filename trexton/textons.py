@@ -120,9 +120,9 @@ class TextonDictionary:
         (N,) int64 array
         """
         flat = _check_patches(patches, self.patch).reshape(len(patches), self.textons[0].size)
+        blocks = (flat[start : start + _BLOCK] for start in range(0, max(len(flat), 1), _BLOCK))
         labels = [
-            (flat[start : start + _BLOCK].astype(self.weights.dtype) @ self.weights + self.bias).argmax(axis=1)
-            for start in range(0, max(len(flat), 1), _BLOCK)
+            (block.astype(self.weights.dtype) @ self.weights + self.bias).argmax(axis=1) for block in blocks
         ]
         return labels[0] if len(labels) == 1 else np.concatenate(labels)
 

@@ -46,7 +46,7 @@ def compiled(module: str, backend: str | None = None) -> ModuleType | None:
         raise ParameterError(f"backend {backend!r} is unknown: choose one of {', '.join(BACKENDS)}")
     kernels = None if backend == "numpy" else _load(module)
     if kernels is None and backend == "numba":
-        raise ParameterError("backend 'numba' was asked for, but is not installed: install it or choose 'numpy'")
+        raise ParameterError("backend 'numba' was asked for, but cannot be loaded: install it or take 'numpy'")
     return kernels
 
 
