@@ -7,6 +7,7 @@ NumPy, many through a tree of bounding boxes, with the same arithmetic in the en
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,9 +18,9 @@ from trexton.kernels import compiled
 __all__ = ["BoxTree", "NearestHistograms", "Neighbors"]
 
 METHODS = ("brute", "tree")
-# From here on the tree is clearly quicker. The paper's 800 stay with NumPy: they cost six microseconds more,
-# and the onboard program starts without having to load numba.
-TREE_FROM = 1000
+# Histograms from which the tree is worth it: where numba is loaded already, and where it is not. The onboard
+# program with the paper's 800 starts without numba, at ten microseconds more a frame; the bits are equal.
+TREE_FROM, TREE_FROM_COLD = 100, 1000
 LEAF = 32  # rows in a leaf, at most
 SPREAD = 64  # rows that show how wide a node is
 _ROUNDING = 1e-12  # more than a sum of 256 products can be off
@@ -55,7 +56,7 @@ class NearestHistograms:
     k : int
         Neighbours to return, at most N.
     method : {"brute", "tree"} or None
-        None chooses by N.
+        None chooses by N, and by whether numba is loaded.
     backend : {"numba", "numpy"} or None
         None takes numba where it is installed. NumPy always searches by brute force; the bits are the same.
 
@@ -89,7 +90,8 @@ class NearestHistograms:
             raise ParameterError(f"method {method!r} is unknown: choose one of {', '.join(METHODS)}")
         self.positions, self.k = positions, k
         self._shape = histograms.shape[1:]
-        wanted = method == "tree" or (method is None and len(histograms) >= TREE_FROM)
+        enough = TREE_FROM if "numba" in sys.modules else TREE_FROM_COLD
+        wanted = method == "tree" or (method is None and len(histograms) >= enough)
         self._kernels = compiled("nearest_in_tree", backend) if wanted else None
         self._search = BoxTree.build(histograms) if self._kernels else _Columns(histograms)
 
