@@ -24,7 +24,8 @@ def painted(side: int = 840) -> np.ndarray:
 
 def view(floor: MapImage, position, attitude=(0.0, 0.0, 0.0)) -> np.ndarray:
     """What the camera sees, by OpenCV's own warp."""
-    seen = np.linalg.inv(floor.world_from_pixel) @ CAMERA.world_from_pixel(np.array(position), np.array(attitude))
+    world_from_view = CAMERA.world_from_pixel(np.array(position), np.array(attitude))
+    seen = np.linalg.inv(floor.world_from_pixel) @ world_from_view
     size = (CAMERA.width, CAMERA.height)
     image = cv2.warpPerspective(floor.image, seen, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
     return yuv_from_bgr(image)
@@ -141,7 +142,8 @@ def test_find_homography_survives_outliers_and_refuses_too_little(rng):
     target[:30] += rng.uniform(20, 100, (30, 2))
     homography, inliers = find_homography(source, target, 3.0)
     assert inliers[30:].all() and inliers[:30].sum() <= 2
-    np.testing.assert_allclose(transform_points(homography, source), transform_points(truth, source), atol=0.05)
+    expected = transform_points(truth, source)
+    np.testing.assert_allclose(transform_points(homography, source), expected, atol=0.05)
     for few in (source[:0], source[:3]):
         homography, inliers = find_homography(few, few, 3.0)
         assert homography is None and len(inliers) == len(few)

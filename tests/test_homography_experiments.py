@@ -1,16 +1,17 @@
 """The three homography experiments on a small simulated flight, whose geometry is known."""
 
+import cv2
 import numpy as np
 import pytest
 
 from trexton.experiments import homography_baseline, homography_training, mosaic
 from trexton.experiments.homography_training import filtered_positions
 from trexton.experiments.stitched import floor_residual, locate_all, stitched_map
-from trexton.camera import MapImage
+from trexton.camera import Camera, MapImage
 from trexton.figures import homography_baseline as baseline_figures
 from trexton.figures import homography_training as training_figures
 from trexton.figures import mosaic as mosaic_figures
-from trexton.simulator import record_flight
+from trexton.simulator import Floor, record_flight
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +20,16 @@ def flights(tmp_path_factory):
     folder = tmp_path_factory.mktemp("flights")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
-        train = record_flight(folder / "train", frames=60, every=2)
-        test = record_flight(folder / "test", pattern="waypoints", frames=8, every=2)
+        # Small pictures: SIFT of the whole hall would take longer than everything else.
+        hall = cv2.resize(Floor.hall().picture.image, (1280, 1280), interpolation=cv2.INTER_AREA)
+        cv2.imwrite(str(folder / "hall.png"), hall)
+        room = {
+            "floor": Floor.from_file(folder / "hall.png", 5.0),
+            "camera": Camera(width=320, height=240, focal=260.0),
+            "every": 2,
+        }
+        train = record_flight(folder / "train", frames=60, **room)
+        test = record_flight(folder / "test", pattern="waypoints", frames=8, **room)
         yield train, test
 
 
@@ -36,7 +45,7 @@ def test_fixes_on_the_true_floor_are_right(flights):
 
 def test_the_residual_of_a_shifted_map_is_its_shift(flights):
     floor = flights[0].floor
-    small = MapImage(floor.image[:1200, :1200], floor.world_from_pixel)
+    small = MapImage(floor.image[:600, :600], floor.world_from_pixel)
     shifted = floor.world_from_pixel.copy()
     shifted[:2, 2] += (0.10, -0.05)
     truth, deviation = floor_residual(MapImage(small.image, shifted), small)

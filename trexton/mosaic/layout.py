@@ -12,6 +12,8 @@ from trexton.mosaic.sparse import connected, diagonal, differences, solve, steps
 __all__ = ["layout"]
 
 _REWEIGHTED = 10  # rounds in which links that disagree with the others lose weight
+_EXACT = 0.1  # pixels: a smaller disagreement is none
+_LEAST_SPREAD = 0.25  # of half a frame: how far from their middle the anchors must reach
 # Weak holds for frames without links, beside a weight of 1 for a link: neighbours in time are equal in scale
 # and heading, they move steadily, and all fly at a common height.
 _EQUAL, _STEADY, _COMMON = 1e-4, 1e-6, 1e-3
@@ -44,11 +46,11 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
         move = similarity[links.pairs[:, 0]] * shift
         place = solve(graph + steady + pin, pull @ move)
         errors = np.abs(step @ place - move)
-        weight = 1 / (1 + (errors / (3 * np.median(errors) + 1e-9)) ** 2)
+        weight = 1 / (1 + (errors / (3 * np.median(errors) + _EXACT)) ** 2)
     # The links alone have decided which of them to trust; now the anchors bend the drifting chain into place.
     goal = anchors.position @ [1, 1j]
     piece = connected(count, links.pairs)[anchors.rows]
-    unit, origin = _fit(place[anchors.rows], goal, piece, least=np.abs(links.points).max())
+    unit, origin = _fit(place[anchors.rows], goal, piece, least=_LEAST_SPREAD * np.abs(links.points).max())
     known, held = np.zeros(count, complex), np.zeros(count)
     known[anchors.rows], held[anchors.rows] = (goal - origin) / unit, 1.0
     place = solve(graph + steady + diagonal(held), pull @ move + known)
@@ -73,7 +75,7 @@ def _fit(source: np.ndarray, target: np.ndarray, piece: np.ndarray, least: float
     unit = (away.conj() * goal).sum() / max((np.abs(away) ** 2).sum(), 1e-12)
     if np.abs(away).max() < least or np.abs(goal).max() == 0 or unit == 0:
         raise MapError(
-            f"the {len(source)} anchors lie within a frame of one another, too near to scale and turn a map: "
+            f"the {len(source)} anchors lie too near to one another to scale and turn a map: "
             "use a flight that covers more floor, or more anchors"
         )
     return unit, target.mean() - unit * source.mean()

@@ -1,0 +1,301 @@
+"""The mosaic: geometry against the camera's, solvers against plain definitions, the whole against the room."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+
+from trexton.camera import Camera, transform_points
+from trexton.errors import FlightError, MapError, ParameterError
+from trexton.flights import Flight
+from trexton.homography import Keypoints
+from trexton.mosaic import stitch
+from trexton.mosaic.adjust import adjust, link_errors
+from trexton.mosaic.layout import layout
+from trexton.mosaic.links import Anchors, Links
+from trexton.mosaic.matching import match_frames
+from trexton.mosaic.poses import floor_jacobian, floor_points, world_from_pixel
+from trexton.mosaic.sparse import assemble, connected, differences, solve, steps
+from trexton.simulator import Effects, record_flight
+
+CAMERA = Camera(width=320, height=240, focal=260.0)
+POSE = np.array([0.3, -0.2, 1.1, 0.05, -0.08, 2.1, 0.01, -0.02])
+
+
+# geometry
+
+
+def test_without_rolling_shutter_a_pose_is_the_pinhole_camera(rng):
+    pose = np.concatenate([POSE[:6], [0, 0]])
+    pixels = rng.uniform(0, 240, (6, 2))
+    expected = transform_points(CAMERA.world_from_pixel(pose[:3], pose[3:6]), pixels)
+    found = floor_points(pose[None], (pixels - CAMERA.principal_point)[None], CAMERA.focal)[0]
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    np.testing.assert_allclose(transform_points(world_from_pixel(pose, CAMERA), pixels), expected, atol=1e-12)
+
+
+def test_rolling_shutter_displaces_rows_in_proportion(rng):
+    pixels = rng.uniform(0, 240, (6, 2))
+    column, row = (pixels - CAMERA.principal_point).T
+    moved = np.column_stack([column + POSE[6] * row, (1 + POSE[7]) * row]) + CAMERA.principal_point
+    expected = transform_points(CAMERA.world_from_pixel(POSE[:3], POSE[3:6]), moved)
+    np.testing.assert_allclose(transform_points(world_from_pixel(POSE, CAMERA), pixels), expected, atol=1e-12)
+    offsets = (pixels - CAMERA.principal_point)[None]
+    np.testing.assert_allclose(floor_points(POSE[None], offsets, CAMERA.focal)[0], expected, atol=1e-12)
+
+
+def test_the_jacobian_is_the_limit_of_differences(rng):
+    offsets = rng.uniform(-150, 150, (1, 5, 2))
+    jacobian = floor_jacobian(POSE[None], offsets, CAMERA.focal)
+    for parameter in range(8):
+        step = np.zeros(8)
+        step[parameter] = 1e-6
+        ahead, behind = (floor_points((POSE + sign * step)[None], offsets, CAMERA.focal) for sign in (1, -1))
+        np.testing.assert_allclose(jacobian[..., parameter], (ahead - behind) / 2e-6, atol=1e-8)
+
+
+# sparse matrices
+
+
+def test_sparse_matrices_are_their_plain_definitions(rng):
+    pairs = np.array([[0, 2], [1, 2], [0, 2]])
+    blocks = rng.normal(size=(3, 4, 4))
+    expected = np.zeros((8, 8))
+    for (first, second), block in zip(pairs, blocks):
+        rows = [2 * first, 2 * first + 1, 2 * second, 2 * second + 1]
+        for i in range(4):
+            for j in range(4):
+                expected[rows[i], rows[j]] += block[i, j]
+    np.testing.assert_allclose(assemble(blocks, pairs, 2, 4).toarray(), expected)
+    values = rng.normal(size=6)
+    np.testing.assert_allclose(differences(6, 1) @ values, np.diff(values))
+    np.testing.assert_allclose(differences(6, 2) @ values, np.diff(values, 2))
+    assert differences(2, 2).shape == (0, 2)
+    np.testing.assert_allclose(steps(6, pairs) @ values, values[pairs[:, 1]] - values[pairs[:, 0]])
+    assert connected(5, np.array([[0, 1], [3, 4]])).tolist() == [0, 0, 1, 2, 2]
+
+
+def test_solve_takes_real_and_complex_right_sides(rng):
+    from scipy import sparse
+
+    root = rng.normal(size=(7, 7))
+    matrix = root @ root.T + np.eye(7)
+    vector = rng.normal(size=7) + 1j * rng.normal(size=7)
+    for right in (vector, vector.real):
+        np.testing.assert_allclose(solve(sparse.csr_array(matrix), right), np.linalg.solve(matrix, right))
+
+
+# layout and adjustment, on links made from known poses
+
+
+def lanes(count: int = 60) -> np.ndarray:
+    """``(count, 8)`` true poses: three lanes at about a metre, tilted, with rolling shutter."""
+    rng = np.random.default_rng(5)
+    phase = np.linspace(0, 3, count, endpoint=False)
+    along = np.where(phase.astype(int) % 2 == 0, phase % 1, 1 - phase % 1)
+    poses = np.zeros((count, 8))
+    poses[:, 0], poses[:, 1], poses[:, 2] = 3 * along, 0.5 * phase.astype(int), 1 + rng.normal(0, 0.02, count)
+    poses[:, 3:5], poses[:, 5] = rng.normal(0, 0.04, (count, 2)), rng.normal(0, 0.02, count)
+    poses[:, 6:] = rng.normal(0, 0.01, (count, 2))
+    return poses
+
+
+def links_of(poses: np.ndarray, noise: float = 0.0, wrong: float = 0.0) -> Links:
+    """Links of all pairs that overlap well: floor points as both frames see them, plus noise in pixels."""
+    pixel_from_floor = [np.linalg.inv(world_from_pixel(pose, CAMERA)) for pose in poses]
+    rng = np.random.default_rng(6)
+    pairs, points = [], []
+    for first in range(len(poses)):
+        for second in range(first + 1, len(poses)):
+            apart = np.abs(poses[first, :2] - poses[second, :2])
+            if (apart < (0.8, 0.6)).all() and (second - first < 4 or second % 3 == 0):
+                middle = (poses[first, :2] + poses[second, :2]) / 2
+                floor = middle + rng.uniform(-0.3, 0.3, (12, 2))
+                seen = [transform_points(pixel_from_floor[row], floor) for row in (first, second)]
+                pairs.append((first, second))
+                points.append(np.array(seen) - CAMERA.principal_point + rng.normal(0, noise, (2, 12, 2)))
+    pairs, points = np.array(pairs), np.array(points)
+    bad = rng.random(len(pairs)) < wrong
+    points[bad, 1] += rng.uniform(30, 60, (bad.sum(), 1, 2))
+    return Links(pairs, points)
+
+
+def anchors_of(poses: np.ndarray, count: int = 8) -> Anchors:
+    rows = np.linspace(0, len(poses) - 1, count).astype(int)
+    return Anchors(rows, poses[rows, :2])
+
+
+def test_layout_recovers_level_frames_exactly():
+    truth = lanes()
+    truth[:, 3:5] = truth[:, 6:] = 0
+    truth[:, 2] = 1.0
+    found = layout(len(truth), links_of(truth), anchors_of(truth), CAMERA.focal)
+    np.testing.assert_allclose(found[:, [0, 1, 2, 5]], truth[:, [0, 1, 2, 5]], atol=1e-3)
+
+
+def test_layout_of_tilted_frames_is_near_enough_to_start_from():
+    truth = lanes()
+    found = layout(len(truth), links_of(truth, wrong=0.05), anchors_of(truth), CAMERA.focal)
+    assert np.hypot(*(found - truth)[:, :2].T).max() < 0.3 and np.abs(found[:, 2] - 1).max() < 0.2
+
+
+def test_layout_refuses_anchors_that_lie_together():
+    truth = lanes(12)
+    truth[:, :2] *= 0.02
+    with pytest.raises(MapError, match="too near"):
+        layout(len(truth), links_of(truth), anchors_of(truth, 3), CAMERA.focal)
+
+
+@pytest.mark.parametrize("noise, wrong, limit", [(0.0, 0.0, 0.008), (0.5, 0.0, 0.01), (0.5, 0.1, 0.012)])
+def test_adjustment_recovers_tilted_frames_and_shrugs_off_wrong_links(noise, wrong, limit):
+    truth = lanes()
+    links, anchors = links_of(truth, noise, wrong), anchors_of(truth)
+    found = adjust(layout(len(truth), links, anchors, CAMERA.focal), links, anchors, CAMERA.focal)
+    assert np.sqrt(((found - truth)[:, :3] ** 2).mean(axis=0)).max() < limit
+    assert np.abs(np.degrees(found - truth)[:, 3:6]).mean() < 0.5
+    errors = np.median(link_errors(found, links, CAMERA.focal), axis=1)
+    assert (errors < 3).mean() == pytest.approx(1 - wrong, abs=0.05)
+
+
+def test_noise_does_not_shrink_the_map():
+    truth = lanes()
+    links = links_of(truth, noise=2.0)
+    ends = Anchors(np.array([0, 30, 59]), truth[[0, 30, 59], :2])
+    found = adjust(layout(len(truth), links, ends, CAMERA.focal), links, ends, CAMERA.focal)
+    assert found[:, 2].mean() == pytest.approx(truth[:, 2].mean(), rel=0.01)
+
+
+# matching
+
+
+def test_matching_looks_only_within_reach_of_the_prediction(rng):
+    """A tiled floor: the same 40 points every 50 pixels, displaced by 12 pixels between the frames."""
+    tile = rng.uniform(0, 50, (40, 2))
+    words = rng.integers(0, 200, (40, 128)).astype(np.float32)
+    places = [(column, row) for column in range(0, 300, 50) for row in range(0, 200, 50)]
+    points = np.concatenate([tile + place for place in places])
+    first = Keypoints(points, np.tile(words, (len(places), 1)))
+    second = Keypoints(points + (12.0, 5.0), first.descriptors)
+    assert match_frames(first, second, CAMERA) is None  # every match is as good as its neighbours
+    homography, found = match_frames(first, second, CAMERA, np.eye(3), 20.0)
+    np.testing.assert_allclose(homography / homography[2, 2], [[1, 0, 12], [0, 1, 5], [0, 0, 1]], atol=1e-3)
+    np.testing.assert_allclose(found[1] - found[0], np.tile((12.0, 5.0), (len(found[0]), 1)))
+
+
+def test_frames_of_different_floors_do_not_match(rng):
+    points = rng.uniform(0, 240, (2, 100, 2))
+    words = rng.integers(0, 200, (2, 100, 128)).astype(np.float32)
+    first, second = (Keypoints(*each) for each in zip(points, words))
+    assert match_frames(first, second, CAMERA) is None
+    assert match_frames(Keypoints(points[0, :3], words[0, :3]), second, CAMERA) is None
+
+
+# the whole, in the virtual room
+
+
+@pytest.fixture(scope="module", params=["level", "tilted"])
+def flight(request, tmp_path_factory) -> Flight:
+    effects = Effects().without("roll_pitch") if request.param == "level" else Effects()
+    folder = tmp_path_factory.mktemp(request.param) / "flight"
+    return record_flight(folder, frames=130, camera=CAMERA, effects=effects, speed=0.9)
+
+
+def frame_errors(mosaic, flight: Flight) -> np.ndarray:
+    """``(U,)`` metres: mean distance of a grid over each used frame from where the camera truly saw it."""
+    grid = np.stack(np.meshgrid([20, 160, 300], [20, 120, 220]), axis=-1).reshape(-1, 2)
+    result = []
+    for row in np.flatnonzero(mosaic.used):
+        place = np.append(flight.position[row], flight.height[row])
+        truth = transform_points(CAMERA.world_from_pixel(place, flight.attitude[row]), grid)
+        found = transform_points(world_from_pixel(mosaic.poses[row], CAMERA), grid)
+        result.append(np.hypot(*(found - truth).T).mean())
+    return np.array(result)
+
+
+def test_the_mosaic_lies_where_the_floor_is(flight):
+    mosaic = stitch(flight, anchors=8)
+    assert mosaic.used.mean() > 0.95 and len(mosaic.anchors) == 8
+    assert np.median(mosaic.errors) < 1.0
+    assert np.median(frame_errors(mosaic, flight)) < 0.03
+    # The picture itself: patches of it against the true floor, brought to the same pixels by OpenCV.
+    image, mask = mosaic.map.image, mosaic.map.mask
+    true_from_map = np.linalg.inv(flight.floor.world_from_pixel) @ mosaic.map.world_from_pixel
+    flags = cv2.INTER_AREA | cv2.WARP_INVERSE_MAP
+    truth = cv2.warpPerspective(flight.floor.image, true_from_map, image.shape[1::-1], flags=flags)
+    shifts, hanning = [], cv2.createHanningWindow((96, 96), cv2.CV_32F)
+    for row in range(0, image.shape[0] - 96, 64):
+        for column in range(0, image.shape[1] - 96, 64):
+            window = slice(row, row + 96), slice(column, column + 96)
+            if mask[window].all():
+                pair = [cv2.cvtColor(each[window], cv2.COLOR_BGR2GRAY) for each in (image, truth)]
+                shift, response = cv2.phaseCorrelate(*map(np.float32, pair), hanning)
+                if response > 0.3:
+                    shifts.append(np.hypot(*shift))
+    metres = np.array(shifts) * np.hypot(*mosaic.map.world_from_pixel[:2, 0])
+    assert len(metres) > 20 and np.median(metres) < 0.015
+
+
+def test_only_images_and_the_anchors_positions_enter(flight):
+    part = flight.select(slice(0, 40))
+    mosaic = stitch(part, anchors=4)
+    elsewhere = np.full_like(part.position, np.nan)
+    elsewhere[mosaic.anchors] = part.position[mosaic.anchors]
+    bare = replace(part, position=elsewhere, height=None, attitude=None, floor_file=None)
+    again = stitch(bare, anchors=4)
+    np.testing.assert_array_equal(again.anchors, mosaic.anchors)
+    np.testing.assert_array_equal(again.poses, mosaic.poses)
+    np.testing.assert_array_equal(again.map.image, mosaic.map.image)
+
+
+def test_thread_counts_do_not_change_a_bit(flight):
+    from threadpoolctl import threadpool_limits
+
+    part, before, found = flight.select(slice(0, 40)), cv2.getNumThreads(), []
+    try:
+        for count in (1, 2):
+            cv2.setNumThreads(count)
+            with threadpool_limits(count):
+                found.append(stitch(part, anchors=4))
+    finally:
+        cv2.setNumThreads(before)
+    np.testing.assert_array_equal(found[0].poses, found[1].poses)
+    np.testing.assert_array_equal(found[0].map.image, found[1].map.image)
+
+
+def test_an_unknown_camera_costs_little(flight):
+    part = flight.select(slice(0, 60))
+    mosaic = stitch(replace(part, camera=None), anchors=5)
+    assert np.median(frame_errors(mosaic, part)) < 0.06
+
+
+def test_a_finer_map_has_more_pixels_and_blank_floor_is_masked(flight):
+    part = flight.select(slice(0, 30))
+    coarse, fine = (stitch(part, anchors=3, neighbors=0, pixels_per_metre=size).map for size in (60, 120))
+    assert fine.image.shape[0] == pytest.approx(2 * coarse.image.shape[0], abs=2)
+    assert not coarse.mask.all() and (coarse.image[~coarse.mask] == 0).all() and coarse.mask.mean() > 0.3
+
+
+# what cannot be stitched
+
+
+def test_bad_parameters_are_named(flight):
+    for name, value in (("anchors", 2), ("neighbors", -1), ("keypoints", 5), ("scale", 0.0)):
+        with pytest.raises(ParameterError, match=name):
+            stitch(flight, **{name: value})
+
+
+def test_flights_that_cannot_be_stitched_say_why(flight, tmp_path):
+    part = flight.select(slice(0, 12))
+    with pytest.raises(FlightError, match="no images"):
+        stitch(replace(part, image_files=None))
+    with pytest.raises(FlightError, match="320x240"):
+        stitch(replace(part, camera=Camera()))
+    with pytest.raises(FlightError, match="position"):
+        stitch(replace(part, position=np.full((12, 2), np.nan)))
+    with pytest.raises(MapError, match="pixels_per_metre"):
+        stitch(part, anchors=3, pixels_per_metre=1e6)
+    grey = tmp_path / "grey.png"
+    cv2.imwrite(str(grey), np.full((240, 320, 3), 120, np.uint8))
+    with pytest.raises(MapError, match="texture"):
+        stitch(replace(part, image_files=(grey,) * 12))
