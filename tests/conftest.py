@@ -84,7 +84,11 @@ def image_folder(tmp_path) -> Path:
         cv2.imwrite(str(file), rng.integers(0, 256, (24, 32, 3), dtype=np.uint8))
     line = np.linspace(0, 1, 6)
     flight = Flight(
-        name="pictures", frame=np.arange(6), time=np.arange(6) * 0.08, position=np.column_stack([line, -line]),
-        area=(0.0, 1.0, -1.0, 0.0), image_files=files,
+        name="pictures",
+        frame=np.arange(6),
+        time=np.arange(6) * 0.08,
+        position=np.column_stack([line, -line]),
+        area=(0.0, 1.0, -1.0, 0.0),
+        image_files=files,
     )
     return write_flight(flight, tmp_path / "pictures")

@@ -1,4 +1,4 @@
-"""The book: numbers come from records or the build stops; the built pages need no other host and describe every picture."""
+"""The book: numbers come from records or the build stops; built pages need no other host."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_mathematics_and_attributes_of_myst_survive(page):
     assert page(text) == text.replace("{% raw %}", "").replace("{% endraw %}", "")
 
 
-# --- staging ---------------------------------------------------------------------------------------------------------
+# --- staging ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -92,12 +92,17 @@ def results(tmp_path):
     folder.mkdir(parents=True)
     record = {"values": {"error": 1.25}, "parameters": {}, "timings": {}}
     (folder / "mocap_training.json").write_text(json.dumps(record))
-    chart = '<svg xmlns="http://www.w3.org/2000/svg" width="20" height="10"><rect width="20" height="10"/></svg>'
+    chart = (
+        '<svg xmlns="http://www.w3.org/2000/svg" width="20" height="10"><rect width="20" height="10"/></svg>'
+    )
     (folder / "mocap_training-chart.svg").write_text(chart)
     cells = [
-        nbformat.v4.new_markdown_cell("# A finished experiment\n\nIt has $x^2$ in it. See [itself](mocap_training.ipynb), [the map](mosaic.ipynb)."),
+        nbformat.v4.new_markdown_cell("# A finished experiment\n\nIt has $x^2$ in it."),
+        nbformat.v4.new_markdown_cell("See [itself](mocap_training.ipynb), [the map](mosaic.ipynb)."),
         nbformat.v4.new_code_cell(
-            "chart", metadata={"mystnb": {"image": {"alt": "a black box"}}, "tags": ["remove-input"]}, execution_count=1,
+            "chart",
+            metadata={"mystnb": {"image": {"alt": "a black box"}}, "tags": ["remove-input"]},
+            execution_count=1,
             outputs=[nbformat.v4.new_output("display_data", {"image/svg+xml": chart, "text/plain": "chart"})],
         ),
         nbformat.v4.new_markdown_cell('Take home: <a href="mocap_training.json" download>the record</a>'),
@@ -115,12 +120,17 @@ def test_the_contents_name_only_pages_that_are_there(results, tmp_path):
     staged = tmp_path / "staged"
     staged.mkdir()
     stage(Contents(ROOT / "book", folder, pairs, outcomes), staged, "_toc_small.yml")
-    assert (staged / "small" / "mocap_training.ipynb").is_file() and (staged / "small" / "mocap_training.json").is_file()
+    assert (staged / "small" / "mocap_training.ipynb").is_file() and (
+        staged / "small" / "mocap_training.json"
+    ).is_file()
     toc = (staged / "_toc.yml").read_text()
     assert "small/mocap_training" in toc and "mosaic" not in toc and "claims" not in toc
     assert "small has no images" in (staged / "small.md").read_text()
     # A link to an experiment without a page is plain text, and no fault of the build.
-    assert "See [itself](mocap_training.ipynb), the map." in (staged / "small" / "mocap_training.ipynb").read_text()
+    assert (
+        "See [itself](mocap_training.ipynb), the map."
+        in (staged / "small" / "mocap_training.ipynb").read_text()
+    )
 
 
 def test_a_page_that_does_not_exist_stops_the_build(results, tmp_path):
@@ -159,12 +169,12 @@ def test_a_small_book_is_built_audited_and_reused(results, capsys):
     assert index.is_file()  # the last good book stays
 
 
-# --- flights of the book ---------------------------------------------------------------------------------------------
+# --- flights of the book ----------------------------------------------------------------------------------
 
 
 @pytest.fixture
 def toy_flights(tmp_path, monkeypatch):
-    """`prepare_flights` with small flights in place of the simulated and the real one; counts what is made."""
+    """`prepare_flights` with small flights in place of the real ones; counts what is made."""
     made = []
 
     def make(path, source=None):
@@ -183,7 +193,10 @@ def test_flights_are_made_once_and_again_when_damaged(toy_flights, monkeypatch):
     assert prepare_flights(folder).said == [f"flight {name}: reused" for name in made]
     frames = folder / "sim-survey" / "frames.csv"
     frames.write_text(frames.read_text().replace("1,0.0,1.0,0.0", "1,0.0,1.0,0.5"))
-    assert prepare_flights(folder).said[0] == "flight sim-survey: made, because its files are not what was written"
+    assert (
+        prepare_flights(folder).said[0]
+        == "flight sim-survey: made, because its files are not what was written"
+    )
     shutil.rmtree(folder / "sim-waypoints")
     assert prepare_flights(folder).said[1] == "flight sim-waypoints: made, because it was not there whole"
     monkeypatch.setattr(book_flights, "_simulation_inputs", lambda name: {"code": "other"})
@@ -201,20 +214,26 @@ def test_a_real_flight_out_of_reach_is_said_and_not_fatal(toy_flights, monkeypat
     assert prepared.absent == {"cyberzoo": "cyberzoo cannot be fetched: go online"}
 
 
-# --- the audit -------------------------------------------------------------------------------------------------------
+# --- the audit --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("html", "fault"),
     [
-        ('<script src="https://cdn.example/x.js"></script>', "loads https://cdn.example/x.js from another host"),
+        (
+            '<script src="https://cdn.example/x.js"></script>',
+            "loads https://cdn.example/x.js from another host",
+        ),
         ('<link rel="preconnect" href="//fonts.example">', "loads //fonts.example from another host"),
         ('<img src="here.png" alt=" ">', "the picture here.png has no alternative text"),
         ('<img src="here.png">', "the picture here.png has no alternative text"),
         ('<a href="away.html">x</a>', "the link away.html leads nowhere"),
         ('<a href="#away">x</a>', "the link #away leads nowhere"),
         ('<img src="gone.png" alt="x">', "the link gone.png leads nowhere"),
-        ('<a href="https://example.org">x</a><a href="#here" id="here">y</a><img src="here.png" alt="x">', None),
+        (
+            '<a href="https://example.org">x</a><a href="#here" id="here">y</a><img src="here.png" alt="x">',
+            None,
+        ),
     ],
 )
 def test_the_audit_finds_what_a_reader_would_miss(tmp_path, html, fault):
@@ -228,7 +247,7 @@ def test_the_audit_reads_style_sheets(tmp_path):
     assert audit(tmp_path) == ["a.css: loads something from another host"]
 
 
-# --- the book of this clone, where one is built ------------------------------------------------------------------------
+# --- the book of this clone, where one is built -----------------------------------------------------------
 
 
 def test_the_built_book_passes_the_audit(built_book):
@@ -251,7 +270,9 @@ def test_no_page_asks_another_host_in_a_real_browser(built_book, tmp_path):
         pytest.skip("no chromium on this machine")
     log = tmp_path / "net.json"
     quiet = type("Quiet", (http.server.SimpleHTTPRequestHandler,), {"log_message": lambda *_: None})
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(quiet, directory=str(built_book))) as web:
+    with http.server.ThreadingHTTPServer(
+        ("127.0.0.1", 0), functools.partial(quiet, directory=str(built_book))
+    ) as web:
         threading.Thread(target=web.serve_forever, daemon=True).start()
         host = f"http://127.0.0.1:{web.server_port}/"
         command = [
@@ -264,12 +285,16 @@ def test_no_page_asks_another_host_in_a_real_browser(built_book, tmp_path):
     assert "mjx-container" in dom, "MathJax has not set the mathematics"
     requests = [event.get("params", {}) for event in json.loads(log.read_text())["events"]]
     # The browser's own errands have no page as their initiator.
-    loaded = {entry["url"] for entry in requests if "url" in entry and entry.get("initiator", "not an origin") != "not an origin"}
+    loaded = {
+        entry["url"]
+        for entry in requests
+        if "url" in entry and entry.get("initiator", "not an origin") != "not an origin"
+    }
     assert any("book.css" in url for url in loaded), "the log does not show what the page loads"
     assert [url for url in loaded if not url.startswith((host, "data:"))] == []
 
 
-# --- the page on the library ------------------------------------------------------------------------------------------
+# --- the page on the library ------------------------------------------------------------------------------
 
 
 def test_every_module_of_the_library_page_exists_and_names_what_is_public():
@@ -277,9 +302,15 @@ def test_every_module_of_the_library_page_exists_and_names_what_is_public():
         text = describe_module(name)
         assert text.startswith(f"## {name}\n"), f"{name} is not there"
     text = describe_module("trexton.flights.flight")
-    assert "Flight(\n    name: str,\n    frame: np.ndarray," in text and "- `.part(name: str) -> Flight`: The frames" in text
+    assert (
+        "Flight(\n    name: str,\n    frame: np.ndarray," in text
+        and "- `.part(name: str) -> Flight`: The frames" in text
+    )
     assert describe_module("trexton.no_such_module") == ""
 
 
 def test_what_markdown_takes_for_markup_is_made_harmless(page):
-    assert page("{{ words | text }}", words="<b> {role}`x` $1 *z* [l](m)") == r"\<b\> \{role\}\`x\` \$1 \*z\* \[l\](m)"
+    assert (
+        page("{{ words | text }}", words="<b> {role}`x` $1 *z* [l](m)")
+        == r"\<b\> \{role\}\`x\` \$1 \*z\* \[l\](m)"
+    )

@@ -1,4 +1,4 @@
-"""What the open choices cost: one thing changes at a time, and the trace of uncleared counts is what the code left."""
+"""What the open choices cost: one changes at a time; the trace of uncleared counts is what the code left."""
 
 from __future__ import annotations
 
@@ -40,7 +40,10 @@ def test_every_choice_is_measured_beside_the_paper(record):
     assert {variant["group"] for variant in variants.values()} == {
         "paper", "measurement", "motion", "particles", "resampling", "estimate", "histogram",
     }  # fmt: skip
-    assert all(variant["mean_cm"]["low"] <= variant["mean_cm"]["median"] <= variant["mean_cm"]["high"] for variant in variants.values())
+    assert all(
+        variant["mean_cm"]["low"] <= variant["mean_cm"]["median"] <= variant["mean_cm"]["high"]
+        for variant in variants.values()
+    )
 
 
 def test_the_variants_differ_from_the_paper_and_repeat_with_the_seed(record):
@@ -58,4 +61,6 @@ def test_the_figure_shows_the_numbers_of_the_record(record):
     order = list(reversed(record.values["order"]))
     points = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
     assert points == [record.values["variants"][key]["mean_cm"]["median"] for key in order]
-    assert [label.get_text() for label in axes.get_yticklabels()] == [record.values["variants"][key]["label"] for key in order]
+    assert [label.get_text() for label in axes.get_yticklabels()] == [
+        record.values["variants"][key]["label"] for key in order
+    ]

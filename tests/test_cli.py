@@ -78,7 +78,8 @@ def test_version_and_help_load_none_of_the_heavy_packages():
     code = (
         "from trexton.cli import main\n"
         "try: main(['--help'])\nexcept SystemExit: pass\n"
-        f"loaded = [name for name in ({heavy}) if name in sys.modules]\nraise SystemExit(f'loaded: {{loaded}}' if loaded else 0)"
+        f"loaded = [name for name in ({heavy}) if name in sys.modules]\n"
+        "raise SystemExit(f'loaded: {loaded}' if loaded else 0)"
     )
     command = [sys.executable, "-c", f"import sys\n{code}"]
     assert subprocess.run(command, capture_output=True, text=True).returncode == 0
@@ -87,14 +88,19 @@ def test_version_and_help_load_none_of_the_heavy_packages():
 
 
 def test_an_interrupt_and_a_closed_pipe_leave_no_traceback(flight_folder):
-    interrupted = run(["check", str(flight_folder)], "import trexton.flights.check as c; from trexton import cli\n"
-        "def stop(path): raise KeyboardInterrupt\nimport trexton.commands.check as k; k.check_flight = stop\n"
-        "raise SystemExit(cli.main())")  # fmt: skip
+    code = (
+        "from trexton import cli\nimport trexton.commands.check as check\n"
+        "def stop(path): raise KeyboardInterrupt\ncheck.check_flight = stop\nraise SystemExit(cli.main())"
+    )
+    interrupted = run(["check", str(flight_folder)], code)
     assert (interrupted.returncode, interrupted.stderr) == (130, "trexton check: interrupted\n")
     reader, writer = os.pipe()
     os.close(reader)
     process = subprocess.run(
-        [sys.executable, "-m", "trexton.cli", "check", str(flight_folder)], stdout=writer, stderr=subprocess.PIPE, text=True
+        [sys.executable, "-m", "trexton.cli", "check", str(flight_folder)],
+        stdout=writer,
+        stderr=subprocess.PIPE,
+        text=True,
     )
     os.close(writer)
     assert "Traceback" not in process.stderr

@@ -26,7 +26,9 @@ def server(tmp_path):
     folder = tmp_path / "served"
     folder.mkdir()
     quiet = type("Quiet", (http.server.SimpleHTTPRequestHandler,), {"log_message": lambda *_: None})
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(quiet, directory=str(folder))) as web:
+    with http.server.ThreadingHTTPServer(
+        ("127.0.0.1", 0), functools.partial(quiet, directory=str(folder))
+    ) as web:
         threading.Thread(target=web.serve_forever, daemon=True).start()
         yield folder, f"http://127.0.0.1:{web.server_port}"
         web.shutdown()
@@ -37,8 +39,14 @@ def toy(server, tmp_path, monkeypatch):
     """A registry of one small file, served by `server`, and an empty data folder."""
     folder, address = server
     (folder / "toy.bin").write_bytes(b"public bytes")
-    entry = {"key": "toys/toy.bin", "url": f"{address}/toy.bin", "sha256": hashlib.sha256(b"public bytes").hexdigest()}
-    monkeypatch.setattr(data, "registry", lambda: {"toy": {"title": "a toy", "licence": "none", "files": [entry]}})
+    entry = {
+        "key": "toys/toy.bin",
+        "url": f"{address}/toy.bin",
+        "sha256": hashlib.sha256(b"public bytes").hexdigest(),
+    }
+    monkeypatch.setattr(
+        data, "registry", lambda: {"toy": {"title": "a toy", "licence": "none", "files": [entry]}}
+    )
     monkeypatch.setenv("TREXTON_DATA", str(tmp_path / "cache"))
     return entry
 

@@ -24,15 +24,29 @@ def replace_line(path, row, text):
 def test_what_is_written_reads_back_bit_for_bit(tmp_path, rng):
     count = 9
     flight = Flight(
-        name='a "quoted" näme', frame=np.arange(5, 5 + count), time=np.cumsum(rng.random(count) + 0.01),
-        position=rng.normal(size=(count, 2)) * 1e3, area=(-1.5, 2.25, 0.1, 0.3), height=rng.random(count),
-        attitude=rng.normal(size=(count, 3)), histograms=rng.dirichlet(np.ones(7), count), camera=Camera(64, 48, 51.5),
-        split={"train": (5, 9), "odd name": (10, 13)}, source="here", licence="none", notes=("one", 'two \\ "x"'),
+        name='a "quoted" näme',
+        frame=np.arange(5, 5 + count),
+        time=np.cumsum(rng.random(count) + 0.01),
+        position=rng.normal(size=(count, 2)) * 1e3,
+        area=(-1.5, 2.25, 0.1, 0.3),
+        height=rng.random(count),
+        attitude=rng.normal(size=(count, 3)),
+        histograms=rng.dirichlet(np.ones(7), count),
+        camera=Camera(64, 48, 51.5),
+        split={"train": (5, 9), "odd name": (10, 13)},
+        source="here",
+        licence="none",
+        notes=("one", 'two \\ "x"'),
     )
     again = read_flight(write_flight(flight, tmp_path / "f"))
     for key in ("frame", "time", "position", "height", "attitude", "histograms"):
         np.testing.assert_array_equal(getattr(again, key), getattr(flight, key))
-    assert (again.name, again.area, again.split, again.notes) == (flight.name, flight.area, flight.split, flight.notes)
+    assert (again.name, again.area, again.split, again.notes) == (
+        flight.name,
+        flight.area,
+        flight.split,
+        flight.notes,
+    )
     assert again.camera.principal_point == flight.camera.principal_point
     assert again.data_hash == flight.data_hash
 
@@ -105,7 +119,11 @@ def test_rows_that_sum_to_1_0002_are_accepted(flight_folder):
 def test_a_missing_position_is_reported_but_does_not_forbid_the_flight(flight_folder):
     replace_line(flight_folder / "frames.csv", 6, "5,0.32,nan,")
     report = check_flight(flight_folder)
-    assert report.usable and len(report.warnings) == 1 and "frames.csv, row 6: the position is missing" in report.warnings[0]
+    assert (
+        report.usable
+        and len(report.warnings) == 1
+        and "frames.csv, row 6: the position is missing" in report.warnings[0]
+    )
     flight = read_flight(flight_folder)
     assert not flight.has_positions and np.isnan(flight.position[4]).all()
     assert ("positions", "39 of 40") in report.facts
@@ -164,7 +182,9 @@ def test_a_truncated_image_raises_one_clear_error(image_folder):
 def test_an_unreadable_floor_is_a_fault(image_folder):
     (image_folder / "floor.png").write_text("no picture")
     with open(image_folder / "flight.toml", "a") as header:
-        header.write('\n[floor]\nimage = "floor.png"\nworld_from_pixel = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]\n')
+        header.write(
+            '\n[floor]\nimage = "floor.png"\nworld_from_pixel = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]\n'
+        )
     assert "floor picture cannot be read" in check_flight(image_folder).faults[0]
 
 
@@ -181,4 +201,6 @@ def test_loading_collects_faults_of_several_files_at_once(flight_folder):
     replace_line(flight_folder / "histograms.csv", 9, "8,0.9,0,0,0")
     replace_line(flight_folder / "flight.toml", 5, "area_m = 3")
     faults = load_folder(flight_folder).faults
-    assert [sum(name in fault for fault in faults) for name in ("flight.toml", "frames.csv", "histograms.csv")] == [1, 1, 1]
+    assert [
+        sum(name in fault for fault in faults) for name in ("flight.toml", "frames.csv", "histograms.csv")
+    ] == [1, 1, 1]

@@ -13,70 +13,15 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from tiny_notebooks import BODY, FAILING, write_notebook
 
 from trexton import cli
 from trexton.errors import FlightError, ParameterError, TrextonError
-from trexton.experiments import EXPERIMENTS, Experiment
+from trexton.experiments import Experiment
 from trexton.flights import read_flight
 from trexton.runner import FlightPair, run_experiments
 from trexton.runner.notebooks import Notebook
 from trexton.runner.processes import Crew
-from trexton.runner.stamps import differences
-
-HEAD = """---
-jupytext:
-  text_representation:
-    extension: .md
-    format_name: myst
-kernelspec:
-  display_name: Python 3
-  language: python
-  name: python3
----
-
-# A tiny experiment
-
-```{code-cell} ipython3
-:tags: [parameters, remove-cell]
-
-%s
-```
-
-```{code-cell} ipython3
-%s
-```
-"""
-
-PARAMETERS = """flight = ""
-test_flight = None
-out = "results"
-factor = 2
-rate: float | None = 0.5
-label = "a"
-"""
-
-# Counts its runs in a file beside the results, so that a test can tell reuse from repetition.
-BODY = """import json
-from pathlib import Path
-from trexton.flights import read_flight
-
-data = read_flight(flight)
-folder = Path(out) / data.name
-record = {"values": {"frames": factor * len(data), "label": label}, "timings": {}}
-(folder / "NAME.json").write_text(json.dumps(record))
-(folder / "NAME-chart.svg").write_text("<svg/>")
-with open(Path(out) / "NAME.runs", "a") as runs:
-    runs.write("x")
-"""
-
-FAILING = 'fresh = 1 / 0  # the fault\n'
-
-
-def write_notebook(folder: Path, name: str, body: str = BODY, parameters: str = PARAMETERS) -> Path:
-    folder.mkdir(exist_ok=True)
-    path = folder / f"{name}.md"
-    path.write_text(HEAD % (parameters, body.replace("NAME", name)))
-    return path
 
 
 @pytest.fixture
@@ -110,7 +55,11 @@ def without_kernels(monkeypatch):
 
     class Direct(Crew):
         def run(self, job, threads, moved):
-            cells = [cell.source for cell in Notebook(Path(job["notebook"])).content.cells if cell.cell_type == "code"]
+            cells = [
+                cell.source
+                for cell in Notebook(Path(job["notebook"])).content.cells
+                if cell.cell_type == "code"
+            ]
             output = Path(job["output"])
             output.parent.mkdir(parents=True, exist_ok=True)
             names = {}
@@ -167,9 +116,13 @@ def test_a_rename_of_the_flights_folder_changes_nothing(without_kernels, house, 
 def test_the_executed_notebook_holds_its_parameters_and_nothing_of_the_clock(house):
     house.run(settings={"factor": 5}, only=["first"])
     executed = nbformat.read(house.out / "small" / "first.ipynb", as_version=4)
-    assert executed["metadata"]["trexton"] == {"parameters": {
-        "factor": 5, "flight": str(house.flight), "label": "a", "out": str(house.out), "rate": 0.5, "test_flight": None}}  # fmt: skip
-    (injected,) = [cell for cell in executed["cells"] if "injected-parameters" in cell["metadata"].get("tags", [])]
+    given = {"flight": str(house.flight), "test_flight": None, "out": str(house.out)}
+    assert executed["metadata"]["trexton"] == {
+        "parameters": {"factor": 5, "label": "a", "rate": 0.5, **given}
+    }
+    (injected,) = [
+        cell for cell in executed["cells"] if "injected-parameters" in cell["metadata"].get("tags", [])
+    ]
     assert "factor = 5" in injected["source"] and "remove-cell" in injected["metadata"]["tags"]
     assert "papermill" not in json.dumps(executed["metadata"]) and "iopub" not in json.dumps(executed)
 
@@ -177,7 +130,10 @@ def test_the_executed_notebook_holds_its_parameters_and_nothing_of_the_clock(hou
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"colour": "1"}, "no experiment chosen here has a parameter 'colour': there are factor, label, rate"),
+        (
+            {"colour": "1"},
+            "no experiment chosen here has a parameter 'colour': there are factor, label, rate",
+        ),
         ({"first.colour": "1"}, "first has no parameter 'colour': it has factor, rate, label"),
         ({"third.factor": "1"}, "no experiment chosen here has a parameter 'third.factor'"),
         ({"factor": "many"}, "parameter factor is 'many': expected int"),
@@ -193,37 +149,6 @@ def test_unknown_parameters_and_wrong_types_are_errors(house, settings, message)
         house.run(settings=settings)
     assert message in str(caught.value)
     assert not house.out.exists()
-
-
-def test_values_take_the_type_of_the_default(house):
-    notebook = Notebook(house.notebooks / "first.md")
-    chosen = notebook.choose({"factor": "7", "rate": "2", "label": "3"})
-    assert chosen == {"factor": 7, "rate": 2.0, "label": "3"} and isinstance(chosen["rate"], float)
-    assert notebook.choose({"rate": "None"})["rate"] is None
-
-
-def test_a_parameters_cell_holds_literals_only(tmp_path):
-    path = write_notebook(tmp_path, "odd", parameters="import os\nhome = os.getcwd()")
-    with pytest.raises(TrextonError, match="'import os' in the parameters cell"):
-        _ = Notebook(path).parameters
-
-
-def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
-    body = "from trexton import TextonMap\nfrom trexton.experiments import mocap_training\nimport numpy"
-    code = Notebook(write_notebook(tmp_path, "deep", body)).code
-    assert {"trexton.localizer", "trexton.particles", "trexton.experiments.mocap_training", "trexton.files"} <= code.keys()
-    assert "trexton.experiments" not in code  # the registry: a new line in it changes no result
-
-
-def test_changes_are_told_in_words():
-    old = {"notebook": "a", "parameters": {"n": 1, "gone": 2}, "code": {"trexton.x": "1", "trexton.y": "1"},
-           "data": {"train": "1"}, "versions": {"numpy": "2.0"}, "paper": {}, "records": {}}  # fmt: skip
-    new = {"notebook": "a", "parameters": {"n": 2}, "code": {"trexton.x": "2", "trexton.z": "1"},
-           "data": {"train": "1", "test": "2"}, "versions": {"numpy": "2.1"}, "paper": {"claims.toml": "1"}, "records": {}}  # fmt: skip
-    assert differences(old, new) == [
-        "parameter gone 2 -> absent", "parameter n 1 -> 2", "data of the flight test is new", "module trexton.x changed",
-        "module trexton.y is gone", "module trexton.z is new", "version of numpy 2.0 -> 2.1", "file data/paper/claims.toml is new",
-    ]  # fmt: skip
 
 
 def test_a_failing_notebook_names_its_cell_and_the_others_go_on(house):
@@ -255,7 +180,10 @@ def test_a_result_that_no_longer_can_be_made_does_not_linger(without_kernels, ho
 
 
 def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_folder):
-    house.experiments = {"first": Experiment("First", needs=("images",)), "second": Experiment("Second", needs=("floor",))}
+    house.experiments = {
+        "first": Experiment("First", needs=("images",)),
+        "second": Experiment("Second", needs=("floor",)),
+    }
     outcomes = house.run()
     assert {name: outcome.reasons for name, outcome in outcomes.items()} == {
         "first": ("small has no images",), "second": ("small has no picture of its true floor",),
@@ -268,9 +196,17 @@ def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_fold
 
 def test_a_flight_without_splits_needs_a_second_one(house, image_folder):
     with pytest.raises(FlightError, match="no splits 'train' and 'test': name a second flight"):
-        run_experiments([FlightPair(str(image_folder))], house.out, notebooks=house.notebooks, experiments=house.experiments)
+        run_experiments(
+            [FlightPair(str(image_folder))],
+            house.out,
+            notebooks=house.notebooks,
+            experiments=house.experiments,
+        )
     pair = FlightPair(str(image_folder), str(house.flight))
-    assert pair.hashes == {"train": read_flight(image_folder).data_hash, "test": read_flight(house.flight).data_hash}
+    assert pair.hashes == {
+        "train": read_flight(image_folder).data_hash,
+        "test": read_flight(house.flight).data_hash,
+    }
 
 
 def test_the_ledger_runs_once_over_the_records_of_every_flight(without_kernels, house):
@@ -282,15 +218,25 @@ def test_the_ledger_runs_once_over_the_records_of_every_flight(without_kernels, 
     write_notebook(house.notebooks, "ledger", body, 'out = "results"')
     house.experiments = {"ledger": Experiment("Ledger", every_flight=True)} | house.experiments
     assert house.run()["ledger"].status == "ran"
-    assert json.loads((house.out / "ledger.json").read_text())["values"] == ["small/first.json", "small/second.json"]
+    assert json.loads((house.out / "ledger.json").read_text())["values"] == [
+        "small/first.json",
+        "small/second.json",
+    ]
     assert house.run()["ledger"].status == "reused"
     assert house.run(settings={"second.factor": 9})["ledger"].reasons == ("record small/second changed",)
 
 
 def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
-    body = "import time, os\nstart = time.time()\ntime.sleep(1.0)\nprint(os.environ.get('OMP_NUM_THREADS'))\n" + BODY
+    body = (
+        "import time, os\nstart = time.time()\ntime.sleep(1.0)\nprint(os.environ.get('OMP_NUM_THREADS'))\n"
+        + BODY
+    )
     body = body.replace('"timings": {}', '"timings": {"start": start, "end": time.time()}')
-    house.experiments = {"a": Experiment("A"), "b": Experiment("B"), "timed": Experiment("T", alone=True, cost_s=999)}
+    house.experiments = {
+        "a": Experiment("A"),
+        "b": Experiment("B"),
+        "timed": Experiment("T", alone=True, cost_s=999),
+    }
     for name in house.experiments:
         write_notebook(house.notebooks, name, body)
     assert set(statuses(house.run(jobs=2)).values()) == {"ran"}
@@ -304,13 +250,14 @@ def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
 
 
 def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(without_kernels, house, tmp_path):
-    """The runner is killed outright while a notebook runs; the next run starts it over and finds nothing half-made."""
+    """Killed outright while a notebook runs; the next run starts over and finds nothing half-made."""
     marker = tmp_path / "kernel.pid"
     body = BODY + f"import os, time\nPath({str(marker)!r}).write_text(str(os.getpid()))\ntime.sleep(60)\n"
     write_notebook(house.notebooks, "first", body)
     script = (
         "import sys; from trexton.experiments import Experiment; from trexton.runner import *\n"
-        "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3], experiments={'first': Experiment('F')})"
+        "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3],\n"
+        "                experiments={'first': Experiment('F')})"
     )
     command = [sys.executable, "-c", script, str(house.flight), str(house.out), str(house.notebooks)]
     runner = subprocess.Popen(command, stderr=subprocess.DEVNULL)
@@ -323,7 +270,11 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(without_kerne
     write_notebook(house.notebooks, "first")
     house.experiments = {"first": Experiment("First")}
     assert house.run()["first"].reasons == ("no finished run",)
-    assert sorted(path.name for path in (house.out / "small").iterdir()) == ["first-chart.svg", "first.ipynb", "first.json"]
+    assert sorted(path.name for path in (house.out / "small").iterdir()) == [
+        "first-chart.svg",
+        "first.ipynb",
+        "first.json",
+    ]
 
 
 def test_two_runs_do_not_write_to_one_folder(without_kernels, house):
@@ -361,13 +312,3 @@ def test_the_command_line_says_it_in_one_sentence(house, capsys):
         assert cli.main([*command[1:], *words, "--quiet"]) == 1
         error = capsys.readouterr().err
         assert message in error and error.count("\n") == 1
-
-
-def test_every_registered_notebook_can_be_read_and_every_dependency_exists():
-    folder = Path(__file__).parent.parent / "notebooks"
-    for name, experiment in EXPERIMENTS.items():
-        assert set(experiment.after) <= EXPERIMENTS.keys()
-        if (path := folder / f"{name}.md").exists():
-            notebook = Notebook(path)
-            assert "out" in notebook.parameters and notebook.code
-    assert {path.stem for path in folder.glob("*.md")} <= EXPERIMENTS.keys()

@@ -1,4 +1,4 @@
-"""What a reader relies on, checked in the built pages: nothing from another host, no dead link, every picture described."""
+"""The built pages, checked: nothing from another host, no dead link, every picture described."""
 
 from __future__ import annotations
 
@@ -9,8 +9,26 @@ from urllib.parse import unquote, urlsplit
 __all__ = ["audit"]
 
 # Elements whose address the browser loads by itself; an <a> waits for a click.
-_LOADED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "video": "src", "audio": "src", "embed": "src", "object": "data"}
-_LOADED_LINKS = {"stylesheet", "icon", "preload", "prefetch", "preconnect", "dns-prefetch", "modulepreload", "shortcut"}
+_LOADED = {
+    "script": "src",
+    "img": "src",
+    "iframe": "src",
+    "source": "src",
+    "video": "src",
+    "audio": "src",
+    "embed": "src",
+    "object": "data",
+}
+_LOADED_LINKS = {
+    "stylesheet",
+    "icon",
+    "preload",
+    "prefetch",
+    "preconnect",
+    "dns-prefetch",
+    "modulepreload",
+    "shortcut",
+}
 
 
 class _Page(HTMLParser):
@@ -37,16 +55,29 @@ class _Page(HTMLParser):
 
 def audit(html: Path) -> list[str]:
     """Faults of the built pages below `html`, as sentences; empty if there are none."""
-    pages = {path: _Page(path) for path in sorted(html.rglob("*.html")) if "_static" not in path.relative_to(html).parts}
+    pages = {
+        path: _Page(path)
+        for path in sorted(html.rglob("*.html"))
+        if "_static" not in path.relative_to(html).parts
+    }
     faults = []
     for path, page in pages.items():
         name = path.relative_to(html)
-        faults += [f"{name}: loads {address} from another host" for address in page.loaded if _is_remote(address)]
+        faults += [
+            f"{name}: loads {address} from another host" for address in page.loaded if _is_remote(address)
+        ]
         faults += [f"{name}: the picture {source} has no alternative text" for source in page.undescribed]
-        faults += [f"{name}: the link {link} leads nowhere" for link in page.links + page.loaded if not _leads(path, link, pages)]
+        faults += [
+            f"{name}: the link {link} leads nowhere"
+            for link in page.links + page.loaded
+            if not _leads(path, link, pages)
+        ]
     for sheet in sorted(html.rglob("*.css")):
         text = sheet.read_text(encoding="utf-8", errors="replace")
-        if any(mark in text for mark in ("url(http", 'url("http', "url('http", "url(//", '@import "http', "@import 'http")):
+        if any(
+            mark in text
+            for mark in ("url(http", 'url("http', "url('http", "url(//", '@import "http', "@import 'http")
+        ):
             faults.append(f"{sheet.relative_to(html)}: loads something from another host")
     return faults
 

@@ -32,7 +32,7 @@ class Prepared:
 
 
 def prepare_flights(folder: Path) -> Prepared:
-    """Make sure that the simulated pair and the real flight are in `folder`; the real one may be out of reach."""
+    """Make sure that the simulated pair and, if it can be had, the real flight are in `folder`."""
     prepared = Prepared()
     for name in SIMULATED:
         _prepare(folder / name, _simulation_inputs(name), lambda path: _simulate(path), prepared)
@@ -54,7 +54,11 @@ def _simulate(path: Path) -> None:
 
 
 def _simulation_inputs(name: str) -> dict:
-    return {"code": code_hashes("trexton.simulator"), "pattern": _PATTERN[name], "versions": software_versions()}
+    return {
+        "code": code_hashes("trexton.simulator"),
+        "pattern": _PATTERN[name],
+        "versions": software_versions(),
+    }
 
 
 def _real_inputs() -> dict:

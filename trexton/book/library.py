@@ -1,4 +1,4 @@
-"""The page on the library, written from its own source: public names, signatures and the first sentence of each docstring."""
+"""The page on the library, written from its source: public names, signatures, first sentences of docstrings."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ __all__ = ["MODULES", "describe_module"]
 
 # In the order of the method, then what surrounds it.
 MODULES = (
-    "trexton.flights.flight", "trexton.flights.folder", "trexton.flights.registry", "trexton.images", "trexton.camera",
-    "trexton.textons", "trexton.histograms", "trexton.neighbors", "trexton.particles", "trexton.recovery", "trexton.localizer",
-    "trexton.landing", "trexton.suitability", "trexton.homography", "trexton.mosaic", "trexton.metrics", "trexton.records",
-    "trexton.simulator.simulator", "trexton.simulator.recording", "trexton.simulator.floor", "trexton.simulator.effects",
+    "trexton.flights.flight", "trexton.flights.folder", "trexton.flights.registry",
+    "trexton.images", "trexton.camera", "trexton.textons", "trexton.histograms", "trexton.neighbors",
+    "trexton.particles", "trexton.recovery", "trexton.localizer", "trexton.landing", "trexton.suitability",
+    "trexton.homography", "trexton.mosaic", "trexton.metrics", "trexton.records",
+    "trexton.simulator.simulator", "trexton.simulator.recording",
+    "trexton.simulator.floor", "trexton.simulator.effects",
 )  # fmt: skip
 _WIDTH = 84
 
@@ -42,7 +44,11 @@ def _public_names(tree: ast.Module) -> set[str]:
     for node in tree.body:
         if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
             return set(ast.literal_eval(node.value))
-    return {node.name for node in tree.body if isinstance(node, (ast.ClassDef, ast.FunctionDef)) and node.name[0] != "_"}
+    return {
+        node.name
+        for node in tree.body
+        if isinstance(node, (ast.ClassDef, ast.FunctionDef)) and node.name[0] != "_"
+    }
 
 
 def _describe_class(node: ast.ClassDef) -> str:
@@ -52,7 +58,8 @@ def _describe_class(node: ast.ClassDef) -> str:
         fields = [item for item in node.body if isinstance(item, ast.AnnAssign)]
         made = f"({', '.join(ast.unparse(field) for field in fields)})" if fields else ""
     rows = [
-        f"- `.{method.name}{'' if _is_property(method) else _signature(method)}`: {_first_sentence(ast.get_docstring(method))}"
+        f"- `.{method.name}{'' if _is_property(method) else _signature(method)}`: "
+        + _first_sentence(ast.get_docstring(method))
         for method in methods
         if not method.name.startswith("_") and ast.get_docstring(method)
     ]
@@ -65,7 +72,9 @@ def _is_property(method: ast.FunctionDef) -> bool:
 
 def _signature(node: ast.FunctionDef) -> str:
     arguments = re.sub(r"^(self|cls)(, |$)", "", ast.unparse(node.args))
-    return f"({arguments})" + (f" -> {ast.unparse(node.returns)}" if node.returns and ast.unparse(node.returns) != "None" else "")
+    return f"({arguments})" + (
+        f" -> {ast.unparse(node.returns)}" if node.returns and ast.unparse(node.returns) != "None" else ""
+    )
 
 
 def _entry(signature: str, docstring: str | None) -> str:
@@ -103,4 +112,6 @@ def _prose(docstring: str | None) -> str:
 def _escaped(text: str) -> str:
     """What Markdown would take for markup, made harmless; code in backticks stays as it is."""
     pieces = re.split(r"(``.*?``|`.*?`)", text)
-    return "".join(piece if piece.startswith("`") else re.sub(r"([*_$<>{}\[\]|])", r"\\\1", piece) for piece in pieces)
+    return "".join(
+        piece if piece.startswith("`") else re.sub(r"([*_$<>{}\[\]|])", r"\\\1", piece) for piece in pieces
+    )

@@ -52,8 +52,12 @@ def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None 
     """
     root = repository_root()
     if root is None:
-        raise TrextonError("the book belongs to the repository and this is an installed package: make it in a clone")
-    os.chdir(root)  # the notebooks show the paths they were given: relative ones read the same on every machine
+        raise TrextonError(
+            "the book belongs to the repository and this is an installed package: make it in a clone"
+        )
+    os.chdir(
+        root
+    )  # the notebooks show the paths they were given: relative ones read the same on every machine
     prepared = prepare_flights(Path("data") / "flights")
     results = Path("results")
     outcomes = run_experiments(prepared.pairs, results, settings=settings, jobs=jobs)
@@ -72,14 +76,16 @@ def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: 
 
 
 def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
-    """Stage and build; returns a sentence. Nothing is done where the staged sources are those of the last build."""
+    """Stage and build, unless the staged sources are those of the last build; returns a sentence."""
     html.parent.mkdir(parents=True, exist_ok=True)
     stamp = html.parent / ".book.stamp"
     with tempfile.TemporaryDirectory(prefix=".source.", dir=html.parent) as name:
         source = Path(name) / "source"
         source.mkdir()
         stage(contents, source, toc_file)
-        key = digest(_tree_hash(source), code_hashes("trexton.book"), {name: version(name) for name in _BUILDERS})
+        key = digest(
+            _tree_hash(source), code_hashes("trexton.book"), {name: version(name) for name in _BUILDERS}
+        )
         if (html / "index.html").is_file() and stamp.is_file() and stamp.read_text() == key:
             return f"book: reused, none of its pages changed ({html / 'index.html'})"
         stamp.unlink(missing_ok=True)
@@ -96,20 +102,39 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
 
 
 def _tree_hash(folder: Path) -> str:
-    return digest({str(path.relative_to(folder)): digest(path) for path in sorted(folder.rglob("*")) if path.is_file()})
+    return digest(
+        {str(path.relative_to(folder)): digest(path) for path in sorted(folder.rglob("*")) if path.is_file()}
+    )
 
 
 def _jupyter_book(source: Path, work: Path) -> Path:
     """Run Jupyter Book with warnings as errors; returns the folder of HTML."""
     say("building the pages")
-    command = [sys.executable, "-c", "from jupyter_book.cli.main import main; main()", "build", str(source), "--path-output", str(work)]
+    command = [
+        sys.executable,
+        "-c",
+        "from jupyter_book.cli.main import main; main()",
+        "build",
+        str(source),
+        "--path-output",
+        str(work),
+    ]
     command += ["--all", "-W", "-n", "--keep-going", "-q"]
-    run = subprocess.run(command, capture_output=True, text=True, env=os.environ | {"PYTHONWARNINGS": "ignore"})
+    run = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | {"PYTHONWARNINGS": "ignore"}
+    )
     built = work / "_build" / "html"
     if run.returncode or not (built / "index.html").is_file():
-        lines = [line for line in (run.stdout + run.stderr).splitlines() if "WARNING" in line or "ERROR" in line or "rror:" in line]
+        lines = [
+            line
+            for line in (run.stdout + run.stderr).splitlines()
+            if "WARNING" in line or "ERROR" in line or "rror:" in line
+        ]
         lines = lines or (run.stdout + run.stderr).splitlines()[-20:]
-        raise TrextonError("Jupyter Book did not accept the pages:\n" + "\n".join(line.replace(f"{source}/", "") for line in lines))
+        raise TrextonError(
+            "Jupyter Book did not accept the pages:\n"
+            + "\n".join(line.replace(f"{source}/", "") for line in lines)
+        )
     return built
 
 

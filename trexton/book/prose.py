@@ -1,6 +1,7 @@
-"""Prose pages are templates: a number is written ``{{ sim.mocap_training.filter.error_cm.x | fixed }}``, never typed.
+"""Prose pages are templates: a number is written ``{{ sim.mocap_training.knn.error_cm_x.median | fixed }}``.
 
-A name that no record has stops the build with the page and the name; what may be absent stands in ``{% if %}``.
+None is typed. A name that no record has stops the build with the page and the line; what may be absent
+stands in ``{% if %}``.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ class Tree(dict):
     """Nested values of a record; a name is always an entry, even where dict has a method of that name."""
 
     def __init__(self, values: dict):
-        super().__init__({key: Tree(value) if isinstance(value, dict) else value for key, value in values.items()})
+        super().__init__(
+            {key: Tree(value) if isinstance(value, dict) else value for key, value in values.items()}
+        )
 
     def __getattribute__(self, name: str):
         if not name.startswith("_") and name in self:
@@ -65,7 +68,7 @@ def render(path: Path, context: dict, pages: set[str], pictures: dict[str, str])
     context : dict
         Names that the page may use; ``paper`` (the published values) is added.
     pages : set of str
-        Pages that are in the book: ``{{ see("page", "text") }}`` links to one of them, and is plain text for others.
+        Pages that are in the book: ``{{ see("page", "text") }}`` links to one of them, or is plain text.
     pictures : dict of str to str
         The first figure of each experiment, for ``{{ picture("overview") }}``.
 
@@ -91,7 +94,9 @@ def render(path: Path, context: dict, pages: set[str], pictures: dict[str, str])
         raise DataError(f"{path}, line {error.lineno}: {error.message}: correct the template") from None
     except (jinja2.UndefinedError, KeyError, TypeError, ValueError) as error:
         line = _line(error)
-        raise DataError(f"{path}, line {line}: {error}: name a value that the records have, or guard it with {{% if %}}") from None
+        raise DataError(
+            f"{path}, line {line}: {error}: name a value that the records have, or guard it with {{% if %}}"
+        ) from None
 
 
 def _line(error: BaseException) -> int | str:

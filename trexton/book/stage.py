@@ -1,4 +1,4 @@
-"""Gather everything that becomes a page: prose with its numbers filled in, executed notebooks, what can be downloaded."""
+"""Gather everything that becomes a page: prose with its numbers filled in, executed notebooks, downloads."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
 
 
 def _copy_notebook(path: Path, target: Path, pages: list[str]) -> None:
-    """Copy an executed notebook; its links to experiments that this flight has no page for become plain text."""
+    """Copy an executed notebook; links to experiments that have no page here become plain text."""
     notebook = nbformat.read(path, as_version=4)
 
     def link(found: re.Match) -> str:
@@ -124,7 +124,9 @@ def _pictures(contents: Contents) -> dict[str, str]:
     found: dict[str, str] = {}
     for pair in contents.pairs:
         for name in contents.good(pair.name):
-            figures = [path for path in outputs_of(contents.results / pair.name, name) if path.suffix == ".svg"]
+            figures = [
+                path for path in outputs_of(contents.results / pair.name, name) if path.suffix == ".svg"
+            ]
             if figures:
                 found.setdefault(name, f"{pair.name}/{figures[0].name}")
     return found
@@ -146,11 +148,20 @@ def _table_of_contents(contents: Contents, toc_file: str) -> dict:
         for chapter in part["chapters"]:
             if "flight" in chapter:
                 names = sorted(here) if chapter["flight"] == "*" else [chapter["flight"]]
-                chapters += [{"file": f"{name}/{page}"} for name in names if name in here for page in contents.good(name)]
-            elif (contents.source / f"{chapter['file']}.md").is_file() or chapter["file"] in contents.good(""):
+                chapters += [
+                    {"file": f"{name}/{page}"}
+                    for name in names
+                    if name in here
+                    for page in contents.good(name)
+                ]
+            elif (contents.source / f"{chapter['file']}.md").is_file() or chapter["file"] in contents.good(
+                ""
+            ):
                 chapters.append({"file": chapter["file"]})
             elif not chapter.get("optional"):
-                raise DataError(f"{contents.source / toc_file}: the page {chapter['file']!r} does not exist: write it or drop it")
+                raise DataError(
+                    f"{contents.source / toc_file}: the page {chapter['file']!r} does not exist: write it or drop it"
+                )
         part["chapters"] = chapters
     toc["parts"] = [part for part in toc["parts"] if part["chapters"]]
     return toc

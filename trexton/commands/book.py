@@ -11,8 +11,17 @@ from trexton.commands.run import parse_settings, print_outcomes
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--explain", action="store_true", help="say why each experiment was reused or run")
-    parser.add_argument("--jobs", type=int, metavar="N", help="notebooks at once (default: as many as fit this machine)")
-    parser.add_argument("--set", nargs="+", default=[], metavar="KEY=VALUE", dest="settings", help="parameters of the notebooks")
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="notebooks at once (default: as many as fit this machine)"
+    )
+    parser.add_argument(
+        "--set",
+        nargs="+",
+        default=[],
+        metavar="KEY=VALUE",
+        dest="settings",
+        help="parameters of the notebooks",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -13,7 +13,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     verbs.add_parser("list", help="the names, what they are, and whether they are on this machine")
     get = verbs.add_parser("fetch", help="download, check the SHA-256, write a Flight folder")
     get.add_argument("name", metavar="NAME", help="a name from the list")
-    get.add_argument("--from", dest="source", metavar="DIR", help="take the raw files from this folder, download nothing")
+    get.add_argument(
+        "--from", dest="source", metavar="DIR", help="take the raw files from this folder, download nothing"
+    )
     get.add_argument("--out", metavar="DIR", help="where to put it (default: data/flights/NAME)")
 
 
@@ -21,7 +23,10 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.verb == "list":
         for name, entry in registry().items():
             here = all((data_folder() / file["key"]).is_file() for file in entry["files"])
-            print(f"{name}: {entry['title']}\n  licence: {entry['licence']}\n  on this machine: {'yes' if here else 'no'}")
+            print(
+                f"{name}: {entry['title']}\n  licence: {entry['licence']}\n"
+                f"  on this machine: {'yes' if here else 'no'}"
+            )
         return 0
     out = Path(arguments.out or Path("data") / "flights" / arguments.name)
     print(fetch(arguments.name, out, arguments.source))

@@ -10,7 +10,9 @@ from trexton.runner import FlightPair, Outcome, run_experiments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("flight", metavar="FLIGHT", help="Flight folder to train on (and to test on, by its splits)")
+    parser.add_argument(
+        "flight", metavar="FLIGHT", help="Flight folder to train on (and to test on, by its splits)"
+    )
     parser.add_argument("--test-flight", metavar="FLIGHT", help="another Flight folder to test on")
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these experiments only")
@@ -19,7 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a parameter of the notebooks, or of one: mocap_training.samples=200",
     )  # fmt: skip
     parser.add_argument("--explain", action="store_true", help="say why each experiment was reused or run")
-    parser.add_argument("--jobs", type=int, metavar="N", help="notebooks at once (default: as many as fit this machine)")
+    parser.add_argument(
+        "--jobs", type=int, metavar="N", help="notebooks at once (default: as many as fit this machine)"
+    )
     parser.add_argument("--notebooks", metavar="DIR", help="another folder of notebooks")
     parser.add_argument("--no-book", action="store_true", help="leave out the small book")
 
@@ -60,5 +64,8 @@ def print_outcomes(outcomes: list[Outcome], explain: bool) -> None:
         if explain or outcome.status in ("failed", "skipped"):
             for reason in outcome.reasons:
                 print(f"        {reason}")
-    counts = {status: sum(outcome.status == status for outcome in outcomes) for status in ("ran", "reused", "skipped", "failed")}
+    counts = {
+        status: sum(outcome.status == status for outcome in outcomes)
+        for status in ("ran", "reused", "skipped", "failed")
+    }
     print(", ".join(f"{count} {status}" for status, count in counts.items() if count))

@@ -1,6 +1,6 @@
-"""What the choices cost that the paper leaves open: one is changed at a time, to what the authors' flight code of 2016 did.
+"""What the choices cost that the paper leaves open: one at a time becomes what the authors' flight code did.
 
-The code is public; the paper wins where the two differ, and this experiment prices the difference.
+That code, of 2016, is public; the paper wins where the two differ, and this experiment prices the difference.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class _Variant:
 
 
 def with_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
-    """``(N, K)`` histograms as a program gives them that never clears its counts: h'_t = h_t + h'_{t-1} / n."""
+    """``(N, K)`` histograms of a program that never clears its counts: h'_t = h_t + h'_{t-1} / n."""
     traced = np.array(histograms, dtype=float)
     for row in range(1, len(traced)):
         traced[row] += traced[row - 1] / samples
@@ -54,24 +54,35 @@ def without_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
 
 
 def run(
-    train: Flight, test: Flight, *, samples: int = 400, particles: int = 50, neighbors: int = 5, repeats: int = 10, seed: int = 1
+    train: Flight,
+    test: Flight,
+    *,
+    samples: int = 400,
+    particles: int = 50,
+    neighbors: int = 5,
+    repeats: int = 10,
+    seed: int = 1,
 ) -> Record:
     """Change one open choice at a time and localize the test flight again.
 
     Returns
     -------
     Record
-        ``values["variants"]``: for each variant its label, group, and mean Euclidean and per-axis errors in cm with
-        intervals; ``paper`` is the method as it stands.
+        ``values["variants"]``: for each variant its label, group, and mean Euclidean and per-axis errors in cm
+        with intervals; ``paper`` is the method as it stands.
     """
     texton_map = trained_map(train, neighbors=neighbors, seed=seed)
     common = {"samples": samples, "particles": particles}
     variants = {}
     for variant in _variants(texton_map, train, test, samples, neighbors, seed):
-        runs = tracks(variant.texton_map, variant.frames, repeats=repeats, seed=seed, **common | variant.options)
+        runs = tracks(
+            variant.texton_map, variant.frames, repeats=repeats, seed=seed, **common | variant.options
+        )
         rng = np.random.default_rng([seed, 10_000])
         summary = summarize([run.estimate for run in runs], test.position, test.diagonal, rng=rng)
-        variants[variant.key] = {"label": variant.label, "group": variant.group} | {key: summary[key] for key in _STATISTICS}
+        variants[variant.key] = {"label": variant.label, "group": variant.group} | {
+            key: summary[key] for key in _STATISTICS
+        }
     return Record(
         experiment="choices",
         flight=train.name,
@@ -81,29 +92,68 @@ def run(
     )
 
 
-def _variants(texton_map: TextonMap, train: Flight, test: Flight, samples: int, neighbors: int, seed: int) -> Iterator[_Variant]:
+def _variants(
+    texton_map: TextonMap, train: Flight, test: Flight, samples: int, neighbors: int, seed: int
+) -> Iterator[_Variant]:
     frames = frames_of(test)
     yield _Variant("paper", "paper", "as the paper says", texton_map, frames)
     for sigma_cm in (70, 200):
         covariance = np.broadcast_to(np.eye(2) * (sigma_cm / 100) ** 2, (neighbors, 2, 2))
         changed = replace(texton_map, rank_covariance=covariance)
-        yield _Variant(f"sigma_{sigma_cm}", "measurement", f"one hand-set sigma of {sigma_cm} cm for all ranks", changed, frames)
+        yield _Variant(
+            f"sigma_{sigma_cm}",
+            "measurement",
+            f"one hand-set sigma of {sigma_cm} cm for all ranks",
+            changed,
+            frames,
+        )
     rows = neighbors_in_flight(texton_map.histograms, _times(train), neighbors, excluded_s=0)
     changed = replace(texton_map, rank_covariance=rank_covariances(texton_map.positions, rows))
-    yield _Variant("near_in_time", "measurement", "ranks learned with neighbours in time allowed", changed, frames)
+    yield _Variant(
+        "near_in_time", "measurement", "ranks learned with neighbours in time allowed", changed, frames
+    )
     for sigma_cm in (8, 25):
         changed = replace(texton_map, process_covariance=np.eye(2) * (sigma_cm / 100) ** 2)
-        yield _Variant(f"motion_{sigma_cm}", "motion", f"hand-set motion noise of {sigma_cm} cm a frame", changed, frames)
+        yield _Variant(
+            f"motion_{sigma_cm}", "motion", f"hand-set motion noise of {sigma_cm} cm a frame", changed, frames
+        )
     for count in (140, 1000):
-        yield _Variant(f"particles_{count}", "particles", f"{count} particles", texton_map, frames, {"particles": count})
-    yield _Variant("systematic", "resampling", "systematic resampling", texton_map, frames, {"resampling": "systematic"})
-    yield _Variant("mean", "estimate", "weighted mean as the estimate", texton_map, frames, {"estimator": "mean"})
-    yield _Variant("highest_weight", "estimate", "heaviest particle as the estimate", texton_map, frames, {"estimator": "highest-weight"})
+        yield _Variant(
+            f"particles_{count}", "particles", f"{count} particles", texton_map, frames, {"particles": count}
+        )
+    yield _Variant(
+        "systematic", "resampling", "systematic resampling", texton_map, frames, {"resampling": "systematic"}
+    )
+    yield _Variant(
+        "mean", "estimate", "weighted mean as the estimate", texton_map, frames, {"estimator": "mean"}
+    )
+    yield _Variant(
+        "highest_weight",
+        "estimate",
+        "heaviest particle as the estimate",
+        texton_map,
+        frames,
+        {"estimator": "highest-weight"},
+    )
     if test.has_images and train.has_images:
         rng = np.random.default_rng([seed, 20_000])
-        drawn = np.array([sampled_histogram(frame, texton_map.dictionary, samples, rng=rng) for frame in frames])
-        yield _Variant("trace", "histogram", "counts never cleared between frames", texton_map, list(with_trace(drawn, samples)))
-        yield _Variant("winner", "dictionary", "winner-take-all dictionary", _winner_take_all(train, neighbors, seed), frames)
+        drawn = np.array(
+            [sampled_histogram(frame, texton_map.dictionary, samples, rng=rng) for frame in frames]
+        )
+        yield _Variant(
+            "trace",
+            "histogram",
+            "counts never cleared between frames",
+            texton_map,
+            list(with_trace(drawn, samples)),
+        )
+        yield _Variant(
+            "winner",
+            "dictionary",
+            "winner-take-all dictionary",
+            _winner_take_all(train, neighbors, seed),
+            frames,
+        )
     else:
         cleared = replace(texton_map, histograms=without_trace(texton_map.histograms, _PUBLISHED_SAMPLES))
         frames = list(without_trace(test.histograms, _PUBLISHED_SAMPLES))

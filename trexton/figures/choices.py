@@ -11,7 +11,7 @@ __all__ = ["costs"]
 
 
 def costs(record: Record) -> Figure:
-    """Mean Euclidean error of every variant with its 95 % interval; the line is the method as the paper has it."""
+    """Mean error of every variant with its 95 % interval; the line is the method as the paper has it."""
     variants = [record.values["variants"][key] for key in record.values["order"]]
     with canvas(size=(7.2, 0.7 + 0.3 * len(variants))) as (figure, axes):
         plot = axes[0, 0]
@@ -20,7 +20,9 @@ def costs(record: Record) -> Figure:
             color = COLORS["estimate"] if variant["group"] == "paper" else COLORS["accent"]
             plot.plot([error["low"], error["high"]], [row, row], color=color, linewidth=2.2, alpha=0.55)
             plot.plot(error["median"], row, "o", color=color, markersize=5)
-        plot.axvline(variants[0]["mean_cm"]["median"], color=COLORS["estimate"], linewidth=0.9, linestyle="--")
+        plot.axvline(
+            variants[0]["mean_cm"]["median"], color=COLORS["estimate"], linewidth=0.9, linestyle="--"
+        )
         plot.set_yticks(range(len(variants)), [variant["label"] for variant in reversed(variants)])
         plot.set(xlabel="mean distance to the truth (cm)", xlim=(0, None))
         plot.grid(axis="y", visible=False)

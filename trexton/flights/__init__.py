@@ -1,4 +1,4 @@
-"""Flights: images, stamps, positions. One class, a reader or writer for each format, a registry of public data."""
+"""Flights: images, stamps, positions. One class, its folder on disk, a registry of public data."""
 
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight, write_flight

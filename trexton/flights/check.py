@@ -41,7 +41,7 @@ class Report:
 
 
 def check_flight(path: str | os.PathLike) -> Report:
-    """Read everything in the folder `path`, every image included, and report; nothing is raised for a faulty flight."""
+    """Read everything in the folder `path`, every image included; a faulty flight is reported, not raised."""
     reading = load_folder(Path(path))
     sizes = _check_images(reading)
     facts = [] if reading.flight is None else _facts(reading.flight, sizes)
@@ -79,7 +79,9 @@ def _check_floor(reading: Reading) -> None:
 
     file = reading.flight.floor_file
     if cv2.imread(str(file), cv2.IMREAD_UNCHANGED) is None:
-        reading.faults.append(f"{file}: the floor picture cannot be read: restore it or drop [floor] from flight.toml")
+        reading.faults.append(
+            f"{file}: the floor picture cannot be read: restore it or drop [floor] from flight.toml"
+        )
 
 
 def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str, str]]:
@@ -95,13 +97,25 @@ def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str,
         low, high = flight.position[known].min(axis=0), flight.position[known].max(axis=0)
         flown = f"{high[0] - low[0]:.2f} m x {high[1] - low[1]:.2f} m"
         x_min, x_max, y_min, y_max = flight.area
-        facts.append(("flown area", f"{flown}, x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}"))
+        facts.append(
+            ("flown area", f"{flown}, x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}")
+        )
         facts.append(("area", f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f} m"))
     if flight.has_images:
-        facts.append(("images", ", ".join(f"{count} of {_size(size)}" for size, count in sizes.items()) or "none readable"))
+        facts.append(
+            (
+                "images",
+                ", ".join(f"{count} of {_size(size)}" for size, count in sizes.items()) or "none readable",
+            )
+        )
     if flight.has_histograms:
         sums = flight.histograms.sum(axis=1)
-        facts.append(("histograms", f"{len(sums)} of {flight.histograms.shape[1]} textons, sums {sums.min():.4f} to {sums.max():.4f}"))
+        facts.append(
+            (
+                "histograms",
+                f"{len(sums)} of {flight.histograms.shape[1]} textons, sums {sums.min():.4f} to {sums.max():.4f}",
+            )
+        )
     for name, (first, last) in flight.split.items():
         count = int(((flight.frame >= first) & (flight.frame <= last)).sum())
         facts.append((f"split {name}", f"{first} to {last} ({_count(count, 'frame')})"))

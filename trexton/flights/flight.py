@@ -88,7 +88,9 @@ class Flight:
     def image(self, index: int) -> np.ndarray:
         """The image at row `index` as ``(H, W, 3) uint8`` Y, U, V."""
         if self.image_files is None:
-            raise FlightError(f"flight {self.name!r} has no images, but this step needs them: use a flight that was recorded with images")
+            raise FlightError(
+                f"flight {self.name!r} has no images, but this step needs them: use a flight that was recorded with images"
+            )
         return read_image(self.image_files[index])
 
     def images(self) -> Iterator[np.ndarray]:
@@ -109,7 +111,9 @@ class Flight:
         """The frames of the split `name`."""
         if name not in self.split:
             known = ", ".join(self.split) or "none"
-            raise FlightError(f"flight {self.name!r} has no split {name!r} (known: {known}): name it in flight.toml")
+            raise FlightError(
+                f"flight {self.name!r} has no split {name!r} (known: {known}): name it in flight.toml"
+            )
         first, last = self.split[name]
         return self.select((self.frame >= first) & (self.frame <= last))
 
@@ -122,7 +126,9 @@ class Flight:
 
         picture = cv2.imread(str(self.floor_file), cv2.IMREAD_UNCHANGED)
         if picture is None:
-            raise FlightError(f"{self.floor_file}: the floor picture cannot be read: restore it or drop [floor] from flight.toml")
+            raise FlightError(
+                f"{self.floor_file}: the floor picture cannot be read: restore it or drop [floor] from flight.toml"
+            )
         if picture.ndim == 2:
             picture = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
         mask = picture[..., 3] > 0 if picture.shape[2] == 4 else None
@@ -134,5 +140,9 @@ class Flight:
         arrays = [value for key in _PER_FRAME if isinstance(value := getattr(self, key), np.ndarray)]
         scalars = [self.name, list(self.area), {key: list(value) for key, value in self.split.items()}]
         floor = [] if self.floor_file is None else [self.floor_file, np.asarray(self.floor_from_pixel)]
-        camera = None if self.camera is None else [self.camera.width, self.camera.height, self.camera.focal, *self.camera.principal_point]
+        camera = (
+            None
+            if self.camera is None
+            else [self.camera.width, self.camera.height, self.camera.focal, *self.camera.principal_point]
+        )
         return digest(scalars, camera, *arrays, *floor, *(self.image_files or ()))

@@ -1,6 +1,7 @@
 """The Flight folder: ``flight.toml``, ``frames.csv``, and optionally ``images/`` and ``histograms.csv``.
 
-Reading collects every fault with its file and row; `read_flight` raises on the first, `trexton check` prints them all.
+Reading collects every fault with its file and row; `read_flight` raises on the first, `trexton check` prints
+them all.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ SUM_TOLERANCE = 0.01
 class Reading:
     """What a folder gave: a flight if it is usable, and its faults as sentences (file, row, what is wrong).
 
-    `image_files` lists the images that are there even where the flight is not usable, with their rows in frames.csv.
+    `image_files`: the images that are there with their rows in frames.csv, of an unusable flight too.
     """
 
     flight: Flight | None = None
@@ -49,7 +50,9 @@ def read_flight(path: str | os.PathLike) -> Flight:
     """
     reading = load_folder(Path(path))
     if reading.faults:
-        more = f" (and {len(reading.faults) - 1} more: trexton check {path})" if len(reading.faults) > 1 else ""
+        more = (
+            f" (and {len(reading.faults) - 1} more: trexton check {path})" if len(reading.faults) > 1 else ""
+        )
         raise FlightError(reading.faults[0] + more)
     return reading.flight
 
@@ -68,7 +71,9 @@ def load_folder(path: Path) -> Reading:
     if (path / "histograms.csv").exists():
         histograms = _read_histograms(path / "histograms.csv", columns["frame"], reading)
     elif "image" not in columns:
-        reading.faults.append(f"{path}: neither images nor histograms.csv found: a flight needs at least one of them")
+        reading.faults.append(
+            f"{path}: neither images nor histograms.csv found: a flight needs at least one of them"
+        )
     files = _find_images(path, columns.get("image"), reading)
     _check_split(path / "flight.toml", header, columns["frame"], reading)
     if not reading.faults and header is not None:
@@ -161,7 +166,9 @@ def _numbers(path: Path, name: str, cells: list[str], reading: Reading, missing_
             reading.faults.append(f"{path}, row {index + 2}: {name} is {cell!r}: expected a number")
             return values
         if np.isinf(values[index]) or (np.isnan(values[index]) and not missing_allowed):
-            reading.faults.append(f"{path}, row {index + 2}: {name} is {cell or 'empty'}: expected a finite number")
+            reading.faults.append(
+                f"{path}, row {index + 2}: {name} is {cell or 'empty'}: expected a finite number"
+            )
             return values
     return values
 
@@ -190,7 +197,9 @@ def _read_frames(path: Path, reading: Reading) -> dict | None:
     if len(reading.faults) > before:
         return None
     for row in np.flatnonzero(columns["frame"] % 1):
-        reading.faults.append(f"{path}, row {row + 2}: frame is {columns['frame'][row]:g}: expected a whole number")
+        reading.faults.append(
+            f"{path}, row {row + 2}: frame is {columns['frame'][row]:g}: expected a whole number"
+        )
     columns["frame"] = columns["frame"].astype(np.int64)
     _check_order(path, columns, reading)
     for row in np.flatnonzero(np.isnan(columns["x_m"]) | np.isnan(columns["y_m"])):
@@ -205,7 +214,9 @@ def _check_order(path: Path, columns: dict, reading: Reading) -> None:
         values = columns[name]
         for row in np.flatnonzero(np.diff(values) <= 0):
             kind = "duplicated" if values[row] == values[row + 1] else "unsorted"
-            reading.faults.append(f"{path}, row {row + 3}: {kind} {what} {values[row + 1]:g}: they must increase")
+            reading.faults.append(
+                f"{path}, row {row + 3}: {kind} {what} {values[row + 1]:g}: they must increase"
+            )
 
 
 def _read_histograms(path: Path, frames: np.ndarray, reading: Reading) -> np.ndarray | None:
@@ -218,14 +229,20 @@ def _read_histograms(path: Path, frames: np.ndarray, reading: Reading) -> np.nda
         return None
     before = len(reading.faults)
     values = np.column_stack(
-        [_numbers(path, name, [row[i] for row in rows], reading, missing_allowed=False) for i, name in enumerate(header)]
+        [
+            _numbers(path, name, [row[i] for row in rows], reading, missing_allowed=False)
+            for i, name in enumerate(header)
+        ]
     )
     if len(reading.faults) > before:
         return None
     if not np.array_equal(values[:, 0], frames):
-        odd = next((i for i, (a, b) in enumerate(zip(values[:, 0], frames)) if a != b), min(len(values), len(frames)))
+        odd = next(
+            (i for i, (a, b) in enumerate(zip(values[:, 0], frames)) if a != b), min(len(values), len(frames))
+        )
         reading.faults.append(
-            f"{path}, row {odd + 2}: its frames differ from those of frames.csv ({len(values)} rows against {len(frames)}): "
+            f"{path}, row {odd + 2}: its frames differ from those of frames.csv "
+            f"({len(values)} rows against {len(frames)}): "
             "list the same frames in the same order"
         )
         return None
@@ -233,7 +250,8 @@ def _read_histograms(path: Path, frames: np.ndarray, reading: Reading) -> np.nda
     sums = histograms.sum(axis=1)
     for row in np.flatnonzero((histograms < 0).any(axis=1) | (np.abs(sums - 1) > SUM_TOLERANCE)):
         reading.faults.append(
-            f"{path}, row {row + 2}: the histogram sums to {sums[row]:.4g} (smallest entry {histograms[row].min():.4g}): "
+            f"{path}, row {row + 2}: the histogram sums to {sums[row]:.4g} "
+            f"(smallest entry {histograms[row].min():.4g}): "
             f"expected relative frequencies that sum to 1 within {SUM_TOLERANCE:.0%}"
         )
     return histograms
@@ -256,7 +274,12 @@ def write_flight(flight: Flight, path: str | os.PathLike) -> Path:
 def write_tables(flight: Flight, folder: Path) -> None:
     """Write flight.toml, frames.csv and histograms.csv of `flight` into an existing folder."""
     (folder / "flight.toml").write_text(header_text(flight), encoding="utf-8")
-    columns: dict = {"frame": flight.frame, "t_s": flight.time, "x_m": flight.position[:, 0], "y_m": flight.position[:, 1]}
+    columns: dict = {
+        "frame": flight.frame,
+        "t_s": flight.time,
+        "x_m": flight.position[:, 0],
+        "y_m": flight.position[:, 1],
+    }
     if flight.height is not None:
         columns["z_m"] = flight.height
     if flight.attitude is not None:

@@ -17,7 +17,11 @@ __all__ = ["FORMAT", "camera_from_header", "header_text", "read_header"]
 FORMAT = 1
 _KEYS = ("format", "name", "source", "licence", "area_m", "notes", "camera", "split", "floor")
 _TEXTS = ("name", "source", "licence")
-_TABLES = {"camera": ("width_px", "height_px", "focal_px"), "floor": ("image", "world_from_pixel"), "split": ()}
+_TABLES = {
+    "camera": ("width_px", "height_px", "focal_px"),
+    "floor": ("image", "world_from_pixel"),
+    "split": (),
+}
 
 
 def read_header(path: Path) -> tuple[dict | None, list[str]]:
@@ -38,7 +42,11 @@ def _faults(header: dict) -> list[str]:
     version = header.get("format", FORMAT)
     if not isinstance(version, int) or version > FORMAT:
         return [f"format {version} is newer than {FORMAT}, the newest this version reads: update trexton"]
-    faults = [f"{key} is {header[key]!r}: expected text" for key in _TEXTS if not isinstance(header.get(key, ""), str)]
+    faults = [
+        f"{key} is {header[key]!r}: expected text"
+        for key in _TEXTS
+        if not isinstance(header.get(key, ""), str)
+    ]
     notes = header.get("notes", [])
     if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
         faults.append(f"notes is {notes!r}: expected a list of texts")
@@ -56,12 +64,23 @@ def _fault_values(header: dict) -> list[str]:
     if not _numbers(area, 4) or area[0] >= area[1] or area[2] >= area[3]:
         faults.append(f"area_m is {area}: expected [x_min, x_max, y_min, y_max] in metres")
     for name, limits in header.get("split", {}).items():
-        if not (isinstance(limits, list) and len(limits) == 2 and all(type(n) is int for n in limits) and limits[0] <= limits[1]):
+        if not (
+            isinstance(limits, list)
+            and len(limits) == 2
+            and all(type(n) is int for n in limits)
+            and limits[0] <= limits[1]
+        ):
             faults.append(f"split {name!r} is {limits}: expected [first frame, last frame]")
     if camera := header.get("camera"):
         sizes = [camera["width_px"], camera["height_px"]]
-        if not all(type(size) is int and size > 0 for size in sizes) or not _numbers([camera["focal_px"]], 1) or camera["focal_px"] <= 0:
-            faults.append(f"[camera] is {sizes[0]} x {sizes[1]} pixels, focal length {camera['focal_px']}: expected positive numbers")
+        if (
+            not all(type(size) is int and size > 0 for size in sizes)
+            or not _numbers([camera["focal_px"]], 1)
+            or camera["focal_px"] <= 0
+        ):
+            faults.append(
+                f"[camera] is {sizes[0]} x {sizes[1]} pixels, focal length {camera['focal_px']}: expected positive numbers"
+            )
         if not _numbers(camera.get("center_px", [0, 0]), 2):
             faults.append(f"[camera] center_px is {camera['center_px']}: expected [column, row] in pixels")
     if floor := header.get("floor"):
@@ -74,14 +93,18 @@ def _fault_values(header: dict) -> list[str]:
 
 
 def _numbers(values: object, count: int) -> bool:
-    numeric = isinstance(values, list) and all(isinstance(value, (int, float)) and type(value) is not bool for value in values)
+    numeric = isinstance(values, list) and all(
+        isinstance(value, (int, float)) and type(value) is not bool for value in values
+    )
     return numeric and len(values) == count and all(math.isfinite(value) for value in values)
 
 
 def camera_from_header(table: dict) -> Camera:
     """The camera that a [camera] table describes."""
     center = table.get("center_px")
-    return Camera(table["width_px"], table["height_px"], float(table["focal_px"]), tuple(center) if center else None)
+    return Camera(
+        table["width_px"], table["height_px"], float(table["focal_px"]), tuple(center) if center else None
+    )
 
 
 def header_text(flight: Flight) -> str:
@@ -95,11 +118,16 @@ def header_text(flight: Flight) -> str:
     if flight.notes:
         lines.append(f"notes = [{', '.join(text(note) for note in flight.notes)}]")
     if flight.split:
-        lines += ["", "[split]"] + [f"{text(key)} = [{first}, {last}]" for key, (first, last) in flight.split.items()]
+        lines += ["", "[split]"] + [
+            f"{text(key)} = [{first}, {last}]" for key, (first, last) in flight.split.items()
+        ]
     if flight.camera is not None:
         camera = flight.camera
         lines += ["", "[camera]", f"width_px = {camera.width}", f"height_px = {camera.height}"]
-        lines += [f"focal_px = {float(camera.focal)}", f"center_px = {[float(value) for value in camera.principal_point]}"]
+        lines += [
+            f"focal_px = {float(camera.focal)}",
+            f"center_px = {[float(value) for value in camera.principal_point]}",
+        ]
     if flight.floor_file is not None:
         matrix = np.asarray(flight.floor_from_pixel, dtype=float).tolist()
         lines += ["", "[floor]", f"image = {text(flight.floor_file.name)}", f"world_from_pixel = {matrix}"]

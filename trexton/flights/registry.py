@@ -1,4 +1,4 @@
-"""Public data: listed in ``data/registry.toml``, fetched by URL through pooch, never trusted without their SHA-256."""
+"""Public data: listed in ``data/registry.toml``, fetched through pooch, never trusted without their SHA-256."""
 
 from __future__ import annotations
 
@@ -25,12 +25,14 @@ def registry() -> dict[str, dict]:
     """Every public data set by name: title, licence, files (key, url, sha256), reader if it is a flight."""
     root = repository_root()
     if root is None:
-        raise DataError("the data registry belongs to the repository and this is an installed package: run it from a clone")
+        raise DataError(
+            "the data registry belongs to the repository and this is an installed package: run it from a clone"
+        )
     return tomllib.loads((root / "data" / "registry.toml").read_text(encoding="utf-8"))
 
 
 def data_folder() -> Path:
-    """Where raw files are kept: ``$TREXTON_DATA`` (may be read-only if complete), else ``public`` in the cache folder."""
+    """Where raw files are: ``$TREXTON_DATA`` (may be read-only if complete), else ``public`` in the cache."""
     named = os.environ.get("TREXTON_DATA")
     return Path(named) if named else cache_folder() / "public"
 
@@ -81,10 +83,15 @@ def _from_folder(folder: Path, key: str, sha256: str) -> Path:
 
     path = next((path for path in (folder / key, folder / Path(key).name) if path.is_file()), None)
     if path is None:
-        raise DataError(f"{folder}: neither {key} nor {Path(key).name} is there: give the folder that holds the raw files")
+        raise DataError(
+            f"{folder}: neither {key} nor {Path(key).name} is there: give the folder that holds the raw files"
+        )
     found = pooch.file_hash(str(path))
     if found != sha256:
-        raise DataError(f"{path}: its SHA-256 is {found[:12]}..., expected {sha256[:12]}...: it is another version or damaged, fetch it again")
+        raise DataError(
+            f"{path}: its SHA-256 is {found[:12]}..., expected {sha256[:12]}...: "
+            "it is another version or damaged, fetch it again"
+        )
     return path
 
 
@@ -94,13 +101,18 @@ def _from_cache(key: str, file: dict) -> Path:
 
     pooch.get_logger().setLevel("WARNING")
     folder = data_folder()
-    shelf = pooch.create(path=folder, base_url="", registry={key: f"sha256:{file['sha256']}"}, urls={key: file["url"]})
+    shelf = pooch.create(
+        path=folder, base_url="", registry={key: f"sha256:{file['sha256']}"}, urls={key: file["url"]}
+    )
     if not (folder / key).is_file():
         say(f"fetching {file['url']}")
     try:
         return Path(shelf.fetch(key, downloader=pooch.HTTPDownloader(timeout=20)))
     except ValueError:  # what pooch raises on a wrong hash; the file is not kept
-        raise DataError(f"{file['url']}: what was downloaded does not have the expected SHA-256: try again, or take the file from elsewhere (--from DIR)") from None
+        raise DataError(
+            f"{file['url']}: what was downloaded does not have the expected SHA-256: "
+            "try again, or take the file from elsewhere (--from DIR)"
+        ) from None
     except (requests.RequestException, OSError) as error:
         raise DataError(
             f"{key} is not in {folder} and cannot be fetched from {file['url']} ({type(error).__name__}): "

@@ -1,4 +1,4 @@
-"""The runner: experiment notebooks over flights, executed by papermill, reused while nothing that went in has changed."""
+"""The runner: experiment notebooks over flights, reused while nothing that went in has changed."""
 
 from trexton.runner.pairs import FlightPair
 from trexton.runner.schedule import Outcome, default_jobs, run_experiments

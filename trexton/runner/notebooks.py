@@ -50,13 +50,16 @@ class Parameter:
         return self.check(value)
 
     def check(self, value: object) -> object:
-        """`value` if its type fits (a whole number also stands for a float); raises `ParameterError` otherwise."""
+        """`value` if its type fits (an int also stands for a float); raises `ParameterError` otherwise."""
         kind = "None" if value is None else type(value).__name__
         if kind == "int" and "float" in self.types and "int" not in self.types:
             return float(value)
         if kind in self.types or "object" in self.types:
             return value
-        raise ParameterError(f"parameter {self.name} is {value!r}: expected {' or '.join(self.types)}, as in {self.name}={self.default!r}")
+        raise ParameterError(
+            f"parameter {self.name} is {value!r}: expected {' or '.join(self.types)}, "
+            f"as in {self.name}={self.default!r}"
+        )
 
 
 @dataclass(frozen=True)
@@ -105,11 +108,13 @@ class Notebook:
         return {name: hashes[name] for name in sorted(hashes) if name not in _NOT_AN_INPUT}
 
     def choose(self, settings: Mapping[str, object]) -> dict[str, object]:
-        """All parameters but the given ones: defaults, with `settings` (text or values, checked) in their place."""
+        """All parameters but the given ones: defaults, or `settings` (text or values, checked) in their place."""
         values = {name: parameter.default for name, parameter in self.parameters.items() if name not in GIVEN}
         for name, value in settings.items():
             if name not in values:
-                raise ParameterError(f"{self.name} has no parameter {name!r}: it has {', '.join(values) or 'none'}")
+                raise ParameterError(
+                    f"{self.name} has no parameter {name!r}: it has {', '.join(values) or 'none'}"
+                )
             parameter = self.parameters[name]
             values[name] = parameter.parse(value) if isinstance(value, str) else parameter.check(value)
         return values
@@ -120,13 +125,17 @@ def _parameter(path: Path, node: ast.stmt) -> Parameter:
     try:
         if isinstance(node, ast.AnnAssign):
             value = ast.literal_eval(node.value)
-            return Parameter(node.target.id, value, tuple(name.strip() for name in ast.unparse(node.annotation).split("|")))
+            return Parameter(
+                node.target.id, value, tuple(name.strip() for name in ast.unparse(node.annotation).split("|"))
+            )
         (target,) = node.targets
         value = ast.literal_eval(node.value)
         # A default of None alone says nothing about the type.
         return Parameter(target.id, value, ("object",) if value is None else (type(value).__name__,))
     except (ValueError, AttributeError, TypeError):
-        raise TrextonError(f"{path}: {ast.unparse(node)!r} in the parameters cell: expected name = literal value") from None
+        raise TrextonError(
+            f"{path}: {ast.unparse(node)!r} in the parameters cell: expected name = literal value"
+        ) from None
 
 
 def _imported_modules(node: ast.AST) -> list[str]:

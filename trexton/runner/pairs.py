@@ -16,7 +16,7 @@ __all__ = ["FlightPair"]
 
 @dataclass(frozen=True)
 class FlightPair:
-    """Two Flight folders, or one with the splits ``train`` and ``test``; paths as the notebooks will see them."""
+    """Two Flight folders, or one with the splits ``train`` and ``test``; paths as notebooks will see them."""
 
     flight: str
     test_flight: str | None = None
@@ -30,7 +30,9 @@ class FlightPair:
                 "or give flight.toml a [split] with both"
             )
         if not re.fullmatch(r"\w[\w .+-]*", flight.name):
-            raise FlightError(f"{self.flight}: the name {flight.name!r} cannot name a folder of results: use letters, digits, - and _")
+            raise FlightError(
+                f"{self.flight}: the name {flight.name!r} cannot name a folder of results: use letters, digits, - and _"
+            )
         return flight
 
     @cached_property

@@ -13,7 +13,8 @@ from collections.abc import Callable
 __all__ = ["Crew"]
 
 _THREAD_VARIABLES = (
-    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
 )  # fmt: skip
 
 
@@ -77,7 +78,12 @@ class _Worker:
         command = [sys.executable, "-m", "trexton.runner.worker"]
         self._said = tempfile.TemporaryFile()
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self._said, text=True, env=environment
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._said,
+            text=True,
+            env=environment,
         )
 
     @property
@@ -96,7 +102,10 @@ class _Worker:
         except (OSError, ValueError):
             pass
         status = self._process.wait()
-        return {"error": f"{job['notebook']}: the process that ran it ended (status {status}{self._last_words()})", "seconds": 0.0}
+        return {
+            "error": f"{job['notebook']}: the process that ran it ended (status {status}{self._last_words()})",
+            "seconds": 0.0,
+        }
 
     def _last_words(self) -> str:
         self._said.seek(0)

@@ -1,4 +1,4 @@
-"""Run the experiment notebooks of one or more flights: in parallel, in order, and only where something changed."""
+"""Run the experiment notebooks of one or more flights: in parallel, and only where something changed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _MEMORY_PER_JOB = 2 * 2**30
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one experiment on one flight: ``ran``, ``reused``, ``skipped`` or ``failed``, and why."""
+    """What became of an experiment on a flight: ``ran``, ``reused``, ``skipped`` or ``failed``, and why."""
 
     flight: str
     experiment: str
@@ -121,19 +121,27 @@ def _sole_writer(out: Path) -> Iterator[None]:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
-            raise TrextonError(f"another run is writing to {out}: wait for it, or choose another folder") from None
+            raise TrextonError(
+                f"another run is writing to {out}: wait for it, or choose another folder"
+            ) from None
         yield
 
 
 def _notebook_folder(notebooks: str | os.PathLike | None) -> Path:
     root = repository_root()
     if notebooks is None and root is None:
-        raise TrextonError("the notebooks belong to the repository and this is an installed package: run it from a clone")
+        raise TrextonError(
+            "the notebooks belong to the repository and this is an installed package: run it from a clone"
+        )
     return Path(notebooks) if notebooks is not None else root / "notebooks"
 
 
-def _choose(folder: Path, experiments: Mapping[str, Experiment], only: Sequence[str] | None) -> list[Notebook]:
-    present = {name: Notebook(folder / f"{name}.md") for name in experiments if (folder / f"{name}.md").is_file()}
+def _choose(
+    folder: Path, experiments: Mapping[str, Experiment], only: Sequence[str] | None
+) -> list[Notebook]:
+    present = {
+        name: Notebook(folder / f"{name}.md") for name in experiments if (folder / f"{name}.md").is_file()
+    }
     if unknown := [name for name in only or () if name not in present]:
         raise ParameterError(f"no experiment is named {unknown[0]!r}: the names are {', '.join(present)}")
     return [notebook for name, notebook in present.items() if not only or name in only]
@@ -149,7 +157,9 @@ def _settings_of(notebooks: list[Notebook], settings: Mapping[str, object]) -> d
         takers = [n for n in notebooks if (n.name == experiment if experiment else name in n.parameters)]
         if not takers:
             known = sorted({name for notebook in notebooks for name in notebook.parameters} - set(GIVEN))
-            raise ParameterError(f"no experiment chosen here has a parameter {key!r}: there are {', '.join(known)}")
+            raise ParameterError(
+                f"no experiment chosen here has a parameter {key!r}: there are {', '.join(known)}"
+            )
         for notebook in takers:
             mine[notebook.name][name] = value
     return {notebook.name: notebook.choose(mine[notebook.name]) for notebook in notebooks}
@@ -157,13 +167,19 @@ def _settings_of(notebooks: list[Notebook], settings: Mapping[str, object]) -> d
 
 def _plan(pairs, out: Path, notebooks: list[Notebook], experiments, parameters) -> list[_Task]:
     if len({pair.name for pair in pairs}) < len(pairs):
-        raise ParameterError(f"two flights are named {pairs[0].name!r}: give each its own name in flight.toml")
+        raise ParameterError(
+            f"two flights are named {pairs[0].name!r}: give each its own name in flight.toml"
+        )
     tasks = []
     for notebook in notebooks:
         experiment = experiments[notebook.name]
         for pair in [None] if experiment.every_flight else pairs:
             folder = out if pair is None else out / pair.name
-            tasks.append(_Task(notebook, experiment, pair, parameters[notebook.name], Stamp(out, folder, notebook.name)))
+            tasks.append(
+                _Task(
+                    notebook, experiment, pair, parameters[notebook.name], Stamp(out, folder, notebook.name)
+                )
+            )
     keys = {task.key for task in tasks}
     for task in tasks:
         if task.pair is None:
@@ -176,7 +192,9 @@ def _plan(pairs, out: Path, notebooks: list[Notebook], experiments, parameters) 
 class _Run:
     """One pass over all tasks: start what is ready, what most waits for first, until nothing is left."""
 
-    def __init__(self, tasks: list[_Task], out: Path, crew: Crew, pool: ThreadPoolExecutor, display: Display, jobs: int):
+    def __init__(
+        self, tasks: list[_Task], out: Path, crew: Crew, pool: ThreadPoolExecutor, display: Display, jobs: int
+    ):
         self.waiting = sorted(tasks, key=lambda task: (task.experiment.alone, -_chain(task, tasks)))
         self.out, self.crew, self.pool, self.display, self.jobs = out, crew, pool, display, jobs
         self.done: dict[tuple[str, str], Outcome] = {}
@@ -214,7 +232,9 @@ class _Run:
             task.stamp.clear()
             return Outcome(flight, name, "skipped", (f"{broken[0].experiment}, which it builds on, failed",))
         data = task.pair.hashes if task.pair else {}
-        task.inputs = gather_inputs(task.notebook, task.parameters, data, self._records_for(task), timings=task.pair is None)
+        task.inputs = gather_inputs(
+            task.notebook, task.parameters, data, self._records_for(task), timings=task.pair is None
+        )
         reasons = task.stamp.reasons(task.inputs)
         if not reasons:
             return Outcome(flight, name, "reused", (f"nothing changed in {_described(task.inputs)}",))
@@ -236,11 +256,14 @@ class _Run:
             "notebook": str(task.notebook.path),
             "output": str(task.stamp.folder / f"{task.notebook.name}.ipynb"),
             "failed": str(task.stamp.failed_notebook),
-            "parameters": {key: value for key, value in given.items() if key in task.notebook.parameters} | task.parameters,
+            "parameters": {key: value for key, value in given.items() if key in task.notebook.parameters}
+            | task.parameters,
         }
         slot = threading.get_ident()
         label = "/".join(filter(None, task.key))
-        result = self.crew.run(job, threads, lambda done, total: self.display.moved(slot, f"{label} {done}/{total}"))
+        result = self.crew.run(
+            job, threads, lambda done, total: self.display.moved(slot, f"{label} {done}/{total}")
+        )
         self.display.moved(slot, None)
         if result["error"]:
             kept = f"; partial output: {job['failed']}" if Path(job["failed"]).exists() else ""
@@ -260,5 +283,10 @@ def _chain(task: _Task, tasks: list[_Task]) -> float:
 
 
 def _described(inputs: dict) -> str:
-    parts = [f"{len(inputs['code'])} modules", f"{len(inputs['parameters'])} parameters", "the data", "the versions"]
+    parts = [
+        f"{len(inputs['code'])} modules",
+        f"{len(inputs['parameters'])} parameters",
+        "the data",
+        "the versions",
+    ]
     return ", ".join(parts + ([f"{len(inputs['records'])} records"] if inputs["records"] else []))

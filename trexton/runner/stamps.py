@@ -1,6 +1,7 @@
-"""Why an experiment may be reused or must run: a stamp keeps everything that went into it and the hash of all it left.
+"""Why an experiment may be reused or must run.
 
-A stamp is the last thing written, so a run that was cut short has none and is run again.
+A stamp keeps everything that went into an experiment and the hash of all it left. It is the last thing
+written, so a run that was cut short has none and is run again.
 """
 
 from __future__ import annotations
@@ -18,10 +19,18 @@ __all__ = ["Stamp", "differences", "gather_inputs", "outputs_of"]
 
 SCHEMA = 1
 # What a person reads instead of the key of an entry.
-_LABELS = {"code": "module", "data": "data of the flight", "records": "record", "versions": "version of", "paper": "file data/paper/"}
+_LABELS = {
+    "code": "module",
+    "data": "data of the flight",
+    "records": "record",
+    "versions": "version of",
+    "paper": "file data/paper/",
+}
 
 
-def gather_inputs(notebook: Notebook, parameters: dict, data: dict[str, str], records: Iterable[Path], timings: bool) -> dict:
+def gather_inputs(
+    notebook: Notebook, parameters: dict, data: dict[str, str], records: Iterable[Path], timings: bool
+) -> dict:
     """Everything that goes into a run, as JSON values.
 
     Parameters
@@ -49,7 +58,7 @@ def _record_hash(path: Path, timings: bool) -> str:
 
 
 def outputs_of(folder: Path, name: str) -> list[Path]:
-    """What the experiment `name` left in `folder`: its record, its executed notebook, its figures and pictures."""
+    """What the experiment `name` left in `folder`: record, executed notebook, figures and pictures."""
     kept = [path for path in (folder / f"{name}.json", folder / f"{name}.ipynb") if path.is_file()]
     return kept + sorted(path for path in folder.glob(f"{name}-*") if path.is_file())
 
@@ -77,7 +86,11 @@ class Stamp:
         """Seal a finished run."""
         outputs = {path.name: digest(path) for path in outputs_of(self.folder, self.name)}
         with atomic_file(self.path) as stream:
-            stream.write(canonical_json({"schema": SCHEMA, "inputs": inputs, "outputs": outputs, "seconds": round(seconds, 2)}))
+            stream.write(
+                canonical_json(
+                    {"schema": SCHEMA, "inputs": inputs, "outputs": outputs, "seconds": round(seconds, 2)}
+                )
+            )
 
     def reasons(self, inputs: dict) -> list[str]:
         """Why the last run cannot be reused for `inputs`; empty if it can."""

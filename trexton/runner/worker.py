@@ -23,8 +23,8 @@ _ANSI = re.compile(r"\x1b\[[0-9;]*m")
 def execute(job: dict, report) -> dict:
     """Run one notebook with papermill; returns ``{"error": sentence or None, "seconds": float}``.
 
-    `job` names `notebook`, `output`, `failed` (where partial output is kept), `parameters`; ``report(done, total)``
-    is called before each cell.
+    `job` names `notebook`, `output`, `failed` (where partial output is kept) and `parameters`;
+    ``report(done, total)`` is called before each cell.
     """
     import jupytext
     import papermill
@@ -41,7 +41,12 @@ def execute(job: dict, report) -> dict:
         jupytext.write(jupytext.read(source), original)
         _register_engine(report)
         papermill.execute_notebook(
-            original, partial, parameters=job["parameters"], engine_name="trexton", kernel_name="python3", progress_bar=False
+            original,
+            partial,
+            parameters=job["parameters"],
+            engine_name="trexton",
+            kernel_name="python3",
+            progress_bar=False,
         )
         error = None
     except PapermillExecutionError as fault:
@@ -66,12 +71,16 @@ def describe(source: Path, fault) -> str:
 
 
 def cleaned(path: Path, parameters: dict) -> str:
-    """The executed notebook without what depends on this machine or its clock, the injected parameters shown or hidden
-    like the defaults that they replace."""
+    """The executed notebook without what depends on this machine or its clock.
+
+    The injected parameters are shown or hidden like the defaults that they replace.
+    """
     import nbformat
 
     notebook = nbformat.read(path, as_version=4)
-    tags = next((cell.metadata.tags for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])), [])
+    tags = next(
+        (cell.metadata.tags for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])), []
+    )
     for cell in notebook.cells:
         cell.metadata.pop("papermill", None)
         cell.metadata.pop("execution", None)
@@ -121,7 +130,9 @@ def serve() -> None:
     threading.Thread(target=read, daemon=True).start()
     while (job := jobs.get()) is not None:
         busy.set()
-        result = execute(job, lambda done, total: print(json.dumps({"done": done, "total": total}), file=answers))
+        result = execute(
+            job, lambda done, total: print(json.dumps({"done": done, "total": total}), file=answers)
+        )
         busy.clear()
         print(json.dumps(result), file=answers)
 

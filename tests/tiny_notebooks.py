@@ -1,0 +1,60 @@
+"""Notebooks small enough for tests of the runner."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+HEAD = """---
+jupytext:
+  text_representation:
+    extension: .md
+    format_name: myst
+kernelspec:
+  display_name: Python 3
+  language: python
+  name: python3
+---
+
+# A tiny experiment
+
+```{code-cell} ipython3
+:tags: [parameters, remove-cell]
+
+%s
+```
+
+```{code-cell} ipython3
+%s
+```
+"""
+
+PARAMETERS = """flight = ""
+test_flight = None
+out = "results"
+factor = 2
+rate: float | None = 0.5
+label = "a"
+"""
+
+# Counts its runs in a file beside the results, so that a test can tell reuse from repetition.
+BODY = """import json
+from pathlib import Path
+from trexton.flights import read_flight
+
+data = read_flight(flight)
+folder = Path(out) / data.name
+record = {"values": {"frames": factor * len(data), "label": label}, "timings": {}}
+(folder / "NAME.json").write_text(json.dumps(record))
+(folder / "NAME-chart.svg").write_text("<svg/>")
+with open(Path(out) / "NAME.runs", "a") as runs:
+    runs.write("x")
+"""
+
+FAILING = "fresh = 1 / 0  # the fault\n"
+
+
+def write_notebook(folder: Path, name: str, body: str = BODY, parameters: str = PARAMETERS) -> Path:
+    folder.mkdir(exist_ok=True)
+    path = folder / f"{name}.md"
+    path.write_text(HEAD % (parameters, body.replace("NAME", name)))
+    return path
