@@ -63,12 +63,16 @@ def _cores() -> int:
 
 def default_jobs() -> int:
     """As many notebooks at once as there are processors and memory for."""
-    cores = _cores()
+    return max(1, min(_cores(), _available_memory() // _MEMORY_PER_JOB))
+
+
+def _available_memory() -> int:
+    """Bytes that programs can still take, what the system only caches included."""
     try:
-        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    except (ValueError, OSError, AttributeError):
-        free = cores * _MEMORY_PER_JOB
-    return max(1, min(cores, free // _MEMORY_PER_JOB))
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable"))
+    except (OSError, StopIteration):
+        return _cores() * _MEMORY_PER_JOB  # not Linux: go by the processors
 
 
 def run_experiments(
