@@ -265,6 +265,7 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(without_kerne
     runner.send_signal(signal.SIGKILL)
     runner.wait()
     wait_for(lambda: not alive(int(kernel)))
+    wait_for(lambda: not list((house.out / "small").glob(".first.*")))  # the worker has kept what there was
     assert not list((house.out / ".stamps").rglob("*.json"))
 
     write_notebook(house.notebooks, "first")
