@@ -6,7 +6,7 @@ import pytest
 
 from trexton.experiments import homography_baseline, homography_training, mosaic
 from trexton.experiments.homography_training import filtered_positions
-from trexton.experiments.stitched import floor_residual, locate_all, stitched_map
+from trexton.experiments.stitched import drifting_map, floor_residual, locate_all, stitched_map
 from trexton.camera import Camera, MapImage
 from trexton.figures import homography_baseline as baseline_figures
 from trexton.figures import homography_training as training_figures
@@ -35,7 +35,7 @@ def flights(tmp_path_factory):
 
 def test_fixes_on_the_true_floor_are_right(flights):
     _, test = flights
-    located = locate_all(test.floor, test, "frames")
+    located = locate_all({"floor": test.floor}, test)["floor"]
     error = np.hypot(*(located.position - test.position).T)
     assert located.found.all() and (located.inliers > 20).all()
     # What is left is the tilt, which the method does not know: a metre of height times a few degrees.
@@ -57,12 +57,32 @@ def test_the_mosaic_record_says_what_the_mosaic_is(flights):
     train, _ = flights
     record = mosaic.run(train, anchors=6)
     stitched = stitched_map(train, 6)  # from the cache
-    assert record.values["used"] == stitched.used.sum() and record.values["links"] == len(stitched.pairs)
+    assert record.values["used"] == stitched.used.sum() and record.values["links"] == len(stitched.links)
     assert record.values["residual_cm"]["median"] < 5
     plan = mosaic_figures.stitched(record).axes[0]
     np.testing.assert_array_equal(plan.lines[1].get_xydata(), train.position[stitched.anchors])
     arrows = mosaic_figures.deviation(record, magnified=2).axes[0].collections[0]
     np.testing.assert_allclose(arrows.U, 2 * np.array(record.series["residual_m"])[:, 0])
+
+
+def test_the_drifting_map_never_notices_a_place_again(flights):
+    train, _ = flights
+    drifting, full = drifting_map(train, 6), stitched_map(train, 6)
+    assert (np.diff(drifting.links.pairs, axis=1) <= 12).all() and len(drifting.anchors) == 3
+    assert (np.diff(full.links.pairs, axis=1) > 12).any()
+    residual = [np.median(np.hypot(*floor_residual(each.map, train.floor)[1].T)) for each in (full, drifting)]
+    assert residual[1] > residual[0]
+
+
+def test_the_residual_leaves_mismatches_out_and_keeps_large_distortion(flights):
+    floor = flights[0].floor
+    rows, columns = floor.image.shape[:2]
+    map_x, map_y = np.meshgrid(np.arange(columns, dtype=np.float32), np.arange(rows, dtype=np.float32))
+    bent = cv2.remap(floor.image, map_x + 60 * (map_y / rows) ** 2, map_y, cv2.INTER_LINEAR)
+    truth, deviation = floor_residual(MapImage(bent, floor.world_from_pixel), floor)
+    expected = -60 * ((floor.to_pixels(truth)[:, 1]) / rows) ** 2 * floor.world_from_pixel[0, 0]
+    assert np.abs(deviation[:, 0] - expected).max() < 0.15 and np.abs(deviation[:, 0]).max() > 0.15
+    assert np.median(np.abs(deviation[:, 0] - expected)) < 0.003
 
 
 def test_the_baseline_counts_failures_and_shows_both_maps(flights):
@@ -75,6 +95,9 @@ def test_the_baseline_counts_failures_and_shows_both_maps(flights):
     assert record.values["perfect_floor"]["error_cm_x"]["median"] < 15
     error = np.abs(position - test.position)[np.isfinite(position).all(axis=1)]
     assert record.values["mosaic"]["error_cm_x"]["median"] == pytest.approx(100 * error[:, 0].mean())
+    # The same frames at half size, on the same map: as good here, and never left out.
+    assert record.values["half"]["frames"] + record.values["half"]["failures"] == len(test)
+    assert record.values["half"]["error_cm_x"]["median"] < 15
     lines = baseline_figures.error_distribution(record).axes[0].lines
     assert lines[1].get_ydata()[-1] == 100 and lines[0].get_ydata()[-1] == pytest.approx(100 * len(error) / len(test))
     baseline_figures.fixes(record)

@@ -10,7 +10,7 @@ from trexton.camera import Camera, transform_points
 from trexton.errors import FlightError, MapError, ParameterError
 from trexton.flights import Flight
 from trexton.homography import Keypoints
-from trexton.mosaic import stitch
+from trexton.mosaic import map_from_links, stitch
 from trexton.mosaic.adjust import adjust, link_errors
 from trexton.mosaic.layout import layout
 from trexton.mosaic.links import Anchors, Links
@@ -234,6 +234,16 @@ def test_the_mosaic_lies_where_the_floor_is(flight):
                     shifts.append(np.hypot(*shift))
     metres = np.array(shifts) * np.hypot(*mosaic.map.world_from_pixel[:2, 0])
     assert len(metres) > 20 and np.median(metres) < 0.015
+
+
+def test_the_links_of_a_mosaic_make_it_again(flight):
+    part = flight.select(slice(0, 40))
+    mosaic = stitch(part, anchors=4)
+    again = map_from_links(part, mosaic.links, anchors=4)
+    assert again.rejected == 0 and len(again.links) == len(mosaic.links) == len(mosaic.errors)
+    np.testing.assert_allclose(again.poses[:, :3], mosaic.poses[:, :3], atol=0.01)
+    with pytest.raises(ParameterError, match="anchors"):
+        map_from_links(part, mosaic.links, anchors=1)
 
 
 def test_only_images_and_the_anchors_positions_enter(flight):

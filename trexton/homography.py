@@ -163,13 +163,19 @@ class HomographyLocalizer:
 
     def locate(self, image: np.ndarray) -> HomographyFix:
         """Locate one ``(H, W, 3) uint8`` Y, U, V frame on the map."""
-        frame = detect_keypoints(check_image(image)[..., 0], scale=self.scale, limit=self.keypoints)
+        return self.fix(self.describe(image), image.shape[:2])
+
+    def describe(self, image: np.ndarray) -> Keypoints:
+        """The keypoints of a frame, the longest part of locating it; the same for every map."""
+        return detect_keypoints(check_image(image)[..., 0], scale=self.scale, limit=self.keypoints)
+
+    def fix(self, frame: Keypoints, shape: tuple[int, int]) -> HomographyFix:
+        """Locate a frame of `shape` (rows, columns) by its keypoints."""
         source, target = self._match(frame)
         homography, inliers = find_homography(source, target, self.threshold)
         if homography is None:
             return HomographyFix(np.full(2, np.nan), len(source), 0)
-        height, width = image.shape[:2]
-        center = transform_points(homography, [[(width - 1) / 2, (height - 1) / 2]])
+        center = transform_points(homography, [[(shape[1] - 1) / 2, (shape[0] - 1) / 2]])
         return HomographyFix(self.map_image.to_world(center)[0], len(source), int(inliers.sum()), homography)
 
     def _match(self, frame: Keypoints) -> tuple[np.ndarray, np.ndarray]:

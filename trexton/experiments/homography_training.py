@@ -6,7 +6,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from trexton.experiments.evaluation import evaluate, floor_picture, frames_of, provenance, tracks, trained_map
-from trexton.experiments.stitched import locate_all, stitched_map
+from trexton.experiments.stitched import homography_maps, locate_all
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
 from trexton.metrics import absolute_errors, summarize
@@ -20,7 +20,7 @@ SMOOTHING_FRAMES = 2.0
 
 
 def filtered_positions(position: np.ndarray) -> np.ndarray:
-    """The remedy the paper suggests: fixes ``(N, 2)`` without outliers and smoothed over time; gaps are interpolated.
+    """The remedy the paper suggests: fixes ``(N, 2)`` without outliers, smoothed over time, gaps interpolated.
 
     A fix counts as an outlier if it is more than 0.4 m from the running median over eleven frames.
     """
@@ -47,7 +47,7 @@ def run(
     anchors: int = 12,
     seed: int = 1,
 ) -> Record:
-    """The motion-capture experiment again, with training positions from homographies on the flight's own mosaic.
+    """The motion-capture experiment again, its training positions from homographies on the flight's own mosaic.
 
     Parameters
     ----------
@@ -60,8 +60,11 @@ def run(
     anchors : int
         Training frames whose motion-capture position places the mosaic.
     """
-    located = locate_all(stitched_map(train, anchors).map, train, "training frames")
+    found = locate_all(homography_maps(train, anchors), train)
+    located = found["mosaic"]
     sources = {"filter": located.position, "remedy": filtered_positions(located.position)}
+    if "drifting" in found:
+        sources["drifting"] = found["drifting"].position
     frames = frames_of(test)
     rng = np.random.default_rng([seed, 0])
     values: dict = {"failures": int((~located.found).sum())}
@@ -70,9 +73,9 @@ def run(
     for name, positions in sources.items():
         texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed, positions=positions)
         runs = tracks(texton_map, frames, repeats=repeats, seed=seed, samples=samples, particles=particles)
-        found, drawn = evaluate(runs, texton_map.positions, test, k=neighbors, seed=seed)
-        values[name] = found["filter"]
-        values[f"{name}_knn"] = found["knn"]
+        errors, drawn = evaluate(runs, texton_map.positions, test, k=neighbors, seed=seed)
+        values[name] = errors["filter"]
+        values[f"{name}_knn"] = errors["knn"]
         values[f"{name}_process_std_cm"] = _process_std_cm(texton_map)
         values[f"{name}_training"] = summarize([positions], train.position, train.diagonal, rng=rng)
         series = series or drawn

@@ -1,4 +1,4 @@
-"""The hyperspatial image, stitched from a flight's own frames (paper, Dataset Generation; Baseline, figure of the map)."""
+"""The hyperspatial image, stitched from a flight's own frames (paper, Baseline, figure of the map)."""
 
 from __future__ import annotations
 
@@ -36,14 +36,15 @@ def run(train: Flight, test: Flight | None = None, *, anchors: int = 12, seed: i
         "frames": len(train),
         "used": int(mosaic.used.sum()),
         "anchors": len(mosaic.anchors),
-        "links": len(mosaic.pairs),
+        "links": len(mosaic.links),
         "rejected_links": mosaic.rejected,
         "link_error_px": _spread(mosaic.errors),
         "frame_position_error_cm": _spread(error_cm),
         "pixels_per_metre": 1 / float(np.hypot(*mosaic.map.world_from_pixel[:2, 0])),
         "size_px": mosaic.map.image.shape[1::-1],
     }
-    series = {"map": extent, "area_m": train.area, "frames_m": train.position, "anchors_m": train.position[mosaic.anchors]}
+    series = {"map": extent, "area_m": train.area, "frames_m": train.position}
+    series["anchors_m"] = train.position[mosaic.anchors]
     if train.floor is not None:
         truth, deviation = floor_residual(mosaic.map, train.floor)
         values["residual_cm"] = _spread(100 * np.hypot(*deviation.T)) | {"matches": len(truth)}
@@ -62,4 +63,5 @@ def run(train: Flight, test: Flight | None = None, *, anchors: int = 12, seed: i
 
 
 def _spread(values: np.ndarray) -> dict:
-    return {"median": np.median(values), "p95": np.percentile(values, 95), "rms": np.sqrt(np.mean(np.square(values)))}
+    rms = np.sqrt(np.mean(np.square(values)))
+    return {"median": np.median(values), "p95": np.percentile(values, 95), "rms": rms}

@@ -1,53 +1,93 @@
-"""What the homography experiments share: the stitched map of a flight, and where a map says its frames were."""
+"""What the homography experiments share: the stitched map of a flight, and where a map puts its frames."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
 
 import cv2
 import numpy as np
+from scipy.spatial import cKDTree
 
 from trexton.cache import cached
 from trexton.camera import MapImage
+from trexton.errors import MapError
 from trexton.flights.flight import Flight
 from trexton.homography import HomographyLocalizer, detect_keypoints
-from trexton.mosaic import Mosaic, stitch
+from trexton.mosaic import Links, Mosaic, map_from_links, stitch
 from trexton.progress import progress
 
-__all__ = ["Located", "floor_residual", "locate_all", "picture_of", "stitched_map"]
+__all__ = [
+    "Located",
+    "drifting_map",
+    "floor_residual",
+    "homography_maps",
+    "locate_all",
+    "picture_of",
+    "stitched_map",
+]
 
-# Keypoints of two pictures of one floor that are further apart than this are taken for mismatches, in metres.
-_MISMATCH = 0.3
+_PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are stored as they are
+_SAME_PASS = 12  # frames: links between frames that are further apart notice a place again
+_FEWEST_ANCHORS = 3
+# Matches of two pictures of a floor that deviate so much otherwise than so many around them are mismatches.
+_MISMATCH, _AROUND = 0.1, 15  # metres, matches
 
 
 def stitched_map(train: Flight, anchors: int = 12) -> Mosaic:
     """The mosaic of `train`, from the cache if the same inputs were seen before."""
+    inputs = {"flight": train.data_hash, "anchors": anchors}
+    return _kept("mosaic", inputs, lambda: stitch(train, anchors=anchors))
 
-    def compute() -> dict[str, np.ndarray]:
-        mosaic = stitch(train, anchors=anchors)
-        rows, columns = mosaic.map.image.shape[:2]
+
+def drifting_map(train: Flight, anchors: int = 12) -> Mosaic:
+    """The mosaic of `train` if it never noticed a place again: links along the path only, three anchors."""
+    inputs = {"flight": train.data_hash, "anchors": anchors, "apart": _SAME_PASS, "placed": _FEWEST_ANCHORS}
+
+    def compute() -> Mosaic:
+        links = stitched_map(train, anchors).links
+        along = np.diff(links.pairs, axis=1).ravel() <= _SAME_PASS
+        return map_from_links(train, links[along], anchors=_FEWEST_ANCHORS)
+
+    return _kept("drifting-mosaic", inputs, compute)
+
+
+def homography_maps(train: Flight, anchors: int = 12) -> dict[str, MapImage]:
+    """The maps of `train` that frames are located on: ``mosaic``, and ``drifting`` where it can be made."""
+    maps = {"mosaic": stitched_map(train, anchors).map}
+    try:
+        maps["drifting"] = drifting_map(train, anchors).map
+    except MapError:
+        pass  # some flights hang together only by places that are seen again
+    return maps
+
+
+def _kept(kind: str, inputs: dict, compute: Callable[[], Mosaic]) -> Mosaic:
+    def arrays() -> dict[str, np.ndarray]:
+        mosaic = compute()
         return {
             "image": mosaic.map.image,
             "world_from_pixel": mosaic.map.world_from_pixel,
-            "mask": np.ones((rows, columns), bool) if mosaic.map.mask is None else mosaic.map.mask,
-            "poses": mosaic.poses,
-            "used": mosaic.used,
-            "anchors": mosaic.anchors,
-            "pairs": mosaic.pairs,
-            "errors": mosaic.errors,
+            "mask": mosaic.map.mask,
+            "pairs": mosaic.links.pairs,
+            "points": mosaic.links.points,
             "rejected": np.int64(mosaic.rejected),
+            **{name: getattr(mosaic, name) for name in _PLAIN},
         }
 
-    kept = cached("mosaic", "trexton.mosaic.stitching", {"flight": train.data_hash, "anchors": anchors}, compute)
-    picture = MapImage(kept["image"], kept["world_from_pixel"], kept["mask"])
-    names = ("poses", "used", "anchors", "pairs", "errors")
-    return Mosaic(picture, *(kept[name] for name in names), rejected=int(kept["rejected"]))
+    kept = cached(kind, "trexton.mosaic", inputs, arrays)
+    return Mosaic(
+        map=MapImage(kept["image"], kept["world_from_pixel"], kept["mask"]),
+        links=Links(kept["pairs"], kept["points"]),
+        rejected=int(kept["rejected"]),
+        **{name: kept[name] for name in _PLAIN},
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """Fixes of many frames: `position` ``(N, 2)`` metres (NaN where none was found), `inliers` ``(N,)``, `seconds` ``(N,)``."""
+    """Fixes of many frames: `position` ``(N, 2)`` in metres (NaN: none found), `inliers`, `seconds` ``(N,)``."""
 
     position: np.ndarray
     inliers: np.ndarray
@@ -59,21 +99,32 @@ class Located:
         return np.isfinite(self.position).all(axis=1)
 
 
-def locate_all(picture: MapImage, flight: Flight, label: str) -> Located:
-    """Locate every frame of a flight on a map image, one after the other, unfiltered."""
-    localizer = HomographyLocalizer(picture)
-    position, inliers, seconds = [], [], []
-    for image in progress(flight.images(), label, len(flight)):
+def locate_all(pictures: dict[str, MapImage], flight: Flight, scale: float = 1.0) -> dict[str, Located]:
+    """Locate every frame of a flight on each of some maps, unfiltered; keypoints, at `scale`, are found once."""
+    localizers = {name: HomographyLocalizer(picture, scale=scale) for name, picture in pictures.items()}
+    describe = next(iter(localizers.values())).describe
+    rows: dict = {name: [] for name in localizers}
+    for image in progress(flight.images(), "locating", len(flight)):
         start = perf_counter()
-        fix = localizer.locate(image)
-        seconds.append(perf_counter() - start)
-        position.append(fix.position)
-        inliers.append(fix.inliers)
-    return Located(np.array(position), np.array(inliers), np.array(seconds))
+        keypoints = describe(image)
+        described_s = perf_counter() - start
+        for name, localizer in localizers.items():
+            start = perf_counter()
+            fix = localizer.fix(keypoints, image.shape[:2])
+            rows[name].append((fix.position, fix.inliers, described_s + perf_counter() - start))
+    return {name: Located(*(np.array(column) for column in zip(*found))) for name, found in rows.items()}
 
 
 def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.ndarray]:
-    """How far a map is off: true places ``(K, 2)`` of matched keypoints, and the map's deviation ``(K, 2)``, metres."""
+    """How far a map is off, at keypoints that it shares with a picture of the true floor.
+
+    A match that deviates otherwise than those around it is a mismatch and left out.
+
+    Returns
+    -------
+    truth, deviation : (K, 2) arrays
+        True places, and how far from them the map shows them, in metres.
+    """
     found = []
     for each in (picture, floor):
         mask = None if each.mask is None else each.mask.astype(np.uint8)
@@ -84,12 +135,14 @@ def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.n
     good = squared[:, 0] < 0.75**2 * squared[:, 1]
     truth = floor.to_world(found[1].points[nearest[good, 0]])
     deviation = picture.to_world(found[0].points[good]) - truth
-    near = np.hypot(*deviation.T) < _MISMATCH
-    return truth[near], deviation[near]
+    around = cKDTree(truth).query(truth, k=min(_AROUND, len(truth)))[1].reshape(len(truth), -1)
+    usual = np.median(deviation[around], axis=1)
+    alike = np.hypot(*(deviation - usual).T) < _MISMATCH
+    return truth[alike], deviation[alike]
 
 
 def picture_of(picture: MapImage, width: int = 900) -> tuple[dict, np.ndarray]:
-    """A map as figures draw it: its extent, for the record's series, and a picture of `width` pixels; unmapped is white."""
+    """A map as figures draw it: its extent, and a picture of `width` pixels; what is not mapped is white."""
     image = picture.image
     if picture.mask is not None:
         image = np.where(picture.mask[..., None], image, 255).astype(np.uint8)

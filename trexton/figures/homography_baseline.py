@@ -11,7 +11,11 @@ from trexton.records import Record
 __all__ = ["MAPS", "error_distribution", "fixes"]
 
 # place in the record: label and colour
-MAPS = {"mosaic": ("on the stitched map", COLORS["estimate"]), "perfect_floor": ("on the true floor", COLORS["accent"])}
+MAPS = {
+    "mosaic": ("on the stitched map", COLORS["estimate"]),
+    "perfect_floor": ("on the true floor", COLORS["accent"]),
+    "drifting": ("on a drifting map", COLORS["paper"]),
+}
 
 
 def fixes(record: Record) -> Figure:
@@ -42,7 +46,8 @@ def error_distribution(record: Record) -> Figure:
                 continue
             error = 100 * np.hypot(*(np.array(record.series[f"{name}_m"], dtype=float) - truth).T)
             error = np.sort(error[np.isfinite(error)])
-            plot.step(error, 100 * np.arange(1, len(error) + 1) / len(truth), where="post", color=color, label=label)
+            share = 100 * np.arange(1, len(error) + 1) / len(truth)
+            plot.step(error, share, where="post", color=color, label=label)
         plot.set(xscale="log", xlabel="Euclidean error (cm)", ylabel="share of frames (%)", ylim=(0, 102))
         plot.legend(loc="lower right")
     return figure

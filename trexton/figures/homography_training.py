@@ -1,4 +1,4 @@
-"""Figures of training on homography positions: how far off the training positions are, and what the filter makes of it."""
+"""Figures of training on homography positions: how far off those are, and what the filter makes of them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,10 @@ from trexton.records import Record
 __all__ = ["ROWS", "estimate_errors", "training_errors"]
 
 # place in the record: label and colour
-ROWS = {"filter": ("homography positions", COLORS["estimate"]), "remedy": ("filtered first", COLORS["accent"])}
+ROWS = {
+    "filter": ("homography positions", COLORS["estimate"]),
+    "remedy": ("filtered first", COLORS["accent"]),
+}
 
 
 def training_errors(record: Record) -> Figure:

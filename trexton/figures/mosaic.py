@@ -20,12 +20,13 @@ def stitched(record: Record) -> Figure:
         floor_axes(plan, series["area_m"])
         show_floor(plan, series["map"], record.images["map"], fade=1.0)
         plan.plot(*frames.T, color="white", linewidth=0.7, alpha=0.8)
-        plan.plot(*anchors.T, "o", color=COLORS["estimate"], markeredgecolor="white", markersize=6, label="frames that place it")
+        dots = {"color": COLORS["estimate"], "markeredgecolor": "white", "markersize": 6}
+        plan.plot(*anchors.T, "o", **dots, label="frames that place it")
         plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1))
     return figure
 
 
-def deviation(record: Record, magnified: float = 5.0) -> Figure:
+def deviation(record: Record, magnified: float = 20.0) -> Figure:
     """Arrows from true places to where the mosaic shows them, lengthened `magnified` times."""
     series = record.series
     places, offsets = np.array(series["residual_at_m"]), np.array(series["residual_m"])
@@ -34,9 +35,10 @@ def deviation(record: Record, magnified: float = 5.0) -> Figure:
         floor_axes(plan, series["area_m"])
         show_floor(plan, series["map"], record.images["map"], fade=0.35)
         length = 100 * np.hypot(*offsets.T)
-        arrows = plan.quiver(
-            *places.T, *(magnified * offsets.T), length, cmap="viridis", angles="xy", scale_units="xy", scale=1, width=0.004
-        )
-        figure.colorbar(arrows, ax=plan, label="deviation (cm)", shrink=0.7)
+        as_long = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.004}
+        arrows = plan.quiver(*places.T, *(magnified * offsets.T), length, cmap="viridis", **as_long)
+        # A mismatch or two on a tiled mat must not set the scale.
+        arrows.set_clim(0, np.percentile(length, 98))
+        figure.colorbar(arrows, ax=plan, label="deviation (cm)", shrink=0.7, extend="max")
         plan.set_title(f"Arrows are {magnified:.0f} times too long")
     return figure

@@ -5,6 +5,7 @@ at once over a plane, and the frames are blended; a handful of motion-capture po
 the world.
 """
 
-from trexton.mosaic.stitching import Mosaic, stitch
+from trexton.mosaic.links import Links
+from trexton.mosaic.stitching import Mosaic, map_from_links, stitch
 
-__all__ = ["Mosaic", "stitch"]
+__all__ = ["Links", "Mosaic", "map_from_links", "stitch"]

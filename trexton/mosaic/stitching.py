@@ -15,7 +15,7 @@ from trexton.mosaic.layout import layout
 from trexton.mosaic.links import Anchors, Links, flight_keypoints, spatial_links, successive_links
 from trexton.mosaic.sparse import connected
 
-__all__ = ["Mosaic", "stitch"]
+__all__ = ["Mosaic", "map_from_links", "stitch"]
 
 # Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked for.
 _REACHES = (0.2, 0.05)
@@ -37,8 +37,8 @@ class Mosaic:
         Frames in the picture; the others could not be linked.
     anchors : (A,) int array
         Rows of the frames whose recorded position placed the map in the world.
-    pairs : (L, 2) int array
-        Rows of the linked frames.
+    links : Links
+        Pairs of frames that see the same floor, with matched points.
     errors : (L,) array
         Median distance in frame pixels between the points of a link, after the adjustment.
     rejected : int
@@ -49,7 +49,7 @@ class Mosaic:
     poses: np.ndarray
     used: np.ndarray
     anchors: np.ndarray
-    pairs: np.ndarray
+    links: Links
     errors: np.ndarray
     rejected: int
 
@@ -92,10 +92,7 @@ def stitch(
     MapError
         The frames cannot be linked.
     """
-    least = {"anchors": (anchors, 3), "neighbors": (neighbors, 0), "keypoints": (keypoints, 12)}
-    for name, (value, lowest) in least.items():
-        if value < lowest:
-            raise ParameterError(f"{name} is {value}: expected at least {lowest}")
+    _check_least(anchors=(anchors, 3), neighbors=(neighbors, 0), keypoints=(keypoints, 12))
     if not 0 < scale <= 1:
         raise ParameterError(f"scale is {scale}: expected a number above 0 and up to 1")
     camera = _camera_of(flight, camera)
@@ -107,6 +104,30 @@ def stitch(
     for reach in _REACHES if neighbors else ():
         links = links + spatial_links(described, poses, camera, neighbors, reach, linked)
         poses = adjust(poses, links, known, camera.focal, widths=(8, 4, 2))
+    return _finished(flight, poses, links, known, camera, pixels_per_metre)
+
+
+def map_from_links(
+    flight: Flight,
+    links: Links,
+    *,
+    anchors: int = 12,
+    pixels_per_metre: float | None = None,
+    camera: Camera | None = None,
+) -> Mosaic:
+    """The mosaic that these links make, no others looked for; parameters and errors as for `stitch`.
+
+    With links along the path only and few anchors it drifts, as a map does that never notices a place again.
+    """
+    _check_least(anchors=(anchors, 3))
+    camera = _camera_of(flight, camera)
+    known = _choose_anchors(flight, links, anchors)
+    poses = adjust(layout(len(flight), links, known, camera.focal), links, known, camera.focal)
+    return _finished(flight, poses, links, known, camera, pixels_per_metre)
+
+
+def _finished(flight, poses, links, known, camera, pixels_per_metre) -> Mosaic:
+    """Drop the links that contradict the others, adjust once more, blend."""
     agreeing = _median_errors(poses, links, camera) < _TRUSTED
     links, rejected = links[agreeing], int((~agreeing).sum())
     used = _placed(len(flight), links, known.rows)
@@ -114,8 +135,13 @@ def stitch(
     if pixels_per_metre is None:
         pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
     picture = blend(flight, poses, used, camera, pixels_per_metre)
-    errors = _median_errors(poses, links, camera)
-    return Mosaic(picture, poses, used, known.rows, links.pairs, errors, rejected)
+    return Mosaic(picture, poses, used, known.rows, links, _median_errors(poses, links, camera), rejected)
+
+
+def _check_least(**limits: tuple[int, int]) -> None:
+    for name, (value, lowest) in limits.items():
+        if value < lowest:
+            raise ParameterError(f"{name} is {value}: expected at least {lowest}")
 
 
 def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarray:
