@@ -1,5 +1,6 @@
 # The few verbs a person types. Everything happens in .venv, made from environment.lock.
-PYTHON ?= python3
+# The newest Python that environment.lock serves and this machine has; another: make env PYTHON=...
+PYTHON ?= $(firstword $(foreach v,3.14 3.13 3.12 3.11,$(shell command -v python$(v))) python3)
 BIN := .venv/bin
 # Passed on to trexton book or pytest: make book ARGS=--explain, make test ARGS="-k landing"
 ARGS ?=
@@ -17,7 +18,7 @@ help:  ## this list
 env: .venv/.ready  ## the environment only (.venv, from environment.lock)
 
 .venv/.ready: environment.lock pyproject.toml
-	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 13) else f"Python {v[0]}.{v[1]} found, 3.11 to 3.13 needed: make env PYTHON=python3.12")'
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 14) else f"Python {v[0]}.{v[1]} found, 3.11 to 3.14 needed: install one of them (pip install uv, then uv python install 3.13, brings one), then make env PYTHON=...")'
 	@echo "making .venv from environment.lock"
 	@$(PYTHON) -m venv --clear .venv
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r environment.lock

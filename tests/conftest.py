@@ -26,7 +26,9 @@ def shared_data() -> Path:
     """A local copy of the public data, laid out as the registry names them."""
     folder = _shared_data()
     if folder is None:
-        pytest.skip("the authors' data are not here: set TREXTON_DATA to a folder with cyberzoo/ in it")
+        pytest.skip(
+            "the authors' data are not here: set TREXTON_DATA to a folder with cyberzoo/ in it"
+        )
     return folder
 
 

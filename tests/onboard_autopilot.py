@@ -76,7 +76,9 @@ class Autopilot(Peer):
             ):
                 continue
             self.send(
-                mavlink.MAVLink_command_ack_message(message.command, 0 if self.manner == "accepts" else 2)
+                mavlink.MAVLink_command_ack_message(
+                    message.command, 0 if self.manner == "accepts" else 2
+                )
             )
             if self.manner == "accepts":
                 self._land()

@@ -27,7 +27,9 @@ def colourful_floor() -> Floor:
     """A floor of 4 m x 4 m whose colours change slowly and never the same way twice."""
     rng = np.random.default_rng(3)
     coarse = cv2.resize(
-        rng.uniform(30, 225, (7, 7, 3)).astype(np.float32), (400, 400), interpolation=cv2.INTER_CUBIC
+        rng.uniform(30, 225, (7, 7, 3)).astype(np.float32),
+        (400, 400),
+        interpolation=cv2.INTER_CUBIC,
     )
     grain = rng.normal(0, 12, (400, 400, 1))
     picture = np.clip(coarse + grain, 0, 255).astype(np.uint8)
@@ -53,7 +55,9 @@ def room_map() -> TextonMap:
     return replace(texton_map, period_s=0.08, process_covariance=texton_map.process_covariance / 4)
 
 
-def make_fix(time: float = 1.0, position=(0.0, 0.0), covariance=((0.04, 0.0), (0.0, 0.09)), **more) -> Fix:
+def make_fix(
+    time: float = 1.0, position=(0.0, 0.0), covariance=((0.04, 0.0), (0.0, 0.09)), **more
+) -> Fix:
     """A usable fix, unless told otherwise."""
     covariance = np.array(covariance, dtype=float)
     fields = {
@@ -71,7 +75,15 @@ def make_estimate(position=(0.0, 0.0), spread=(0.1, 0.1), lost=False, observed=T
     position, spread = np.array(position, dtype=float), np.array(spread, dtype=float)
     particles = position + spread * [[1, 1], [1, -1], [-1, 1], [-1, -1]]
     return Estimate(
-        position, spread, np.diag(spread**2), lost, observed, None, None, particles, np.full(4, 0.25)
+        position,
+        spread,
+        np.diag(spread**2),
+        lost,
+        observed,
+        None,
+        None,
+        particles,
+        np.full(4, 0.25),
     )
 
 

@@ -36,7 +36,9 @@ def picture_flight(
     for number, (x, y) in enumerate(position):
         column, row = int(x * scale) - SHAPE[1] // 2, int((METRES - y) * scale) - SHAPE[0] // 2
         files.append(folder / f"{number:04d}.png")
-        cut = picture[max(row, 0) : max(row, 0) + SHAPE[0], max(column, 0) : max(column, 0) + SHAPE[1]]
+        cut = picture[
+            max(row, 0) : max(row, 0) + SHAPE[0], max(column, 0) : max(column, 0) + SHAPE[1]
+        ]
         cv2.imwrite(str(files[-1]), cv2.resize(cut, SHAPE[::-1]))
     step = 1 / scale
     return Flight(
@@ -56,7 +58,9 @@ def picture_flight(
 def histogram_flight(name: str, frames: int = 60, turns: float = 3.0, noise: int = 1) -> Flight:
     """Histograms of five textons that change smoothly with the place; a quarter of a second apart."""
     rng = np.random.default_rng(noise)
-    position = lanes(frames, turns) + rng.normal(scale=0.02, size=(frames, 2))  # no two distances alike
+    position = lanes(frames, turns) + rng.normal(
+        scale=0.02, size=(frames, 2)
+    )  # no two distances alike
     x, y = position.T
     histograms = np.stack(
         [np.sin(x) ** 2, np.cos(y) ** 2, np.sin(x + y) ** 2, np.full(frames, 0.5), 0.2 * x], axis=1

@@ -31,18 +31,28 @@ def scene():
 
 def test_contestants_take_turns_and_all_calls_count():
     calls = []
-    times = interleave({name: lambda name=name: calls.append(name) for name in "ab"}, seconds=1e-4, rounds=4)
+    times = interleave(
+        {name: lambda name=name: calls.append(name) for name in "ab"}, seconds=1e-4, rounds=4
+    )
     assert calls[:4] == ["a", "a", "b", "b"]  # to warm up
     turns = [name for name, before in zip(calls[4:], [None, *calls[4:]]) if name != before]
     assert turns == list("abababab")
-    assert {name: times[name].repeats for name in "ab"} == {name: calls.count(name) - 2 for name in "ab"}
+    assert {name: times[name].repeats for name in "ab"} == {
+        name: calls.count(name) - 2 for name in "ab"
+    }
     assert 0 <= times["a"].median <= times["a"].p99
 
 
 def test_rows_compare_with_times_and_with_targets():
     ours, theirs = Times.of([1.0, 2.0, 3.0]), Times.of([4.0])
     row = Row.compare("stage", 7, 2, ours, "other", theirs, 0.5)
-    assert (row.ours_s, row.yardstick_s, row.ratio, row.size, row.holds) == (2.0, 4.0, 0.5, "7", True)
+    assert (row.ours_s, row.yardstick_s, row.ratio, row.size, row.holds) == (
+        2.0,
+        4.0,
+        0.5,
+        "7",
+        True,
+    )
     assert Row.compare("stage", 7, 1, ours, "target", 1.0, 1.9).holds is False
     assert Row.compare("stage", 7, 1, ours, "other", theirs).holds is None
     text = table([row, Row.compare("stage", 7, 1, ours, "target", 1e-3, 1.0)])
@@ -50,7 +60,12 @@ def test_rows_compare_with_times_and_with_targets():
 
 
 def test_durations_have_a_unit():
-    assert [duration(seconds) for seconds in (2, 0.0123, 4.56e-5, 7e-8)] == ["2 s", "12.3 ms", "45.6 us", "70 ns"]
+    assert [duration(seconds) for seconds in (2, 0.0123, 4.56e-5, 7e-8)] == [
+        "2 s",
+        "12.3 ms",
+        "45.6 us",
+        "70 ns",
+    ]
 
 
 def test_threads_are_limited_within_the_block(monkeypatch):
@@ -80,14 +95,25 @@ def test_yardsticks_of_the_histogram_compute_the_histogram(rng):
 
 
 def test_yardsticks_of_the_filter_find_the_same_particle(rng):
-    motion, mixture = GaussianMotion(0.05 * np.eye(2)), RankMixture(0.2 * np.eye(2)[None].repeat(5, axis=0))
+    motion, mixture = (
+        GaussianMotion(0.05 * np.eye(2)),
+        RankMixture(0.2 * np.eye(2)[None].repeat(5, axis=0)),
+    )
     filter_ = ParticleFilter(motion, mixture, (0, 3, 0, 3), 40, rng=rng)
     filter_.step(1.5 + 0.2 * rng.standard_normal((5, 2)))
     before = filter_.belief
     now = filter_.step(1.5 + 0.2 * rng.standard_normal((5, 2)))
-    inputs = now.particles, now.log_likelihood, before.particles, before.weights, np.linalg.inv(0.05 * np.eye(2))
+    inputs = (
+        now.particles,
+        now.log_likelihood,
+        before.particles,
+        before.weights,
+        np.linalg.inv(0.05 * np.eye(2)),
+    )
     expected = estimate_map(now, before, motion)
-    assert np.array_equal(_map_by_einsum(*inputs), expected) and np.array_equal(_map_by_sums(*inputs), expected)
+    assert np.array_equal(_map_by_einsum(*inputs), expected) and np.array_equal(
+        _map_by_sums(*inputs), expected
+    )
 
 
 def test_yardstick_of_the_neighbours_finds_the_same_rows(rng):
@@ -105,7 +131,9 @@ def test_stages_together_are_the_localizer(scene):
         clock.step(frame)
         estimate = whole.step(frame)
     assert np.array_equal(clock.localizer.filter.belief.particles, estimate.particles)
-    assert {name: len(taken) for name, taken in clock.seconds.items()} == dict.fromkeys(clock.seconds, 3)
+    assert {name: len(taken) for name, taken in clock.seconds.items()} == dict.fromkeys(
+        clock.seconds, 3
+    )
     blind = StageClock(Localizer(scene.map, rng=np.random.default_rng(1)))
     blind.step(scene.histograms[0])
     assert list(blind.medians()) == ["neighbors", "filter", "estimate"]
@@ -117,8 +145,13 @@ def test_the_command_writes_rows_as_json(tmp_path, capsys):
     rows = json.loads(file.read_text())
     assert [row["yardstick"] for row in rows] == ["SciPy cdist", "target"]
     for row in rows:
-        assert {"stage", "size", "threads", "ours_s", "yardstick", "yardstick_s", "ratio"} <= set(row)
-        assert row["ratio"] == pytest.approx(row["ours_s"] / row["yardstick_s"]) and row["threads"] == 1
+        assert {"stage", "size", "threads", "ours_s", "yardstick", "yardstick_s", "ratio"} <= set(
+            row
+        )
+        assert (
+            row["ratio"] == pytest.approx(row["ours_s"] / row["yardstick_s"])
+            and row["threads"] == 1
+        )
     assert "sampled histogram" in capsys.readouterr().out
 
 

@@ -49,10 +49,14 @@ def page(tmp_path):
 
 
 def test_numbers_are_filled_in_from_records(page):
-    sim = Tree({"mocap_training": {"error": {"median": 61.34, "low": 50.0, "high": 1234.5}, "items": 3}})
+    sim = Tree(
+        {"mocap_training": {"error": {"median": 61.34, "low": 50.0, "high": 1234.5}, "items": 3}}
+    )
     assert page("{{ sim.mocap_training.error.median | fixed(1) }} cm", sim=sim) == "61.3 cm"
     assert page("{{ sim.mocap_training.error | span }}", sim=sim) == "61 [50, 1,234]"
-    assert page("{{ sim.mocap_training.items }}", sim=sim) == "3"  # an entry, not the method of dict
+    assert (
+        page("{{ sim.mocap_training.items }}", sim=sim) == "3"
+    )  # an entry, not the method of dict
     assert page("{{ paper.parameters.samples }}") == "400"
 
 
@@ -92,9 +96,7 @@ def results(tmp_path):
     folder.mkdir(parents=True)
     record = {"values": {"error": 1.25}, "parameters": {}, "timings": {}}
     (folder / "mocap_training.json").write_text(json.dumps(record))
-    chart = (
-        '<svg xmlns="http://www.w3.org/2000/svg" width="20" height="10"><rect width="20" height="10"/></svg>'
-    )
+    chart = '<svg xmlns="http://www.w3.org/2000/svg" width="20" height="10"><rect width="20" height="10"/></svg>'
     (folder / "mocap_training-chart.svg").write_text(chart)
     cells = [
         nbformat.v4.new_markdown_cell("# A finished experiment\n\nIt has $x^2$ in it."),
@@ -146,7 +148,10 @@ def test_the_whole_book_can_be_staged_without_the_real_flight(results, tmp_path)
     pairs, outcomes, folder = results
     staged = tmp_path / "staged"
     staged.mkdir()
-    stage(Contents(ROOT / "book", folder, pairs, outcomes, absent={"cyberzoo": "the net is down"}), staged)
+    stage(
+        Contents(ROOT / "book", folder, pairs, outcomes, absent={"cyberzoo": "the net is down"}),
+        staged,
+    )
     for page in ("intro", "data", "real_flight"):
         assert "the net is down" in (staged / f"{page}.md").read_text()
 
@@ -163,7 +168,9 @@ def test_a_small_book_is_built_audited_and_reused(results, capsys):
     assert "book: reused" in capsys.readouterr().err
 
     notebook = folder / "small" / "mocap_training.ipynb"
-    notebook.write_text(notebook.read_text().replace("in it.", "in it, and a {doc}`lost page </moon>`."))
+    notebook.write_text(
+        notebook.read_text().replace("in it.", "in it, and a {doc}`lost page </moon>`.")
+    )
     with pytest.raises(TrextonError, match="unknown document.*moon"):
         build_small_book(pairs, outcomes, folder)
     assert index.is_file()  # the last good book stays
@@ -198,9 +205,14 @@ def test_flights_are_made_once_and_again_when_damaged(toy_flights, monkeypatch):
         == "flight sim-survey: made, because its files are not what was written"
     )
     shutil.rmtree(folder / "sim-waypoints")
-    assert prepare_flights(folder).said[1] == "flight sim-waypoints: made, because it was not there whole"
+    assert (
+        prepare_flights(folder).said[1]
+        == "flight sim-waypoints: made, because it was not there whole"
+    )
     monkeypatch.setattr(book_flights, "_simulation_inputs", lambda name: {"code": "other"})
-    assert prepare_flights(folder).said[0] == "flight sim-survey: made, because what makes it changed"
+    assert (
+        prepare_flights(folder).said[0] == "flight sim-survey: made, because what makes it changed"
+    )
     assert read_flight(folder / "sim-survey").name == "sim-survey"
 
 
@@ -224,7 +236,10 @@ def test_a_real_flight_out_of_reach_is_said_and_not_fatal(toy_flights, monkeypat
             '<script src="https://cdn.example/x.js"></script>',
             "loads https://cdn.example/x.js from another host",
         ),
-        ('<link rel="preconnect" href="//fonts.example">', "loads //fonts.example from another host"),
+        (
+            '<link rel="preconnect" href="//fonts.example">',
+            "loads //fonts.example from another host",
+        ),
         ('<img src="here.png" alt=" ">', "the picture here.png has no alternative text"),
         ('<img src="here.png">', "the picture here.png has no alternative text"),
         ('<a href="away.html">x</a>', "the link away.html leads nowhere"),
@@ -265,7 +280,11 @@ def test_every_experiment_page_offers_its_notebook_record_and_figures(built_book
 
 
 def test_no_page_asks_another_host_in_a_real_browser(built_book, tmp_path):
-    browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+    browser = (
+        shutil.which("chromium")
+        or shutil.which("chromium-browser")
+        or shutil.which("google-chrome")
+    )
     if browser is None:
         pytest.skip("no chromium on this machine")
     log = tmp_path / "net.json"

@@ -36,7 +36,9 @@ def record():
 
 def test_every_choice_is_measured_beside_the_paper(record):
     variants, order = record.values["variants"], record.values["order"]
-    assert order[0] == "paper" and len(order) == len(set(order)) == 12 and set(order) == set(variants)
+    assert (
+        order[0] == "paper" and len(order) == len(set(order)) == 12 and set(order) == set(variants)
+    )
     assert {variant["group"] for variant in variants.values()} == {
         "paper", "measurement", "motion", "particles", "resampling", "estimate", "histogram",
     }  # fmt: skip
@@ -52,7 +54,9 @@ def test_the_variants_differ_from_the_paper_and_repeat_with_the_seed(record):
     assert again.values == record.values
     paper = record.values["variants"]["paper"]["mean_cm"]
     # These two change histograms or covariances a little, which random histograms need not show.
-    same = {key for key, variant in record.values["variants"].items() if variant["mean_cm"] == paper}
+    same = {
+        key for key, variant in record.values["variants"].items() if variant["mean_cm"] == paper
+    }
     assert same <= {"paper", "near_in_time", "trace"}
 
 

@@ -5,7 +5,17 @@ import json
 import numpy as np
 import pytest
 
-from trexton.claims import VERDICTS, Claim, Finding, count_verdicts, judge, judge_all, load_claims, load_records, write_ledger
+from trexton.claims import (
+    VERDICTS,
+    Claim,
+    Finding,
+    count_verdicts,
+    judge,
+    judge_all,
+    load_claims,
+    load_records,
+    write_ledger,
+)
 from trexton.errors import ParameterError, TrextonError
 from trexton.experiments import EXPERIMENTS
 from trexton.paper import published
@@ -61,7 +71,10 @@ def test_rules_for_one_quantity(kind, ours, target, verdict):
     ],
 )
 def test_the_rule_for_an_order(less, greater, verdict):
-    assert judge(claim("order", less="e:a", greater="e:b"), records(a=less, b=greater)).verdict == verdict
+    assert (
+        judge(claim("order", less="e:a", greater="e:b"), records(a=less, b=greater)).verdict
+        == verdict
+    )
 
 
 def test_what_is_missing_is_not_testable_and_says_so():
@@ -82,15 +95,24 @@ def test_the_papers_claims_are_many_and_well_formed():
     claims = load_claims()
     assert len(claims) >= 25 and len({claim.id for claim in claims}) == len(claims)
     for entry in claims:
-        references = [reference for reference in (entry.ours, entry.less, entry.greater) if reference]
+        references = [
+            reference for reference in (entry.ours, entry.less, entry.greater) if reference
+        ]
         assert entry.place and entry.text
         assert entry.published_value is not None or entry.kind in ("order", "untestable"), entry.id
-        assert len(references) == 2 if entry.kind == "order" else len(references) == 1 or entry.kind == "untestable", entry.id
+        assert (
+            len(references) == 2
+            if entry.kind == "order"
+            else len(references) == 1 or entry.kind == "untestable"
+        ), entry.id
         assert entry.kind != "untestable" or entry.reason, entry.id
         assert entry.experiment == "none" or entry.experiment in EXPERIMENTS, entry.id
         assert all(reference.split(":")[0] in EXPERIMENTS for reference in references), entry.id
         # A page can judge its own claims only with records that were made before it.
-        after = {entry.experiment, *(EXPERIMENTS[entry.experiment].after if entry.experiment != "none" else ())}
+        after = {
+            entry.experiment,
+            *(EXPERIMENTS[entry.experiment].after if entry.experiment != "none" else ()),
+        }
         assert {reference.split(":")[0] for reference in references} <= after, entry.id
 
 
@@ -111,7 +133,9 @@ def test_unknown_kinds_and_places_are_refused():
 
 def test_the_ledger_is_written_from_records(tmp_path):
     for flight, value in (("a", 61.0), ("b", np.nan)):
-        Record("mocap_training", flight, {}, {"filter": {"error_cm_x": value}}).save(tmp_path / flight)
+        Record("mocap_training", flight, {}, {"filter": {"error_cm_x": value}}).save(
+            tmp_path / flight
+        )
     rows = write_ledger(tmp_path)
     stored = json.loads((tmp_path / "claims.json").read_text())
     entry = next(entry for entry in stored["claims"] if entry["id"] == "mocap-x")

@@ -46,7 +46,10 @@ def test_wrong_usage_is_status_2(words, capsys):
         (["data", "fetch", "cyberzoo", "--from", "NOWHERE", "--out", "OUT"], "neither cyberzoo/"),
         (["claims", "NOWHERE"], "no records found"),
         (["run", "FLIGHT", "--out", "OUT", "--set", "colour=red"], "has a parameter 'colour'"),
-        (["run", "FLIGHT", "--out", "OUT", "--only", "astrology"], "no experiment is named 'astrology'"),
+        (
+            ["run", "FLIGHT", "--out", "OUT", "--only", "astrology"],
+            "no experiment is named 'astrology'",
+        ),
     ],
 )
 def test_a_fault_is_one_sentence_and_status_1(words, message, tmp_path, flight_folder, capsys):
@@ -68,7 +71,11 @@ def test_check_says_usable_or_not(flight_folder, capsys):
     assert "histograms.csv, row 3" in capsys.readouterr().out
 
 
-def run(words: list[str], code: str = "from trexton.cli import main; raise SystemExit(main())", **options):
+def run(
+    words: list[str],
+    code: str = "from trexton.cli import main; raise SystemExit(main())",
+    **options,
+):
     command = [sys.executable, "-c", f"import sys; sys.argv[0] = 'trexton'; {code}", *words]
     return subprocess.run(command, capture_output=True, text=True, **options)
 

@@ -102,7 +102,11 @@ def test_from_a_folder_the_hash_is_still_checked(tmp_path):
 def test_each_entry_of_the_registry_is_whole():
     root = data.repository_root()
     for entry in data.registry().values():
-        assert entry["title"] and entry["licence"] and (root / "data" / "cards" / entry["card"]).is_file()
+        assert (
+            entry["title"]
+            and entry["licence"]
+            and (root / "data" / "cards" / entry["card"]).is_file()
+        )
         for file in entry["files"]:
             assert file["url"].startswith("https://") and len(file["sha256"]) == 64
 
@@ -110,7 +114,9 @@ def test_each_entry_of_the_registry_is_whole():
 def test_the_real_flight_as_a_flight(shared_data, tmp_path):
     flight = read_flight(data.fetch("cyberzoo", tmp_path / "cz", source=shared_data))
     raw = np.loadtxt(shared_data / "cyberzoo" / TABLE, delimiter=",")
-    log = np.loadtxt(shared_data / "cyberzoo" / "cyberzoo_pos_optitrack.csv", delimiter=",", skiprows=1)
+    log = np.loadtxt(
+        shared_data / "cyberzoo" / "cyberzoo_pos_optitrack.csv", delimiter=",", skiprows=1
+    )
     assert len(flight) == 624 and flight.frame[0] == 1 and not flight.has_images
     for frame in (1, 300, 624):  # row i of either table is frame i
         np.testing.assert_array_equal(flight.histograms[frame - 1], raw[frame])

@@ -88,8 +88,18 @@ def test_parts_follow_frame_numbers_with_both_ends():
         ("frames.csv", 4, "3,0.01,1.0,1.0", "row 4: unsorted stamp 0.01"),
         ("frames.csv", 4, "2,0.16,1.0,1.0", "row 4: duplicated frame number 2"),
         ("histograms.csv", 4, "3,0.5,0.3,0.1,0.08", "row 4: the histogram sums to 0.98"),
-        ("histograms.csv", 4, "3,0.5,0.7,-0.1,-0.1", "row 4: the histogram sums to 1 (smallest entry -0.1)"),
-        ("histograms.csv", 4, "7,0.25,0.25,0.25,0.25", "row 4: its frames differ from those of frames.csv"),
+        (
+            "histograms.csv",
+            4,
+            "3,0.5,0.7,-0.1,-0.1",
+            "row 4: the histogram sums to 1 (smallest entry -0.1)",
+        ),
+        (
+            "histograms.csv",
+            4,
+            "7,0.25,0.25,0.25,0.25",
+            "row 4: its frames differ from those of frames.csv",
+        ),
         ("histograms.csv", 1, "frame,a,b,c,d", "unknown columns frame,a,b,c"),
         ("flight.toml", 1, "format = 2", "format 2 is newer than 1"),
         ("flight.toml", 1, "colour = 2", "unknown key 'colour'"),
@@ -97,7 +107,12 @@ def test_parts_follow_frame_numbers_with_both_ends():
         ("flight.toml", 2, "name = 3", "name is 3: expected text"),
         ("flight.toml", 5, "area_m = [1, 0, 0, 1]", "expected [x_min, x_max, y_min, y_max]"),
         ("flight.toml", 5, 'area_m = ["a", 0, 0, 1]', "expected [x_min, x_max, y_min, y_max]"),
-        ("flight.toml", 8, '"train" = [100, 200]', "split 'train' is 100 to 200, but the frames are 1 to 40"),
+        (
+            "flight.toml",
+            8,
+            '"train" = [100, 200]',
+            "split 'train' is 100 to 200, but the frames are 1 to 40",
+        ),
         ("flight.toml", 8, '"train" = "all"', "expected [first frame, last frame]"),
         ("flight.toml", 1, "= 2", "not valid TOML"),
     ],
@@ -202,5 +217,6 @@ def test_loading_collects_faults_of_several_files_at_once(flight_folder):
     replace_line(flight_folder / "flight.toml", 5, "area_m = 3")
     faults = load_folder(flight_folder).faults
     assert [
-        sum(name in fault for fault in faults) for name in ("flight.toml", "frames.csv", "histograms.csv")
+        sum(name in fault for fault in faults)
+        for name in ("flight.toml", "frames.csv", "histograms.csv")
     ] == [1, 1, 1]

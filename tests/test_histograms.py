@@ -19,7 +19,9 @@ def random_case(rng, n_textons=20, patch=6, shape=(24, 32), levels=256):
     """A dictionary and an image; few `levels` make many ties."""
     step = 256 // levels
     textons = rng.integers(0, levels, (n_textons, patch, patch, 3)) * step
-    return TextonDictionary(textons.astype(np.uint8)), (rng.integers(0, levels, (*shape, 3)) * step).astype(np.uint8)
+    return TextonDictionary(textons.astype(np.uint8)), (
+        rng.integers(0, levels, (*shape, 3)) * step
+    ).astype(np.uint8)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -34,16 +36,28 @@ def test_two_hundred_images_equal_the_plain_definition(rng, backend):
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize(
     ("n_textons", "patch", "shape"),
-    [(1, 1, (1, 1)), (3, 2, (2, 2)), (4, 5, (9, 71)), (7, 8, (17, 70)), (21, 3, (5, 68)), (256, 7, (9, 13)), (2, 48, (50, 49))],
+    [
+        (1, 1, (1, 1)),
+        (3, 2, (2, 2)),
+        (4, 5, (9, 71)),
+        (7, 8, (17, 70)),
+        (21, 3, (5, 68)),
+        (256, 7, (9, 13)),
+        (2, 48, (50, 49)),
+    ],
 )
 def test_other_sizes_equal_the_plain_definition(rng, backend, n_textons, patch, shape):
     dictionary, image = random_case(rng, n_textons, patch, shape)
-    assert np.array_equal(label_image(image, dictionary, backend), plain_labels(image, dictionary.textons))
+    assert np.array_equal(
+        label_image(image, dictionary, backend), plain_labels(image, dictionary.textons)
+    )
 
 
 @pytest.mark.parametrize("value", [0, 255])
 def test_extreme_bytes_do_not_overflow(value):
-    textons = np.stack([np.full((48, 48, 3), 255 - value), np.full((48, 48, 3), value)]).astype(np.uint8)
+    textons = np.stack([np.full((48, 48, 3), 255 - value), np.full((48, 48, 3), value)]).astype(
+        np.uint8
+    )
     image = np.full((48, 48, 3), value, np.uint8)
     for backend in BACKENDS:
         assert label_image(image, TextonDictionary(textons), backend).tolist() == [[1]]
@@ -51,9 +65,15 @@ def test_extreme_bytes_do_not_overflow(value):
 
 def test_backends_and_threads_agree_on_whole_frames(rng):
     dictionary, image = random_case(rng, shape=(121, 643), levels=8)
-    labels = [label_image(image, dictionary, backend, threads) for backend in BACKENDS for threads in (1, 2, 3)]
+    labels = [
+        label_image(image, dictionary, backend, threads)
+        for backend in BACKENDS
+        for threads in (1, 2, 3)
+    ]
     assert all(np.array_equal(labels[0], other) for other in labels[1:])
-    assert np.array_equal(dictionary.label(gather_patches(image, np.argwhere(labels[0] >= 0), 6)), labels[0].ravel())
+    assert np.array_equal(
+        dictionary.label(gather_patches(image, np.argwhere(labels[0] >= 0), 6)), labels[0].ravel()
+    )
 
 
 def test_views_are_images_too(rng):
@@ -61,8 +81,13 @@ def test_views_are_images_too(rng):
     view = np.flip(image, axis=1)[::2]
     image.flags.writeable = False
     for backend in BACKENDS:
-        assert np.array_equal(label_image(view, dictionary, backend), label_image(view.copy(), dictionary, backend))
-    first, second = (sampled_histogram(array, dictionary, 50, rng=np.random.default_rng(1)) for array in (view, view.copy()))
+        assert np.array_equal(
+            label_image(view, dictionary, backend), label_image(view.copy(), dictionary, backend)
+        )
+    first, second = (
+        sampled_histogram(array, dictionary, 50, rng=np.random.default_rng(1))
+        for array in (view, view.copy())
+    )
     assert np.array_equal(first, second)
 
 
@@ -70,8 +95,12 @@ def test_permuting_the_textons_permutes_the_histogram(rng):
     dictionary, image = random_case(rng)
     order = rng.permutation(dictionary.n_textons)
     permuted = TextonDictionary(dictionary.textons[order])
-    assert np.array_equal(texton_histogram(image, permuted), texton_histogram(image, dictionary)[order])
-    first, second = (sampled_histogram(image, d, rng=np.random.default_rng(3)) for d in (permuted, dictionary))
+    assert np.array_equal(
+        texton_histogram(image, permuted), texton_histogram(image, dictionary)[order]
+    )
+    first, second = (
+        sampled_histogram(image, d, rng=np.random.default_rng(3)) for d in (permuted, dictionary)
+    )
     assert np.array_equal(first, second[order])
 
 
@@ -89,7 +118,12 @@ def test_sampled_histograms_converge_at_one_over_root_n(rng):
     dictionary, image = random_case(rng, n_textons=6, shape=(40, 50))
     full = texton_histogram(image, dictionary)
     for n in (25, 100, 400, 1600):
-        errors = np.array([((sampled_histogram(image, dictionary, n, rng=rng) - full) ** 2).sum() for _ in range(300)])
+        errors = np.array(
+            [
+                ((sampled_histogram(image, dictionary, n, rng=rng) - full) ** 2).sum()
+                for _ in range(300)
+            ]
+        )
         expected = (full * (1 - full)).sum() / n
         assert abs(errors.mean() - expected) < 6 * errors.std() / np.sqrt(len(errors))
 
@@ -99,7 +133,9 @@ def test_sampled_histogram_counts_the_drawn_positions(rng):
     labels = plain_labels(image, dictionary.textons)
     positions = sample_positions(image.shape, 6, 77, np.random.default_rng(5))
     expected = np.bincount(labels[tuple(positions.T)], minlength=20) / 77
-    assert np.array_equal(sampled_histogram(image, dictionary, 77, rng=np.random.default_rng(5)), expected)
+    assert np.array_equal(
+        sampled_histogram(image, dictionary, 77, rng=np.random.default_rng(5)), expected
+    )
 
 
 def test_positions_cover_the_image_evenly(rng):
@@ -127,7 +163,11 @@ def test_bad_input_is_one_clear_error(rng):
 
 
 def test_strips_cover_all_rows_once_and_pass_errors_on():
-    assert [list(range(10))[strip] for strip in in_strips(lambda strip: strip, 10, 3)] == [[0, 1, 2], [3, 4, 5], [6, 7, 8, 9]]
+    assert [list(range(10))[strip] for strip in in_strips(lambda strip: strip, 10, 3)] == [
+        [0, 1, 2],
+        [3, 4, 5],
+        [6, 7, 8, 9],
+    ]
     assert in_strips(lambda strip: strip, 1, 8) == [slice(0, 1)]
     with pytest.raises(ZeroDivisionError):
         in_strips(lambda strip: 1 / (strip.start - 5), 10, 2)

@@ -18,7 +18,9 @@ def painted(side: int = 840) -> np.ndarray:
     rng = np.random.default_rng(3)
     total = np.zeros((side, side, 3))
     for cells in (20, 60, 180):
-        total += cv2.resize(rng.normal(size=(cells, cells, 3)), (side, side), interpolation=cv2.INTER_CUBIC)
+        total += cv2.resize(
+            rng.normal(size=(cells, cells, 3)), (side, side), interpolation=cv2.INTER_CUBIC
+        )
     return np.clip(128 + 40 * total, 0, 255).astype(np.uint8)
 
 
@@ -27,7 +29,9 @@ def view(floor: MapImage, position, attitude=(0.0, 0.0, 0.0)) -> np.ndarray:
     world_from_view = CAMERA.world_from_pixel(np.array(position), np.array(attitude))
     seen = np.linalg.inv(floor.world_from_pixel) @ world_from_view
     size = (CAMERA.width, CAMERA.height)
-    image = cv2.warpPerspective(floor.image, seen, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+    image = cv2.warpPerspective(
+        floor.image, seen, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    )
     return yuv_from_bgr(image)
 
 
@@ -51,11 +55,15 @@ POSES = [
 
 @pytest.mark.parametrize("scale", [1.0, 0.5])
 @pytest.mark.parametrize("position, attitude", POSES)
-def test_the_fix_is_the_floor_point_of_the_frames_centre(floor, localizer, position, attitude, scale):
+def test_the_fix_is_the_floor_point_of_the_frames_centre(
+    floor, localizer, position, attitude, scale
+):
     chosen = localizer if scale == 1 else HomographyLocalizer(floor, scale=scale)
     fix = chosen.locate(view(floor, position, attitude))
     center = [[(CAMERA.width - 1) / 2, (CAMERA.height - 1) / 2]]
-    expected = transform_points(CAMERA.world_from_pixel(np.array(position), np.array(attitude)), center)[0]
+    expected = transform_points(
+        CAMERA.world_from_pixel(np.array(position), np.array(attitude)), center
+    )[0]
     assert fix.success and fix.matches >= fix.inliers > 20
     np.testing.assert_allclose(fix.position, expected, atol=0.005)
 
@@ -95,7 +103,9 @@ def test_a_second_localizer_and_other_threads_give_the_same_bits(floor):
         for threads in (1, 2, 2):
             cv2.setNumThreads(threads)
             localizer = HomographyLocalizer(floor)
-            found.append([(fix.position.tobytes(), fix.inliers) for fix in map(localizer.locate, frames)])
+            found.append(
+                [(fix.position.tobytes(), fix.inliers) for fix in map(localizer.locate, frames)]
+            )
     finally:
         cv2.setNumThreads(before)
     assert found[0] == found[1] == found[2]
@@ -121,7 +131,9 @@ def test_keypoints_of_a_smaller_scale_are_given_in_pixels_of_the_whole_image():
     blobs = [(60.0, 50.0), (200.0, 120.0), (110.0, 150.0)]
     rows, columns = np.mgrid[:200, :300]
     for x, y in blobs:
-        image += (120 * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / (2 * 6.0**2))).astype(np.uint8)
+        image += (120 * np.exp(-((columns - x) ** 2 + (rows - y) ** 2) / (2 * 6.0**2))).astype(
+            np.uint8
+        )
     for scale in (1.0, 0.5, 0.4):
         points = detect_keypoints(image, scale=scale).points
         for blob in blobs:
@@ -150,7 +162,15 @@ def test_find_homography_survives_outliers_and_refuses_too_little(rng):
 
 
 @pytest.mark.parametrize(
-    "wrong", [{"scale": 0}, {"scale": 1.5}, {"ratio": 0}, {"threshold": -1}, {"keypoints": 3}, {"checks": 0}]
+    "wrong",
+    [
+        {"scale": 0},
+        {"scale": 1.5},
+        {"ratio": 0},
+        {"threshold": -1},
+        {"keypoints": 3},
+        {"checks": 0},
+    ],
 )
 def test_parameters_out_of_range_are_named(floor, wrong):
     with pytest.raises(ParameterError, match=next(iter(wrong))):

@@ -57,7 +57,9 @@ def test_the_mosaic_record_says_what_the_mosaic_is(flights):
     train, _ = flights
     record = mosaic.run(train, anchors=6)
     stitched = stitched_map(train, 6)  # from the cache
-    assert record.values["used"] == stitched.used.sum() and record.values["links"] == len(stitched.links)
+    assert record.values["used"] == stitched.used.sum() and record.values["links"] == len(
+        stitched.links
+    )
     assert record.values["residual_cm"]["median"] < 5
     plan = mosaic_figures.stitched(record).axes[0]
     np.testing.assert_array_equal(plan.lines[1].get_xydata(), train.position[stitched.anchors])
@@ -70,14 +72,19 @@ def test_the_drifting_map_never_notices_a_place_again(flights):
     drifting, full = drifting_map(train, 6), stitched_map(train, 6)
     assert (np.diff(drifting.links.pairs, axis=1) <= 12).all() and len(drifting.anchors) == 3
     assert (np.diff(full.links.pairs, axis=1) > 12).any()
-    residual = [np.median(np.hypot(*floor_residual(each.map, train.floor)[1].T)) for each in (full, drifting)]
+    residual = [
+        np.median(np.hypot(*floor_residual(each.map, train.floor)[1].T))
+        for each in (full, drifting)
+    ]
     assert residual[1] > residual[0]
 
 
 def test_the_residual_leaves_mismatches_out_and_keeps_large_distortion(flights):
     floor = flights[0].floor
     rows, columns = floor.image.shape[:2]
-    map_x, map_y = np.meshgrid(np.arange(columns, dtype=np.float32), np.arange(rows, dtype=np.float32))
+    map_x, map_y = np.meshgrid(
+        np.arange(columns, dtype=np.float32), np.arange(rows, dtype=np.float32)
+    )
     bent = cv2.remap(floor.image, map_x + 60 * (map_y / rows) ** 2, map_y, cv2.INTER_LINEAR)
     truth, deviation = floor_residual(MapImage(bent, floor.world_from_pixel), floor)
     expected = -60 * ((floor.to_pixels(truth)[:, 1]) / rows) ** 2 * floor.world_from_pixel[0, 0]
@@ -94,12 +101,16 @@ def test_the_baseline_counts_failures_and_shows_both_maps(flights):
     assert record.values["perfect_floor"]["failures"] == 0
     assert record.values["perfect_floor"]["error_cm_x"]["median"] < 15
     error = np.abs(position - test.position)[np.isfinite(position).all(axis=1)]
-    assert record.values["mosaic"]["error_cm_x"]["median"] == pytest.approx(100 * error[:, 0].mean())
+    assert record.values["mosaic"]["error_cm_x"]["median"] == pytest.approx(
+        100 * error[:, 0].mean()
+    )
     # The same frames at half size, on the same map: as good here, and never left out.
     assert record.values["half"]["frames"] + record.values["half"]["failures"] == len(test)
     assert record.values["half"]["error_cm_x"]["median"] < 15
     lines = baseline_figures.error_distribution(record).axes[0].lines
-    assert lines[1].get_ydata()[-1] == 100 and lines[0].get_ydata()[-1] == pytest.approx(100 * len(error) / len(test))
+    assert lines[1].get_ydata()[-1] == 100 and lines[0].get_ydata()[-1] == pytest.approx(
+        100 * len(error) / len(test)
+    )
     baseline_figures.fixes(record)
 
 
@@ -117,13 +128,17 @@ def test_filtering_drops_outliers_fills_gaps_and_keeps_the_rest():
 
 def test_training_on_homography_positions_differs_only_in_them(flights):
     train, test = flights
-    record = homography_training.run(train, test, samples=60, textons=6, particles=20, neighbors=2, repeats=2, anchors=6)
+    record = homography_training.run(
+        train, test, samples=60, textons=6, particles=20, neighbors=2, repeats=2, anchors=6
+    )
     values = record.values
     assert values["filter"]["frames"] == len(test)
     training = np.array(record.series["filter_training_error_m"], dtype=float)
     known = np.isfinite(training).all(axis=1)
     assert values["failures"] == (~known).sum()
-    assert values["filter_training"]["error_cm_y"]["median"] == pytest.approx(100 * training[known, 1].mean())
+    assert values["filter_training"]["error_cm_y"]["median"] == pytest.approx(
+        100 * training[known, 1].mean()
+    )
     assert min(values[f"{name}_process_std_cm"] for name in ("filter", "remedy", "mocap")) > 0
     lines = training_figures.estimate_errors(record).axes[0].lines
     estimate = np.array(record.series["remedy_estimate_m"])

@@ -35,8 +35,12 @@ print(digest(dictionary.textons, label_image(image, dictionary), texton_histogra
 
 
 def run(*arguments, **environment):
-    variables = {key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")} | environment
-    done = subprocess.run([sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, env=variables)
+    variables = {
+        key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")
+    } | environment
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, env=variables
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
 
@@ -51,11 +55,17 @@ def test_without_numba_the_bits_are_the_same(here):
 
 
 def test_threads_and_hash_seeds_change_nothing(here):
-    assert run(OMP_NUM_THREADS="1", PYTHONHASHSEED="1") == run(OMP_NUM_THREADS="2", PYTHONHASHSEED="2") == here
+    assert (
+        run(OMP_NUM_THREADS="1", PYTHONHASHSEED="1")
+        == run(OMP_NUM_THREADS="2", PYTHONHASHSEED="2")
+        == here
+    )
 
 
 def test_a_processor_without_vector_dot_products_gives_the_same_bits(here, tmp_path):
-    assert run(NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path)) == here
+    assert (
+        run(NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="", NUMBA_CACHE_DIR=str(tmp_path)) == here
+    )
 
 
 def test_the_label_kernel_counts_what_it_labels(rng):
@@ -64,7 +74,9 @@ def test_the_label_kernel_counts_what_it_labels(rng):
     dictionary = TextonDictionary(rng.integers(0, 256, (6, 4, 4, 3), dtype=np.uint8))
     image = rng.integers(0, 256, (12, 80, 3), dtype=np.uint8)
     labels, counts = np.empty((9, 77), np.uint8), np.ones(6, np.int64)
-    compiled("label_rows").label_rows(image.reshape(12, -1), dictionary.words, dictionary.words_bias, labels, counts)
+    compiled("label_rows").label_rows(
+        image.reshape(12, -1), dictionary.words, dictionary.words_bias, labels, counts
+    )
     assert np.array_equal(labels, plain_labels(image, dictionary.textons))
     assert np.array_equal(counts, 1 + np.bincount(labels.ravel(), minlength=6))
 

@@ -10,9 +10,14 @@ from conftest import small_flight
 from trexton.camera import Camera
 from trexton.errors import ImageError, MapError, ParameterError
 from trexton.flights import Flight
-from trexton.localizer import Localizer, TextonMap, neighbors_in_flight, process_covariance, rank_covariances
+from trexton.localizer import (
+    Localizer,
+    TextonMap,
+    neighbors_in_flight,
+    process_covariance,
+    rank_covariances,
+)
 from trexton.textons import TextonDictionary
-
 
 
 @pytest.fixture(scope="module")
@@ -20,7 +25,9 @@ def picture_flight(tmp_path_factory) -> Flight:
     """60 crops of one blurred random picture along a closed path: neighbours in space look alike."""
     folder = tmp_path_factory.mktemp("crops")
     rng = np.random.default_rng(3)
-    floor = cv2.resize(rng.integers(0, 256, (40, 40, 3), dtype=np.uint8), (400, 400), interpolation=cv2.INTER_CUBIC)
+    floor = cv2.resize(
+        rng.integers(0, 256, (40, 40, 3), dtype=np.uint8), (400, 400), interpolation=cv2.INTER_CUBIC
+    )
     angle = np.linspace(0, 4 * np.pi, 60)
     center = np.column_stack([200 + 110 * np.cos(angle), 200 + 80 * np.sin(angle)])
     files = []
@@ -69,16 +76,24 @@ def test_covariances_equal_the_plain_definitions(rng):
     for rank in range(2):
         deviation = positions - positions[rows[:, rank]]
         centered = deviation - deviation.mean(axis=0)
-        np.testing.assert_allclose(found[rank], centered.T @ centered / 39 + 1e-4 * np.eye(2), rtol=1e-12)
+        np.testing.assert_allclose(
+            found[rank], centered.T @ centered / 39 + 1e-4 * np.eye(2), rtol=1e-12
+        )
     time = np.r_[np.arange(20) * 0.1, 10 + np.arange(20) * 0.1]
-    steps = np.delete(np.diff(positions, axis=0), 19, axis=0)  # the long gap says nothing about one step
-    np.testing.assert_allclose(process_covariance(positions, time), np.cov(steps.T) + 1e-8 * np.eye(2))
+    steps = np.delete(
+        np.diff(positions, axis=0), 19, axis=0
+    )  # the long gap says nothing about one step
+    np.testing.assert_allclose(
+        process_covariance(positions, time), np.cov(steps.T) + 1e-8 * np.eye(2)
+    )
 
 
 def test_relabelling_textons_changes_nothing(texton_map, picture_flight):
     order = np.random.default_rng(5).permutation(8)
     relabelled = replace(
-        texton_map, dictionary=TextonDictionary(texton_map.dictionary.textons[order]), histograms=texton_map.histograms[:, order]
+        texton_map,
+        dictionary=TextonDictionary(texton_map.dictionary.textons[order]),
+        histograms=texton_map.histograms[:, order],
     )
     tracks = []
     for each in (texton_map, relabelled):
@@ -93,9 +108,13 @@ def test_a_saved_map_flies_the_same(texton_map, picture_flight, tmp_path):
     tracks = []
     for each in (texton_map, loaded):
         localizer = Localizer(each, particles=50, rng=np.random.default_rng(6))
-        tracks.append([localizer.step(image).position.tobytes() for image in picture_flight.images()])
+        tracks.append(
+            [localizer.step(image).position.tobytes() for image in picture_flight.images()]
+        )
     assert tracks[0] == tracks[1]
-    assert (tmp_path / "map.npz").read_bytes() == texton_map.save(tmp_path / "again.npz").read_bytes()
+    assert (tmp_path / "map.npz").read_bytes() == texton_map.save(
+        tmp_path / "again.npz"
+    ).read_bytes()
 
 
 def test_damaged_and_newer_maps_are_one_clear_error(texton_map, tmp_path):
@@ -165,7 +184,9 @@ def test_other_positions_may_train_and_frames_without_one_do_not():
     flight = small_flight()
     positions = flight.position + 1.0
     positions[3] = np.nan
-    texton_map = TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(0), positions=positions)
+    texton_map = TextonMap.train(
+        flight, neighbors=3, rng=np.random.default_rng(0), positions=positions
+    )
     assert len(texton_map.positions) == len(flight) - 1
     np.testing.assert_array_equal(texton_map.positions[0], positions[0])
     with pytest.raises(MapError, match="at least 3"):
@@ -174,7 +195,10 @@ def test_other_positions_may_train_and_frames_without_one_do_not():
         TextonMap.train(flight, rng=np.random.default_rng(0), positions=positions[:5])
 
 
-@pytest.mark.parametrize("options", [{"neighbors": 9}, {"neighbors": 0}, {"samples": 0}, {"particles": 0}, {"recovery": "hope"}])
+@pytest.mark.parametrize(
+    "options",
+    [{"neighbors": 9}, {"neighbors": 0}, {"samples": 0}, {"particles": 0}, {"recovery": "hope"}],
+)
 def test_bad_options_are_refused(texton_map, options):
     with pytest.raises(ParameterError):
         Localizer(texton_map, rng=np.random.default_rng(0), **options)

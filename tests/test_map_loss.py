@@ -33,7 +33,9 @@ def record(flights, tmp_path_factory):
 def test_loss_and_similarity(record, flights):
     train, _ = flights
     values = record.values
-    assert values["global_loss"] == pytest.approx(global_loss(train.histograms, train.position, 0.7))
+    assert values["global_loss"] == pytest.approx(
+        global_loss(train.histograms, train.position, 0.7)
+    )
     alike = cosine_similarity(train.histograms)
     assert values["similarity"]["lowest"] == alike.min()
     upper = np.triu_indices(len(train), 1)
@@ -66,7 +68,9 @@ def test_prediction(record, flights):
         <= prediction["correlation"]["high"]
     )
     alike = cosine_similarity(train.histograms).mean(axis=1)
-    assert prediction["similarity_alone"]["value"] == pytest.approx(spearmanr(alike, errors).statistic)
+    assert prediction["similarity_alone"]["value"] == pytest.approx(
+        spearmanr(alike, errors).statistic
+    )
     assert prediction["sparseness_alone"]["value"] == pytest.approx(
         spearmanr(losses - alike, errors).statistic
     )
@@ -86,11 +90,16 @@ def test_sigma(record, flights):
         assert row["global_loss"] == pytest.approx(
             global_loss(train.histograms, train.position, row["sigma_m"])
         )
-    assert sigma["best_agreement_m"] == sweep[np.argmax([row["agreement"] for row in sweep])]["sigma_m"]
+    assert (
+        sigma["best_agreement_m"]
+        == sweep[np.argmax([row["agreement"] for row in sweep])]["sigma_m"]
+    )
 
 
 def test_groups_hold_all_frames(record, flights):
-    for key, flight in zip(("train_knn", "test_knn", "test_filter"), (flights[0], flights[1], flights[1])):
+    for key, flight in zip(
+        ("train_knn", "test_knn", "test_filter"), (flights[0], flights[1], flights[1])
+    ):
         groups = record.series["groups"][key]
         losses = [group["loss"] for group in groups]
         assert len(groups) == 10 and losses == sorted(losses)
@@ -115,7 +124,9 @@ def test_claims_find_their_values(record):
 
 def test_runs_on_images(tmp_path, monkeypatch):
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path / "cache"))
-    train, test = (picture_flight(tmp_path / name, name, turns=turns) for name, turns in (("a", 3), ("b", 4)))
+    train, test = (
+        picture_flight(tmp_path / name, name, turns=turns) for name, turns in (("a", 3), ("b", 4))
+    )
     record = map_loss.run(train, test, textons=6, samples=60)
     assert record.images["floor"].shape[2] == 3
     assert record.values["counts"] == {"train": 48, "test": 48, "textons": 6}
@@ -149,11 +160,14 @@ def test_figures_show_the_record(record, tmp_path):
         loss.lines[0].get_ydata(), [row["global_loss"] for row in record.series["sweep"]]
     )
     np.testing.assert_allclose(
-        correlations.lines[1].get_ydata(), [row["prediction"]["value"] for row in record.series["sweep"]]
+        correlations.lines[1].get_ydata(),
+        [row["prediction"]["value"] for row in record.series["sweep"]],
     )
     (plot,) = figures.errors_by_loss(loaded).axes
     groups = record.series["groups"]["test_filter"]
-    np.testing.assert_allclose(plot.lines[2].get_ydata(), [group["error_cm"]["value"] for group in groups])
+    np.testing.assert_allclose(
+        plot.lines[2].get_ydata(), [group["error_cm"]["value"] for group in groups]
+    )
     (plot,) = figures.similarity_by_distance(loaded).axes
     np.testing.assert_allclose(plot.lines[1].get_ydata()[0], 1)
 

@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from trexton.errors import ParameterError
-from trexton.metrics import absolute_errors, block_rows, constant_guess, shuffled_neighbors, summarize, wilson_interval
+from trexton.metrics import (
+    absolute_errors,
+    block_rows,
+    constant_guess,
+    shuffled_neighbors,
+    summarize,
+    wilson_interval,
+)
 
 
 def test_summary_of_one_run_equals_the_plain_definitions(rng):
@@ -80,7 +87,9 @@ def test_block_rows_keep_neighbours_together(rng):
 
 def test_yardsticks(rng):
     positions = rng.uniform(0, 4, (30, 2))
-    np.testing.assert_allclose(constant_guess(positions, 7), np.tile(positions.mean(axis=0), (7, 1)))
+    np.testing.assert_allclose(
+        constant_guess(positions, 7), np.tile(positions.mean(axis=0), (7, 1))
+    )
     shuffled = shuffled_neighbors(positions, 4000, 5, rng=rng)
     assert shuffled.shape == (4000, 2)
     np.testing.assert_allclose(shuffled.mean(axis=0), positions.mean(axis=0), atol=0.06)

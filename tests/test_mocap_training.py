@@ -52,7 +52,11 @@ def test_equal_seeds_give_equal_bytes_under_any_hash_seed_and_threads(tmp_path):
     contents = []
     for hash_seed, threads in (("1", "1"), ("2", "2")):
         folder = tmp_path / hash_seed
-        settings = {"PYTHONHASHSEED": hash_seed, "OMP_NUM_THREADS": threads, "NUMBA_NUM_THREADS": threads}
+        settings = {
+            "PYTHONHASHSEED": hash_seed,
+            "OMP_NUM_THREADS": threads,
+            "NUMBA_NUM_THREADS": threads,
+        }
         environment = os.environ | settings | {"TREXTON_CACHE": str(folder / "cache")}
         subprocess.run([sys.executable, "-c", SCRIPT, str(folder)], env=environment, check=True)
         record = json.loads((folder / "results" / "mocap_training.json").read_text())
@@ -66,7 +70,9 @@ def test_figures_draw_the_records_numbers(cyberzoo):
     plan = figures.floor_plan(record).axes[0]
     drawn = {line.get_label(): line.get_xydata() for line in plan.lines}
     np.testing.assert_array_equal(drawn["motion capture"], record.series["truth_m"])
-    np.testing.assert_array_equal(drawn["estimate (every 5th frame)"], record.series["estimate_m"][::5])
+    np.testing.assert_array_equal(
+        drawn["estimate (every 5th frame)"], record.series["estimate_m"][::5]
+    )
     error = figures.error_over_time(record).axes[1].lines
     np.testing.assert_allclose(error[3].get_ydata()[0], mean_cm(record, "filter", "y"))
     spread = figures.spread_over_time(record).axes[0].lines[0].get_ydata()

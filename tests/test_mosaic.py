@@ -32,7 +32,9 @@ def test_without_rolling_shutter_a_pose_is_the_pinhole_camera(rng):
     expected = transform_points(CAMERA.world_from_pixel(pose[:3], pose[3:6]), pixels)
     found = floor_points(pose[None], (pixels - CAMERA.principal_point)[None], CAMERA.focal)[0]
     np.testing.assert_allclose(found, expected, atol=1e-12)
-    np.testing.assert_allclose(transform_points(world_from_pixel(pose, CAMERA), pixels), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        transform_points(world_from_pixel(pose, CAMERA), pixels), expected, atol=1e-12
+    )
 
 
 def test_rolling_shutter_displaces_rows_in_proportion(rng):
@@ -40,9 +42,13 @@ def test_rolling_shutter_displaces_rows_in_proportion(rng):
     column, row = (pixels - CAMERA.principal_point).T
     moved = np.column_stack([column + POSE[6] * row, (1 + POSE[7]) * row]) + CAMERA.principal_point
     expected = transform_points(CAMERA.world_from_pixel(POSE[:3], POSE[3:6]), moved)
-    np.testing.assert_allclose(transform_points(world_from_pixel(POSE, CAMERA), pixels), expected, atol=1e-12)
+    np.testing.assert_allclose(
+        transform_points(world_from_pixel(POSE, CAMERA), pixels), expected, atol=1e-12
+    )
     offsets = (pixels - CAMERA.principal_point)[None]
-    np.testing.assert_allclose(floor_points(POSE[None], offsets, CAMERA.focal)[0], expected, atol=1e-12)
+    np.testing.assert_allclose(
+        floor_points(POSE[None], offsets, CAMERA.focal)[0], expected, atol=1e-12
+    )
 
 
 def test_the_jacobian_is_the_limit_of_differences(rng):
@@ -51,7 +57,9 @@ def test_the_jacobian_is_the_limit_of_differences(rng):
     for parameter in range(8):
         step = np.zeros(8)
         step[parameter] = 1e-6
-        ahead, behind = (floor_points((POSE + sign * step)[None], offsets, CAMERA.focal) for sign in (1, -1))
+        ahead, behind = (
+            floor_points((POSE + sign * step)[None], offsets, CAMERA.focal) for sign in (1, -1)
+        )
         np.testing.assert_allclose(jacobian[..., parameter], (ahead - behind) / 2e-6, atol=1e-8)
 
 
@@ -83,7 +91,9 @@ def test_solve_takes_real_and_complex_right_sides(rng):
     matrix = root @ root.T + np.eye(7)
     vector = rng.normal(size=7) + 1j * rng.normal(size=7)
     for right in (vector, vector.real):
-        np.testing.assert_allclose(solve(sparse.csr_array(matrix), right), np.linalg.solve(matrix, right))
+        np.testing.assert_allclose(
+            solve(sparse.csr_array(matrix), right), np.linalg.solve(matrix, right)
+        )
 
 
 # layout and adjustment, on links made from known poses
@@ -95,7 +105,11 @@ def lanes(count: int = 60) -> np.ndarray:
     phase = np.linspace(0, 3, count, endpoint=False)
     along = np.where(phase.astype(int) % 2 == 0, phase % 1, 1 - phase % 1)
     poses = np.zeros((count, 8))
-    poses[:, 0], poses[:, 1], poses[:, 2] = 3 * along, 0.5 * phase.astype(int), 1 + rng.normal(0, 0.02, count)
+    poses[:, 0], poses[:, 1], poses[:, 2] = (
+        3 * along,
+        0.5 * phase.astype(int),
+        1 + rng.normal(0, 0.02, count),
+    )
     poses[:, 3:5], poses[:, 5] = rng.normal(0, 0.04, (count, 2)), rng.normal(0, 0.02, count)
     poses[:, 6:] = rng.normal(0, 0.01, (count, 2))
     return poses
@@ -114,7 +128,9 @@ def links_of(poses: np.ndarray, noise: float = 0.0, wrong: float = 0.0) -> Links
                 floor = middle + rng.uniform(-0.3, 0.3, (12, 2))
                 seen = [transform_points(pixel_from_floor[row], floor) for row in (first, second)]
                 pairs.append((first, second))
-                points.append(np.array(seen) - CAMERA.principal_point + rng.normal(0, noise, (2, 12, 2)))
+                points.append(
+                    np.array(seen) - CAMERA.principal_point + rng.normal(0, noise, (2, 12, 2))
+                )
     pairs, points = np.array(pairs), np.array(points)
     bad = rng.random(len(pairs)) < wrong
     points[bad, 1] += rng.uniform(30, 60, (bad.sum(), 1, 2))
@@ -147,7 +163,9 @@ def test_layout_refuses_anchors_that_lie_together():
         layout(len(truth), links_of(truth), anchors_of(truth, 3), CAMERA.focal)
 
 
-@pytest.mark.parametrize("noise, wrong, limit", [(0.0, 0.0, 0.008), (0.5, 0.0, 0.01), (0.5, 0.1, 0.012)])
+@pytest.mark.parametrize(
+    "noise, wrong, limit", [(0.0, 0.0, 0.008), (0.5, 0.0, 0.01), (0.5, 0.1, 0.012)]
+)
 def test_adjustment_recovers_tilted_frames_and_shrugs_off_wrong_links(noise, wrong, limit):
     truth = lanes()
     links, anchors = links_of(truth, noise, wrong), anchors_of(truth)
@@ -179,7 +197,9 @@ def test_matching_looks_only_within_reach_of_the_prediction(rng):
     second = Keypoints(points + (12.0, 5.0), first.descriptors)
     assert match_frames(first, second, CAMERA) is None  # every match is as good as its neighbours
     homography, found = match_frames(first, second, CAMERA, np.eye(3), 20.0)
-    np.testing.assert_allclose(homography / homography[2, 2], [[1, 0, 12], [0, 1, 5], [0, 0, 1]], atol=1e-3)
+    np.testing.assert_allclose(
+        homography / homography[2, 2], [[1, 0, 12], [0, 1, 5], [0, 0, 1]], atol=1e-3
+    )
     np.testing.assert_allclose(found[1] - found[0], np.tile((12.0, 5.0), (len(found[0]), 1)))
 
 
@@ -281,9 +301,15 @@ def test_an_unknown_camera_costs_little(flight):
 
 def test_a_finer_map_has_more_pixels_and_blank_floor_is_masked(flight):
     part = flight.select(slice(0, 30))
-    coarse, fine = (stitch(part, anchors=3, neighbors=0, pixels_per_metre=size).map for size in (60, 120))
+    coarse, fine = (
+        stitch(part, anchors=3, neighbors=0, pixels_per_metre=size).map for size in (60, 120)
+    )
     assert fine.image.shape[0] == pytest.approx(2 * coarse.image.shape[0], abs=2)
-    assert not coarse.mask.all() and (coarse.image[~coarse.mask] == 0).all() and coarse.mask.mean() > 0.3
+    assert (
+        not coarse.mask.all()
+        and (coarse.image[~coarse.mask] == 0).all()
+        and coarse.mask.mean() > 0.3
+    )
 
 
 # what cannot be stitched

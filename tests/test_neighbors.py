@@ -10,7 +10,10 @@ from trexton.neighbors import NearestHistograms
 
 
 def plain_neighbors(histograms, histogram, k):
-    distances = [(sum((a - b) ** 2 for a, b in zip(row, histogram)), index) for index, row in enumerate(histograms.tolist())]
+    distances = [
+        (sum((a - b) ** 2 for a, b in zip(row, histogram)), index)
+        for index, row in enumerate(histograms.tolist())
+    ]
     return [index for _, index in sorted(distances)[:k]]
 
 
@@ -22,8 +25,12 @@ def test_neighbours_equal_the_sorted_distances(rng, method, k):
     for query in rng.dirichlet(np.ones(8), 30):
         found = nearest.query(query)
         assert found.index.tolist() == plain_neighbors(histograms, query, k)
-        assert np.allclose(found.distance, np.linalg.norm(histograms[found.index] - query, axis=1), rtol=1e-12)
-        assert (np.diff(found.distance) >= 0).all() and np.array_equal(found.position, positions[found.index])
+        assert np.allclose(
+            found.distance, np.linalg.norm(histograms[found.index] - query, axis=1), rtol=1e-12
+        )
+        assert (np.diff(found.distance) >= 0).all() and np.array_equal(
+            found.position, positions[found.index]
+        )
 
 
 @pytest.mark.parametrize("method", ["brute", "tree"])
@@ -32,12 +39,17 @@ def test_ties_go_to_the_lowest_index(rng, method):
     nearest = NearestHistograms(few, np.zeros((400, 2)), 7, method)
     for query in rng.integers(0, 3, (40, 4)) / 8:
         squared = ((few - query) ** 2).sum(axis=1)
-        assert nearest.query(query).index.tolist() == np.lexsort((np.arange(400), squared))[:7].tolist()
+        assert (
+            nearest.query(query).index.tolist()
+            == np.lexsort((np.arange(400), squared))[:7].tolist()
+        )
 
 
 def test_methods_give_the_same_bits_on_many_histograms(rng):
     histograms, positions = rng.dirichlet(np.full(20, 0.4), 5000), rng.normal(size=(5000, 2))
-    brute, tree, chosen = (NearestHistograms(histograms, positions, 5, method) for method in ("brute", "tree", None))
+    brute, tree, chosen = (
+        NearestHistograms(histograms, positions, 5, method) for method in ("brute", "tree", None)
+    )
     for query in np.concatenate([rng.dirichlet(np.full(20, 0.4), 40), histograms[:10]]):
         results = [nearest.query(query) for nearest in (brute, tree, chosen)]
         assert len({(r.index.tobytes(), r.distance.tobytes()) for r in results}) == 1
@@ -61,10 +73,15 @@ def test_a_small_map_does_not_load_numba(rng, monkeypatch):
 def test_real_histograms(cyberzoo):
     known = np.isfinite(cyberzoo.histograms).all(axis=1)
     histograms, positions = cyberzoo.histograms[known], cyberzoo.position[known]
-    brute, tree = (NearestHistograms(histograms, positions, 5, method) for method in ("brute", "tree"))
+    brute, tree = (
+        NearestHistograms(histograms, positions, 5, method) for method in ("brute", "tree")
+    )
     for row in range(0, len(histograms), 25):
         assert brute.query(histograms[row]).index[0] == row
-        assert brute.query(histograms[row]).index.tolist() == tree.query(histograms[row]).index.tolist()
+        assert (
+            brute.query(histograms[row]).index.tolist()
+            == tree.query(histograms[row]).index.tolist()
+        )
 
 
 def test_bad_input_is_one_clear_error(rng):

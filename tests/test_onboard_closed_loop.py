@@ -41,10 +41,15 @@ def test_landing_over_mavlink(manner, tmp_path):
     try:
         with open(camera, "wb", buffering=0) as stream:
             stream.write(
-                b"YUV4MPEG2 W%d H%d F25:2 Ip A1:1 C444 XCOLORRANGE=FULL\n" % (CAMERA.width, CAMERA.height)
+                b"YUV4MPEG2 W%d H%d F25:2 Ip A1:1 C444 XCOLORRANGE=FULL\n"
+                % (CAMERA.width, CAMERA.height)
             )
             assert eventually(
-                lambda: film(stream, simulator.render()) or simulator.step() and autopilot.address is not None
+                lambda: (
+                    film(stream, simulator.render())
+                    or simulator.step()
+                    and autopilot.address is not None
+                )
             )
             for _ in range(1500):
                 state = simulator.step(ZONE)
@@ -60,7 +65,9 @@ def test_landing_over_mavlink(manner, tmp_path):
             for _ in range(10):  # it goes on after the landing, the refusal, the silence
                 film(
                     stream,
-                    simulator.render() if manner != "accepts" else simulator.step() and simulator.render(),
+                    simulator.render()
+                    if manner != "accepts"
+                    else simulator.step() and simulator.render(),
                 )
                 time.sleep(FRAME_S)
             script.send_signal(signal.SIGTERM)
@@ -90,7 +97,9 @@ def check_positions(autopilot: Autopilot, simulator) -> None:
     sent = autopilot.of("VISION_POSITION_ESTIMATE")
     assert len(sent) > 20
     assert (np.diff([message.usec for message in sent]) > 0).all()
-    place = np.array([(message.y, message.x) for message in sent])  # heading 0: north is the map's y
+    place = np.array(
+        [(message.y, message.x) for message in sent]
+    )  # heading 0: north is the map's y
     assert np.isfinite(place).all() and (np.abs(place - 2.0) < 4.0).all()
     assert min(message.covariance[0] for message in sent) > 0
     assert sent[-1].yaw == pytest.approx(ATTITUDE[2])

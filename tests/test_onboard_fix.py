@@ -16,7 +16,15 @@ def random_estimate(rng: np.random.Generator) -> Estimate:
     weights = rng.dirichlet(np.ones(30))
     covariance = np.cov(particles.T, aweights=weights, bias=True)
     return Estimate(
-        particles[0], np.sqrt(covariance.diagonal()), covariance, False, True, None, None, particles, weights
+        particles[0],
+        np.sqrt(covariance.diagonal()),
+        covariance,
+        False,
+        True,
+        None,
+        None,
+        particles,
+        weights,
     )
 
 
@@ -48,14 +56,18 @@ def test_heading_turns_the_map_clockwise_from_north(heading, along_x, along_y):
     local = LocalFrame(np.radians(heading), 1.5)
     np.testing.assert_allclose(local.ned(np.array([1.0, 0.0])), [*along_x, -1.5], atol=1e-12)
     np.testing.assert_allclose(local.ned(np.array([0.0, 1.0])), [*along_y, -1.5], atol=1e-12)
-    np.testing.assert_allclose(local.enu(np.array([0.0, 1.0])), [along_y[1], along_y[0], 1.5], atol=1e-12)
+    np.testing.assert_allclose(
+        local.enu(np.array([0.0, 1.0])), [along_y[1], along_y[0], 1.5], atol=1e-12
+    )
 
 
 def test_rotated_covariance_is_that_of_rotated_points(rng):
     local = LocalFrame(0.7, 1.0)
     points = rng.normal(size=(500, 2)) @ [[1.0, 0.3], [0.0, 0.2]]
     rotated = np.array([local.ned(point)[:2] for point in points])
-    np.testing.assert_allclose(local.ned_covariance(np.cov(points.T)), np.cov(rotated.T), atol=1e-12)
+    np.testing.assert_allclose(
+        local.ned_covariance(np.cov(points.T)), np.cov(rotated.T), atol=1e-12
+    )
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])

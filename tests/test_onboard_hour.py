@@ -27,7 +27,9 @@ def fly(localizer: Localizer, source: Source, frames: int, folder) -> dict:
         for address in ("csv:/dev/null", "json:/dev/null")
     ]
     log = Guard(open_sink(f"json:{folder}/log", sink_options(tally)), tally)
-    return Onboard(localizer, source, sinks, tally=tally, log=log, frames=frames).run(threading.Event())
+    return Onboard(localizer, source, sinks, tally=tally, log=log, frames=frames).run(
+        threading.Event()
+    )
 
 
 class Room(Source):
@@ -66,7 +68,8 @@ def test_an_hour_in_the_room(tmp_path):
     print(summary)
     assert summary["frames"] == 45_000
     assert (
-        summary["observed"] + sum(count for name, count in summary["faults"].items() if name != "late")
+        summary["observed"]
+        + sum(count for name, count in summary["faults"].items() if name != "late")
         == 45_000
     )
     assert summary["growth_since_frame_1000_bytes"] < 16e6

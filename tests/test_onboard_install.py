@@ -92,7 +92,9 @@ def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
         (["--log", "/no/such/folder/log"], "cannot be written"),
     ],
 )
-def test_mistakes_on_the_command_line_get_one_sentence(options, sentence, flight_folder, tmp_path, capsys):
+def test_mistakes_on_the_command_line_get_one_sentence(
+    options, sentence, flight_folder, tmp_path, capsys
+):
     path = TextonMap.train(small_flight(60), neighbors=3, rng=np.random.default_rng(1)).save(
         tmp_path / "map.npz"
     )

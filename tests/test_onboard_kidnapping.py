@@ -16,7 +16,9 @@ def wandering_flight(name: str, seed: int, frames: int = 240) -> Flight:
     """A flight to and fro over 4 m x 4 m whose histograms tell the place, with noise."""
     rng = np.random.default_rng(seed)
     time = 0.08 * np.arange(frames)
-    position = 2 + 1.8 * np.column_stack([np.sin(0.9 * time + seed), np.sin(0.61 * time + 2 * seed)])
+    position = 2 + 1.8 * np.column_stack(
+        [np.sin(0.9 * time + seed), np.sin(0.61 * time + 2 * seed)]
+    )
     centers = rng_centers()
     weight = np.exp(-((position[:, None] - centers) ** 2).sum(axis=2) / 1.5) + 0.02 * rng.random(
         (frames, len(centers))
@@ -80,7 +82,11 @@ def test_random_particles_find_the_vehicle_at_least_as_often_and_sooner(record):
     assert record.values["counts"]["kidnappings"] == 50
     assert augmented["recovered_rate"]["median"] >= max(plain["recovered_rate"]["median"], 0.9)
     assert augmented["recovery_s"]["median"] < plain["recovery_s"]["median"]
-    assert augmented["lost"]["declared_rate"]["median"] > plain["lost_by_fit"]["declared_rate"]["median"] == 0
+    assert (
+        augmented["lost"]["declared_rate"]["median"]
+        > plain["lost_by_fit"]["declared_rate"]["median"]
+        == 0
+    )
     assert augmented["lost"]["wrong_frames_rate"] > augmented["lost"]["calm_frames_rate"]
 
 
@@ -119,8 +125,12 @@ def test_figures_draw_the_record(record):
         np.testing.assert_allclose(line.get_xdata()[1:-1], times)
         np.testing.assert_allclose(line.get_ydata()[-1], 2 * len(times))  # per cent of 50
     error, lost = figures.error_since(record).axes
-    np.testing.assert_allclose(error.lines[1].get_ydata(), record.series["augmented"]["error_m"]["median"])
-    np.testing.assert_allclose(lost.lines[0].get_ydata(), 100 * np.array(record.series["augmented"]["lost"]))
+    np.testing.assert_allclose(
+        error.lines[1].get_ydata(), record.series["augmented"]["error_m"]["median"]
+    )
+    np.testing.assert_allclose(
+        lost.lines[0].get_ydata(), 100 * np.array(record.series["augmented"]["lost"])
+    )
     plot = figures.lost_told(record).axes[0]
     np.testing.assert_allclose(
         plot.lines[0].get_ydata(), 100 * np.array(record.series["augmented"]["told"], dtype=float)

@@ -36,7 +36,9 @@ class Flight:
     def __init__(self, armed=True, consecutive=3, **options):
         self.autopilot, self.events, self.now = Autopilot(), [], 0.0
         zone = LandingZone(INSIDE, 0.6, 0.6, consecutive)
-        self.commander = Commander(zone, [self.autopilot] if armed else [], self.events.append, **options)
+        self.commander = Commander(
+            zone, [self.autopilot] if armed else [], self.events.append, **options
+        )
 
     def fly(
         self, frames=1, position=INSIDE, spread=(0.2, 0.2), lost=False, observed=True, stale=False
@@ -44,7 +46,12 @@ class Flight:
         for _ in range(frames):
             estimate = make_estimate(position, spread, lost, observed)
             fix = make_fix(
-                self.now, position, np.diag(np.square(spread)), lost=lost, observed=observed, stale=stale
+                self.now,
+                position,
+                np.diag(np.square(spread)),
+                lost=lost,
+                observed=observed,
+                stale=stale,
             )
             self.commander.update(estimate, fix, self.now)
             self.now += 0.1
@@ -101,7 +108,9 @@ class TestAnswers:
         ("result", "why"),
         [(2, "denied"), (3, "unsupported"), (4, "failed"), (6, "cancelled"), (9, "result 9")],
     )
-    def test_refused_is_reported_and_not_repeated_until_the_zone_is_entered_again(self, result, why):
+    def test_refused_is_reported_and_not_repeated_until_the_zone_is_entered_again(
+        self, result, why
+    ):
         flight = Flight()
         flight.fly(3)
         flight.autopilot.answer(result)

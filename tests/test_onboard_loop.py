@@ -177,7 +177,9 @@ class TestBadFrames:
 
     def test_a_burst_of_random_bytes_costs_trust_and_is_survived(self, film, rng):
         noise = [rng.integers(0, 256, film[0].shape, dtype=np.uint8) for _ in range(5)]
-        fixes, tally, _ = run(room_localizer(recovery="augmented"), Film(film[:10] + noise + film[10:]))
+        fixes, tally, _ = run(
+            room_localizer(recovery="augmented"), Film(film[:10] + noise + film[10:])
+        )
         assert all(fix.finite for fix in fixes)
         assert len(fixes) == 45
 
@@ -267,7 +269,15 @@ class Live(Source):
 
 class TestLive:
     def test_unplugged_predicts_goes_stale_and_comes_back(self, film):
-        steps = [*([0.03, film[0], 0.03, film[1]]), CameraLost("unplugged"), 1.2, film[2], 0.1, film[3], 0.1]
+        steps = [
+            *([0.03, film[0], 0.03, film[1]]),
+            CameraLost("unplugged"),
+            1.2,
+            film[2],
+            0.1,
+            film[3],
+            0.1,
+        ]
         source = Live(steps)
         fixes, tally, _ = run(room_localizer(), source, rate=25)
         assert tally["camera"] == 1 and source.opened == 2
@@ -279,7 +289,9 @@ class TestLive:
         assert (np.diff([fix.time for fix in fixes]) > 0).all()
 
     def test_a_picture_frozen_for_long_has_the_camera_opened_again(self, film):
-        source = Live([film[0], 0.01, *[step for _ in range(60) for step in (film[0], 0.01)], film[1], 0.1])
+        source = Live(
+            [film[0], 0.01, *[step for _ in range(60) for step in (film[0], 0.01)], film[1], 0.1]
+        )
         _, tally, _ = run(room_localizer(), source, rate=5)
         assert tally["frozen"] >= 1
         loop = Onboard(room_localizer(), Film([film[0]] * 40), [], tally=Tally())
@@ -299,7 +311,13 @@ class TestLive:
 
         localizer.step = slow_once
         source = Live(
-            [film[0], 0.05, film[1], *[step for picture in film[2:12] for step in (0.04, picture)], 0.2]
+            [
+                film[0],
+                0.05,
+                film[1],
+                *[step for picture in film[2:12] for step in (0.04, picture)],
+                0.2,
+            ]
         )
         fixes, tally, summary = run(localizer, source, rate=50)
         assert tally["late"] >= 1 and summary["missed_deadlines"] == tally["late"]

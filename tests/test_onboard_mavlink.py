@@ -46,7 +46,9 @@ def crc(data: bytes) -> int:
 def plain_packet(message_id: int, extra: int, layout: str, *values, sequence: int = 0) -> bytes:
     """A MAVLink 2 packet from system 1, component 191, after the serialization chapter of the protocol."""
     payload = struct.pack("<" + layout, *values).rstrip(b"\0") or b"\0"
-    head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence, 1, 191) + message_id.to_bytes(3, "little")
+    head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence, 1, 191) + message_id.to_bytes(
+        3, "little"
+    )
     return b"\xfd" + head + payload + struct.pack("<H", crc(head + payload + bytes([extra])))
 
 
@@ -78,7 +80,9 @@ class TestFields:
         assert message.reset_counter == 2
         # North is the map's y; the correlation is added to both variances.
         np.testing.assert_allclose(
-            message.covariance, upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN), rtol=1e-6
+            message.covariance,
+            upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN),
+            rtol=1e-6,
         )
 
     def test_no_attitude_is_no_zero(self):
@@ -108,7 +112,9 @@ class TestFields:
         for ratio in (0.1, 0.7, 1.0):
             covariance = np.diag([std**2, (ratio * std) ** 2])
             x, y, z = np.array(
-                messages.odometry(0, np.zeros(2), covariance, ATTITUDE, NORTH_UP, 0, 50).pose_covariance
+                messages.odometry(
+                    0, np.zeros(2), covariance, ATTITUDE, NORTH_UP, 0, 50
+                ).pose_covariance
             )[[0, 6, 11]]
             assert math.sqrt(x + y + z) >= std - 1e-6
             assert math.cbrt(x**2 + y**2 + z**2) >= std - 1e-6
@@ -126,7 +132,9 @@ class TestFields:
 
         roll, pitch, yaw = (math.cos(a / 2) for a in ATTITUDE)
         sines = [math.sin(a / 2) for a in ATTITUDE]
-        expected = product((yaw, 0, 0, sines[2]), product((pitch, 0, sines[1], 0), (roll, sines[0], 0, 0)))
+        expected = product(
+            (yaw, 0, 0, sines[2]), product((pitch, 0, sines[1], 0), (roll, sines[0], 0, 0))
+        )
         assert messages.quaternion(*ATTITUDE) == pytest.approx(expected)
 
     def test_quality_from_knowing_nothing_to_knowing_all(self):
@@ -141,13 +149,20 @@ class TestFields:
 
     def test_heading_turns_position_and_covariance(self):
         east_up = LocalFrame(math.pi / 2, 2.0)
-        message = messages.vision_position(0, np.array([1.0, 2.0]), np.diag([0.01, 0.09]), None, east_up, 0)
+        message = messages.vision_position(
+            0, np.array([1.0, 2.0]), np.diag([0.01, 0.09]), None, east_up, 0
+        )
         assert (message.x, message.y, message.z) == pytest.approx((-1.0, 2.0, -2.0))
         assert (message.covariance[0], message.covariance[6]) == pytest.approx((0.01, 0.09))
 
     def test_land_and_origin(self):
         message = messages.land((1, 1), 3, NAN)
-        assert (message.target_system, message.target_component, message.command, message.confirmation) == (
+        assert (
+            message.target_system,
+            message.target_component,
+            message.command,
+            message.confirmation,
+        ) == (
             1,
             1,
             21,
@@ -178,7 +193,9 @@ class TestGoldenBytes:
         )
 
     def test_vision_position_estimate(self):
-        message = messages.vision_position(1_234_567, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 2)
+        message = messages.vision_position(
+            1_234_567, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 2
+        )
         numbers = upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN)
         numbers[0], numbers[6] = messages.rounded_up(0.09 + 0.01), messages.rounded_up(0.04 + 0.01)
         plain = plain_packet(102, 158, "Q6f21fB", 1_234_567, 2.0, 1.0, -1.0, *ATTITUDE, *numbers, 2)
@@ -243,13 +260,17 @@ class TestGoldenBytes:
         self.check(
             messages.land((1, 1), 2, NAN),
             plain,
-            ("fd2100000001bf4c00000000000000000000000000000000c07f0000c07f0000c07f0000c07f150001010266d8"),
+            (
+                "fd2100000001bf4c00000000000000000000000000000000c07f0000c07f0000c07f0000c07f150001010266d8"
+            ),
         )
         plain = plain_packet(76, 152, "7fHBBB", 30, 50_000, 0, 0, 0, 0, 0, 511, 1, 1, 0)
         self.check(
             messages.attitude_request((1, 1), 20.0),
             plain,
-            ("fd2000000001bf4c00000000f041005043470000000000000000000000000000000000000000ff0101010075"),
+            (
+                "fd2000000001bf4c00000000f041005043470000000000000000000000000000000000000000ff0101010075"
+            ),
         )
 
     def test_timesync(self):
@@ -275,7 +296,9 @@ def speaker(name="px4", *, heard_at=0.0, attitude_at=None, **options) -> Speaker
     if heard_at is not None:
         result.hear(from_autopilot(AUTOPILOT_HEARTBEAT), heard_at)
     if attitude_at is not None:
-        result.hear(from_autopilot(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)), attitude_at)
+        result.hear(
+            from_autopilot(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)), attitude_at
+        )
     return result
 
 
@@ -289,7 +312,13 @@ POSITIONS = {"px4": "VISION_POSITION_ESTIMATE", "ardupilot": "ODOMETRY"}
 class TestSpeaker:
     def test_heartbeat_once_a_second_even_to_nobody(self):
         alone = speaker(heard_at=None)
-        assert [len(due(alone, now, "HEARTBEAT")) for now in (0, 0.5, 1.0, 1.5, 2.0)] == [1, 0, 1, 0, 1]
+        assert [len(due(alone, now, "HEARTBEAT")) for now in (0, 0.5, 1.0, 1.5, 2.0)] == [
+            1,
+            0,
+            1,
+            0,
+            1,
+        ]
 
     def test_px4_gets_thirty_a_second_from_twelve_and_a_half(self):
         talk, stamps = speaker(), []
@@ -298,7 +327,9 @@ class TestSpeaker:
             if tick % 80 == 0:
                 talk.tell(make_fix(now - 0.005, (now, 0)), now)
             stamps += [message.usec for message in due(talk, now, "VISION_POSITION_ESTIMATE")]
-        assert 29 <= len(stamps) <= 39  # never less than documented: each new position goes out at once
+        assert (
+            29 <= len(stamps) <= 39
+        )  # never less than documented: each new position goes out at once
         assert np.diff(stamps).min() >= 1000
         assert np.diff(stamps).max() < 200_000
 
@@ -333,7 +364,13 @@ class TestSpeaker:
         assert not due(talk, 10.0 + PATIENCE + 0.01, "VISION_POSITION_ESTIMATE")
 
     @pytest.mark.parametrize(
-        "bad", [{"lost": True}, {"stale": True}, {"position": (NAN, 0)}, {"covariance": ((NAN, 0), (0, 1))}]
+        "bad",
+        [
+            {"lost": True},
+            {"stale": True},
+            {"position": (NAN, 0)},
+            {"covariance": ((NAN, 0), (0, 1))},
+        ],
     )
     def test_px4_hears_nothing_of_what_is_not_usable(self, bad):
         talk = speaker()
@@ -387,9 +424,14 @@ class TestSpeaker:
         assert len(due(talk, 1.0, "SET_GPS_GLOBAL_ORIGIN")) == 0
         assert len(due(talk, 2.0, "SET_GPS_GLOBAL_ORIGIN")) == 1
         talk.hear(from_autopilot(mavlink.MAVLink_gps_global_origin_message(0, 0, 0, 0)), 3.0)
-        assert len(due(talk, 4.0, "SET_GPS_GLOBAL_ORIGIN")) == 1  # another's origin confirms nothing
+        assert (
+            len(due(talk, 4.0, "SET_GPS_GLOBAL_ORIGIN")) == 1
+        )  # another's origin confirms nothing
         talk.hear(
-            from_autopilot(mavlink.MAVLink_gps_global_origin_message(519_900_000, 43_700_000, 1000, 0)), 5.0
+            from_autopilot(
+                mavlink.MAVLink_gps_global_origin_message(519_900_000, 43_700_000, 1000, 0)
+            ),
+            5.0,
         )
         assert len(due(talk, 6.0, "SET_GPS_GLOBAL_ORIGIN")) == 0
 
@@ -398,7 +440,9 @@ class TestSpeaker:
         asked = sum(len(due(talk, float(now), "SET_GPS_GLOBAL_ORIGIN")) for now in range(100))
         assert asked == ORIGIN_ATTEMPTS
         assert any(news["event"] == "origin not confirmed" for news in talk.news)
-        assert not [m for now in range(100) for m in due(speaker(), float(now), "SET_GPS_GLOBAL_ORIGIN")]
+        assert not [
+            m for now in range(100) for m in due(speaker(), float(now), "SET_GPS_GLOBAL_ORIGIN")
+        ]
 
     def test_timesync_is_answered_and_answers_are_not(self):
         talk = speaker()
@@ -410,7 +454,9 @@ class TestSpeaker:
     def test_only_the_autopilot_is_obeyed_and_listened_to(self):
         talk = speaker(heard_at=None)
         talk.hear(
-            from_autopilot(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), system=255, component=190),
+            from_autopilot(
+                mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), system=255, component=190
+            ),
             0.0,
         )
         assert talk.target is None and not talk.land(0)
@@ -458,7 +504,9 @@ class TestOverUdp:
 
     def test_px4(self, peer):
         tally = Tally()
-        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", sink_options(tally, origin=(51.99, 4.37, 1.0)))
+        sink = open_sink(
+            f"udpout:127.0.0.1:{peer.port}", sink_options(tally, origin=(51.99, 4.37, 1.0))
+        )
         sink.open()
         try:
             assert eventually(lambda: peer.of("HEARTBEAT"))
@@ -482,9 +530,9 @@ class TestOverUdp:
             assert first.usec == pytest.approx(1e6 * captured, abs=1.5)
             assert (first.x, first.y, first.z, first.reset_counter) == (2.5, 1.5, -1.0, 4)
             assert (first.roll, first.pitch, first.yaw) == pytest.approx(ATTITUDE)
-            assert first.covariance[0] == pytest.approx(2 * 0.09) and first.covariance[6] == pytest.approx(
-                2 * 0.04
-            )
+            assert first.covariance[0] == pytest.approx(2 * 0.09) and first.covariance[
+                6
+            ] == pytest.approx(2 * 0.04)
             assert math.isnan(first.covariance[20]) and first.covariance[11] == 100
             assert tally["sent VISION_POSITION_ESTIMATE"] >= 3
             assert "autopilot 1 heard" in sink.status()
@@ -520,7 +568,11 @@ class TestOverUdp:
             peer.send(AUTOPILOT_HEARTBEAT)
             assert eventually(lambda: sink.land(0) and peer.of("COMMAND_LONG"))
             command = peer.of("COMMAND_LONG")[-1]
-            assert (command.target_system, command.get_srcSystem(), command.get_srcComponent()) == (7, 7, 191)
+            assert (command.target_system, command.get_srcSystem(), command.get_srcComponent()) == (
+                7,
+                7,
+                191,
+            )
         finally:
             sink.close()
 
@@ -533,7 +585,9 @@ class TestOverUdp:
                 peer.send(rng.integers(0, 256, rng.integers(1, 300), dtype=np.uint8).tobytes())
             packet = AUTOPILOT_HEARTBEAT.pack(peer.codec)
             peer.send(packet[:9], packet[:-1] + bytes([packet[-1] ^ 1]))
-            assert eventually(lambda: peer.send(AUTOPILOT_HEARTBEAT) or "autopilot 1 heard" in sink.status())
+            assert eventually(
+                lambda: peer.send(AUTOPILOT_HEARTBEAT) or "autopilot 1 heard" in sink.status()
+            )
         finally:
             sink.close()
 
@@ -550,7 +604,10 @@ class TestOverUdp:
             second = Peer(first.port)
             try:
                 assert eventually(
-                    lambda: sink.write(make_fix(time.monotonic())) or second.of("VISION_POSITION_ESTIMATE")
+                    lambda: (
+                        sink.write(make_fix(time.monotonic()))
+                        or second.of("VISION_POSITION_ESTIMATE")
+                    )
                 )
                 assert second.address == port_of_ours  # PX4 answers the first it has seen
             finally:

@@ -37,7 +37,10 @@ class Vehicle:
     """An autopilot that only beats, and the sink that flies with it, both sending to MAVSDK."""
 
     def __init__(self, port: int, profile: str):
-        self.port, self.sink = port, open_sink(f"udpout:127.0.0.1:{port}", sink_options(autopilot=profile))
+        self.port, self.sink = (
+            port,
+            open_sink(f"udpout:127.0.0.1:{port}", sink_options(autopilot=profile)),
+        )
         self.stop = threading.Event()
         self.thread = threading.Thread(target=self.run, daemon=True)
 
@@ -95,7 +98,9 @@ def test_px4():
     assert (fields["x"], fields["y"], fields["z"], fields["reset_counter"]) == (2.5, 1.5, -1.0, 3)
     assert (fields["roll"], fields["pitch"], fields["yaw"]) == pytest.approx(ATTITUDE, abs=1e-5)
     assert (
-        fields["covariance"][0] > 0.09 and fields["covariance"][6] > 0.04 and fields["covariance"][11] == 100
+        fields["covariance"][0] > 0.09
+        and fields["covariance"][6] > 0.04
+        and fields["covariance"][11] == 100
     )
     assert fields["covariance"][15] is None and fields["covariance"][2] is None  # JSON's NaN
     assert abs(fields["usec"] / 1e6 - time.monotonic()) < 120

@@ -71,7 +71,12 @@ def test_a_second_agent_on_the_bus_reads_it():
             "tow": 5000,
         } == decoded(heard[0])
         count = len(heard)
-        for bad in ({"lost": True}, {"stale": True}, {"observed": False}, {"position": (np.nan, 0)}):
+        for bad in (
+            {"lost": True},
+            {"stale": True},
+            {"observed": False},
+            {"position": (np.nan, 0)},
+        ):
             sink.write(make_fix(6.0, **{"position": (9, 9), **bad}))
         sink.write(make_fix(7.0, (3, 3)))
         assert eventually(lambda: len(heard) > count)

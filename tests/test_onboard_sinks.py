@@ -147,7 +147,9 @@ def test_a_full_disk_is_counted_and_the_rest_goes_on(tmp_path):
     assert write(f"json:{tmp_path}/fine")["output"] == 0
 
 
-def test_a_disk_that_fills_up_in_the_middle_of_a_line_leaves_whole_lines_once_there_is_room(tmp_path):
+def test_a_disk_that_fills_up_in_the_middle_of_a_line_leaves_whole_lines_once_there_is_room(
+    tmp_path,
+):
     code = f"""
 import resource, signal
 from trexton.onboard.sinks.lines import LineFile
@@ -164,7 +166,11 @@ resource.setrlimit(resource.RLIMIT_FSIZE, ({resource.RLIM_INFINITY}, {resource.R
 file.write("third line")
 """
     subprocess.run([sys.executable, "-c", code], check=True)
-    assert (tmp_path / "log").read_text().splitlines() == ["first line", "a second line ", "third line"]
+    assert (tmp_path / "log").read_text().splitlines() == [
+        "first line",
+        "a second line ",
+        "third line",
+    ]
 
 
 def test_a_reader_that_went_away_or_does_not_read_is_an_error_and_no_wait(monkeypatch):

@@ -86,7 +86,9 @@ class TestFlight:
 
 class TestImages:
     def test_natural_order_and_period(self, tmp_path, rng):
-        pictures = {number: rng.integers(0, 256, (6, 8, 3), dtype=np.uint8) for number in (10, 9, 2)}
+        pictures = {
+            number: rng.integers(0, 256, (6, 8, 3), dtype=np.uint8) for number in (10, 9, 2)
+        }
         for number, picture in pictures.items():
             cv2.imwrite(str(tmp_path / f"f{number}.png"), picture)
         (tmp_path / "f1.png").write_bytes(b"no image")
@@ -103,7 +105,9 @@ class TestImages:
 
 
 def write_video(path, frames) -> None:
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 12.5, frames[0].shape[1::-1])
+    writer = cv2.VideoWriter(
+        str(path), cv2.VideoWriter_fourcc(*"MJPG"), 12.5, frames[0].shape[1::-1]
+    )
     for frame in frames:
         writer.write(frame)
     writer.release()
@@ -139,7 +143,10 @@ class TestVideo:
         assert isinstance(source, StreamSource)
         source.open()
         shades, stamps = zip(
-            *((frame.picture[..., 0].mean(), frame.time) for frame in (source.read() for _ in range(3)))
+            *(
+                (frame.picture[..., 0].mean(), frame.time)
+                for frame in (source.read() for _ in range(3))
+            )
         )
         assert shades == pytest.approx((50, 100, 150), abs=2)
         assert stamps[0] < stamps[1] < stamps[2]
@@ -191,7 +198,10 @@ class TestV4l2:
         np.testing.assert_array_equal(frame.picture, yuv_from_uyvy(raw))
         assert frame.time == 5.0
         assert capture.settings[cv2.CAP_PROP_CONVERT_RGB] == 0
-        assert (capture.settings[cv2.CAP_PROP_FRAME_WIDTH], capture.settings[cv2.CAP_PROP_FRAME_HEIGHT]) == (
+        assert (
+            capture.settings[cv2.CAP_PROP_FRAME_WIDTH],
+            capture.settings[cv2.CAP_PROP_FRAME_HEIGHT],
+        ) == (
             6,
             4,
         )
@@ -205,7 +215,13 @@ class TestV4l2:
         )
 
     @pytest.mark.parametrize(
-        "raw", [None, np.zeros((4, 6, 3), np.uint8), np.zeros(47, np.uint8), np.zeros((4, 5, 2), np.uint8)]
+        "raw",
+        [
+            None,
+            np.zeros((4, 6, 3), np.uint8),
+            np.zeros(47, np.uint8),
+            np.zeros((4, 5, 2), np.uint8),
+        ],
     )
     def test_bytes_of_another_form_are_a_frame_without_picture(self, raw):
         source = self.source(FakeCapture([raw]))
@@ -226,7 +242,9 @@ class TestV4l2:
 def test_paced_holds_frames_back_until_their_time_and_stamps_them():
     clock = Clock(50.0)
     source = Paced(FlightSource(small_flight(4)), clock, clock.sleep)
-    np.testing.assert_allclose([frame.time for frame in everything(source)], 50 + 0.08 * np.arange(4))
+    np.testing.assert_allclose(
+        [frame.time for frame in everything(source)], 50 + 0.08 * np.arange(4)
+    )
 
 
 def test_simulator_flies_and_sees():

@@ -34,7 +34,11 @@ def test_patches_are_those_of_the_histogram(record):
     counts = np.bincount(record.series["labels"], minlength=6)
     np.testing.assert_array_equal(counts / 60, record.series["histogram"])
     positions = np.array(record.series["patches"])
-    assert positions.shape == (60, 2) and positions.min() >= 0 and (positions.max(axis=0) < (31, 43)).all()
+    assert (
+        positions.shape == (60, 2)
+        and positions.min() >= 0
+        and (positions.max(axis=0) < (31, 43)).all()
+    )
 
 
 def test_shows_what_the_localizer_did(record, pair):
@@ -47,7 +51,9 @@ def test_shows_what_the_localizer_did(record, pair):
     np.testing.assert_array_equal(record.series["estimate_m"], estimate.position)
     np.testing.assert_array_equal(record.series["particles_m"], estimate.particles)
     np.testing.assert_array_equal(record.series["weights"], estimate.weights)
-    np.testing.assert_array_equal(record.series["neighbors_m"], train.position[estimate.neighbors.index])
+    np.testing.assert_array_equal(
+        record.series["neighbors_m"], train.position[estimate.neighbors.index]
+    )
     assert record.values["neighbors"]["frame"] == list(100 + estimate.neighbors.index)
     np.testing.assert_array_equal(record.images["frame"], bgr_from_yuv(test.image(row)))
 
@@ -69,14 +75,18 @@ def test_chosen_frame(record, pair):
     chosen = overview.run(*pair, **OPTIONS, frame=131)
     assert chosen.values["frame"] == 131
     np.testing.assert_array_equal(chosen.series["truth_m"], pair[1].position[31])
-    assert len(chosen.series["truth_trail_m"]) == 17  # four seconds at four frames a second, both ends
+    assert (
+        len(chosen.series["truth_trail_m"]) == 17
+    )  # four seconds at four frames a second, both ends
     with pytest.raises(FlightError, match="no frame 99: choose one from 100 to 147"):
         overview.run(*pair, **OPTIONS, frame=99)
 
 
 def test_equal_seeds_equal_bytes(record, pair):
     again = overview.run(*pair, **OPTIONS)
-    assert canonical_json([again.values, again.series]) == canonical_json([record.values, record.series])
+    assert canonical_json([again.values, again.series]) == canonical_json(
+        [record.values, record.series]
+    )
 
 
 def test_needs_images():
@@ -93,13 +103,17 @@ def test_figure_shows_the_record(record, tmp_path):
         [bar.get_height() for bar in histogram.patches], 100 * np.array(record.series["histogram"])
     )
     strip = record.images["textons"][..., ::-1].astype(float) / 255
-    np.testing.assert_allclose(histogram.patches[2].get_facecolor()[:3], strip[:, 12:18].mean(axis=(0, 1)))
+    np.testing.assert_allclose(
+        histogram.patches[2].get_facecolor()[:3], strip[:, 12:18].mean(axis=(0, 1))
+    )
     assert len(similar.images) == 3
     offsets = particles.collections[0].get_offsets()
     np.testing.assert_allclose(offsets, record.series["particles_m"])
     shown = {line.get_label(): line for axis in (neighbors, position) for line in axis.lines}
     np.testing.assert_allclose(np.ravel(shown["estimate"].get_data()), record.series["estimate_m"])
-    np.testing.assert_allclose(np.ravel(shown["neighbours"].get_data()), record.series["neighbors_m"][0])
+    np.testing.assert_allclose(
+        np.ravel(shown["neighbours"].get_data()), record.series["neighbors_m"][0]
+    )
     assert to_rgba(shown["truth"].get_color()) != to_rgba(shown["estimate"].get_color())
     assert len(neighbors.images) == 1
 

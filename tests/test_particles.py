@@ -81,7 +81,9 @@ def test_agrees_with_a_grid_filter_for_the_mixture():
     from scipy.signal import fftconvolve
 
     for z in measurements:
-        density = fftconvolve(density, kernel, mode="same") * sum(gaussian(z[j] - grid, covariances[j]) for j in range(2))
+        density = fftconvolve(density, kernel, mode="same") * sum(
+            gaussian(z[j] - grid, covariances[j]) for j in range(2)
+        )
         density = np.maximum(density, 0) / density.sum()
     exact_mean = (density[..., None] * grid).sum(axis=(0, 1))
     exact_share = density[grid[..., 0] > 2.5].sum()
@@ -90,7 +92,9 @@ def test_agrees_with_a_grid_filter_for_the_mixture():
         particle_filter = make_filter(covariances, seed, 3000)
         for z in measurements:
             belief = particle_filter.step(z)
-        found.append([*particle_filter.moments()[0], belief.weights[belief.particles[:, 0] > 2.5].sum()])
+        found.append(
+            [*particle_filter.moments()[0], belief.weights[belief.particles[:, 0] > 2.5].sum()]
+        )
     found = np.array(found)
     error = np.abs(found.mean(axis=0) - [*exact_mean, exact_share])
     assert (error < 4 * found.std(axis=0, ddof=1) / np.sqrt(len(found)) + 0.003).all()
@@ -102,15 +106,21 @@ def test_the_mixture_equals_the_plain_sum():
     roots = rng.normal(size=(5, 2, 2))
     covariances = roots @ roots.transpose(0, 2, 1) + 0.1 * np.eye(2)
     particles, z = rng.uniform(0, 5, (40, 2)), rng.uniform(0, 5, (5, 2))
-    plain = [sum(gaussian(z[j] - particle, covariances[j]) for j in range(5)) for particle in particles]
-    np.testing.assert_allclose(RankMixture(covariances).log_likelihood(particles, z), np.log(plain), rtol=1e-10)
+    plain = [
+        sum(gaussian(z[j] - particle, covariances[j]) for j in range(5)) for particle in particles
+    ]
+    np.testing.assert_allclose(
+        RankMixture(covariances).log_likelihood(particles, z), np.log(plain), rtol=1e-10
+    )
 
 
 def test_the_predictive_equals_the_plain_double_sum():
     rng = np.random.default_rng(1)
     particles, previous = rng.normal(2, 0.3, (30, 2)), rng.normal(2, 0.3, (30, 2))
     weights = rng.dirichlet(np.ones(30))
-    plain = [sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, weights)) for x in particles]
+    plain = [
+        sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, weights)) for x in particles
+    ]
     found = GaussianMotion(PROCESS).log_predictive(particles, previous, weights)
     constant = np.log(2 * np.pi * np.sqrt(np.linalg.det(PROCESS)))
     np.testing.assert_allclose(found - constant, np.log(plain), rtol=1e-9)
@@ -121,12 +131,19 @@ def test_the_map_estimate_is_the_best_of_the_plain_scores():
     particles, previous = rng.uniform(0, 2, (25, 2)), rng.uniform(0, 2, (25, 2))
     before, now = rng.dirichlet(np.ones(25)), rng.dirichlet(np.ones(25))
     likelihood = rng.random(25)
-    score = [likelihood[i] * sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, before)) for i, x in enumerate(particles)]
+    score = [
+        likelihood[i] * sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, before))
+        for i, x in enumerate(particles)
+    ]
     belief = Belief(particles, now, np.log(likelihood))
     estimate = estimate_map(belief, Belief(previous, before, np.zeros(25)), GaussianMotion(PROCESS))
     np.testing.assert_array_equal(estimate, particles[np.argmax(score)])
-    np.testing.assert_array_equal(estimate_highest_weight(belief, None, None), particles[np.argmax(now)])
-    np.testing.assert_allclose(estimate_mean(belief, None, None), (now[:, None] * particles).sum(axis=0))
+    np.testing.assert_array_equal(
+        estimate_highest_weight(belief, None, None), particles[np.argmax(now)]
+    )
+    np.testing.assert_allclose(
+        estimate_mean(belief, None, None), (now[:, None] * particles).sum(axis=0)
+    )
 
 
 def walked_wheel(weights, rng):
@@ -181,7 +198,9 @@ def test_permuting_particles_changes_nothing():
         weights = np.exp(log_likelihood) / np.exp(log_likelihood).sum()
         belief = Belief(p, weights, log_likelihood)
         before = Belief(previous, np.full(60, 1 / 60), np.zeros(60))
-        results.append([estimate_map(belief, before, motion), estimate_mean(belief, before, motion)])
+        results.append(
+            [estimate_map(belief, before, motion), estimate_mean(belief, before, motion)]
+        )
     np.testing.assert_allclose(results[0], results[1], rtol=1e-12)
 
 
@@ -211,7 +230,10 @@ def test_vanished_weights_start_again_and_say_lost():
 def test_equal_seeds_give_equal_bits():
     def track():
         particle_filter = make_filter(MEASUREMENT[None], 11, 50, "wheel")
-        return [tuple(particle_filter.step(np.array([[2.0, i / 10]])).particles.ravel()) for i in range(10)]
+        return [
+            tuple(particle_filter.step(np.array([[2.0, i / 10]])).particles.ravel())
+            for i in range(10)
+        ]
 
     assert track() == track()
 

@@ -10,8 +10,19 @@ from trexton.records import Record, plain
 
 
 def make_record(**changes):
-    values = {"a": np.float64(1.5), "b": np.array([1.0, np.nan]), "c": np.int64(3), "d": {"e": True, "f": None}}
-    content = dict(experiment="e", flight="f", parameters={"seed": 1}, values=values, images={"p": np.zeros((2, 3, 3), np.uint8)})
+    values = {
+        "a": np.float64(1.5),
+        "b": np.array([1.0, np.nan]),
+        "c": np.int64(3),
+        "d": {"e": True, "f": None},
+    }
+    content = dict(
+        experiment="e",
+        flight="f",
+        parameters={"seed": 1},
+        values=values,
+        images={"p": np.zeros((2, 3, 3), np.uint8)},
+    )
     return Record(**content | changes)
 
 
@@ -24,7 +35,10 @@ def test_a_record_reads_back(tmp_path):
 
 
 def test_equal_records_give_equal_bytes(tmp_path):
-    paths = [make_record(values=values).save(tmp_path / name) for name, values in (("1", {"x": 1, "y": 2}), ("2", {"y": 2, "x": 1}))]
+    paths = [
+        make_record(values=values).save(tmp_path / name)
+        for name, values in (("1", {"x": 1, "y": 2}), ("2", {"y": 2, "x": 1}))
+    ]
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
@@ -48,7 +62,9 @@ def test_the_cache_computes_once_and_again_when_an_input_changes(tmp_path, monke
         return {"x": np.arange(3)}
 
     for inputs, expected in (({"n": 1}, 1), ({"n": 1}, 1), ({"n": 2}, 2)):
-        np.testing.assert_array_equal(cached("kind", "trexton.files", inputs, compute)["x"], [0, 1, 2])
+        np.testing.assert_array_equal(
+            cached("kind", "trexton.files", inputs, compute)["x"], [0, 1, 2]
+        )
         assert len(calls) == expected
     cached("kind", "trexton.metrics", {"n": 1}, compute)  # other code
     assert len(calls) == 3
@@ -60,7 +76,12 @@ def test_the_cache_computes_once_and_again_when_an_input_changes(tmp_path, monke
 
 def test_code_hashes_follow_imports():
     found = code_hashes("trexton.localizer")
-    assert {"trexton.localizer", "trexton.particles", "trexton.histograms", "trexton.errors"} <= found.keys()
+    assert {
+        "trexton.localizer",
+        "trexton.particles",
+        "trexton.histograms",
+        "trexton.errors",
+    } <= found.keys()
     assert "trexton.cli" not in found and all(len(value) == 64 for value in found.values())
 
 
@@ -79,7 +100,9 @@ def test_atomic_writes_leave_all_or_nothing(tmp_path):
     with pytest.raises(RuntimeError), atomic_folder(folder) as temporary:
         (temporary / "three").write_text("three")
         raise RuntimeError
-    assert [path.name for path in folder.iterdir()] == ["two"] and len(list(tmp_path.iterdir())) == 2
+    assert [path.name for path in folder.iterdir()] == ["two"] and len(
+        list(tmp_path.iterdir())
+    ) == 2
 
 
 def test_digests_tell_type_and_shape_apart():

@@ -27,7 +27,12 @@ def kidnapped(recovery, seed):
     """Frames until the estimate is within half a metre again after a jump of four metres, and frames called lost."""
     rng = np.random.default_rng(seed)
     particle_filter = ParticleFilter(
-        GaussianMotion(np.eye(2) * 1e-3), RankMixture(np.eye(2)[None] * 0.04), (0, 25, 0, 25), 100, recovery=make_recovery(recovery), rng=rng
+        GaussianMotion(np.eye(2) * 1e-3),
+        RankMixture(np.eye(2)[None] * 0.04),
+        (0, 25, 0, 25),
+        100,
+        recovery=make_recovery(recovery),
+        rng=rng,
     )
     for _ in range(100):
         belief = particle_filter.step(rng.normal([0.7, 0.7], 0.2)[None])

@@ -30,10 +30,17 @@ def house(tmp_path, flight_folder):
 
     class House:
         notebooks, out, flight = tmp_path / "notebooks", tmp_path / "out", flight_folder
-        experiments = {"first": Experiment("First"), "second": Experiment("Second", after=("first",))}
+        experiments = {
+            "first": Experiment("First"),
+            "second": Experiment("Second", after=("first",)),
+        }
 
         def run(self, **options):
-            options = {"jobs": 1, "notebooks": self.notebooks, "experiments": self.experiments} | options
+            options = {
+                "jobs": 1,
+                "notebooks": self.notebooks,
+                "experiments": self.experiments,
+            } | options
             outcomes = run_experiments([FlightPair(str(self.flight))], self.out, **options)
             return {outcome.experiment: outcome for outcome in outcomes}
 
@@ -121,10 +128,14 @@ def test_the_executed_notebook_holds_its_parameters_and_nothing_of_the_clock(hou
         "parameters": {"factor": 5, "label": "a", "rate": 0.5, **given}
     }
     (injected,) = [
-        cell for cell in executed["cells"] if "injected-parameters" in cell["metadata"].get("tags", [])
+        cell
+        for cell in executed["cells"]
+        if "injected-parameters" in cell["metadata"].get("tags", [])
     ]
     assert "factor = 5" in injected["source"] and "remove-cell" in injected["metadata"]["tags"]
-    assert "papermill" not in json.dumps(executed["metadata"]) and "iopub" not in json.dumps(executed)
+    assert "papermill" not in json.dumps(executed["metadata"]) and "iopub" not in json.dumps(
+        executed
+    )
 
 
 @pytest.mark.parametrize(
@@ -160,7 +171,12 @@ def test_a_failing_notebook_names_its_cell_and_the_others_go_on(house):
     write_notebook(house.notebooks, "heir")
     write_notebook(house.notebooks, "dead", "import os\nos._exit(3)")
     outcomes = house.run(jobs=2)
-    assert statuses(outcomes) == {"broken": "failed", "heir": "skipped", "dead": "failed", "first": "ran"}
+    assert statuses(outcomes) == {
+        "broken": "failed",
+        "heir": "skipped",
+        "dead": "failed",
+        "first": "ran",
+    }
     (reason,) = outcomes["broken"].reasons
     assert "broken.md, cell 4" in reason and "ZeroDivisionError: division by zero" in reason
     partial = house.out / "small" / "broken.failed.ipynb"
@@ -223,7 +239,9 @@ def test_the_ledger_runs_once_over_the_records_of_every_flight(without_kernels, 
         "small/second.json",
     ]
     assert house.run()["ledger"].status == "reused"
-    assert house.run(settings={"second.factor": 9})["ledger"].reasons == ("record small/second changed",)
+    assert house.run(settings={"second.factor": 9})["ledger"].reasons == (
+        "record small/second changed",
+    )
 
 
 def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
@@ -249,23 +267,37 @@ def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
     assert f'"{max(1, (os.cpu_count() or 1) // 2)}' in (house.out / "small" / "a.ipynb").read_text()
 
 
-def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(without_kernels, house, tmp_path):
+def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
+    without_kernels, house, tmp_path
+):
     """Killed outright while a notebook runs; the next run starts over and finds nothing half-made."""
     marker = tmp_path / "kernel.pid"
-    body = BODY + f"import os, time\nPath({str(marker)!r}).write_text(str(os.getpid()))\ntime.sleep(60)\n"
+    body = (
+        BODY
+        + f"import os, time\nPath({str(marker)!r}).write_text(str(os.getpid()))\ntime.sleep(60)\n"
+    )
     write_notebook(house.notebooks, "first", body)
     script = (
         "import sys; from trexton.experiments import Experiment; from trexton.runner import *\n"
         "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3],\n"
         "                experiments={'first': Experiment('F')})"
     )
-    command = [sys.executable, "-c", script, str(house.flight), str(house.out), str(house.notebooks)]
+    command = [
+        sys.executable,
+        "-c",
+        script,
+        str(house.flight),
+        str(house.out),
+        str(house.notebooks),
+    ]
     runner = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     kernel = wait_for(lambda: marker.exists() and marker.read_text())
     runner.send_signal(signal.SIGKILL)
     runner.wait()
     wait_for(lambda: not alive(int(kernel)))
-    wait_for(lambda: not list((house.out / "small").glob(".first.*")))  # the worker has kept what there was
+    wait_for(
+        lambda: not list((house.out / "small").glob(".first.*"))
+    )  # the worker has kept what there was
     assert not list((house.out / ".stamps").rglob("*.json"))
 
     write_notebook(house.notebooks, "first")

@@ -38,10 +38,20 @@ def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
 
 
 def test_changes_are_told_in_words():
-    same = {"notebook": "a", "data": {"train": "1"}, "versions": {"numpy": "2.0"}, "paper": {}, "records": {}}
+    same = {
+        "notebook": "a",
+        "data": {"train": "1"},
+        "versions": {"numpy": "2.0"},
+        "paper": {},
+        "records": {},
+    }
     old = same | {"parameters": {"n": 1, "gone": 2}, "code": {"trexton.x": "1", "trexton.y": "1"}}
     new = same | {"parameters": {"n": 2}, "code": {"trexton.x": "2", "trexton.z": "1"}}
-    new |= {"data": {"train": "1", "test": "2"}, "versions": {"numpy": "2.1"}, "paper": {"claims.toml": "1"}}
+    new |= {
+        "data": {"train": "1", "test": "2"},
+        "versions": {"numpy": "2.1"},
+        "paper": {"claims.toml": "1"},
+    }
     assert differences(old, new) == [
         "parameter gone 2 -> absent",
         "parameter n 1 -> 2",

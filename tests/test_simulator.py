@@ -29,7 +29,13 @@ def dotted_floor() -> Floor:
     picture = MapImage.from_extent(np.zeros((1536, 1536, 3), np.uint8), 0.0, 3.0, 512)
     for x, y in picture.to_pixels(DOTS):
         cv2.circle(
-            picture.image, (round(x * 16), round(y * 16)), 16 * 16, (255, 255, 255), -1, cv2.LINE_AA, 4
+            picture.image,
+            (round(x * 16), round(y * 16)),
+            16 * 16,
+            (255, 255, 255),
+            -1,
+            cv2.LINE_AA,
+            4,
         )
     return Floor(picture)
 
@@ -37,7 +43,9 @@ def dotted_floor() -> Floor:
 def patterned_floor(rng: np.random.Generator, cells: int = 20) -> Floor:
     coarse = rng.integers(0, 256, (cells, cells, 3), dtype=np.uint8)
     return Floor(
-        MapImage.from_extent(cv2.resize(coarse, (512, 512), interpolation=cv2.INTER_CUBIC), 0.0, 2.0, 256)
+        MapImage.from_extent(
+            cv2.resize(coarse, (512, 512), interpolation=cv2.INTER_CUBIC), 0.0, 2.0, 256
+        )
     )
 
 
@@ -61,16 +69,21 @@ def centroids(luma: np.ndarray, expected: np.ndarray, reach: int = 9) -> np.ndar
             weight = luma[window].astype(float) - 10
             weight[weight < 0] = 0
             found[index] = (
-                np.array([(weight * columns[window]).sum(), (weight * rows[window]).sum()]) / weight.sum()
+                np.array([(weight * columns[window]).sum(), (weight * rows[window]).sum()])
+                / weight.sum()
             )
     return found
 
 
 def test_floor_points_land_where_the_camera_model_says():
-    simulator = flying(dotted_floor(), replace(Effects.none(), roll_pitch=1.0, yaw=0.2, height_ripple=0.1))
+    simulator = flying(
+        dotted_floor(), replace(Effects.none(), roll_pitch=1.0, yaw=0.2, height_ripple=0.1)
+    )
     state = simulator.state
     assert np.abs(state.attitude).min() > 0.005  # all three angles take part
-    expected = transform_points(np.linalg.inv(SMALL.world_from_pixel(state.position, state.attitude)), DOTS)
+    expected = transform_points(
+        np.linalg.inv(SMALL.world_from_pixel(state.position, state.attitude)), DOTS
+    )
     found = centroids(simulator.render()[..., 0], expected)
     seen = np.isfinite(found).all(axis=1)
     assert seen.sum() >= 5
@@ -79,7 +92,9 @@ def test_floor_points_land_where_the_camera_model_says():
 
 def test_rolling_shutter_reads_each_row_at_its_own_time():
     readout = 0.08
-    simulator = flying(dotted_floor(), replace(Effects.none(), roll_pitch=1.0, rolling_shutter=readout))
+    simulator = flying(
+        dotted_floor(), replace(Effects.none(), roll_pitch=1.0, rolling_shutter=readout)
+    )
     state = simulator.state
 
     def pixel(point: np.ndarray, delay: float) -> np.ndarray:
@@ -87,9 +102,9 @@ def test_rolling_shutter_reads_each_row_at_its_own_time():
         return transform_points(np.linalg.inv(SMALL.world_from_pixel(*pose)), point[None])[0]
 
     expected = []
-    for (
-        point
-    ) in DOTS:  # the row at which a point is seen, and the time at which that row is read, by fixed point
+    for point in (
+        DOTS
+    ):  # the row at which a point is seen, and the time at which that row is read, by fixed point
         delay = 0.0
         for _ in range(30):
             delay = readout * (pixel(point, delay)[1] / (SMALL.height - 1) - 0.5)
@@ -140,7 +155,9 @@ def test_noise_has_the_strength_asked_for_and_changes_from_frame_to_frame():
 
 def test_exposure_changes_brightness_slowly():
     def brightness(effects: Effects) -> np.ndarray:
-        simulator = Simulator(plain_floor(), camera=SMALL, effects=effects, rng=np.random.default_rng(3))
+        simulator = Simulator(
+            plain_floor(), camera=SMALL, effects=effects, rng=np.random.default_rng(3)
+        )
         return np.array(
             [simulator.render()[..., 0].mean() for _ in range(150) if simulator.step() is not None]
         )
@@ -212,7 +229,9 @@ def test_the_light_an_hour_later_is_another_light():
 
 def test_looking_does_not_change_the_flight(rng):
     floor = patterned_floor(rng)
-    watched, unwatched = (Simulator(floor, camera=SMALL, rng=np.random.default_rng(9)) for _ in range(2))
+    watched, unwatched = (
+        Simulator(floor, camera=SMALL, rng=np.random.default_rng(9)) for _ in range(2)
+    )
     for _ in range(5):
         watched.step((1.5, 1.0))
         first, again = watched.render(), watched.render()
@@ -227,7 +246,9 @@ def test_frames_do_not_depend_on_the_number_of_threads(rng):
     try:
         for count in (1, 2):
             cv2.setNumThreads(count)
-            simulator = Simulator(patterned_floor(np.random.default_rng(1)), rng=np.random.default_rng(4))
+            simulator = Simulator(
+                patterned_floor(np.random.default_rng(1)), rng=np.random.default_rng(4)
+            )
             for _ in range(8):
                 simulator.step((1.5, 1.5))
             frames.append(simulator.capture()[0])
@@ -243,7 +264,9 @@ def test_higher_up_a_coarser_level_is_used_and_the_place_is_the_same():
     for image, matrix in ((fine, fine_from_world), (coarse, coarse_from_world)):
         expected = transform_points(matrix, DOTS[70:71])
         assert (
-            np.abs(centroids(image[..., 0], expected, 24 * image.shape[0] // fine.shape[0]) - expected).max()
+            np.abs(
+                centroids(image[..., 0], expected, 24 * image.shape[0] // fine.shape[0]) - expected
+            ).max()
             < 0.1
         )
 
@@ -281,7 +304,9 @@ def test_a_picture_file_becomes_a_floor_with_ground_where_it_is_transparent(tmp_
 def test_the_real_floor_serves_as_a_floor(shared_data):
     path = shared_data / "maps" / "cyberzoo_small.png"
     if not path.exists():
-        pytest.skip("the authors' floor picture is not here: put maps/cyberzoo_small.png into TREXTON_DATA")
+        pytest.skip(
+            "the authors' floor picture is not here: put maps/cyberzoo_small.png into TREXTON_DATA"
+        )
     floor = Floor.from_file(path, 5.0)
     assert floor.area[1] == 5.0 and abs(floor.area[3] - 4.58) < 0.01
     frame = Simulator(floor, rng=np.random.default_rng(0)).render()

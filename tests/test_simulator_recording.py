@@ -21,7 +21,9 @@ SMALL = Camera(160, 120, 130.0)
 def floor() -> Floor:
     coarse = np.random.default_rng(1).integers(0, 256, (24, 24, 3), dtype=np.uint8)
     return Floor(
-        MapImage.from_extent(cv2.resize(coarse, (768, 768), interpolation=cv2.INTER_CUBIC), 0.0, 3.0, 256)
+        MapImage.from_extent(
+            cv2.resize(coarse, (768, 768), interpolation=cv2.INTER_CUBIC), 0.0, 3.0, 256
+        )
     )
 
 
@@ -49,7 +51,9 @@ def test_the_folder_is_a_sound_flight(tmp_path, floor):
     assert not reading.faults and not reading.warnings
     assert len(flight.part("train")) == 10 and flight.area == (0.0, 3.0, 0.0, 3.0)
     assert np.allclose(np.diff(flight.time), 0.08)
-    assert flight.image(0).shape == (120, 160, 3) and flight.camera == replace(SMALL, center=(79.5, 59.5))
+    assert flight.image(0).shape == (120, 160, 3) and flight.camera == replace(
+        SMALL, center=(79.5, 59.5)
+    )
     assert flight.attitude.shape == (10, 3) and flight.height.shape == (10,)
     assert np.array_equal(flight.floor.image, floor.picture.image)
     assert np.allclose(flight.floor.world_from_pixel, floor.picture.world_from_pixel)
@@ -57,8 +61,12 @@ def test_the_folder_is_a_sound_flight(tmp_path, floor):
 
 def test_the_pair_shares_a_floor_but_not_the_flight(tmp_path, floor):
     train = record_flight(tmp_path / "train", frames=5, floor=floor, camera=SMALL)
-    test = record_flight(tmp_path / "test", pattern="waypoints", frames=5, floor=floor, camera=SMALL)
-    assert (tmp_path / "train" / "floor.png").read_bytes() == (tmp_path / "test" / "floor.png").read_bytes()
+    test = record_flight(
+        tmp_path / "test", pattern="waypoints", frames=5, floor=floor, camera=SMALL
+    )
+    assert (tmp_path / "train" / "floor.png").read_bytes() == (
+        tmp_path / "test" / "floor.png"
+    ).read_bytes()
     assert not np.array_equal(train.position, test.position)
     assert "test" in test.split
 
@@ -84,7 +92,10 @@ def test_the_images_show_the_place_that_the_truth_names(tmp_path, floor):
         )
         luma = cv2.cvtColor(expected, cv2.COLOR_BGR2YCrCb)[..., 0].astype(float)
         inside = cv2.warpPerspective(
-            np.ones((768, 768), np.uint8), matrix, (160, 120), flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+            np.ones((768, 768), np.uint8),
+            matrix,
+            (160, 120),
+            flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP,
         )
         seen = cv2.erode(inside, np.ones((5, 5), np.uint8)) > 0
         assert seen.mean() > 0.2
@@ -111,7 +122,9 @@ def test_few_frames_can_cover_the_area(tmp_path, floor):
 )
 def test_nonsense_is_refused_and_nothing_is_written(tmp_path, floor, options):
     with pytest.raises(ParameterError):
-        record_flight(tmp_path / "flight", **({"frames": 2, "floor": floor, "camera": SMALL} | options))
+        record_flight(
+            tmp_path / "flight", **({"frames": 2, "floor": floor, "camera": SMALL} | options)
+        )
     assert list(tmp_path.iterdir()) == []
 
 
@@ -127,7 +140,8 @@ def test_a_flight_that_breaks_off_leaves_the_old_one(tmp_path, floor, monkeypatc
 
 def test_the_command_records_a_flight_over_a_picture(tmp_path, capsys):
     cv2.imwrite(
-        str(tmp_path / "floor.png"), np.random.default_rng(0).integers(0, 256, (60, 60, 3), dtype=np.uint8)
+        str(tmp_path / "floor.png"),
+        np.random.default_rng(0).integers(0, 256, (60, 60, 3), dtype=np.uint8),
     )
     command = [
         "simulate",
@@ -139,7 +153,20 @@ def test_the_command_records_a_flight_over_a_picture(tmp_path, capsys):
         "2",
     ]
     assert (
-        main([*command, "--frames", "2", "--off", "jpeg", "--off", "noise", "--set", "yaw=0.1", "--quiet"])
+        main(
+            [
+                *command,
+                "--frames",
+                "2",
+                "--off",
+                "jpeg",
+                "--off",
+                "noise",
+                "--set",
+                "yaw=0.1",
+                "--quiet",
+            ]
+        )
         == 0
     )
     names = sorted(path.name for path in (tmp_path / "flight" / "images").iterdir())

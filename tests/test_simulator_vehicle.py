@@ -80,7 +80,9 @@ def test_it_takes_off_again_and_can_be_carried_away():
     assert np.hypot(*(vehicle.advance(PERIOD, (4.0, 3.0)).position[:2] - (4.0, 3.0))) < 0.1
 
 
-@pytest.mark.parametrize("options", [{"height": 0.0}, {"height": np.nan}, {"speed": 0.0}, {"speed": 99.0}])
+@pytest.mark.parametrize(
+    "options", [{"height": 0.0}, {"height": np.nan}, {"speed": 0.0}, {"speed": 99.0}]
+)
 def test_nonsense_is_refused(options):
     with pytest.raises(ParameterError):
         Vehicle((0.0, 0.0), rng=np.random.default_rng(0), **options)
@@ -95,7 +97,11 @@ def test_a_survey_of_the_usual_length_covers_the_area():
     # The first hundred frames, from which the dictionary is learnt, cross the area from corner to corner.
     assert np.hypot(*np.ptp(flown[:100], axis=0)) > 5.5
     # Both axes are flown alike, so that the motion model sees both.
-    assert 0.6 < np.ptp(np.diff(flown, axis=0), axis=0)[0] / np.ptp(np.diff(flown, axis=0), axis=0)[1] < 1.7
+    assert (
+        0.6
+        < np.ptp(np.diff(flown, axis=0), axis=0)[0] / np.ptp(np.diff(flown, axis=0), axis=0)[1]
+        < 1.7
+    )
 
 
 def test_a_survey_never_ends_and_random_waypoints_keep_apart():

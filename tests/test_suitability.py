@@ -39,12 +39,16 @@ def test_loss_equals_double_loop(rng, sigma):
 
 def test_more_rows_than_a_block(rng):
     histograms, positions = rng.dirichlet(np.ones(3), 700), rng.uniform(0, 5, (700, 2))
-    direct = (cosine_similarity(histograms) - ideal_similarity(positions, positions, 0.8)).mean(axis=1)
+    direct = (cosine_similarity(histograms) - ideal_similarity(positions, positions, 0.8)).mean(
+        axis=1
+    )
     np.testing.assert_allclose(local_losses(histograms, positions, 0.8), direct, atol=1e-12)
 
 
 def test_alike_in_one_place_costs_nothing():
-    assert global_loss(np.tile([0.5, 0.3, 0.2], (7, 1)), np.ones((7, 2)), 0.8) == pytest.approx(0, abs=1e-12)
+    assert global_loss(np.tile([0.5, 0.3, 0.2], (7, 1)), np.ones((7, 2)), 0.8) == pytest.approx(
+        0, abs=1e-12
+    )
 
 
 def test_alike_far_apart():
@@ -63,7 +67,9 @@ def test_unlike_in_one_place_lowers_the_loss():
 def test_scale_of_histograms_does_not_matter(rng):
     histograms, positions = rng.dirichlet(np.ones(5), 9), rng.uniform(0, 1, (9, 2))
     counts = histograms * rng.uniform(1, 400, (9, 1))
-    assert global_loss(counts, positions, 0.5) == pytest.approx(global_loss(histograms, positions, 0.5))
+    assert global_loss(counts, positions, 0.5) == pytest.approx(
+        global_loss(histograms, positions, 0.5)
+    )
 
 
 def test_similarity_bounds(rng):
@@ -116,7 +122,11 @@ def test_bad_sigma(sigma):
 
 @pytest.mark.parametrize(
     ("histograms", "positions"),
-    [(np.eye(3), np.zeros((2, 2))), (np.ones(3), np.zeros((3, 2))), (np.eye(2), [[0, np.nan], [0, 0]])],
+    [
+        (np.eye(3), np.zeros((2, 2))),
+        (np.ones(3), np.zeros((3, 2))),
+        (np.eye(2), [[0, np.nan], [0, 0]]),
+    ],
 )
 def test_shapes_disagree(histograms, positions):
     with pytest.raises(MapError, match="shape"):

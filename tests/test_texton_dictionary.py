@@ -20,7 +20,9 @@ OPTIONS = {"textons": 6, "images": 10, "patches_per_image": 200, "cells": 4}
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory):
     folder = tmp_path_factory.mktemp("room")
-    return picture_flight(folder / "a", "survey"), picture_flight(folder / "b", "again", frames=20, turns=2.0)
+    return picture_flight(folder / "a", "survey"), picture_flight(
+        folder / "b", "again", frames=20, turns=2.0
+    )
 
 
 @pytest.fixture(scope="module")
@@ -55,7 +57,9 @@ def test_the_labelled_frame_shows_mean_colours(flights, record):
     assert strip.shape == (6, 36, 3)
     from trexton.textons import TextonDictionary
 
-    dictionary = TextonDictionary.learn(flights[0], 6, rng=np.random.default_rng([1, 0]), images=10, patches_per_image=200)
+    dictionary = TextonDictionary.learn(
+        flights[0], 6, rng=np.random.default_rng([1, 0]), images=10, patches_per_image=200
+    )
     assert np.array_equal(strip, bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1)))
     image = flights[1].image(0)
     painted = texton_dictionary._painted(image, dictionary)
@@ -73,12 +77,16 @@ def test_equal_seeds_give_equal_records(record, flights, tmp_path, monkeypatch):
 def test_figures_show_the_record(record, tmp_path):
     loaded = Record.load(record.save(tmp_path))
     labels = [axis.get_xlabel() for axis in figures.textons(loaded).axes]
-    assert labels == [f"{i}:  {100 * share:.1f} %" for i, share in enumerate(record.values["frequency"])]
+    assert labels == [
+        f"{i}:  {100 * share:.1f} %" for i, share in enumerate(record.values["frequency"])
+    ]
     plot = figures.convergence(loaded).axes[0]
     for line, errors in zip(plot.lines[::2], record.series["convergence"].values()):
         np.testing.assert_allclose(line.get_ydata(), errors)
         assert line.get_xdata()[-1] == 2.0  # thousands
     maps = [axis for axis in figures.places(loaded).axes if axis.get_title(loc="right")]
     for axis, expected in zip(maps, record.series["place_frequency"], strict=True):
-        np.testing.assert_array_equal(axis.images[0].get_array().filled(np.nan), np.array(expected, dtype=float))
+        np.testing.assert_array_equal(
+            axis.images[0].get_array().filled(np.nan), np.array(expected, dtype=float)
+        )
     assert len(figures.labelled(loaded).axes) == 2

@@ -13,15 +13,22 @@ from trexton.textons import METHODS, TextonDictionary, learn_textons
 
 def clusters(rng, n=3000, patch=2, noise=3.0):
     """Patches around four well separated centres, and the centre of each."""
-    centres = rng.permutation(np.array([30, 90, 150, 210]))[:, None, None, None] + np.zeros((4, patch, patch, 3))
+    centres = rng.permutation(np.array([30, 90, 150, 210]))[:, None, None, None] + np.zeros(
+        (4, patch, patch, 3)
+    )
     which = rng.integers(4, size=n)
-    return np.clip(np.rint(centres[which] + rng.normal(0, noise, (n, patch, patch, 3))), 0, 255).astype(np.uint8), which
+    return np.clip(
+        np.rint(centres[which] + rng.normal(0, noise, (n, patch, patch, 3))), 0, 255
+    ).astype(np.uint8), which
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_backends_give_the_same_bits(rng, method):
     patches = rng.integers(0, 256, (700, 3, 3, 3), dtype=np.uint8)
-    learned = [learn_textons(patches, 7, rng=np.random.default_rng(4), method=method, backend=b) for b in ("numba", "numpy")]
+    learned = [
+        learn_textons(patches, 7, rng=np.random.default_rng(4), method=method, backend=b)
+        for b in ("numba", "numpy")
+    ]
     assert learned[0].dictionary.textons.tobytes() == learned[1].dictionary.textons.tobytes()
     assert learned[0].errors.tobytes() == learned[1].errors.tobytes()
 
@@ -30,7 +37,10 @@ def test_kohonen_finds_separated_clusters(rng):
     patches, which = clusters(rng)
     learned = learn_textons(patches, 4, rng=rng)
     labels = learned.dictionary.label(patches)
-    assert all(len(set(labels[which == cluster])) == 1 for cluster in range(4)) and len(set(labels)) == 4
+    assert (
+        all(len(set(labels[which == cluster])) == 1 for cluster in range(4))
+        and len(set(labels)) == 4
+    )
     assert learned.errors[-500:].mean() < 4 < 10 < learned.errors[:100].mean()
     steps = np.diff(learned.dictionary.textons.mean(axis=(1, 2, 3)))
     assert (steps > 0).all() or (steps < 0).all()  # neighbours on the chain are neighbours in grey
@@ -38,8 +48,12 @@ def test_kohonen_finds_separated_clusters(rng):
 
 def test_one_step_follows_the_published_rule():
     """Winner-take-all with two textons: the nearer moves by alpha / 255 of the difference, the other stays."""
-    patches = np.array([10, 200, 60, 230], dtype=np.uint8)[:, None, None, None] + np.zeros((4, 1, 1, 3), np.uint8)
-    learned = learn_textons(patches, 2, rng=np.random.default_rng(0), method="winner-take-all", alpha=51.0, first=2)
+    patches = np.array([10, 200, 60, 230], dtype=np.uint8)[:, None, None, None] + np.zeros(
+        (4, 1, 1, 3), np.uint8
+    )
+    learned = learn_textons(
+        patches, 2, rng=np.random.default_rng(0), method="winner-take-all", alpha=51.0, first=2
+    )
     low, high = 10.0, 200.0  # start; 51 / 255 = 0.2
     low, high = low + 0.2 * (60 - low), high + 0.2 * (230 - high)
     assert sorted(learned.dictionary.textons[:, 0, 0, 0].tolist()) == [round(low), round(high)]
@@ -48,7 +62,10 @@ def test_one_step_follows_the_published_rule():
 
 def test_equal_seeds_equal_dictionaries_and_others_differ(rng):
     patches = rng.integers(0, 256, (500, 2, 2, 3), dtype=np.uint8)
-    first, again, other = (TextonDictionary.learn(patches, 5, rng=np.random.default_rng(seed)).textons for seed in (1, 1, 2))
+    first, again, other = (
+        TextonDictionary.learn(patches, 5, rng=np.random.default_rng(seed)).textons
+        for seed in (1, 1, 2)
+    )
     assert np.array_equal(first, again) and not np.array_equal(first, other)
 
 
@@ -63,16 +80,24 @@ def test_few_or_equal_patches_still_make_a_dictionary(rng, method, n_patches):
 
 def test_learning_from_a_flight_uses_its_first_images(image_folder, rng):
     flight = read_flight(image_folder)
-    learned = TextonDictionary.learn(flight, 3, 4, rng=np.random.default_rng(6), images=2, patches_per_image=30)
-    patches = draw_patches([flight.image(0), flight.image(1)], 4, 30, again := np.random.default_rng(6))
+    learned = TextonDictionary.learn(
+        flight, 3, 4, rng=np.random.default_rng(6), images=2, patches_per_image=30
+    )
+    patches = draw_patches(
+        [flight.image(0), flight.image(1)], 4, 30, again := np.random.default_rng(6)
+    )
     assert np.array_equal(learned.textons, TextonDictionary.learn(patches, 3, rng=again).textons)
     assert learned.patch == 4
 
 
 def test_label_is_the_nearest_texton_the_lowest_of_equals(rng):
     for patch, levels in ((1, 256), (6, 2), (8, 256)):
-        textons = (rng.integers(0, levels, (9, patch, patch, 3)) * (255 // (levels - 1))).astype(np.uint8)
-        patches = (rng.integers(0, levels, (300, patch, patch, 3)) * (255 // (levels - 1))).astype(np.uint8)
+        textons = (rng.integers(0, levels, (9, patch, patch, 3)) * (255 // (levels - 1))).astype(
+            np.uint8
+        )
+        patches = (rng.integers(0, levels, (300, patch, patch, 3)) * (255 // (levels - 1))).astype(
+            np.uint8
+        )
         distance = ((patches[:, None].astype(int) - textons.astype(int)) ** 2).sum(axis=(2, 3, 4))
         labels = TextonDictionary(textons).label(patches)
         assert labels.dtype == np.int64 and np.array_equal(labels, distance.argmin(axis=1))
@@ -103,11 +128,27 @@ def test_bad_input_is_one_clear_error(rng, flight_folder):
         (MapError, "K up to 256", lambda: TextonDictionary(np.zeros((257, 1, 1, 3), np.uint8))),
         (ImageError, r"\(N, 6, 6, 3\)", lambda: TextonDictionary(patches).label(patches[:, :5])),
         (ImageError, "no patches", lambda: TextonDictionary.learn(patches[:0], rng=rng)),
-        (ParameterError, "method 'som' is unknown", lambda: TextonDictionary.learn(patches, rng=rng, method="som")),
+        (
+            ParameterError,
+            "method 'som' is unknown",
+            lambda: TextonDictionary.learn(patches, rng=rng, method="som"),
+        ),
         (ParameterError, "n_textons is 0", lambda: TextonDictionary.learn(patches, 0, rng=rng)),
-        (ParameterError, "rate goes from 0.1 to 0.5", lambda: TextonDictionary.learn(patches, rng=rng, rate=(0.1, 0.5))),
-        (ParameterError, "alpha is 300", lambda: TextonDictionary.learn(patches, rng=rng, method="winner-take-all", alpha=300)),
-        (MapError, "has no images", lambda: TextonDictionary.learn(read_flight(flight_folder), rng=rng)),
+        (
+            ParameterError,
+            "rate goes from 0.1 to 0.5",
+            lambda: TextonDictionary.learn(patches, rng=rng, rate=(0.1, 0.5)),
+        ),
+        (
+            ParameterError,
+            "alpha is 300",
+            lambda: TextonDictionary.learn(patches, rng=rng, method="winner-take-all", alpha=300),
+        ),
+        (
+            MapError,
+            "has no images",
+            lambda: TextonDictionary.learn(read_flight(flight_folder), rng=rng),
+        ),
     ]
     for kind, message, call in cases:
         with pytest.raises(kind, match=message) as caught:

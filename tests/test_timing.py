@@ -16,7 +16,14 @@ from trexton.files import canonical_json
 from trexton.paper import published
 from trexton.records import Record
 
-OPTIONS = {"samples": 40, "textons": 5, "particles": 10, "passes": 2, "full_frames": 3, "homography_frames": 3}
+OPTIONS = {
+    "samples": 40,
+    "textons": 5,
+    "particles": 10,
+    "passes": 2,
+    "full_frames": 3,
+    "homography_frames": 3,
+}
 
 
 @pytest.fixture(scope="module")
@@ -25,8 +32,13 @@ def records(tmp_path_factory):
     folder = tmp_path_factory.mktemp("room")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
-        pictures = picture_flight(folder / "a", "survey"), picture_flight(folder / "b", "again", frames=12, turns=2.0)
-        return timing.run(*pictures, **OPTIONS), timing.run(histogram_flight("s"), histogram_flight("t"), **OPTIONS)
+        pictures = (
+            picture_flight(folder / "a", "survey"),
+            picture_flight(folder / "b", "again", frames=12, turns=2.0),
+        )
+        return timing.run(*pictures, **OPTIONS), timing.run(
+            histogram_flight("s"), histogram_flight("t"), **OPTIONS
+        )
 
 
 def test_stages_of_every_frame(records):
@@ -46,8 +58,13 @@ def test_stages_of_every_frame(records):
 
 def test_values_hold_no_times(records, tmp_path, monkeypatch):
     with_images, without = (record.values for record in records)
-    assert with_images["applies"] == {"histogram": True, "homography": True} and with_images["patches_per_image"] == 31 * 43
-    assert without["applies"] == {"histogram": False, "homography": False} and without["camera_hz"] == pytest.approx(4)
+    assert (
+        with_images["applies"] == {"histogram": True, "homography": True}
+        and with_images["patches_per_image"] == 31 * 43
+    )
+    assert without["applies"] == {"histogram": False, "homography": False} and without[
+        "camera_hz"
+    ] == pytest.approx(4)
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
     again = timing.run(histogram_flight("s"), histogram_flight("t"), **OPTIONS)
     assert canonical_json(again.values) == canonical_json(without)
@@ -57,7 +74,9 @@ def test_claims_find_their_values(records):
     with_images, _ = records
     claims = [claim for claim in load_claims() if claim.experiment == "timing"]
     findings = [finding for _, (finding,) in judge_all({"survey": {"timing": with_images}}, claims)]
-    assert len(findings) >= 5 and not any("this flight has no" in finding.reason for finding in findings)
+    assert len(findings) >= 5 and not any(
+        "this flight has no" in finding.reason for finding in findings
+    )
 
 
 def test_figures_show_the_record(records, tmp_path):
@@ -65,7 +84,9 @@ def test_figures_show_the_record(records, tmp_path):
         loaded = Record.load(record.save(tmp_path / record.flight))
         plot, times = figures.stages(loaded).axes[0], figures.times(loaded)
         dots = [line for line in plot.lines if line.get_marker() == "o"]
-        assert [line.get_xdata()[0] for line in dots] == [time["median"] for time in reversed(times.values())]
+        assert [line.get_xdata()[0] for line in dots] == [
+            time["median"] for time in reversed(times.values())
+        ]
         diamonds = [line.get_xdata()[0] for line in plot.lines if line.get_marker() == "D"]
         assert published()["timing"]["total_ms"] in diamonds
         plot = figures.frames(loaded).axes[0]
@@ -94,10 +115,19 @@ def test_the_speed_page(bench_record, tmp_path):
     assert loaded.values["limits"] == 2 and loaded.timings["held"] == 1
     (share,) = speed_figures.limits(loaded).axes[0].collections[1:]
     np.testing.assert_allclose(share.get_offsets()[:, 0], [0.5 / 0.87, 2 / 1.2])
-    points = [line for line in speed_figures.roofline(loaded).axes[0].lines if line.get_linestyle() == "None"]
-    assert [line.get_ydata()[0] for line in points] == pytest.approx([1.303e9 / 0.01 / 1e9, 32_000 / 0.01 / 1e9, 1_728_000 / 0.01 / 1e9])
+    points = [
+        line
+        for line in speed_figures.roofline(loaded).axes[0].lines
+        if line.get_linestyle() == "None"
+    ]
+    assert [line.get_ydata()[0] for line in points] == pytest.approx(
+        [1.303e9 / 0.01 / 1e9, 32_000 / 0.01 / 1e9, 1_728_000 / 0.01 / 1e9]
+    )
     (plot,) = [axis for axis in speed_figures.growth(loaded).axes if axis.get_title(loc="left")]
-    assert plot.lines[0].get_xdata().tolist() == [10, 1000] and plot.get_title(loc="left") == "exponent 0.00"
+    assert (
+        plot.lines[0].get_xdata().tolist() == [10, 1000]
+        and plot.get_title(loc="left") == "exponent 0.00"
+    )
     shown = speed_figures.rows(loaded)
     assert shown["Stage"].tolist() == ["full histogram", "neighbours", "sampled histogram"]
     assert shown.iloc[:, -1].tolist() == ["holds", "missed", ""]

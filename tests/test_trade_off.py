@@ -32,7 +32,8 @@ def small(tmp_path_factory):
 def pair(tmp_path_factory, small):
     folder = tmp_path_factory.mktemp("room")
     return tuple(
-        picture_flight(folder / name, name, turns=turns) for name, turns in (("train", 3.0), ("test", 4.0))
+        picture_flight(folder / name, name, turns=turns)
+        for name, turns in (("train", 3.0), ("test", 4.0))
     )
 
 
@@ -109,12 +110,16 @@ def test_values_repeat_and_hold_no_time(record, pair):
 
 
 def test_histograms_only(without_images):
-    assert "samples" not in without_images.series and "fewest_samples_error_cm" not in without_images.values
+    assert (
+        "samples" not in without_images.series
+        and "fewest_samples_error_cm" not in without_images.values
+    )
     assert without_images.values["applies"] == {"samples": False}
     assert {row["samples"] for row in without_images.series["grid"]} == {None}
     claims = [claim for claim in load_claims() if claim.id in ("scalable", "particles-accuracy")]
     found = {
-        claim.id: finding for claim, (finding,) in judge_all({"f": {"trade_off": without_images}}, claims)
+        claim.id: finding
+        for claim, (finding,) in judge_all({"f": {"trade_off": without_images}}, claims)
     }
     assert found["scalable"].ours is None and "fewest_samples_ms" in found["scalable"].reason
     assert found["particles-accuracy"].ours is not None
@@ -173,8 +178,21 @@ def test_stored_histograms(record):
     assert record.values["tree_agrees"] == 1
     for clock in record.timings["stored"]:
         for method in ("brute", "tree"):
-            assert clock[method]["query_ms"]["median"] > 0 and clock[method]["frequency_hz"]["median"] > 0
-    assert stored._numbers(1_000_000) == [100, 300, 1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000]
+            assert (
+                clock[method]["query_ms"]["median"] > 0
+                and clock[method]["frequency_hz"]["median"] > 0
+            )
+    assert stored._numbers(1_000_000) == [
+        100,
+        300,
+        1000,
+        3000,
+        10_000,
+        30_000,
+        100_000,
+        300_000,
+        1_000_000,
+    ]
     assert stored._numbers(50) == [50]
 
 
@@ -182,7 +200,11 @@ def test_clock():
     found = milliseconds([np.r_[np.full(20, 0.001), np.full(20, 0.003)], np.full(20, 0.003)])
     assert found["median"] == pytest.approx(3)
     assert 1 <= found["low"] < 3 and found["high"] == pytest.approx(3)
-    assert frequency({"median": 10, "low": 5, "high": 20}) == {"median": 100, "low": 50, "high": 200}
+    assert frequency({"median": 10, "low": 5, "high": 20}) == {
+        "median": 100,
+        "low": 50,
+        "high": 200,
+    }
 
 
 def test_full_histograms_are_those_of_every_patch(pair):
@@ -190,7 +212,9 @@ def test_full_histograms_are_those_of_every_patch(pair):
     texton_map = trained_map(train, textons=6, neighbors=4)
     defaults = {"samples": 40, "particles": 20, "neighbors": 4, "training": len(train)}
     bench = trade_off._Bench(texton_map, train, test, defaults, 1, 1)
-    np.testing.assert_array_equal(bench.full[5], texton_histogram(test.image(5), texton_map.dictionary))
+    np.testing.assert_array_equal(
+        bench.full[5], texton_histogram(test.image(5), texton_map.dictionary)
+    )
 
 
 def test_figures_show_the_record(record, without_images, tmp_path):
@@ -204,7 +228,8 @@ def test_figures_show_the_record(record, without_images, tmp_path):
     point = error.containers[0].lines[0]
     np.testing.assert_allclose(np.ravel(point.get_data()), [31 * 43, medians[-1]])
     np.testing.assert_allclose(
-        rate.lines[0].get_ydata(), [row["frequency_hz"]["median"] for row in record.timings["samples"][:-1]]
+        rate.lines[0].get_ydata(),
+        [row["frequency_hz"]["median"] for row in record.timings["samples"][:-1]],
     )
     for draw, name in (
         (figures.particles, "particles"),

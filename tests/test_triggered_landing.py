@@ -35,7 +35,9 @@ OPTIONS = {
 def train(tmp_path_factory):
     coarse = np.random.default_rng(1).integers(0, 256, (16, 16, 3), dtype=np.uint8)
     floor = Floor(
-        MapImage.from_extent(cv2.resize(coarse, (768, 768), interpolation=cv2.INTER_CUBIC), 0.0, 3.0, 256)
+        MapImage.from_extent(
+            cv2.resize(coarse, (768, 768), interpolation=cv2.INTER_CUBIC), 0.0, 3.0, 256
+        )
     )
     return record_flight(
         tmp_path_factory.mktemp("landing") / "room", frames=110, every=6, floor=floor, camera=SMALL
@@ -51,10 +53,20 @@ def attempt(truth: float | None, touchdown: float, wait: float = 10.0) -> Attemp
     """A landing at a distance from a zone at (1, 2), to its right; None: never triggered."""
     zone, nowhere = np.array([1.0, 2.0]), np.full(2, np.nan)
     if truth is None:
-        return Attempt(zone, False, wait, nowhere, nowhere, nowhere, nowhere, np.zeros((1, 2)), np.zeros(1))
+        return Attempt(
+            zone, False, wait, nowhere, nowhere, nowhere, nowhere, np.zeros((1, 2)), np.zeros(1)
+        )
     guess, truth, touchdown = (zone + (distance, 0.0) for distance in (0.0, truth, touchdown))
     return Attempt(
-        zone, True, wait, guess, truth, np.array([0.3, 0.4]), touchdown, np.zeros((1, 2)), np.zeros(1)
+        zone,
+        True,
+        wait,
+        guess,
+        truth,
+        np.array([0.3, 0.4]),
+        touchdown,
+        np.zeros((1, 2)),
+        np.zeros(1),
     )
 
 
@@ -90,7 +102,9 @@ def test_the_tally_of_landings_made_by_hand():
     # At most four of six at a rate of 0.6: all but six and five of six.
     assert np.isclose(values["paper_or_fewer_chance"], 1 - 0.6**6 - 6 * 0.4 * 0.6**5)
     assert np.isclose(values["chance_rate"], np.pi * 0.36 / 25)
-    assert np.isclose(values["lag_cm"]["median"], 50 * 0.6)  # of the vehicle's way, 0.6 is to the right
+    assert np.isclose(
+        values["lag_cm"]["median"], 50 * 0.6
+    )  # of the vehicle's way, 0.6 is to the right
     assert np.isclose(values["trigger_error_cm"]["median"], 50) and np.isclose(
         values["drift_cm"]["median"], 30
     )
@@ -100,7 +114,11 @@ def test_nothing_but_missed_landings_is_a_result_too():
     mission = SimpleNamespace(radius=0.6, seed=1, places=np.array([[0.6, 0.6], [4.4, 4.4]]))
     values = summarize_attempts([attempt(None, 0)] * 3, mission)
     assert values["landings"] == 0 and values["never_rate"]["median"] == 1
-    assert values["inside_rate"] is None and values["outlier_mean_cm"] is None and values["drift_cm"] is None
+    assert (
+        values["inside_rate"] is None
+        and values["outlier_mean_cm"] is None
+        and values["drift_cm"] is None
+    )
 
 
 def test_the_record_agrees_with_its_series(record, train):
@@ -116,14 +134,20 @@ def test_the_record_agrees_with_its_series(record, train):
         if fired:
             assert np.isclose(beyond, 100 * (np.hypot(*np.subtract(touchdown, zone)) - 0.6))
             assert np.allclose(path[-1], touchdown, atol=1e-3)
-    assert sum(beyond is not None and beyond <= 0 for beyond in series["beyond_cm"]) == values["inside"]
+    assert (
+        sum(beyond is not None and beyond <= 0 for beyond in series["beyond_cm"])
+        == values["inside"]
+    )
     assert all(1.0 < wait <= 12.08 for wait in series["wait_s"])
 
 
 def test_with_the_true_position_every_trigger_is_inside(record):
     perfect = record.values["perfect"]
     assert perfect["landings"] >= 1
-    assert perfect["triggered_inside_rate"]["median"] == 1 and perfect["trigger_error_cm"]["median"] == 0
+    assert (
+        perfect["triggered_inside_rate"]["median"] == 1
+        and perfect["trigger_error_cm"]["median"] == 0
+    )
 
 
 def test_equal_seeds_and_any_number_of_processes_give_the_same_record(record, train):

@@ -48,7 +48,9 @@ def code_hashes(module: str) -> dict[str, str]:
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             if isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-            waiting += [name for name in names if name.split(".")[0] == "trexton" and _is_module(name)]
+            waiting += [
+                name for name in names if name.split(".")[0] == "trexton" and _is_module(name)
+            ]
     return dict(sorted(hashes.items()))
 
 
@@ -59,7 +61,9 @@ def _is_module(name: str) -> bool:
         return False
 
 
-def cached(kind: str, module: str, inputs: dict, compute: Callable[[], dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+def cached(
+    kind: str, module: str, inputs: dict, compute: Callable[[], dict[str, np.ndarray]]
+) -> dict[str, np.ndarray]:
     """Return the arrays that `compute` gives, from the cache if the same inputs were seen before.
 
     Parameters

@@ -55,7 +55,13 @@ class Camera:
             Roll, pitch, yaw in radians.
         """
         cx, cy = self.principal_point
-        rays = np.array([[1 / self.focal, 0, -cx / self.focal], [0, -1 / self.focal, cy / self.focal], [0, 0, -1]])
+        rays = np.array(
+            [
+                [1 / self.focal, 0, -cx / self.focal],
+                [0, -1 / self.focal, cy / self.focal],
+                [0, 0, -1],
+            ]
+        )
         x, y, z = position
         # A ray R d meets the floor at position + s R d with s = z / -(R d)_z; multiplied out this is linear in d.
         to_floor = np.array([[z, 0, -x], [0, z, -y], [0, 0, -1.0]])
@@ -81,7 +87,9 @@ class MapImage:
     mask: np.ndarray | None = None
 
     @classmethod
-    def from_extent(cls, image: np.ndarray, x_min: float, y_max: float, pixels_per_metre: float, mask=None) -> MapImage:
+    def from_extent(
+        cls, image: np.ndarray, x_min: float, y_max: float, pixels_per_metre: float, mask=None
+    ) -> MapImage:
         """A map image that is parallel to the axes, its top left corner at (`x_min`, `y_max`)."""
         step = 1 / pixels_per_metre
         matrix = np.array([[step, 0, x_min + step / 2], [0, -step, y_max - step / 2], [0, 0, 1]])

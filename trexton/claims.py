@@ -68,7 +68,9 @@ class Claim:
 
     def __post_init__(self):
         if self.kind not in _KINDS:
-            raise ParameterError(f"claim {self.id!r} has kind {self.kind!r}: expected one of {', '.join(_KINDS)}")
+            raise ParameterError(
+                f"claim {self.id!r} has kind {self.kind!r}: expected one of {', '.join(_KINDS)}"
+            )
 
     @property
     def published_value(self) -> float | None:
@@ -77,7 +79,9 @@ class Claim:
             return self.published
         value = look_up(published(), self.published)
         if value is None:
-            raise ParameterError(f"claim {self.id!r} names {self.published!r}, which data/paper/published.toml does not have")
+            raise ParameterError(
+                f"claim {self.id!r} names {self.published!r}, which data/paper/published.toml does not have"
+            )
         return value
 
 
@@ -129,7 +133,9 @@ def _quantity(reference: str, records: dict[str, Record]) -> Quantity | None:
         value = found.get("median", found.get("value"))
         if value is None:
             return None
-        return Quantity(value, *(found[key] if found.get(key) is not None else value for key in ("low", "high")))
+        return Quantity(
+            value, *(found[key] if found.get(key) is not None else value for key in ("low", "high"))
+        )
     return None if found is None else Quantity(found, found, found)
 
 
@@ -142,9 +148,15 @@ def judge(claim: Claim, records: dict[str, Record], flight: str = "") -> Finding
         return Finding(flight, UNTESTABLE, first, second, claim.reason)
     missing = [reference for reference, quantity in zip(references, quantities) if quantity is None]
     if missing:
-        return Finding(flight, UNTESTABLE, first, second, f"this flight has no {missing[0].replace(':', ' ')}")
+        return Finding(
+            flight, UNTESTABLE, first, second, f"this flight has no {missing[0].replace(':', ' ')}"
+        )
     rule = {"value": _close, "below": _below, "above": _above, "exact": _equal}
-    verdict = _ordered(first, second) if claim.kind == "order" else rule[claim.kind](first, claim.published_value)
+    verdict = (
+        _ordered(first, second)
+        if claim.kind == "order"
+        else rule[claim.kind](first, claim.published_value)
+    )
     return Finding(flight, verdict, first, second)
 
 
@@ -168,20 +180,34 @@ def _equal(ours: Quantity, target: float) -> str:
 
 
 def _ordered(less: Quantity, greater: Quantity) -> str:
-    return REPRODUCED if less.high < greater.low else DIRECTION if less.value < greater.value else FAILED
+    return (
+        REPRODUCED
+        if less.high < greater.low
+        else DIRECTION
+        if less.value < greater.value
+        else FAILED
+    )
 
 
-def judge_all(records: dict[str, dict[str, Record]], claims: list[Claim] | None = None) -> list[tuple[Claim, list[Finding]]]:
+def judge_all(
+    records: dict[str, dict[str, Record]], claims: list[Claim] | None = None
+) -> list[tuple[Claim, list[Finding]]]:
     """Every claim, in the order of the paper, with its finding on each flight."""
     claims = load_claims() if claims is None else claims
-    return [(claim, [judge(claim, records[flight], flight) for flight in sorted(records)]) for claim in claims]
+    return [
+        (claim, [judge(claim, records[flight], flight) for flight in sorted(records)])
+        for claim in claims
+    ]
 
 
 def count_verdicts(rows: list[tuple[Claim, list[Finding]]]) -> dict[str, dict[str, int]]:
     """How often each verdict was given, by flight."""
     flights = [finding.flight for finding in rows[0][1]] if rows else []
     return {
-        flight: {verdict: sum(findings[i].verdict == verdict for _, findings in rows) for verdict in VERDICTS}
+        flight: {
+            verdict: sum(findings[i].verdict == verdict for _, findings in rows)
+            for verdict in VERDICTS
+        }
         for i, flight in enumerate(flights)
     }
 
@@ -190,12 +216,20 @@ def write_ledger(folder: Path) -> list[tuple[Claim, list[Finding]]]:
     """Judge the records below `folder` and write ``claims.json`` there; raises `TrextonError` where there are none."""
     records = load_records(folder)
     if not records:
-        raise TrextonError(f"{folder}: no records found: run the experiments first (trexton run FLIGHT --out {folder})")
+        raise TrextonError(
+            f"{folder}: no records found: run the experiments first (trexton run FLIGHT --out {folder})"
+        )
     rows = judge_all(records)
     entries = [
-        plain(asdict(claim)) | {"published": claim.published_value, "findings": [plain(asdict(finding)) for finding in findings]}
+        plain(asdict(claim))
+        | {
+            "published": claim.published_value,
+            "findings": [plain(asdict(finding)) for finding in findings],
+        }
         for claim, findings in rows
     ]
     with atomic_file(Path(folder) / "claims.json") as stream:
-        stream.write(canonical_json({"schema": SCHEMA, "counts": count_verdicts(rows), "claims": entries}))
+        stream.write(
+            canonical_json({"schema": SCHEMA, "counts": count_verdicts(rows), "claims": entries})
+        )
     return rows

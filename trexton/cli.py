@@ -26,11 +26,15 @@ COMMANDS = {
 
 def build_parser(chosen: str | None = None) -> argparse.ArgumentParser:
     """The parser; only the `chosen` subcommand's module is imported, so that help stays quick."""
-    parser = argparse.ArgumentParser(prog="trexton", description="Texton-based global localization for micro aerial vehicles.")
+    parser = argparse.ArgumentParser(
+        prog="trexton", description="Texton-based global localization for micro aerial vehicles."
+    )
     parser.add_argument("--version", action="version", version=f"trexton {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name, (module, help_line) in COMMANDS.items():
-        command = commands.add_parser(name, help=help_line, description=help_line[0].upper() + help_line[1:] + ".")
+        command = commands.add_parser(
+            name, help=help_line, description=help_line[0].upper() + help_line[1:] + "."
+        )
         command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
         if name == chosen:
             import_module(f"trexton.commands.{module}").add_arguments(command)

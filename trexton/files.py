@@ -64,7 +64,10 @@ def digest(*parts: object) -> str:
     total = hashlib.sha256()
     for part in parts:
         if isinstance(part, np.ndarray):
-            head, body = f"array {part.dtype.str} {part.shape}", np.ascontiguousarray(part).tobytes()
+            head, body = (
+                f"array {part.dtype.str} {part.shape}",
+                np.ascontiguousarray(part).tobytes(),
+            )
         elif isinstance(part, bytes):
             head, body = "bytes", part
         elif isinstance(part, Path):

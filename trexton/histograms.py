@@ -25,7 +25,10 @@ _ROWS, _COLUMNS = 24, 320
 
 
 def texton_histogram(
-    image: np.ndarray, dictionary: TextonDictionary, backend: str | None = None, threads: int | None = None
+    image: np.ndarray,
+    dictionary: TextonDictionary,
+    backend: str | None = None,
+    threads: int | None = None,
 ) -> np.ndarray:
     """Relative frequency of each texton over every position: full sampling (301 625 at 640x480 and 6x6).
 
@@ -52,7 +55,10 @@ def texton_histogram(
 
 
 def label_image(
-    image: np.ndarray, dictionary: TextonDictionary, backend: str | None = None, threads: int | None = None
+    image: np.ndarray,
+    dictionary: TextonDictionary,
+    backend: str | None = None,
+    threads: int | None = None,
 ) -> np.ndarray:
     """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position; ties go to the lowest index.
 
@@ -130,14 +136,19 @@ def _label_by_products(image: np.ndarray, dictionary: TextonDictionary, labels: 
     shape = (height, patch * lines, width)
     patches = np.lib.stride_tricks.as_strided(shifted, shape, shifted.strides, writeable=False)
     # Texton after texton, so that comparing them runs over long stretches of memory.
-    scores, best = np.empty((n_textons, height, width), dtype=kind), np.empty((height, width), dtype=kind)
+    scores, best = (
+        np.empty((n_textons, height, width), dtype=kind),
+        np.empty((height, width), dtype=kind),
+    )
     is_best, ranked = (np.empty(scores.shape, dtype=np.uint8) for _ in range(2))
     rank = np.empty(scores.shape, dtype=np.uint8)
     rank[...] = np.arange(n_textons - 1, -1, -1, dtype=np.uint8)[:, None, None]
     image = image.reshape(len(image), -1, 3)
     for top in _starts(labels.shape[0], height):
         for left in _starts(labels.shape[1], width):
-            planar[...] = image[top : top + len(planar), left : left + planar.shape[2]].transpose(0, 2, 1)
+            planar[...] = image[top : top + len(planar), left : left + planar.shape[2]].transpose(
+                0, 2, 1
+            )
             for dx in range(patch):
                 shifted[:, 3 * dx : 3 * dx + 3] = planar[:, :, dx : dx + width]
             np.matmul(weights, patches, out=scores.transpose(1, 0, 2))

@@ -17,7 +17,13 @@ from trexton.camera import MapImage, transform_points
 from trexton.errors import MapError, ParameterError
 from trexton.images import check_image
 
-__all__ = ["HomographyFix", "HomographyLocalizer", "Keypoints", "detect_keypoints", "find_homography"]
+__all__ = [
+    "HomographyFix",
+    "HomographyLocalizer",
+    "Keypoints",
+    "detect_keypoints",
+    "find_homography",
+]
 
 _KD_TREES = 2
 
@@ -140,12 +146,20 @@ class HomographyLocalizer:
         threshold: float = 5.0,
         checks: int = 16,
     ):
-        for name, value, top in (("scale", scale, 1), ("ratio", ratio, 1), ("threshold", threshold,
-        np.inf)):
+        for name, value, top in (
+            ("scale", scale, 1),
+            ("ratio", ratio, 1),
+            ("threshold", threshold, np.inf),
+        ):
             if not 0 < value <= top:
-                raise ParameterError(f"{name} is {value}: expected a number above 0 and up to {top}")
-        for name, value, least in (("keypoints", keypoints, 4), ("map_keypoints", map_keypoints, 4),
-        ("checks", checks, 1)):
+                raise ParameterError(
+                    f"{name} is {value}: expected a number above 0 and up to {top}"
+                )
+        for name, value, least in (
+            ("keypoints", keypoints, 4),
+            ("map_keypoints", map_keypoints, 4),
+            ("checks", checks, 1),
+        ):
             if value < least:
                 raise ParameterError(f"{name} is {value}: expected at least {least}")
         self.map_image, self.scale, self.ratio, self.threshold = map_image, scale, ratio, threshold
@@ -176,7 +190,9 @@ class HomographyLocalizer:
         if homography is None:
             return HomographyFix(np.full(2, np.nan), len(source), 0)
         center = transform_points(homography, [[(shape[1] - 1) / 2, (shape[0] - 1) / 2]])
-        return HomographyFix(self.map_image.to_world(center)[0], len(source), int(inliers.sum()), homography)
+        return HomographyFix(
+            self.map_image.to_world(center)[0], len(source), int(inliers.sum()), homography
+        )
 
     def _match(self, frame: Keypoints) -> tuple[np.ndarray, np.ndarray]:
         """``(M, 2)`` matched points in the frame and on the map."""

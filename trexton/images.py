@@ -23,9 +23,20 @@ _CHROMA = np.clip(np.rint((_LEVELS - 128) * 255 / 224 + 128), 0, 255).astype(np.
 
 def check_image(image: np.ndarray) -> np.ndarray:
     """Return `image` if it is an ``(H, W, 3) uint8`` array; raise `ImageError` otherwise."""
-    if not isinstance(image, np.ndarray) or image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
-        found = f"{image.dtype} array of shape {image.shape}" if isinstance(image, np.ndarray) else type(image).__name__
-        raise ImageError(f"an image is an (H, W, 3) uint8 array of Y, U, V, found {found}: convert it with trexton.images")
+    if (
+        not isinstance(image, np.ndarray)
+        or image.ndim != 3
+        or image.shape[2] != 3
+        or image.dtype != np.uint8
+    ):
+        found = (
+            f"{image.dtype} array of shape {image.shape}"
+            if isinstance(image, np.ndarray)
+            else type(image).__name__
+        )
+        raise ImageError(
+            f"an image is an (H, W, 3) uint8 array of Y, U, V, found {found}: convert it with trexton.images"
+        )
     return image
 
 
@@ -76,7 +87,11 @@ def read_image(path: str | os.PathLike) -> np.ndarray:
         raise ImageError(f"{path}: cannot be read ({error.strerror}): check the path") from None
     # OpenCV fills the missing part of a truncated JPEG with grey and says nothing.
     truncated = data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]
-    image = None if truncated or not data else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    image = (
+        None
+        if truncated or not data
+        else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    )
     if image is None:
         fault = "the file is cut short" if truncated else "not an image that OpenCV can decode"
         raise ImageError(f"{path}: {fault} ({len(data)} bytes): record or copy it again")

@@ -39,13 +39,19 @@ class LandingZone:
         )
         self.consecutive = consecutive
         if self.center.shape != (2,) or not np.isfinite(self.center).all():
-            raise ParameterError(f"the landing zone's centre is {center}: expected finite x and y in metres")
-        if not (0 < self.radius < np.inf and (self.spread > 0).all() and np.isfinite(self.spread).all()):
+            raise ParameterError(
+                f"the landing zone's centre is {center}: expected finite x and y in metres"
+            )
+        if not (
+            0 < self.radius < np.inf and (self.spread > 0).all() and np.isfinite(self.spread).all()
+        ):
             raise ParameterError(
                 f"the landing zone has radius {radius} m and spread {spread} m: expected positive numbers"
             )
         if consecutive < 1:
-            raise ParameterError(f"{consecutive} consecutive estimates were asked for: expected at least 1")
+            raise ParameterError(
+                f"{consecutive} consecutive estimates were asked for: expected at least 1"
+            )
         self._row = 0
 
     def contains(self, position: np.ndarray) -> bool:

@@ -21,7 +21,14 @@ from trexton.progress import progress
 from trexton.recovery import make_recovery
 from trexton.textons import TextonDictionary
 
-__all__ = ["Estimate", "Localizer", "TextonMap", "neighbors_in_flight", "rank_covariances", "process_covariance"]
+__all__ = [
+    "Estimate",
+    "Localizer",
+    "TextonMap",
+    "neighbors_in_flight",
+    "rank_covariances",
+    "process_covariance",
+]
 
 SCHEMA = 1
 # Frames closer in time than this see nearly the same floor: as neighbours they would flatter the map. With half a second
@@ -31,7 +38,9 @@ EXCLUDED_SECONDS = 0.5
 _FLOOR_VARIANCE = 1e-4
 
 
-def neighbors_in_flight(histograms: np.ndarray, time: np.ndarray, k: int, excluded_s: float = EXCLUDED_SECONDS) -> np.ndarray:
+def neighbors_in_flight(
+    histograms: np.ndarray, time: np.ndarray, k: int, excluded_s: float = EXCLUDED_SECONDS
+) -> np.ndarray:
     """``(N, k)`` rows of the nearest histograms of each frame, itself and its neighbours in time left out.
 
     Raises
@@ -58,7 +67,9 @@ def neighbors_in_flight(histograms: np.ndarray, time: np.ndarray, k: int, exclud
 def rank_covariances(positions: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """``(k, 2, 2)`` Sigma^[j] = Var(T - P_j) for each neighbour rank j (Sec. Filtering), square metres."""
     deviation = positions[:, None, :] - positions[rows]
-    return np.stack([np.cov(rank.T) + _FLOOR_VARIANCE * np.eye(2) for rank in deviation.transpose(1, 0, 2)])
+    return np.stack(
+        [np.cov(rank.T) + _FLOOR_VARIANCE * np.eye(2) for rank in deviation.transpose(1, 0, 2)]
+    )
 
 
 def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:
@@ -112,7 +123,15 @@ class TextonMap:
 
     @classmethod
     def train(
-        cls, flight: Flight, *, n_textons=20, patch=6, neighbors=5, rng, dictionary=None, positions=None
+        cls,
+        flight: Flight,
+        *,
+        n_textons=20,
+        patch=6,
+        neighbors=5,
+        rng,
+        dictionary=None,
+        positions=None,
     ) -> TextonMap:
         """Learn a map from a flight (paper, Sec. Dataset Generation to Filtering).
 
@@ -135,16 +154,25 @@ class TextonMap:
         """
         given = flight.position if positions is None else np.asarray(positions, dtype=float)
         if given.shape != (len(flight), 2):
-            raise ParameterError(f"positions have shape {given.shape}: expected ({len(flight)}, 2), one for each frame")
+            raise ParameterError(
+                f"positions have shape {given.shape}: expected ({len(flight)}, 2), one for each frame"
+            )
         known = np.isfinite(given).all(axis=1)
         if known.sum() < 3:
-            raise MapError(f"flight {flight.name!r} has {known.sum()} frames with a position: training needs at least 3")
+            raise MapError(
+                f"flight {flight.name!r} has {known.sum()} frames with a position: training needs at least 3"
+            )
         if flight.has_images:
             dictionary = dictionary or TextonDictionary.learn(flight, n_textons, patch, rng=rng)
         trained, place = flight.select(known), given[known]
         histograms = full_histograms(trained, dictionary)
         rows = neighbors_in_flight(histograms, trained.time, neighbors)
-        parameters = {"n_textons": n_textons, "patch": patch, "neighbors": neighbors, "positions": positions is not None}
+        parameters = {
+            "n_textons": n_textons,
+            "patch": patch,
+            "neighbors": neighbors,
+            "positions": positions is not None,
+        }
         return cls(
             dictionary,
             histograms,
@@ -154,7 +182,12 @@ class TextonMap:
             tuple(flight.area),
             trained.image(0).shape[:2] if flight.has_images else None,
             float(np.median(np.diff(trained.time))),
-            {"flight": flight.name, "data_hash": flight.data_hash, "parameters": parameters, "versions": _versions()},
+            {
+                "flight": flight.name,
+                "data_hash": flight.data_hash,
+                "parameters": parameters,
+                "versions": _versions(),
+            },
         )
 
     def to_arrays(self) -> dict[str, np.ndarray]:
@@ -180,7 +213,9 @@ class TextonMap:
         """The map that `to_arrays` described; raises `MapError` for a newer schema, `KeyError` for a missing array."""
         schema = int(arrays["schema"])
         if schema > SCHEMA:
-            raise MapError(f"map schema {schema} is newer than {SCHEMA}, the newest this version reads: update trexton")
+            raise MapError(
+                f"map schema {schema} is newer than {SCHEMA}, the newest this version reads: update trexton"
+            )
         return cls(
             TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
             arrays["histograms"],
@@ -214,9 +249,21 @@ class TextonMap:
         except MapError as error:
             raise MapError(f"{path}: {error}") from None
         except FileNotFoundError:
-            raise MapError(f"{path}: no such map: make one with trexton train FLIGHT -o {path}") from None
-        except (OSError, ValueError, KeyError, EOFError, TypeError, AttributeError, zipfile.BadZipFile) as error:
-            raise MapError(f"{path}: not a whole texton map ({error}): copy or train it again") from None
+            raise MapError(
+                f"{path}: no such map: make one with trexton train FLIGHT -o {path}"
+            ) from None
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            EOFError,
+            TypeError,
+            AttributeError,
+            zipfile.BadZipFile,
+        ) as error:
+            raise MapError(
+                f"{path}: not a whole texton map ({error}): copy or train it again"
+            ) from None
 
 
 def _versions() -> dict[str, str]:
@@ -289,9 +336,13 @@ class Localizer:
     ):  # fmt: skip
         neighbors = texton_map.neighbors if neighbors is None else neighbors
         if not 1 <= neighbors <= texton_map.neighbors:
-            raise ParameterError(f"{neighbors} neighbours were asked for: this map was trained for 1 to {texton_map.neighbors}")
+            raise ParameterError(
+                f"{neighbors} neighbours were asked for: this map was trained for 1 to {texton_map.neighbors}"
+            )
         if samples is not None and samples < 1:
-            raise ParameterError(f"{samples} samples were asked for: expected at least 1, or None for every patch")
+            raise ParameterError(
+                f"{samples} samples were asked for: expected at least 1, or None for every patch"
+            )
         self.map, self.samples, self.rng = texton_map, samples, rng
         self.nearest = NearestHistograms(texton_map.histograms, texton_map.positions, k=neighbors)
         self.filter = ParticleFilter(
@@ -314,14 +365,20 @@ class Localizer:
         width = self.map.histograms.shape[1]
         if isinstance(frame, np.ndarray) and frame.ndim == 1:
             if frame.shape != (width,) or not np.isfinite(frame).all():
-                raise MapError(f"a histogram of shape {frame.shape} was given: this map takes {width} finite frequencies")
+                raise MapError(
+                    f"a histogram of shape {frame.shape} was given: this map takes {width} finite frequencies"
+                )
             return frame
         check_image(frame)
         if self.map.dictionary is None:
-            raise MapError("an image was given, but this map was trained from histograms only and holds no textons: give histograms, or train on a flight with images")
+            raise MapError(
+                "an image was given, but this map was trained from histograms only and holds no textons: give histograms, or train on a flight with images"
+            )
         if frame.shape[:2] != self.map.image_shape:
             rows, columns = self.map.image_shape
-            raise ImageError(f"the frame is {frame.shape[1]}x{frame.shape[0]}, but the map was trained on {columns}x{rows}: set the camera to that size")
+            raise ImageError(
+                f"the frame is {frame.shape[1]}x{frame.shape[0]}, but the map was trained on {columns}x{rows}: set the camera to that size"
+            )
         if self.samples is None:
             return texton_histogram(frame, self.map.dictionary)
         return sampled_histogram(frame, self.map.dictionary, self.samples, rng=self.rng)

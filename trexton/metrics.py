@@ -11,7 +11,14 @@ import numpy as np
 
 from trexton.errors import ParameterError
 
-__all__ = ["absolute_errors", "block_rows", "constant_guess", "shuffled_neighbors", "summarize", "wilson_interval"]
+__all__ = [
+    "absolute_errors",
+    "block_rows",
+    "constant_guess",
+    "shuffled_neighbors",
+    "summarize",
+    "wilson_interval",
+]
 
 BLOCK = 12  # frames, about a second
 
@@ -26,7 +33,9 @@ def absolute_errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
     """
     estimates, truth = np.asarray(estimates, dtype=float), np.asarray(truth, dtype=float)
     if estimates.shape != truth.shape or truth.ndim != 2 or truth.shape[1] != 2:
-        raise ParameterError(f"estimates have shape {estimates.shape}, truth {truth.shape}: expected two (N, 2) arrays")
+        raise ParameterError(
+            f"estimates have shape {estimates.shape}, truth {truth.shape}: expected two (N, 2) arrays"
+        )
     return np.abs(estimates - truth)
 
 
@@ -61,7 +70,12 @@ def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, float]:
 
 
 def summarize(
-    runs: Sequence[np.ndarray], truth: np.ndarray, diagonal: float, *, rng: np.random.Generator, draws: int = 1000
+    runs: Sequence[np.ndarray],
+    truth: np.ndarray,
+    diagonal: float,
+    *,
+    rng: np.random.Generator,
+    draws: int = 1000,
 ) -> dict:
     """Everything that tables print about one or several runs over the same flight.
 
@@ -99,7 +113,13 @@ def summarize(
         values = [entry[name] for entry in single]
         low, high = np.percentile([entry[name] for entry in drawn], (2.5, 97.5))
         runs_low, median, runs_high = np.percentile(values, (2.5, 50, 97.5))
-        result[name] = {"median": median, "low": low, "high": high, "runs_low": runs_low, "runs_high": runs_high}
+        result[name] = {
+            "median": median,
+            "low": low,
+            "high": high,
+            "runs_low": runs_low,
+            "runs_high": runs_high,
+        }
     return result
 
 
@@ -108,7 +128,9 @@ def constant_guess(train: np.ndarray, count: int) -> np.ndarray:
     return np.tile(np.nanmean(train, axis=0), (count, 1))
 
 
-def shuffled_neighbors(positions: np.ndarray, count: int, k: int, *, rng: np.random.Generator) -> np.ndarray:
+def shuffled_neighbors(
+    positions: np.ndarray, count: int, k: int, *, rng: np.random.Generator
+) -> np.ndarray:
     """``(count, 2)`` means of k training positions drawn at random: the k-NN with its histograms shuffled."""
     return positions[rng.integers(len(positions), size=(count, k))].mean(axis=1)
 

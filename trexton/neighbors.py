@@ -85,9 +85,13 @@ class NearestHistograms:
                 f"found {histograms.shape} and {positions.shape}: leave out frames without them"
             )
         if not 1 <= k <= len(histograms):
-            raise ParameterError(f"k is {k}: expected 1 to {len(histograms)}, the training histograms")
+            raise ParameterError(
+                f"k is {k}: expected 1 to {len(histograms)}, the training histograms"
+            )
         if method not in (None, *METHODS):
-            raise ParameterError(f"method {method!r} is unknown: choose one of {', '.join(METHODS)}")
+            raise ParameterError(
+                f"method {method!r} is unknown: choose one of {', '.join(METHODS)}"
+            )
         self.positions, self.k = positions, k
         self._shape = histograms.shape[1:]
         enough = TREE_FROM if "numba" in sys.modules else TREE_FROM_COLD
@@ -147,7 +151,9 @@ class _Columns:
         difference = self.columns.take(candidates, axis=1)
         difference -= query[:, None]
         difference *= difference
-        squared = np.add.reduce(difference, axis=0)  # texton after texton, as the compiled kernel does
+        squared = np.add.reduce(
+            difference, axis=0
+        )  # texton after texton, as the compiled kernel does
         order = squared.argsort(kind="stable")
         return candidates.take(order), squared.take(order)
 

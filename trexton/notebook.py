@@ -27,13 +27,17 @@ def _resolve(path: str | os.PathLike) -> Path:
     return root / path if root and not path.exists() and (root / path).exists() else path
 
 
-def load_pair(flight: str, test_flight: str | None = None, train: str = "train", test: str = "test") -> tuple[Flight, Flight]:
+def load_pair(
+    flight: str, test_flight: str | None = None, train: str = "train", test: str = "test"
+) -> tuple[Flight, Flight]:
     """The training and the test flight: two folders, or the named splits of one."""
     first = read_flight(_resolve(flight))
     if test_flight is None:
         return first.part(train), first.part(test)
     second = read_flight(_resolve(test_flight))
-    return (first.part(train) if train in first.split else first), (second.part(test) if test in second.split else second)
+    return (first.part(train) if train in first.split else first), (
+        second.part(test) if test in second.split else second
+    )
 
 
 def _results_folder(out: str) -> Path:
@@ -85,27 +89,44 @@ class Page:
         printed = published().get(self.record.experiment, {})
         table = []
         if "error_cm" in printed:
-            cells = {f"{title} in {axis}": f"{printed[key][axis]}" for key, title in columns.items() for axis in "xy"}
+            cells = {
+                f"{title} in {axis}": f"{printed[key][axis]}"
+                for key, title in columns.items()
+                for axis in "xy"
+            }
             table.append({"cm": "Paper", **cells})
         for label, path in rows.items():
             summary = look_up(self.record.values, path) or {}
             cells = {
-                f"{title} in {axis}": _interval(summary.get(f"{key}_{axis}")) for key, title in columns.items() for axis in "xy"
+                f"{title} in {axis}": _interval(summary.get(f"{key}_{axis}"))
+                for key, title in columns.items()
+                for axis in "xy"
             }
-            table.append({"cm": label, **cells, "Euclidean median": _interval(summary.get("median_cm"))})
+            table.append(
+                {"cm": label, **cells, "Euclidean median": _interval(summary.get("median_cm"))}
+            )
         return show_table(pd.DataFrame(table).fillna(""))
 
     def quantities(self, rows: dict[str, str]) -> HTML:
         """Single numbers of the record: label, and place in its values; what the record does not have is left out."""
         found = {label: look_up(self.record.values, path) for label, path in rows.items()}
-        table = [{"": label, " ": _number(value)} for label, value in found.items() if value is not None]
+        table = [
+            {"": label, " ": _number(value)} for label, value in found.items() if value is not None
+        ]
         return show_table(pd.DataFrame(table))
 
     def footer(self) -> HTML:
         """The command that runs this experiment again, its parameters, and what can be downloaded."""
         record = self.record
-        files = sorted(path.name for path in self.folder.glob(f"{record.experiment}[-.]*") if path.suffix in (".json", ".svg", ".png"))
-        links = " · ".join(f'<a href="{name}" download>{name}</a>' for name in [f"{record.experiment}.ipynb", *files])
+        files = sorted(
+            path.name
+            for path in self.folder.glob(f"{record.experiment}[-.]*")
+            if path.suffix in (".json", ".svg", ".png")
+        )
+        links = " · ".join(
+            f'<a href="{name}" download>{name}</a>'
+            for name in [f"{record.experiment}.ipynb", *files]
+        )
         settings = ", ".join(f"{key} = {value}" for key, value in record.parameters.items())
         return HTML(
             f"<p>Parameters: {settings}.</p><pre>trexton run FLIGHT --only {record.experiment} --set KEY=VALUE --out results</pre>"
@@ -136,7 +157,11 @@ def _found(finding: Finding) -> str:
     for quantity in (finding.ours, finding.other):
         if quantity is not None:
             span = quantity.low != quantity.value or quantity.high != quantity.value
-            interval = f" <small>[{_number(quantity.low)}, {_number(quantity.high)}]</small>" if span else ""
+            interval = (
+                f" <small>[{_number(quantity.low)}, {_number(quantity.high)}]</small>"
+                if span
+                else ""
+            )
             parts.append(_number(quantity.value) + interval)
     return " against ".join(parts)
 

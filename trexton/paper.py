@@ -16,7 +16,9 @@ def paper_file(name: str) -> Path:
     """The file `name` of ``data/paper``; raises `DataError` outside a clone."""
     root = repository_root()
     if root is None:
-        raise DataError(f"data/paper/{name} is not at hand: the paper's numbers come with the repository, work in a clone of it")
+        raise DataError(
+            f"data/paper/{name} is not at hand: the paper's numbers come with the repository, work in a clone of it"
+        )
     return root / "data" / "paper" / name
 
 

@@ -71,7 +71,9 @@ class GaussianMotion:
         moved += particles
         return moved
 
-    def log_predictive(self, particles: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    def log_predictive(
+        self, particles: np.ndarray, previous: np.ndarray, weights: np.ndarray
+    ) -> np.ndarray:
         """``(M,)`` log of sum_j p(x_i | x_j at t-1) w_j, up to a constant that all particles share."""
         # -|a - b|^2 / 2 of all pairs is one product of [a, -|a|^2 / 2, 1] with [b, 1, -|b|^2 / 2].
         count = len(particles)
@@ -117,8 +119,12 @@ class RankMixture:
     def __init__(self, covariances: np.ndarray):
         covariances = np.asarray(covariances, dtype=float)
         if covariances.ndim != 3 or not len(covariances):
-            raise ParameterError(f"rank covariances have shape {covariances.shape}: expected (k, 2, 2), one for each neighbour")
-        self._whiten = np.stack([_whitener(covariance, f"rank {j + 1}") for j, covariance in enumerate(covariances)])
+            raise ParameterError(
+                f"rank covariances have shape {covariances.shape}: expected (k, 2, 2), one for each neighbour"
+            )
+        self._whiten = np.stack(
+            [_whitener(covariance, f"rank {j + 1}") for j, covariance in enumerate(covariances)]
+        )
         self._rows = self._whiten.reshape(-1, 2)  # whitens for all ranks at once
         self._log_norm = (np.log(np.abs(np.linalg.det(self._whiten))) - np.log(2 * np.pi))[:, None]
 
@@ -129,7 +135,9 @@ class RankMixture:
     def log_likelihood(self, particles: np.ndarray, measurement: np.ndarray) -> np.ndarray:
         """``(M,)`` log of the mixture density of `measurement` at each particle."""
         if measurement.shape != (self.k, 2):
-            raise ParameterError(f"the measurement has shape {measurement.shape}: expected ({self.k}, 2), one position for each rank")
+            raise ParameterError(
+                f"the measurement has shape {measurement.shape}: expected ({self.k}, 2), one position for each rank"
+            )
         deviation = self._rows.dot(particles.T)
         deviation -= np.matmul(self._whiten, measurement[..., None]).reshape(-1, 1)
         deviation *= deviation
@@ -197,7 +205,9 @@ def estimate_map(belief: Belief, previous: Belief | None, motion: GaussianMotion
     """Maximum a posteriori particle: argmax of p(z_t | x_i) sum_j p(x_i | x_j at t-1) w_j at t-1 (Driessen & Boers 2008)."""
     score = belief.log_likelihood
     if previous is not None:
-        score = score + motion.log_predictive(belief.particles, previous.particles, previous.weights)
+        score = score + motion.log_predictive(
+            belief.particles, previous.particles, previous.weights
+        )
     return belief.particles[np.argmax(score)]
 
 
@@ -206,13 +216,19 @@ def estimate_mean(belief: Belief, previous: Belief | None, motion: GaussianMotio
     return belief.weights @ belief.particles
 
 
-def estimate_highest_weight(belief: Belief, previous: Belief | None, motion: GaussianMotion) -> np.ndarray:
+def estimate_highest_weight(
+    belief: Belief, previous: Belief | None, motion: GaussianMotion
+) -> np.ndarray:
     """The particle of highest weight, the first where several share it."""
     return belief.particles[np.argmax(belief.weights)]
 
 
 RESAMPLERS: dict[str, Callable] = {"wheel": resampling_wheel, "systematic": systematic_resampling}
-ESTIMATORS: dict[str, Callable] = {"map": estimate_map, "mean": estimate_mean, "highest-weight": estimate_highest_weight}
+ESTIMATORS: dict[str, Callable] = {
+    "map": estimate_map,
+    "mean": estimate_mean,
+    "highest-weight": estimate_highest_weight,
+}
 
 
 def chosen(table: dict[str, Callable], name: str, what: str) -> Callable:
@@ -220,7 +236,9 @@ def chosen(table: dict[str, Callable], name: str, what: str) -> Callable:
     try:
         return table[name]
     except KeyError:
-        raise ParameterError(f"{what} {name!r} is unknown: choose one of {', '.join(table)}") from None
+        raise ParameterError(
+            f"{what} {name!r} is unknown: choose one of {', '.join(table)}"
+        ) from None
 
 
 class ParticleFilter:
@@ -242,11 +260,26 @@ class ParticleFilter:
     """
 
     def __init__(
-        self, motion, measurement, area, particles=50, *, resampling="wheel", estimator="map", recovery=None, rng
+        self,
+        motion,
+        measurement,
+        area,
+        particles=50,
+        *,
+        resampling="wheel",
+        estimator="map",
+        recovery=None,
+        rng,
     ):
         if particles < 1:
             raise ParameterError(f"{particles} particles were asked for: expected at least 1")
-        self.motion, self.measurement, self.area, self.size, self.rng = motion, measurement, area, int(particles), rng
+        self.motion, self.measurement, self.area, self.size, self.rng = (
+            motion,
+            measurement,
+            area,
+            int(particles),
+            rng,
+        )
         self.recovery = recovery
         self._resample = chosen(RESAMPLERS, resampling, "resampling")
         self._estimate = chosen(ESTIMATORS, estimator, "estimator")

@@ -32,7 +32,9 @@ def position_grid(shape: tuple[int, ...], patch: int) -> tuple[int, int]:
     return rows, columns
 
 
-def sample_positions(shape: tuple[int, ...], patch: int, n: int, rng: np.random.Generator) -> np.ndarray:
+def sample_positions(
+    shape: tuple[int, ...], patch: int, n: int, rng: np.random.Generator
+) -> np.ndarray:
     """``(n, 2) int64``: random positions, uniform over an image of `shape`, with replacement."""
     rows, columns = position_grid(shape, patch)
     if n < 1:
@@ -57,6 +59,7 @@ def draw_patches(
 ) -> np.ndarray:
     """``(N, P, P, 3) uint8``: `per_image` random patches (with replacement) from each image in turn."""
     drawn = [
-        gather_patches(image, sample_positions(image.shape, patch, per_image, rng), patch) for image in images
+        gather_patches(image, sample_positions(image.shape, patch, per_image, rng), patch)
+        for image in images
     ]
     return np.concatenate(drawn) if drawn else np.empty((0, patch, patch, 3), np.uint8)

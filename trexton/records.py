@@ -97,7 +97,9 @@ class Record:
             with atomic_file(folder / file, "wb") as stream:
                 stream.write(data)
             pictures[name] = {"file": file, "sha256": hashlib.sha256(data).hexdigest()}
-        content = {key: getattr(self, key) for key in self.__dataclass_fields__} | {"images": pictures}
+        content = {key: getattr(self, key) for key in self.__dataclass_fields__} | {
+            "images": pictures
+        }
         with atomic_file(folder / f"{self.experiment}.json") as stream:
             stream.write(canonical_json(content))
         return folder / f"{self.experiment}.json"
@@ -117,11 +119,15 @@ class Record:
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
             if content["schema"] > SCHEMA:
-                raise TrextonError(f"{path}: record schema {content['schema']} is newer than {SCHEMA}: update trexton")
+                raise TrextonError(
+                    f"{path}: record schema {content['schema']} is newer than {SCHEMA}: update trexton"
+                )
             pictures = content.pop("images")
             record = cls(**content)
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise TrextonError(f"{path}: not a readable record ({error}): run its experiment again") from None
+            raise TrextonError(
+                f"{path}: not a readable record ({error}): run its experiment again"
+            ) from None
         for name, entry in pictures.items():
             record.images[name] = cv2.imread(str(path.parent / entry["file"]), cv2.IMREAD_UNCHANGED)
         return record

@@ -25,7 +25,9 @@ class AugmentedRecovery:
 
     def __init__(self, slow: float = 0.01, fast: float = 0.2, lost_below: float = 0.5):
         if not 0 < slow < fast <= 1:
-            raise ParameterError(f"recovery rates are slow {slow}, fast {fast}: expected 0 < slow < fast <= 1")
+            raise ParameterError(
+                f"recovery rates are slow {slow}, fast {fast}: expected 0 < slow < fast <= 1"
+            )
         self.slow, self.fast, self.lost_below = slow, fast, lost_below
         self.reset()
 

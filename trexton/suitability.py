@@ -50,7 +50,9 @@ def ideal_similarity(positions: np.ndarray, others: np.ndarray, sigma: Sigma) ->
         `sigma` is not positive.
     """
     scale = _scale(sigma)
-    (x, y), (others_x, others_y) = (np.asarray(places).T / scale[:, None] for places in (positions, others))
+    (x, y), (others_x, others_y) = (
+        np.asarray(places).T / scale[:, None] for places in (positions, others)
+    )
     return np.exp(-(np.square(x[:, None] - others_x) + np.square(y[:, None] - others_y)) / 2)
 
 
@@ -74,7 +76,9 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) ->
         )
     alike = np.einsum("nk,k->n", units, units.sum(axis=0))
     blocks = [positions[first : first + _ROWS] for first in range(0, len(positions), _ROWS)]
-    ideal = np.concatenate([ideal_similarity(block, positions, sigma).sum(axis=1) for block in blocks])
+    ideal = np.concatenate(
+        [ideal_similarity(block, positions, sigma).sum(axis=1) for block in blocks]
+    )
     return (alike - ideal) / len(units)
 
 
@@ -83,13 +87,17 @@ def global_loss(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> 
     return float(local_losses(histograms, positions, sigma).mean())
 
 
-def smooth(values: np.ndarray, positions: np.ndarray, places: np.ndarray, sigma: Sigma) -> np.ndarray:
+def smooth(
+    values: np.ndarray, positions: np.ndarray, places: np.ndarray, sigma: Sigma
+) -> np.ndarray:
     """``(M,)``: mean of the samples' `values` around `places` ``(M, 2)``, weighted by a Gaussian."""
     smoothed = np.empty(len(places))
     for first in range(0, len(places), _ROWS):
         weights = ideal_similarity(places[first : first + _ROWS], positions, sigma)
         with np.errstate(invalid="ignore"):
-            smoothed[first : first + _ROWS] = np.einsum("mn,n->m", weights, values) / weights.sum(axis=1)
+            smoothed[first : first + _ROWS] = np.einsum("mn,n->m", weights, values) / weights.sum(
+                axis=1
+            )
     return smoothed
 
 
@@ -170,7 +178,9 @@ def _units(histograms: np.ndarray) -> np.ndarray:
     """The histograms, each divided by its length."""
     histograms = np.asarray(histograms, dtype=float)
     if histograms.ndim != 2 or not len(histograms):
-        raise MapError(f"histograms have shape {histograms.shape}: expected (N, K) with at least one row")
+        raise MapError(
+            f"histograms have shape {histograms.shape}: expected (N, K) with at least one row"
+        )
     length = np.sqrt(np.einsum("nk,nk->n", histograms, histograms))
     bad = np.flatnonzero(~((length > 0) & np.isfinite(length)))
     if len(bad):

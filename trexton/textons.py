@@ -56,7 +56,12 @@ class TextonDictionary:
         textons = np.asarray(self.textons)
         shape = textons.shape
         square = textons.ndim == 4 and shape[1] == shape[2] <= MAX_PATCH and shape[3] == 3
-        if not square or textons.dtype != np.uint8 or not textons.size or len(textons) > MAX_TEXTONS:
+        if (
+            not square
+            or textons.dtype != np.uint8
+            or not textons.size
+            or len(textons) > MAX_TEXTONS
+        ):
             raise MapError(
                 f"textons are a (K, P, P, 3) uint8 array with K up to {MAX_TEXTONS} and P up to {MAX_PATCH}, "
                 f"found {textons.dtype} {textons.shape}: learn the dictionary again"
@@ -106,7 +111,9 @@ class TextonDictionary:
     @cached_property
     def words_bias(self) -> np.ndarray:
         """``(4 G,) int32``: `bias` with missing textons out of reach."""
-        return np.pad(self.bias.astype(np.int32), (0, -self.n_textons % 4), constant_values=-(2**30))
+        return np.pad(
+            self.bias.astype(np.int32), (0, -self.n_textons % 4), constant_values=-(2**30)
+        )
 
     def label(self, patches: np.ndarray) -> np.ndarray:
         """Nearest texton of each patch by Euclidean distance; ties go to the lowest index.
@@ -122,7 +129,8 @@ class TextonDictionary:
         flat = _check_patches(patches, self.patch).reshape(len(patches), self.textons[0].size)
         blocks = (flat[start : start + _BLOCK] for start in range(0, max(len(flat), 1), _BLOCK))
         labels = [
-            (block.astype(self.weights.dtype) @ self.weights + self.bias).argmax(axis=1) for block in blocks
+            (block.astype(self.weights.dtype) @ self.weights + self.bias).argmax(axis=1)
+            for block in blocks
         ]
         return labels[0] if len(labels) == 1 else np.concatenate(labels)
 
@@ -231,7 +239,9 @@ def learn_textons(
         raise ParameterError(f"n_textons is {n_textons}: expected 1 to {MAX_TEXTONS}")
     patches = _check_patches(patches)
     if not len(patches):
-        raise ImageError("no patches to learn textons from: give at least one image as large as a patch")
+        raise ImageError(
+            "no patches to learn textons from: give at least one image as large as a patch"
+        )
     flat = patches.reshape(len(patches), -1)
     if method == "kohonen":
         flat = flat[rng.permutation(len(flat))]
@@ -250,7 +260,9 @@ def learn_textons(
     return Learning(TextonDictionary(rounded), errors)
 
 
-def kohonen_steps(patches: np.ndarray, textons: np.ndarray, gains: np.ndarray, grain: float) -> np.ndarray:
+def kohonen_steps(
+    patches: np.ndarray, textons: np.ndarray, gains: np.ndarray, grain: float
+) -> np.ndarray:
     """Move `textons` in place towards each patch in turn; the definition of the compiled kernel.
 
     Parameters
@@ -275,7 +287,9 @@ def kohonen_steps(patches: np.ndarray, textons: np.ndarray, gains: np.ndarray, g
         errors[n] = distances[winner]
         gain = gains[n * len(gains) // len(patches), np.abs(chain - winner)]
         moved = np.flatnonzero(gain)
-        textons[moved] = np.rint((textons[moved] + gain[moved, None] * difference[moved]) * grain) / grain
+        textons[moved] = (
+            np.rint((textons[moved] + gain[moved, None] * difference[moved]) * grain) / grain
+        )
     return errors
 
 

@@ -33,7 +33,12 @@ class Setting:
 
 
 def tune(
-    texton_map: TextonMap, record: Record, rate: float, *, headroom: float = 0.5, rng: np.random.Generator
+    texton_map: TextonMap,
+    record: Record,
+    rate: float,
+    *,
+    headroom: float = 0.5,
+    rng: np.random.Generator,
 ) -> Setting:
     """The setting to use on this machine at a given rate.
 
@@ -85,10 +90,14 @@ def choose(settings: list[Setting], budget_s: float) -> Setting:
             "lower the rate or the headroom"
         )
     enough = min(setting.error_cm for setting in affordable) * (1 + _TOLERANCE)
-    return min((one for one in affordable if one.error_cm <= enough), key=lambda setting: setting.frame_s)
+    return min(
+        (one for one in affordable if one.error_cm <= enough), key=lambda setting: setting.frame_s
+    )
 
 
-def predicted_errors(record: Record, *, with_samples: bool = True) -> dict[tuple[int | None, int], float]:
+def predicted_errors(
+    record: Record, *, with_samples: bool = True
+) -> dict[tuple[int | None, int], float]:
     """Error in cm for every pair of samples and particles that the record varied.
 
     Without samples (a map of histograms only) the first of each pair is the record's default and stands for
@@ -109,7 +118,9 @@ def predicted_errors(record: Record, *, with_samples: bool = True) -> dict[tuple
     reference = by_samples[default["samples"]]
     return {
         (drawn, count): max(0.0, base + (first - reference) + (second - base))
-        for (drawn, first), (count, second) in product(by_samples.items(), swept["particles"].items())
+        for (drawn, first), (count, second) in product(
+            by_samples.items(), swept["particles"].items()
+        )
     }
 
 
@@ -131,7 +142,9 @@ def costs(
         of_samples = dict.fromkeys(samples, 0.0)
     else:
         # What is in the picture does not change the time; reading fresh memory does.
-        frames = [rng.integers(0, 256, (*texton_map.image_shape, 3), dtype=np.uint8) for _ in range(8)]
+        frames = [
+            rng.integers(0, 256, (*texton_map.image_shape, 3), dtype=np.uint8) for _ in range(8)
+        ]
         of_samples = {
             drawn: _stage_medians(texton_map, frames, repeats, rng, samples=drawn)["histogram"]
             for drawn in samples
@@ -140,7 +153,9 @@ def costs(
     for count in particles:
         stages = _stage_medians(texton_map, texton_map.histograms, repeats, rng, particles=count)
         of_particles[count] = sum(stages.values())
-    return {pair: of_samples[pair[0]] + of_particles[pair[1]] for pair in product(samples, particles)}
+    return {
+        pair: of_samples[pair[0]] + of_particles[pair[1]] for pair in product(samples, particles)
+    }
 
 
 def _stage_medians(

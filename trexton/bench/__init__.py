@@ -31,7 +31,9 @@ STAGES = {
 }
 
 
-def measure(stages: Iterable[str] | None = None, *, quick: bool = False, seed: int = 1) -> Iterator[Row]:
+def measure(
+    stages: Iterable[str] | None = None, *, quick: bool = False, seed: int = 1
+) -> Iterator[Row]:
     """Measure stages one after another; all of them take about two minutes.
 
     Parameters
@@ -71,9 +73,16 @@ def machine() -> dict:
     model = platform.processor() or platform.machine()
     try:
         with open("/proc/cpuinfo", encoding="utf-8") as stream:
-            names = (line.split(":", 1)[1].strip() for line in stream if line.startswith("model name"))
+            names = (
+                line.split(":", 1)[1].strip() for line in stream if line.startswith("model name")
+            )
             model = next(names, model)
     except OSError:
         pass
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    return {"processor": model, "processors": os.cpu_count(), "load": load, "system": platform.platform()}
+    return {
+        "processor": model,
+        "processors": os.cpu_count(),
+        "load": load,
+        "system": platform.platform(),
+    }

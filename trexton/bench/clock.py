@@ -75,7 +75,9 @@ class Row:
         """A row from times; a yardstick may be a plain number of seconds, a target."""
         seconds = float(theirs.median if isinstance(theirs, Times) else theirs)
         ratio = ours.median / seconds
-        return cls(stage, str(size), threads, ours.median, yardstick, seconds, ratio, limit, ours.p99, note)
+        return cls(
+            stage, str(size), threads, ours.median, yardstick, seconds, ratio, limit, ours.p99, note
+        )
 
     @property
     def holds(self) -> bool | None:
@@ -87,7 +89,10 @@ class Row:
 
 
 def interleave(
-    contestants: dict[str, Callable[[], object]], seconds: float = 1.0, rounds: int = 9, pause: bool = False
+    contestants: dict[str, Callable[[], object]],
+    seconds: float = 1.0,
+    rounds: int = 9,
+    pause: bool = False,
 ) -> dict[str, Times]:
     """Time calls in turn, so that whatever else the machine does falls on all of them alike.
 
@@ -139,14 +144,33 @@ def limited_threads(count: int) -> Iterator[None]:
 
 def table(rows: list[Row]) -> str:
     """Rows as a text table."""
-    head = ("stage", "size", "threads", "ours", "p99", "yardstick", "takes", "ratio", "at most", "", "")
+    head = (
+        "stage",
+        "size",
+        "threads",
+        "ours",
+        "p99",
+        "yardstick",
+        "takes",
+        "ratio",
+        "at most",
+        "",
+        "",
+    )
     lines = [head]
     for row in rows:
         limit = "" if row.limit is None else f"{row.limit:.2f}"
         verdict = {True: "holds", False: "MISSED", None: ""}[row.holds]
         p99 = "" if row.p99_s is None else duration(row.p99_s)
         ours = (row.stage, row.size, str(row.threads), duration(row.ours_s), p99)
-        theirs = (row.yardstick, duration(row.yardstick_s), f"{row.ratio:.3g}", limit, verdict, row.note)
+        theirs = (
+            row.yardstick,
+            duration(row.yardstick_s),
+            f"{row.ratio:.3g}",
+            limit,
+            verdict,
+            row.note,
+        )
         lines.append(ours + theirs)
     widths = [max(map(len, column)) for column in zip(*lines)]
     cells = (map(str.ljust, line, widths) for line in lines)

@@ -55,7 +55,11 @@ def filter_step(scene: Scene, quick: bool) -> Iterator[Row]:
     for count, target, threads in ((50, 50e-6, 1), (500, 0.4e-3, 1), (5000, 30e-3, 2)):
         rng = scene.rng(21)
         filter_ = ParticleFilter(
-            GaussianMotion(process), RankMixture(covariances), scene.map.area, count, rng=scene.rng(22)
+            GaussianMotion(process),
+            RankMixture(covariances),
+            scene.map.area,
+            count,
+            rng=scene.rng(22),
         )
         seen = iter(np.tile(2.5 + 0.4 * rng.standard_normal((100, _K, 2)), (3000, 1, 1)))
 
@@ -66,14 +70,22 @@ def filter_step(scene: Scene, quick: bool) -> Iterator[Row]:
         ours()
         ours()
         now, before = filter_.belief, filter_._previous
-        inputs = now.particles, now.log_likelihood, before.particles, before.weights, np.linalg.inv(process)
+        inputs = (
+            now.particles,
+            now.log_likelihood,
+            before.particles,
+            before.weights,
+            np.linalg.inv(process),
+        )
         contestants = {"ours": ours, "einsum": lambda: _map_by_einsum(*inputs)}
         if count <= 500:
             contestants["double sum"] = lambda: _map_by_sums(*inputs)
         with limited_threads(threads):
             times = interleave(contestants, 0.3 if quick else 1.0, 3 if quick else 9)
         for name in list(contestants)[1:]:
-            yield Row.compare("filter step", count, threads, times["ours"], f"{name}, MAP alone", times[name])
+            yield Row.compare(
+                "filter step", count, threads, times["ours"], f"{name}, MAP alone", times[name]
+            )
         yield Row.compare("filter step", count, threads, times["ours"], "target", target, 1.0)
 
 
@@ -116,7 +128,9 @@ def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
         seconds, resident = _many_frames(whole, frames, count)
     name, size, stages = "whole frame", "defaults", parts.medians()
     shares = ", ".join(f"{part} {duration(median)}" for part, median in stages.items())
-    yield Row.compare(name, size, 1, times["frame"], "sum of its stages", sum(stages.values()), 1.15, shares)
+    yield Row.compare(
+        name, size, 1, times["frame"], "sum of its stages", sum(stages.values()), 1.15, shares
+    )
     yield Row.compare(name, size, 1, times["frame"], "target", 0.25e-3, 1.0)
     long = Times.of(seconds)
     p99 = Times(long.p99, long.p99, long.repeats)

@@ -63,9 +63,14 @@ def _samples(scene: Scene, count: int, rng) -> Callable:
 
 
 def _particles(scene: Scene, count: int, rng) -> Callable:
-    motion, mixture = GaussianMotion(scene.map.process_covariance), RankMixture(scene.map.rank_covariance)
+    motion, mixture = (
+        GaussianMotion(scene.map.process_covariance),
+        RankMixture(scene.map.rank_covariance),
+    )
     filter_ = ParticleFilter(motion, mixture, scene.map.area, count, rng=rng)
-    measurements = iter(np.tile(2.5 + 0.4 * scene.rng(31).standard_normal((100, 5, 2)), (3000, 1, 1)))
+    measurements = iter(
+        np.tile(2.5 + 0.4 * scene.rng(31).standard_normal((100, 5, 2)), (3000, 1, 1))
+    )
 
     def step():
         filter_.step(next(measurements))
@@ -76,7 +81,9 @@ def _particles(scene: Scene, count: int, rng) -> Callable:
 
 def _stored(method: str) -> Callable:
     def make(scene: Scene, count: int, rng) -> Callable:
-        nearest = NearestHistograms(crowd(scene.histograms, count, rng), np.zeros((count, 2)), method=method)
+        nearest = NearestHistograms(
+            crowd(scene.histograms, count, rng), np.zeros((count, 2)), method=method
+        )
         queries = iter(np.tile(crowd(scene.histograms, 200, rng), (100, 1)))
         return lambda: nearest.query(next(queries))
 

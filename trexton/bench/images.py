@@ -37,15 +37,21 @@ def full_histogram(scene: Scene, quick: bool) -> Iterator[Row]:
         if threads == 1:
             contestants["cdist"] = lambda: _by_cdist(image, dictionary)
         with limited_threads(threads):
-            times = interleave(contestants, 0.6 if quick else 2.0, 3 if quick else 9, pause=threads > 1)
+            times = interleave(
+                contestants, 0.6 if quick else 2.0, 3 if quick else 9, pause=threads > 1
+            )
         same_work = times["sgemm"].median * share
         name, size = "full histogram", f"{image.shape[1]}x{image.shape[0]}"
         limit = 1 / (1.15, 0.9)[threads - 1]
         yield Row.compare(name, size, threads, times["numba"], "sgemm's rate", same_work, limit)
         if threads == 1:
-            yield Row.compare(name, size, threads, times["numba"], "SciPy cdist", times["cdist"], 1 / 15)
+            yield Row.compare(
+                name, size, threads, times["numba"], "SciPy cdist", times["cdist"], 1 / 15
+            )
         slower = 1 / 0.5 if threads == 1 else None
-        yield Row.compare(f"{name}, NumPy", size, threads, times["numpy"], "sgemm's rate", same_work, slower)
+        yield Row.compare(
+            f"{name}, NumPy", size, threads, times["numpy"], "sgemm's rate", same_work, slower
+        )
 
 
 def sampled(scene: Scene, quick: bool) -> Iterator[Row]:
@@ -56,10 +62,17 @@ def sampled(scene: Scene, quick: bool) -> Iterator[Row]:
     textons = dictionary.textons.reshape(dictionary.n_textons, -1).astype(float)
 
     def by_cdist():
-        patches = gather_patches(image, sample_positions(image.shape, 6, 400, rng), 6).reshape(400, -1)
-        return np.bincount(cdist(patches, textons, "sqeuclidean").argmin(axis=1), minlength=20) / 400
+        patches = gather_patches(image, sample_positions(image.shape, 6, 400, rng), 6).reshape(
+            400, -1
+        )
+        return (
+            np.bincount(cdist(patches, textons, "sqeuclidean").argmin(axis=1), minlength=20) / 400
+        )
 
-    contestants = {"ours": lambda: sampled_histogram(image, dictionary, 400, rng=rng), "cdist": by_cdist}
+    contestants = {
+        "ours": lambda: sampled_histogram(image, dictionary, 400, rng=rng),
+        "cdist": by_cdist,
+    }
     with limited_threads(1):
         times = interleave(contestants, 0.3 if quick else 1.0)
     yield Row.compare("sampled histogram", 400, 1, times["ours"], "SciPy cdist", times["cdist"])
@@ -71,7 +84,9 @@ def homography(scene: Scene, quick: bool) -> Iterator[Row]:
     from trexton.homography import HomographyLocalizer
 
     frames, positions = scene.views
-    whole, half = (HomographyLocalizer(scene.simulator.floor.picture, scale=scale) for scale in (1.0, 0.5))
+    whole, half = (
+        HomographyLocalizer(scene.simulator.floor.picture, scale=scale) for scale in (1.0, 0.5)
+    )
     turn = iter(np.tile(np.arange(len(frames)), 10_000))
     found = cv2.SIFT_create(nfeatures=whole.keypoints)
     luma = [np.ascontiguousarray(frame[..., 0]) for frame in frames]
@@ -92,9 +107,13 @@ def homography(scene: Scene, quick: bool) -> Iterator[Row]:
     size = f"{frames[0].shape[1]}x{frames[0].shape[0]}"
     notes = {name: f"right within {_FOUND} m: {share:.0%}" for name, share in right.items()}
     sift = "SIFT of the frame"
-    yield Row.compare("homography", size, 1, times["whole"], sift, times["sift"], 1.4, notes["whole"])
+    yield Row.compare(
+        "homography", size, 1, times["whole"], sift, times["sift"], 1.4, notes["whole"]
+    )
     half_name = "homography, half resolution"
-    yield Row.compare(half_name, size, 1, times["half"], "homography", times["whole"], 1 / 3, notes["half"])
+    yield Row.compare(
+        half_name, size, 1, times["half"], "homography", times["whole"], 1 / 3, notes["half"]
+    )
 
 
 def simulator(scene: Scene, quick: bool) -> Iterator[Row]:
@@ -106,7 +125,9 @@ def simulator(scene: Scene, quick: bool) -> Iterator[Row]:
     size = (room.camera.width, room.camera.height)
 
     def warp():
-        return cv2.warpPerspective(picture.image, view, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP)
+        return cv2.warpPerspective(
+            picture.image, view, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+        )
 
     def render():
         room.step(np.array([2.5, 2.5]))
@@ -124,9 +145,13 @@ def _by_cdist(image: np.ndarray, dictionary, rows: int = 16) -> np.ndarray:
 
     window = (dictionary.patch, dictionary.patch)
     textons = dictionary.textons.reshape(dictionary.n_textons, -1).astype(float)
-    windows = np.lib.stride_tricks.sliding_window_view(image, window, axis=(0, 1)).transpose(0, 1, 3, 4, 2)
+    windows = np.lib.stride_tricks.sliding_window_view(image, window, axis=(0, 1)).transpose(
+        0, 1, 3, 4, 2
+    )
     counts = np.zeros(dictionary.n_textons)
     for first in range(0, len(windows), rows):
         patches = windows[first : first + rows].reshape(-1, textons.shape[1])
-        counts += np.bincount(cdist(patches, textons, "sqeuclidean").argmin(axis=1), minlength=len(counts))
+        counts += np.bincount(
+            cdist(patches, textons, "sqeuclidean").argmin(axis=1), minlength=len(counts)
+        )
     return counts / counts.sum()

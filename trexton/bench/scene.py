@@ -62,7 +62,9 @@ class Scene:
     def dictionary(self) -> TextonDictionary:
         from trexton.patches import draw_patches
 
-        return TextonDictionary.learn(draw_patches(self.views[0], 6, 1000, self.rng(1)), rng=self.rng(2))
+        return TextonDictionary.learn(
+            draw_patches(self.views[0], 6, 1000, self.rng(1)), rng=self.rng(2)
+        )
 
     @cached_property
     def histograms(self) -> np.ndarray:

@@ -55,7 +55,9 @@ class StageClock:
         localizer = self.localizer
         if localizer.samples is None:
             return texton_histogram(image, localizer.map.dictionary)
-        return sampled_histogram(image, localizer.map.dictionary, localizer.samples, rng=localizer.rng)
+        return sampled_histogram(
+            image, localizer.map.dictionary, localizer.samples, rng=localizer.rng
+        )
 
     def medians(self) -> dict[str, float]:
         """Median seconds of each stage that was seen."""

@@ -64,9 +64,13 @@ def audit(html: Path) -> list[str]:
     for path, page in pages.items():
         name = path.relative_to(html)
         faults += [
-            f"{name}: loads {address} from another host" for address in page.loaded if _is_remote(address)
+            f"{name}: loads {address} from another host"
+            for address in page.loaded
+            if _is_remote(address)
         ]
-        faults += [f"{name}: the picture {source} has no alternative text" for source in page.undescribed]
+        faults += [
+            f"{name}: the picture {source} has no alternative text" for source in page.undescribed
+        ]
         faults += [
             f"{name}: the link {link} leads nowhere"
             for link in page.links + page.loaded
@@ -76,7 +80,14 @@ def audit(html: Path) -> list[str]:
         text = sheet.read_text(encoding="utf-8", errors="replace")
         if any(
             mark in text
-            for mark in ("url(http", 'url("http', "url('http", "url(//", '@import "http', "@import 'http")
+            for mark in (
+                "url(http",
+                'url("http',
+                "url('http",
+                "url(//",
+                '@import "http',
+                "@import 'http",
+            )
         ):
             faults.append(f"{sheet.relative_to(html)}: loads something from another host")
     return faults
@@ -95,4 +106,8 @@ def _leads(path: Path, link: str, pages: dict[Path, _Page]) -> bool:
         target = target / "index.html"
     if not target.exists():
         return False
-    return not parts.fragment or target not in pages or unquote(parts.fragment) in pages[target].anchors
+    return (
+        not parts.fragment
+        or target not in pages
+        or unquote(parts.fragment) in pages[target].anchors
+    )

@@ -87,4 +87,6 @@ def _reason_to_make(path: Path, stamp: Path, inputs: dict) -> str | None:
         return "it was not there whole"
     if old.get("inputs") != inputs:
         return "what makes it changed"
-    return None if old.get("data_hash") == flight.data_hash else "its files are not what was written"
+    return (
+        None if old.get("data_hash") == flight.data_hash else "its files are not what was written"
+    )

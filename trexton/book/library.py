@@ -63,7 +63,9 @@ def _describe_class(node: ast.ClassDef) -> str:
         for method in methods
         if not method.name.startswith("_") and ast.get_docstring(method)
     ]
-    return _entry(node.name + made, ast.get_docstring(node)) + ("\n\n" + "\n".join(rows) if rows else "")
+    return _entry(node.name + made, ast.get_docstring(node)) + (
+        "\n\n" + "\n".join(rows) if rows else ""
+    )
 
 
 def _is_property(method: ast.FunctionDef) -> bool:
@@ -73,7 +75,9 @@ def _is_property(method: ast.FunctionDef) -> bool:
 def _signature(node: ast.FunctionDef) -> str:
     arguments = re.sub(r"^(self|cls)(, |$)", "", ast.unparse(node.args))
     return f"({arguments})" + (
-        f" -> {ast.unparse(node.returns)}" if node.returns and ast.unparse(node.returns) != "None" else ""
+        f" -> {ast.unparse(node.returns)}"
+        if node.returns and ast.unparse(node.returns) != "None"
+        else ""
     )
 
 
@@ -105,7 +109,9 @@ def _first_sentence(docstring: str | None) -> str:
 
 def _prose(docstring: str | None) -> str:
     """The paragraphs of a module's docstring, without lists and tables that are meant for an editor."""
-    paragraphs = [part for part in (docstring or "").split("\n\n") if not part.startswith((" ", "-", "*"))]
+    paragraphs = [
+        part for part in (docstring or "").split("\n\n") if not part.startswith((" ", "-", "*"))
+    ]
     return "\n\n".join(_escaped(" ".join(part.split())) for part in paragraphs[:2])
 
 
@@ -113,5 +119,6 @@ def _escaped(text: str) -> str:
     """What Markdown would take for markup, made harmless; code in backticks stays as it is."""
     pieces = re.split(r"(``.*?``|`.*?`)", text)
     return "".join(
-        piece if piece.startswith("`") else re.sub(r"([*_$<>{}\[\]|])", r"\\\1", piece) for piece in pieces
+        piece if piece.startswith("`") else re.sub(r"([*_$<>{}\[\]|])", r"\\\1", piece)
+        for piece in pieces
     )

@@ -84,7 +84,9 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
         source.mkdir()
         stage(contents, source, toc_file)
         key = digest(
-            _tree_hash(source), code_hashes("trexton.book"), {name: version(name) for name in _BUILDERS}
+            _tree_hash(source),
+            code_hashes("trexton.book"),
+            {name: version(name) for name in _BUILDERS},
         )
         if (html / "index.html").is_file() and stamp.is_file() and stamp.read_text() == key:
             return f"book: reused, none of its pages changed ({html / 'index.html'})"
@@ -103,7 +105,11 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
 
 def _tree_hash(folder: Path) -> str:
     return digest(
-        {str(path.relative_to(folder)): digest(path) for path in sorted(folder.rglob("*")) if path.is_file()}
+        {
+            str(path.relative_to(folder)): digest(path)
+            for path in sorted(folder.rglob("*"))
+            if path.is_file()
+        }
     )
 
 

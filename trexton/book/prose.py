@@ -23,7 +23,10 @@ class Tree(dict):
 
     def __init__(self, values: dict):
         super().__init__(
-            {key: Tree(value) if isinstance(value, dict) else value for key, value in values.items()}
+            {
+                key: Tree(value) if isinstance(value, dict) else value
+                for key, value in values.items()
+            }
         )
 
     def __getattribute__(self, name: str):
@@ -39,7 +42,11 @@ def records_by_name(results: Path, outcomes) -> dict[str, Tree]:
         path = results / outcome.flight / f"{outcome.experiment}.json"
         if outcome.status in ("ran", "reused") and outcome.flight and path.is_file():
             record = json.loads(path.read_text(encoding="utf-8"))
-            values = {**record["values"], "parameters": record["parameters"], "timings": record["timings"]}
+            values = {
+                **record["values"],
+                "parameters": record["parameters"],
+                "timings": record["timings"],
+            }
             found.setdefault(outcome.flight, {})[outcome.experiment] = values
     return {flight: Tree(experiments) for flight, experiments in found.items()}
 
@@ -52,7 +59,9 @@ def fixed(value: float, digits: int = 0) -> str:
 def span(entry: dict, digits: int = 0) -> str:
     """The median (or value) of an entry with its interval in brackets."""
     middle = entry["median"] if "median" in entry else entry["value"]
-    return f"{fixed(middle, digits)} [{fixed(entry['low'], digits)}, {fixed(entry['high'], digits)}]"
+    return (
+        f"{fixed(middle, digits)} [{fixed(entry['low'], digits)}, {fixed(entry['high'], digits)}]"
+    )
 
 
 def text(words: str) -> str:
@@ -89,9 +98,13 @@ def render(path: Path, context: dict, pages: set[str], pictures: dict[str, str])
     environment.filters |= {"fixed": fixed, "span": span, "text": text}
     try:
         template = environment.from_string(path.read_text(encoding="utf-8"))
-        return template.render(context | {"paper": Tree(published()), "see": see, "picture": pictures.get})
+        return template.render(
+            context | {"paper": Tree(published()), "see": see, "picture": pictures.get}
+        )
     except jinja2.TemplateSyntaxError as error:
-        raise DataError(f"{path}, line {error.lineno}: {error.message}: correct the template") from None
+        raise DataError(
+            f"{path}, line {error.lineno}: {error.message}: correct the template"
+        ) from None
     except (jinja2.UndefinedError, KeyError, TypeError, ValueError) as error:
         line = _line(error)
         raise DataError(

@@ -47,7 +47,11 @@ class Contents:
 
     def good(self, flight: str) -> list[str]:
         """Experiments that have results on `flight` ("" for those over every flight)."""
-        ready = {o.experiment for o in self.outcomes if o.flight == flight and o.status in ("ran", "reused")}
+        ready = {
+            o.experiment
+            for o in self.outcomes
+            if o.flight == flight and o.status in ("ran", "reused")
+        }
         return [name for name in EXPERIMENTS if name in ready] + sorted(ready - EXPERIMENTS.keys())
 
 
@@ -60,12 +64,17 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
         A page that the table of contents names does not exist, or asks for a value that no record has.
     """
     toc = _table_of_contents(contents, toc_file)
-    pages = {toc["root"], *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"])}
+    pages = {
+        toc["root"],
+        *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"]),
+    }
     context, pictures = _context(contents), _pictures(contents)
     for page in sorted(pages):
         source = contents.source / f"{page}.md"
         if source.is_file():
-            (folder / f"{page}.md").write_text(render(source, context, pages, pictures), encoding="utf-8")
+            (folder / f"{page}.md").write_text(
+                render(source, context, pages, pictures), encoding="utf-8"
+            )
     for flight in ["", *(pair.name for pair in contents.pairs)]:
         (folder / flight).mkdir(exist_ok=True)
         for name in contents.good(flight):
@@ -125,7 +134,9 @@ def _pictures(contents: Contents) -> dict[str, str]:
     for pair in contents.pairs:
         for name in contents.good(pair.name):
             figures = [
-                path for path in outputs_of(contents.results / pair.name, name) if path.suffix == ".svg"
+                path
+                for path in outputs_of(contents.results / pair.name, name)
+                if path.suffix == ".svg"
             ]
             if figures:
                 found.setdefault(name, f"{pair.name}/{figures[0].name}")
@@ -154,9 +165,9 @@ def _table_of_contents(contents: Contents, toc_file: str) -> dict:
                     if name in here
                     for page in contents.good(name)
                 ]
-            elif (contents.source / f"{chapter['file']}.md").is_file() or chapter["file"] in contents.good(
-                ""
-            ):
+            elif (contents.source / f"{chapter['file']}.md").is_file() or chapter[
+                "file"
+            ] in contents.good(""):
                 chapters.append({"file": chapter["file"]})
             elif not chapter.get("optional"):
                 raise DataError(

@@ -9,10 +9,14 @@ from trexton.files import atomic_file, canonical_json
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--stage", nargs="+", metavar="NAME", help=f"only these: {', '.join(STAGES)}")
+    parser.add_argument(
+        "--stage", nargs="+", metavar="NAME", help=f"only these: {', '.join(STAGES)}"
+    )
     parser.add_argument("--quick", action="store_true", help="fewer repeats, smaller sizes")
     parser.add_argument("--json", metavar="FILE", help="write the rows as a JSON list")
-    parser.add_argument("--seed", type=int, default=1, help="of the frames worked on (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of the frames worked on (default %(default)s)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

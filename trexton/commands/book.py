@@ -10,9 +10,14 @@ from trexton.commands.run import parse_settings, print_outcomes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--explain", action="store_true", help="say why each experiment was reused or run")
     parser.add_argument(
-        "--jobs", type=int, metavar="N", help="notebooks at once (default: as many as fit this machine)"
+        "--explain", action="store_true", help="say why each experiment was reused or run"
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="notebooks at once (default: as many as fit this machine)",
     )
     parser.add_argument(
         "--set",

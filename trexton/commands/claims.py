@@ -8,7 +8,9 @@ __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("results", nargs="?", default="results", help="folder of results (default %(default)s)")
+    parser.add_argument(
+        "results", nargs="?", default="results", help="folder of results (default %(default)s)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -22,9 +24,15 @@ def run(arguments: argparse.Namespace) -> int:
         if claim.published_value is not None:
             print(f"    paper: {claim.published_value:g} {claim.unit}".rstrip())
         for finding in findings:
-            ours = [f"{q.value:.3g} [{q.low:.3g}, {q.high:.3g}]" for q in (finding.ours, finding.other) if q is not None]
+            ours = [
+                f"{q.value:.3g} [{q.low:.3g}, {q.high:.3g}]"
+                for q in (finding.ours, finding.other)
+                if q is not None
+            ]
             reason = f" ({finding.reason})" if finding.reason else ""
-            print(f"    {finding.flight}: {' against '.join(ours) or '-'}: {finding.verdict}{reason}")
+            print(
+                f"    {finding.flight}: {' against '.join(ours) or '-'}: {finding.verdict}{reason}"
+            )
     for flight, counts in count_verdicts(rows).items():
         print(f"{flight}: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
     print(f"written to {Path(arguments.results) / 'claims.json'}")

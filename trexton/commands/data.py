@@ -14,7 +14,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     get = verbs.add_parser("fetch", help="download, check the SHA-256, write a Flight folder")
     get.add_argument("name", metavar="NAME", help="a name from the list")
     get.add_argument(
-        "--from", dest="source", metavar="DIR", help="take the raw files from this folder, download nothing"
+        "--from",
+        dest="source",
+        metavar="DIR",
+        help="take the raw files from this folder, download nothing",
     )
     get.add_argument("--out", metavar="DIR", help="where to put it (default: data/flights/NAME)")
 

@@ -11,14 +11,26 @@ __all__ = ["add_arguments", "run"]
 
 # field: (option, metavar or None, help)
 _GENERAL = {
-    "camera": ("--camera", "SOURCE", "/dev/videoN, flight[#PART], image folder, video file or URL, simulator"),
+    "camera": (
+        "--camera",
+        "SOURCE",
+        "/dev/videoN, flight[#PART], image folder, video file or URL, simulator",
+    ),
     "log": ("--log", "FILE", "write every position, fault and answer as JSON lines"),
     "rate": ("--rate", "HZ", "frames a second (default: the map's own)"),
     "samples": ("--samples", "N", "patches drawn a frame, 0 for all"),
     "particles": ("--particles", "N", "particles of the filter"),
-    "recovery": ("--recovery", None, "random particles when the frames stop fitting; none is the paper's filter"),
+    "recovery": (
+        "--recovery",
+        None,
+        "random particles when the frames stop fitting; none is the paper's filter",
+    ),
     "seed": ("--seed", "N", "of everything that is drawn"),
-    "pace": ("--pace", None, "a recording as fast as possible, or at its own stamps (default: fast)"),
+    "pace": (
+        "--pace",
+        None,
+        "a recording as fast as possible, or at its own stamps (default: fast)",
+    ),
     "laps": ("--laps", "N", "play a recording N times"),
     "frames": ("--frames", "N", "stop after N frames"),
 }
@@ -34,7 +46,11 @@ _LANDING = {
     "spread": ("--spread", "S", "largest spread of the particles in metres, one number or X,Y"),
     "consecutive": ("--consecutive", "N", "estimates in a row that must agree"),
 }
-_CHOICES = {"recovery": ("augmented", "none"), "pace": ("fast", "stamps"), "autopilot": ("px4", "ardupilot")}
+_CHOICES = {
+    "recovery": ("augmented", "none"),
+    "pace": ("fast", "stamps"),
+    "autopilot": ("px4", "ardupilot"),
+}
 
 
 def _numbers(count: int):
@@ -65,15 +81,32 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     defaults = {field.name: field.default for field in fields(Settings)}
     parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
     kinds = f"KIND or KIND:ADDRESS, repeatable; kinds: {', '.join(SINKS)} (default json)"
-    parser.add_argument("--output", dest="outputs", action="append", default=[], metavar="SINK", help=kinds)
-    autopilot, landing = parser.add_argument_group("autopilot"), parser.add_argument_group("landing")
+    parser.add_argument(
+        "--output", dest="outputs", action="append", default=[], metavar="SINK", help=kinds
+    )
+    autopilot, landing = (
+        parser.add_argument_group("autopilot"),
+        parser.add_argument_group("landing"),
+    )
     for group, options in ((parser, _GENERAL), (autopilot, _AUTOPILOT), (landing, _LANDING)):
         for name, (option, metavar, words) in options.items():
             default = defaults[name]
-            shown = f" (default {default[0] if name == 'spread' else default})" if default is not None else ""
-            kind = {"choices": _CHOICES[name]} if name in _CHOICES else {"metavar": metavar, "type": _TYPES.get(name, str)}
+            shown = (
+                f" (default {default[0] if name == 'spread' else default})"
+                if default is not None
+                else ""
+            )
+            kind = (
+                {"choices": _CHOICES[name]}
+                if name in _CHOICES
+                else {"metavar": metavar, "type": _TYPES.get(name, str)}
+            )
             group.add_argument(option, dest=name, default=default, help=words + shown, **kind)
-    landing.add_argument("--arm-landing", action="store_true", help="command the landing; without it, it is only said")
+    landing.add_argument(
+        "--arm-landing",
+        action="store_true",
+        help="command the landing; without it, it is only said",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

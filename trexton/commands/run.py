@@ -20,9 +20,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--set", nargs="+", default=[], metavar="KEY=VALUE", dest="settings",
         help="a parameter of the notebooks, or of one: mocap_training.samples=200",
     )  # fmt: skip
-    parser.add_argument("--explain", action="store_true", help="say why each experiment was reused or run")
     parser.add_argument(
-        "--jobs", type=int, metavar="N", help="notebooks at once (default: as many as fit this machine)"
+        "--explain", action="store_true", help="say why each experiment was reused or run"
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="notebooks at once (default: as many as fit this machine)",
     )
     parser.add_argument("--notebooks", metavar="DIR", help="another folder of notebooks")
     parser.add_argument("--no-book", action="store_true", help="leave out the small book")

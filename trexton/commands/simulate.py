@@ -21,7 +21,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="survey in lanes (training) or random waypoints an hour later (test)",
     )
     parser.add_argument("--frames", type=int, help="number of frames (survey 800, waypoints 415)")
-    parser.add_argument("--every", type=int, default=1, metavar="N", help="keep every N-th frame only")
+    parser.add_argument(
+        "--every", type=int, default=1, metavar="N", help="keep every N-th frame only"
+    )
     parser.add_argument("--seed", type=int, help="seed of the flight (survey 1, waypoints 2)")
     parser.add_argument(
         "--floor",
@@ -31,8 +33,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--floor-width", type=float, metavar="M", help="width of the floor picture in metres (5)"
     )
-    parser.add_argument("--floor-seed", type=int, default=0, metavar="S", help="seed of the painted hall (0)")
-    parser.add_argument("--height", type=float, default=1.0, metavar="M", help="flying height in metres (1)")
+    parser.add_argument(
+        "--floor-seed", type=int, default=0, metavar="S", help="seed of the painted hall (0)"
+    )
+    parser.add_argument(
+        "--height", type=float, default=1.0, metavar="M", help="flying height in metres (1)"
+    )
     parser.add_argument(
         "--set",
         action="append",
@@ -41,7 +47,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"strength of an effect; the defaults are {effects}",
     )
     parser.add_argument(
-        "--off", action="append", default=[], metavar="EFFECT", help="switch an effect off, or 'all'"
+        "--off",
+        action="append",
+        default=[],
+        metavar="EFFECT",
+        help="switch an effect off, or 'all'",
     )
 
 
@@ -49,7 +59,9 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.simulator import Floor, record_flight
 
     if arguments.floor_width is not None and arguments.floor is None:
-        raise ParameterError("--floor-width is given without --floor: it is the width of a floor picture")
+        raise ParameterError(
+            "--floor-width is given without --floor: it is the width of a floor picture"
+        )
     if arguments.floor is not None:
         floor = Floor.from_file(
             arguments.floor, 5.0 if arguments.floor_width is None else arguments.floor_width
@@ -73,7 +85,9 @@ def _effects(settings: list[str], off: list[str]):
     for setting in settings:
         name, _, value = setting.partition("=")
         if name not in Effects.names():
-            raise ParameterError(f"unknown effect {name!r}: the effects are {', '.join(Effects.names())}")
+            raise ParameterError(
+                f"unknown effect {name!r}: the effects are {', '.join(Effects.names())}"
+            )
         try:
             effects = replace(effects, **{name: float(value)})
         except ValueError as error:

@@ -11,11 +11,24 @@ __all__ = ["add_arguments", "run"]
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", help="flight folder; its train split is used where it has one")
-    parser.add_argument("-o", "--output", required=True, metavar="MAP", help="the texton map to write (.npz)")
-    parser.add_argument("--textons", type=int, default=20, help="textons in the dictionary (default %(default)s)")
-    parser.add_argument("--patch", type=int, default=6, help="side of a patch in pixels (default %(default)s)")
-    parser.add_argument("--neighbors", type=int, default=5, help="neighbours, the ranks of the measurement model (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="of the random patches (default %(default)s)")
+    parser.add_argument(
+        "-o", "--output", required=True, metavar="MAP", help="the texton map to write (.npz)"
+    )
+    parser.add_argument(
+        "--textons", type=int, default=20, help="textons in the dictionary (default %(default)s)"
+    )
+    parser.add_argument(
+        "--patch", type=int, default=6, help="side of a patch in pixels (default %(default)s)"
+    )
+    parser.add_argument(
+        "--neighbors",
+        type=int,
+        default=5,
+        help="neighbours, the ranks of the measurement model (default %(default)s)",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of the random patches (default %(default)s)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:

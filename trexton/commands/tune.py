@@ -10,12 +10,16 @@ from trexton.errors import ParameterError
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
-    parser.add_argument("--rate", type=float, required=True, metavar="HZ", help="frames a second to keep up")
+    parser.add_argument(
+        "--rate", type=float, required=True, metavar="HZ", help="frames a second to keep up"
+    )
     share = "share of the time that stays free (default %(default)s)"
     parser.add_argument("--headroom", type=float, default=0.5, metavar="SHARE", help=share)
     record = "trade_off.json of the experiment (default: in results/FLIGHT/ of the map's flight)"
     parser.add_argument("--record", metavar="FILE", help=record)
-    parser.add_argument("--seed", type=int, default=1, help="of the frames timed (default %(default)s)")
+    parser.add_argument(
+        "--seed", type=int, default=1, help="of the frames timed (default %(default)s)"
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -32,9 +36,13 @@ def run(arguments: argparse.Namespace) -> int:
     period_ms = 1000 / arguments.rate
     patches = "every patch" if best.samples is None else f"{best.samples} samples"
     drawn = patches + ", " if texton_map.dictionary is not None else ""
-    cost = f"{1000 * best.frame_s:.3g} ms a frame here, of {period_ms:.3g} ms at {arguments.rate:g} Hz"
+    cost = (
+        f"{1000 * best.frame_s:.3g} ms a frame here, of {period_ms:.3g} ms at {arguments.rate:g} Hz"
+    )
     print(f"{drawn}{best.particles} particles: {cost}")
-    print(f"predicted error: {best.error_cm:.0f} cm on each axis (mean absolute, flight {record.flight})")
+    print(
+        f"predicted error: {best.error_cm:.0f} cm on each axis (mean absolute, flight {record.flight})"
+    )
     options = f"--samples {best.samples or 0} " if texton_map.dictionary is not None else ""
     print(f"trexton onboard {arguments.map} {options}--particles {best.particles}")
     return 0

@@ -57,17 +57,28 @@ EXPERIMENTS: dict[str, Experiment] = {
     "overview": Experiment("The pipeline in one picture", needs=_IMAGES, cost_s=5),
     "texton_dictionary": Experiment("The texton dictionary", needs=_IMAGES, cost_s=6),
     "mosaic": Experiment("The map, stitched from the flight", needs=_IMAGES, cost_s=200),
-    "homography_baseline": Experiment("Baseline: homography", needs=_IMAGES, after=("mosaic", "mocap_training"), cost_s=60),
-    "mocap_training": Experiment("Training on motion-capture positions", needs=("positions",), cost_s=20),
+    "homography_baseline": Experiment(
+        "Baseline: homography", needs=_IMAGES, after=("mosaic", "mocap_training"), cost_s=60
+    ),
+    "mocap_training": Experiment(
+        "Training on motion-capture positions", needs=("positions",), cost_s=20
+    ),
     "homography_training": Experiment(
-        "Training on homography positions", needs=_IMAGES, after=("mosaic", "homography_baseline", "mocap_training"), cost_s=100
+        "Training on homography positions",
+        needs=_IMAGES,
+        after=("mosaic", "homography_baseline", "mocap_training"),
+        cost_s=100,
     ),
     "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=300),
     "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=120, alone=True),
-    "map_loss": Experiment("Which floors are suitable: the map loss", needs=("positions",), cost_s=8),
+    "map_loss": Experiment(
+        "Which floors are suitable: the map loss", needs=("positions",), cost_s=8
+    ),
     "timing": Experiment("Time for one frame", needs=("positions",), alone=True, cost_s=10),
     "speed": Experiment("As fast as the machine allows", needs=_IMAGES, alone=True, cost_s=60),
-    "choices": Experiment("What the open choices cost", needs=("positions",), after=("mocap_training",), cost_s=30),
+    "choices": Experiment(
+        "What the open choices cost", needs=("positions",), after=("mocap_training",), cost_s=30
+    ),
     "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=15),
     LEDGER: Experiment("The ledger", every_flight=True),
 }

@@ -76,7 +76,11 @@ def run(
     variants = {}
     for variant in _variants(texton_map, train, test, samples, neighbors, seed):
         runs = tracks(
-            variant.texton_map, variant.frames, repeats=repeats, seed=seed, **common | variant.options
+            variant.texton_map,
+            variant.frames,
+            repeats=repeats,
+            seed=seed,
+            **common | variant.options,
         )
         rng = np.random.default_rng([seed, 10_000])
         summary = summarize([run.estimate for run in runs], test.position, test.diagonal, rng=rng)
@@ -110,22 +114,45 @@ def _variants(
     rows = neighbors_in_flight(texton_map.histograms, _times(train), neighbors, excluded_s=0)
     changed = replace(texton_map, rank_covariance=rank_covariances(texton_map.positions, rows))
     yield _Variant(
-        "near_in_time", "measurement", "ranks learned with neighbours in time allowed", changed, frames
+        "near_in_time",
+        "measurement",
+        "ranks learned with neighbours in time allowed",
+        changed,
+        frames,
     )
     for sigma_cm in (8, 25):
         changed = replace(texton_map, process_covariance=np.eye(2) * (sigma_cm / 100) ** 2)
         yield _Variant(
-            f"motion_{sigma_cm}", "motion", f"hand-set motion noise of {sigma_cm} cm a frame", changed, frames
+            f"motion_{sigma_cm}",
+            "motion",
+            f"hand-set motion noise of {sigma_cm} cm a frame",
+            changed,
+            frames,
         )
     for count in (140, 1000):
         yield _Variant(
-            f"particles_{count}", "particles", f"{count} particles", texton_map, frames, {"particles": count}
+            f"particles_{count}",
+            "particles",
+            f"{count} particles",
+            texton_map,
+            frames,
+            {"particles": count},
         )
     yield _Variant(
-        "systematic", "resampling", "systematic resampling", texton_map, frames, {"resampling": "systematic"}
+        "systematic",
+        "resampling",
+        "systematic resampling",
+        texton_map,
+        frames,
+        {"resampling": "systematic"},
     )
     yield _Variant(
-        "mean", "estimate", "weighted mean as the estimate", texton_map, frames, {"estimator": "mean"}
+        "mean",
+        "estimate",
+        "weighted mean as the estimate",
+        texton_map,
+        frames,
+        {"estimator": "mean"},
     )
     yield _Variant(
         "highest_weight",
@@ -155,9 +182,13 @@ def _variants(
             frames,
         )
     else:
-        cleared = replace(texton_map, histograms=without_trace(texton_map.histograms, _PUBLISHED_SAMPLES))
+        cleared = replace(
+            texton_map, histograms=without_trace(texton_map.histograms, _PUBLISHED_SAMPLES)
+        )
         frames = list(without_trace(test.histograms, _PUBLISHED_SAMPLES))
-        yield _Variant("trace", "histogram", "the trace of the frame before removed", cleared, frames)
+        yield _Variant(
+            "trace", "histogram", "the trace of the frame before removed", cleared, frames
+        )
 
 
 def _times(train: Flight) -> np.ndarray:
@@ -171,7 +202,11 @@ def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:
     def compute():
         rng = np.random.default_rng([seed, 0])
         dictionary = TextonDictionary.learn(train, rng=rng, method="winner-take-all")
-        return TextonMap.train(train, neighbors=neighbors, rng=rng, dictionary=dictionary).to_arrays()
+        return TextonMap.train(
+            train, neighbors=neighbors, rng=rng, dictionary=dictionary
+        ).to_arrays()
 
     inputs = {"flight": train.data_hash, "neighbors": neighbors, "seed": seed}
-    return TextonMap.from_arrays(cached("map-winner-take-all", "trexton.localizer", inputs, compute))
+    return TextonMap.from_arrays(
+        cached("map-winner-take-all", "trexton.localizer", inputs, compute)
+    )

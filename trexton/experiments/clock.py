@@ -19,9 +19,17 @@ def milliseconds(runs: Sequence[np.ndarray], stretch: int = _STRETCH) -> dict:
     pieces = [piece for run in runs for piece in np.array_split(run, max(1, len(run) // stretch))]
     low, high = np.percentile([np.median(piece) for piece in pieces], (2.5, 97.5))
     median = np.median(np.concatenate(runs))
-    return {"median": 1000 * median, "low": 1000 * min(low, median), "high": 1000 * max(high, median)}
+    return {
+        "median": 1000 * median,
+        "low": 1000 * min(low, median),
+        "high": 1000 * max(high, median),
+    }
 
 
 def frequency(time_ms: dict) -> dict:
     """The same as a rate in Hz."""
-    return {"median": 1000 / time_ms["median"], "low": 1000 / time_ms["high"], "high": 1000 / time_ms["low"]}
+    return {
+        "median": 1000 / time_ms["median"],
+        "low": 1000 / time_ms["high"],
+        "high": 1000 / time_ms["low"],
+    }

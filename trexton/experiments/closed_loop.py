@@ -81,14 +81,18 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
     """
     rng = np.random.default_rng([mission.seed, 1 + number])
     zone_rng, plan_rng, simulator_rng, localizer_rng = rng.spawn(4)
-    zone = LandingZone(zone_rng.uniform(*mission.places), mission.radius, mission.spread, mission.consecutive)
+    zone = LandingZone(
+        zone_rng.uniform(*mission.places), mission.radius, mission.spread, mission.consecutive
+    )
     plan = Plan(random_waypoints(mission.texton_map.area, plan_rng))
     # The camera hands its frames over as they are: nothing is compressed on board.
     simulator = Simulator(
         mission.floor, camera=mission.camera, effects=Effects().without("jpeg"), light=Light.later(),
         start=plan.start, height=mission.height, speed=mission.speed, rng=simulator_rng,
     )  # fmt: skip
-    localizer = None if perfect else Localizer(mission.texton_map, rng=localizer_rng, **mission.options)
+    localizer = (
+        None if perfect else Localizer(mission.texton_map, rng=localizer_rng, **mission.options)
+    )
     state, path, frame_s, triggered = simulator.state, [], [], False
     while not triggered and state.time < mission.time_limit:
         state = simulator.step(plan.goal(state.position))
@@ -122,11 +126,16 @@ def _fly_some(mission: Mission, numbers: range) -> list[Attempt]:
 def fly_all(mission: Mission, landings: int, processes: int) -> list[Attempt]:
     """All attempts in order, every n-th of them flown by the n-th process."""
     if processes == 1:
-        return [fly_attempt(mission, number) for number in progress(range(landings), "landings", landings)]
+        return [
+            fly_attempt(mission, number)
+            for number in progress(range(landings), "landings", landings)
+        ]
     shares = [range(first, landings, processes) for first in range(min(processes, landings))]
     with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
         flown = pool.map(_fly_some, [mission] * len(shares), shares)
         by_number = {
-            number: attempt for share, some in zip(shares, flown) for number, attempt in zip(share, some)
+            number: attempt
+            for share, some in zip(shares, flown)
+            for number, attempt in zip(share, some)
         }
     return [by_number[number] for number in range(landings)]

@@ -17,11 +17,16 @@ def rank_correlation(
     The interval draws whole blocks of rows; `block` = 1 draws single rows. NaN where one side is constant.
     """
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-    drawn = [_spearman(a[rows], b[rows]) for rows in (block_rows(len(a), rng, block) for _ in range(draws))]
+    drawn = [
+        _spearman(a[rows], b[rows])
+        for rows in (block_rows(len(a), rng, block) for _ in range(draws))
+    ]
     return _with_interval(_spearman(a, b), drawn)
 
 
-def pair_correlation(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 200) -> dict:
+def pair_correlation(
+    a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 200
+) -> dict:
     """Spearman's correlation of two symmetric ``(N, N)`` arrays over all pairs, with its 95 % interval.
 
     Frames, not pairs, are drawn anew in blocks: N (N - 1) / 2 pairs are far from independent. Ranks are kept.
@@ -31,7 +36,9 @@ def pair_correlation(a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, 
     terms = [1.0 - np.eye(count), x, y, x * x, y * y, x * y]
 
     def correlation(weights: np.ndarray) -> float:
-        total, *sums = (np.einsum("i,i->", weights, np.einsum("ij,j->i", term, weights)) for term in terms)
+        total, *sums = (
+            np.einsum("i,i->", weights, np.einsum("ij,j->i", term, weights)) for term in terms
+        )
         mean_x, mean_y, xx, yy, xy = (value / total for value in sums)
         return (xy - mean_x * mean_y) / np.sqrt((xx - mean_x**2) * (yy - mean_y**2))
 
@@ -47,7 +54,9 @@ def pearson(a: np.ndarray, b: np.ndarray) -> float:
     """Pearson's correlation, the same bits on any number of threads; NaN where one side is constant."""
     x, y = a - a.mean(), b - b.mean()
     with np.errstate(invalid="ignore"):
-        return float(np.einsum("i,i->", x, y) / np.sqrt(np.einsum("i,i->", x, x) * np.einsum("i,i->", y, y)))
+        return float(
+            np.einsum("i,i->", x, y) / np.sqrt(np.einsum("i,i->", x, x) * np.einsum("i,i->", y, y))
+        )
 
 
 def _spearman(a: np.ndarray, b: np.ndarray) -> float:
@@ -67,5 +76,7 @@ def _pair_ranks(matrix: np.ndarray) -> np.ndarray:
 
 
 def _with_interval(value: float, drawn: list[float]) -> dict:
-    low, high = np.nanpercentile(drawn, (2.5, 97.5)) if np.isfinite(drawn).any() else (np.nan, np.nan)
+    low, high = (
+        np.nanpercentile(drawn, (2.5, 97.5)) if np.isfinite(drawn).any() else (np.nan, np.nan)
+    )
     return {"value": value, "low": low, "high": high}

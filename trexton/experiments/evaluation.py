@@ -12,26 +12,58 @@ import numpy as np
 from trexton.cache import cached
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import absolute_errors, block_rows, constant_guess, shuffled_neighbors, summarize
+from trexton.metrics import (
+    absolute_errors,
+    block_rows,
+    constant_guess,
+    shuffled_neighbors,
+    summarize,
+)
 from trexton.records import software_versions
 
-__all__ = ["Track", "drift", "evaluate", "floor_picture", "fly", "frames_of", "provenance", "trained_map", "tracks"]
+__all__ = [
+    "Track",
+    "drift",
+    "evaluate",
+    "floor_picture",
+    "fly",
+    "frames_of",
+    "provenance",
+    "trained_map",
+    "tracks",
+]
 
 
 def provenance(*flights: Flight) -> dict:
     """Data hashes of the flights and the versions of the software."""
-    return {"flights": {flight.name: flight.data_hash for flight in flights}, "versions": software_versions()}
+    return {
+        "flights": {flight.name: flight.data_hash for flight in flights},
+        "versions": software_versions(),
+    }
 
 
-def trained_map(train: Flight, *, textons=20, patch=6, neighbors=5, seed=1, positions: np.ndarray | None = None) -> TextonMap:
+def trained_map(
+    train: Flight, *, textons=20, patch=6, neighbors=5, seed=1, positions: np.ndarray | None = None
+) -> TextonMap:
     """The texton map of `train`, from the cache if the same inputs were seen before."""
-    inputs = {"flight": train.data_hash, "textons": textons, "patch": patch, "neighbors": neighbors, "seed": seed}
+    inputs = {
+        "flight": train.data_hash,
+        "textons": textons,
+        "patch": patch,
+        "neighbors": neighbors,
+        "seed": seed,
+    }
     if positions is not None:
         inputs["positions"] = [[float(value).hex() for value in row] for row in positions]
 
     def compute():
         rng = np.random.default_rng([seed, 0])
-        options = {"n_textons": textons, "patch": patch, "neighbors": neighbors, "positions": positions}
+        options = {
+            "n_textons": textons,
+            "patch": patch,
+            "neighbors": neighbors,
+            "positions": positions,
+        }
         return TextonMap.train(train, rng=rng, **options).to_arrays()
 
     return TextonMap.from_arrays(cached("map", "trexton.localizer", inputs, compute))
@@ -63,15 +95,25 @@ def fly(localizer: Localizer, frames: Sequence[np.ndarray]) -> Track:
         start = perf_counter()
         estimate = localizer.step(frame)
         step_s.append(perf_counter() - start)
-        rows.append((estimate.position, estimate.spread, estimate.neighbors.position.mean(axis=0), estimate.lost))
+        rows.append(
+            (
+                estimate.position,
+                estimate.spread,
+                estimate.neighbors.position.mean(axis=0),
+                estimate.lost,
+            )
+        )
     position, spread, knn, lost = (np.array(column) for column in zip(*rows))
     return Track(position, spread, knn, lost, np.array(step_s))
 
 
-def tracks(texton_map: TextonMap, frames: Sequence[np.ndarray], *, repeats: int, seed: int, **options) -> list[Track]:
+def tracks(
+    texton_map: TextonMap, frames: Sequence[np.ndarray], *, repeats: int, seed: int, **options
+) -> list[Track]:
     """`repeats` independent runs; run i draws from the generator seeded with (seed, 1 + i)."""
     return [
-        fly(Localizer(texton_map, rng=np.random.default_rng([seed, 1 + i]), **options), frames) for i in range(repeats)
+        fly(Localizer(texton_map, rng=np.random.default_rng([seed, 1 + i]), **options), frames)
+        for i in range(repeats)
     ]
 
 
@@ -85,10 +127,16 @@ def drift(runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: i
 
     drawn = [slope(rng.integers(len(runs)), block_rows(len(test), rng)) for _ in range(draws)]
     low, high = np.percentile(drawn, (2.5, 97.5))
-    return {"median": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]), "low": low, "high": high}
+    return {
+        "median": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]),
+        "low": low,
+        "high": high,
+    }
 
 
-def evaluate(runs: list[Track], train_positions: np.ndarray, test: Flight, *, k: int, seed: int) -> tuple[dict, dict]:
+def evaluate(
+    runs: list[Track], train_positions: np.ndarray, test: Flight, *, k: int, seed: int
+) -> tuple[dict, dict]:
     """Values and series of a set of runs beside the k-NN alone and the yardsticks.
 
     Returns
@@ -127,6 +175,10 @@ def floor_picture(flight: Flight, width: int = 700) -> tuple[dict, dict]:
     if flight.floor is None:
         return {}, {}
     rows, columns = flight.floor.image.shape[:2]
-    (left, top), (right, bottom) = flight.floor.to_world([(-0.5, -0.5), (columns - 0.5, rows - 0.5)])
-    picture = cv2.resize(flight.floor.image, (width, round(width * rows / columns)), interpolation=cv2.INTER_AREA)
+    (left, top), (right, bottom) = flight.floor.to_world(
+        [(-0.5, -0.5), (columns - 0.5, rows - 0.5)]
+    )
+    picture = cv2.resize(
+        flight.floor.image, (width, round(width * rows / columns)), interpolation=cv2.INTER_AREA
+    )
     return {"floor": {"extent_m": [left, right, bottom, top]}}, {"floor": picture}

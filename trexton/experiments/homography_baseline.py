@@ -37,10 +37,13 @@ def run(train: Flight, test: Flight, *, anchors: int = 12, seed: int = 1) -> Rec
     mosaic = maps["mosaic"]
     if test.floor is not None:
         maps["perfect_floor"] = test.floor
-    located = locate_all(maps, test) | {"half": locate_all({"mosaic": mosaic}, test, scale=0.5)["mosaic"]}
+    located = locate_all(maps, test) | {
+        "half": locate_all({"mosaic": mosaic}, test, scale=0.5)["mosaic"]
+    }
     rng = np.random.default_rng([seed, 0])
     values = {
-        name: summarize([each.position], test.position, test.diagonal, rng=rng) | _counts(each, test)
+        name: summarize([each.position], test.position, test.diagonal, rng=rng)
+        | _counts(each, test)
         for name, each in located.items()
     }
     for name in ("mosaic", "drifting"):
@@ -78,4 +81,7 @@ def _counts(located: Located, test: Flight) -> dict:
     error = np.hypot(*(located.position - test.position).T)
     x_min, x_max, y_min, y_max = test.area
     gross = error > min(x_max - x_min, y_max - y_min) / 2
-    return {"failures": int((~located.found).sum()), "gross_errors": int(gross[located.found].sum())}
+    return {
+        "failures": int((~located.found).sum()),
+        "gross_errors": int(gross[located.found].sum()),
+    }

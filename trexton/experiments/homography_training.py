@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from trexton.experiments.evaluation import evaluate, floor_picture, frames_of, provenance, tracks, trained_map
+from trexton.experiments.evaluation import (
+    evaluate,
+    floor_picture,
+    frames_of,
+    provenance,
+    tracks,
+    trained_map,
+)
 from trexton.experiments.stitched import homography_maps, locate_all
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
@@ -71,8 +78,12 @@ def run(
     series: dict = {}
     step_s = []
     for name, positions in sources.items():
-        texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed, positions=positions)
-        runs = tracks(texton_map, frames, repeats=repeats, seed=seed, samples=samples, particles=particles)
+        texton_map = trained_map(
+            train, textons=textons, neighbors=neighbors, seed=seed, positions=positions
+        )
+        runs = tracks(
+            texton_map, frames, repeats=repeats, seed=seed, samples=samples, particles=particles
+        )
         errors, drawn = evaluate(runs, texton_map.positions, test, k=neighbors, seed=seed)
         values[name] = errors["filter"]
         values[f"{name}_knn"] = errors["knn"]

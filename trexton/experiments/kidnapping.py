@@ -25,7 +25,9 @@ __all__ = ["Trial", "filter_trials", "run"]
 
 FILTERS = {"plain": None, "augmented": "augmented"}
 SETTLED = 25  # frames, two seconds, in which the filter finds the vehicle for the first time
-SHARES = np.round(np.arange(0.1, 1.51, 0.05), 2)  # of ignorance, at which the vehicle could be called lost
+SHARES = np.round(
+    np.arange(0.1, 1.51, 0.05), 2
+)  # of ignorance, at which the vehicle could be called lost
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,10 +93,20 @@ def run(
     period = float(np.median(np.diff(test.time)))
     patience = min(round(patience_s / period), len(test) // 3)
     plan = _plan(test, kidnappings, patience, np.random.default_rng([seed, 20_001]))
-    values, series = {}, {"time_s": np.arange(patience) * period, "shares": SHARES, "area_m": test.area}
+    values, series = (
+        {},
+        {"time_s": np.arange(patience) * period, "shares": SHARES, "area_m": test.area},
+    )
     for name, recovery in FILTERS.items():
         trials = filter_trials(
-            texton_map, histograms, test.position, plan, patience, recovery, particles=particles, seed=seed
+            texton_map,
+            histograms,
+            test.position,
+            plan,
+            patience,
+            recovery,
+            particles=particles,
+            seed=seed,
         )
         values[name] = _values(trials, tolerance, consecutive, period)
         series[name] = _series(trials, tolerance, consecutive, period)
@@ -117,11 +129,15 @@ def run(
     )  # fmt: skip
 
 
-def _histograms(test: Flight, texton_map: TextonMap, samples: int, rng: np.random.Generator) -> np.ndarray:
+def _histograms(
+    test: Flight, texton_map: TextonMap, samples: int, rng: np.random.Generator
+) -> np.ndarray:
     if not test.has_images:
         return test.histograms
     images = progress(test.images(), "histograms", total=len(test))
-    return np.stack([sampled_histogram(image, texton_map.dictionary, samples, rng=rng) for image in images])
+    return np.stack(
+        [sampled_histogram(image, texton_map.dictionary, samples, rng=rng) for image in images]
+    )
 
 
 def _plan(test: Flight, count: int, patience: int, rng: np.random.Generator) -> np.ndarray:
@@ -173,7 +189,8 @@ def _values(trials: list[Trial], tolerance: float, consecutive: int, period: flo
     found = [trial.found_after(tolerance, consecutive) for trial in trials]
     times = [period * frames for frames in found if frames is not None]
     undisturbed = [
-        Trial(trial.error[: trial.cut], trial.width, trial.lost, trial.calm.start) for trial in trials
+        Trial(trial.error[: trial.cut], trial.width, trial.lost, trial.calm.start)
+        for trial in trials
     ]
     control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
     return {
@@ -182,7 +199,8 @@ def _values(trials: list[Trial], tolerance: float, consecutive: int, period: flo
         if times
         else None,
         "control_rate": _rate(sum(frames is not None for frames in control), len(trials)),
-        "undisturbed_error_cm": 100 * np.concatenate([trial.error[trial.calm] for trial in trials]).mean(),
+        "undisturbed_error_cm": 100
+        * np.concatenate([trial.error[trial.calm] for trial in trials]).mean(),
         "lost": _lost(
             trials, [trial.lost | (trial.width > LOST_SHARE) for trial in trials], found, tolerance
         ),
@@ -190,7 +208,9 @@ def _values(trials: list[Trial], tolerance: float, consecutive: int, period: flo
     }
 
 
-def _lost(trials: list[Trial], flags: list[np.ndarray], found: list[int | None], tolerance: float) -> dict:
+def _lost(
+    trials: list[Trial], flags: list[np.ndarray], found: list[int | None], tolerance: float
+) -> dict:
     """How well "lost" is told: in which share of kidnappings, of wrong frames until found, of calm frames."""
     declared, wrong, calm, calm_error = [], [], [], []
     for trial, lost, frames in zip(trials, flags, found):
@@ -200,7 +220,11 @@ def _lost(trials: list[Trial], flags: list[np.ndarray], found: list[int | None],
             wrong.append(lost[trial.cut : end][trial.error[trial.cut : end] >= tolerance])
         calm.append(lost[trial.calm])
         calm_error.append(trial.error[trial.calm])
-    calm, calm_error, wrong = np.concatenate(calm), np.concatenate(calm_error), np.concatenate([[], *wrong])
+    calm, calm_error, wrong = (
+        np.concatenate(calm),
+        np.concatenate(calm_error),
+        np.concatenate([[], *wrong]),
+    )
     return {
         "declared_rate": _rate(sum(declared), len(declared)),
         "wrong_frames_rate": wrong.mean() if len(wrong) else None,
@@ -216,7 +240,10 @@ def _series(trials: list[Trial], tolerance: float, consecutive: int, period: flo
     found = [trial.found_after(tolerance, consecutive) for trial in trials]
     error = np.array([trial.error[trial.cut :] for trial in trials])
     lost = np.array([(trial.lost | (trial.width > LOST_SHARE))[trial.cut :] for trial in trials])
-    shares = [_lost(trials, [trial.width > share for trial in trials], found, tolerance) for share in SHARES]
+    shares = [
+        _lost(trials, [trial.width > share for trial in trials], found, tolerance)
+        for share in SHARES
+    ]
     return {
         "recovery_s": sorted(period * frames for frames in found if frames is not None),
         "error_m": dict(zip(("low", "median", "high"), np.percentile(error, (10, 50, 90), axis=0))),

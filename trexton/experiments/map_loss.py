@@ -80,7 +80,11 @@ def run(
             "positions_m": positions,
             "local_loss": losses,
             "error_m": errors,
-            "heat": {"loss": heat.values.round(5), "error_m": wrong.values.round(5), "extent_m": heat.extent},
+            "heat": {
+                "loss": heat.values.round(5),
+                "error_m": wrong.values.round(5),
+                "extent_m": heat.extent,
+            },
             "sweep": sweep,
             "similarity": similarity_series,
             "groups": prediction_series | unseen_series,
@@ -95,7 +99,9 @@ def _euclidean(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
     return np.hypot(*absolute_errors(estimates, truth).T)
 
 
-def _similarity(histograms: np.ndarray, positions: np.ndarray, sigma: float, seed: int) -> tuple[dict, dict]:
+def _similarity(
+    histograms: np.ndarray, positions: np.ndarray, sigma: float, seed: int
+) -> tuple[dict, dict]:
     """Actual similarity of all pairs of frames against their distance."""
     rows = _evenly(len(histograms))
     alike, place = cosine_similarity(histograms[rows]), positions[rows]
@@ -110,9 +116,16 @@ def _similarity(histograms: np.ndarray, positions: np.ndarray, sigma: float, see
     edges = np.linspace(0, distance.max(), 25)
     bins = np.digitize(distance[upper], edges[1:-1])
     groups = [alike[upper][bins == b] for b in range(24)]
-    quartiles = [np.percentile(group, (25, 50, 75)) if len(group) else [np.nan] * 3 for group in groups]
+    quartiles = [
+        np.percentile(group, (25, 50, 75)) if len(group) else [np.nan] * 3 for group in groups
+    ]
     low, median, high = np.array(quartiles).T
-    return values, {"distance_m": (edges[1:] + edges[:-1]) / 2, "low": low, "median": median, "high": high}
+    return values, {
+        "distance_m": (edges[1:] + edges[:-1]) / 2,
+        "low": low,
+        "median": median,
+        "high": high,
+    }
 
 
 def _sweep(
@@ -169,7 +182,9 @@ def _unseen(
 ) -> tuple[dict, dict]:
     """The same on another flight: the smoothed loss of each place against the errors made there."""
     expected = smooth(losses, texton_map.positions, test.position, sigma)
-    track = fly(Localizer(texton_map, rng=np.random.default_rng([seed, 6]), **options), frames_of(test))
+    track = fly(
+        Localizer(texton_map, rng=np.random.default_rng([seed, 6]), **options), frames_of(test)
+    )
     errors = {
         "test_knn": _euclidean(track.knn, test.position),
         "test_filter": _euclidean(track.estimate, test.position),
@@ -188,7 +203,9 @@ def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict]:
 
     def means(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
         with np.errstate(invalid="ignore"):
-            return np.bincount(group[rows], values[rows], GROUPS) / np.bincount(group[rows], minlength=GROUPS)
+            return np.bincount(group[rows], values[rows], GROUPS) / np.bincount(
+                group[rows], minlength=GROUPS
+            )
 
     drawn = [means(100 * errors, block_rows(len(errors), rng)) for _ in range(400)]
     low, high = np.nanpercentile(drawn, (2.5, 97.5), axis=0)

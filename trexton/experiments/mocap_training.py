@@ -48,7 +48,12 @@ def run(
         Independent runs of the filter over the test flight.
     """
     texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
-    options = {"samples": samples, "particles": particles, "resampling": resampling, "estimator": estimator}
+    options = {
+        "samples": samples,
+        "particles": particles,
+        "resampling": resampling,
+        "estimator": estimator,
+    }
     frames = frames_of(test)
     runs = tracks(texton_map, frames, repeats=repeats, seed=seed, **options)
     values, series = evaluate(runs, texton_map.positions, test, k=neighbors, seed=seed)
@@ -76,7 +81,13 @@ def run(
     return Record(
         experiment="mocap_training",
         flight=train.name,
-        parameters={**options, "textons": textons, "neighbors": neighbors, "repeats": repeats, "seed": seed},
+        parameters={
+            **options,
+            "textons": textons,
+            "neighbors": neighbors,
+            "repeats": repeats,
+            "seed": seed,
+        },
         values=values,
         series=series | floor,
         images=pictures,
@@ -85,12 +96,22 @@ def run(
     )
 
 
-def _estimators(texton_map: TextonMap, frames, test: Flight, runs: list[Track], seed: int, options: dict) -> dict:
+def _estimators(
+    texton_map: TextonMap, frames, test: Flight, runs: list[Track], seed: int, options: dict
+) -> dict:
     """Mean Euclidean error in cm under each point estimate; the filter draws the same particles under all of them."""
     result = {}
     for name in ESTIMATORS:
         same = name == options["estimator"]
-        others = runs if same else tracks(texton_map, frames, repeats=len(runs), seed=seed, **options | {"estimator": name})
+        others = (
+            runs
+            if same
+            else tracks(
+                texton_map, frames, repeats=len(runs), seed=seed, **options | {"estimator": name}
+            )
+        )
         rng = np.random.default_rng([seed, 10_002])
-        result[name] = summarize([run.estimate for run in others], test.position, test.diagonal, rng=rng)["mean_cm"]
+        result[name] = summarize(
+            [run.estimate for run in others], test.position, test.diagonal, rng=rng
+        )["mean_cm"]
     return result

@@ -60,7 +60,9 @@ def run(train: Flight, test: Flight, *, quick: bool = True, seed: int = 1) -> Re
 def _roofs(rng: np.random.Generator) -> dict:
     source = np.zeros(_COPIED, np.uint8)
     target, square = np.empty_like(source), rng.random((1024, 1024), dtype=np.float32)
-    times = interleave({"copy": lambda: np.copyto(target, source), "sgemm": lambda: square @ square}, 0.3)
+    times = interleave(
+        {"copy": lambda: np.copyto(target, source), "sgemm": lambda: square @ square}, 0.3
+    )
     return {
         "bytes_per_s": 2 * _COPIED / times["copy"].median,
         "operations_per_s": 2.0 * 1024**3 / times["sgemm"].median,

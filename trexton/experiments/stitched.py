@@ -43,7 +43,12 @@ def stitched_map(train: Flight, anchors: int = 12) -> Mosaic:
 
 def drifting_map(train: Flight, anchors: int = 12) -> Mosaic:
     """The mosaic of `train` if it never noticed a place again: links along the path only, three anchors."""
-    inputs = {"flight": train.data_hash, "anchors": anchors, "apart": _SAME_PASS, "placed": _FEWEST_ANCHORS}
+    inputs = {
+        "flight": train.data_hash,
+        "anchors": anchors,
+        "apart": _SAME_PASS,
+        "placed": _FEWEST_ANCHORS,
+    }
 
     def compute() -> Mosaic:
         links = stitched_map(train, anchors).links
@@ -99,9 +104,13 @@ class Located:
         return np.isfinite(self.position).all(axis=1)
 
 
-def locate_all(pictures: dict[str, MapImage], flight: Flight, scale: float = 1.0) -> dict[str, Located]:
+def locate_all(
+    pictures: dict[str, MapImage], flight: Flight, scale: float = 1.0
+) -> dict[str, Located]:
     """Locate every frame of a flight on each of some maps, unfiltered; keypoints, at `scale`, are found once."""
-    localizers = {name: HomographyLocalizer(picture, scale=scale) for name, picture in pictures.items()}
+    localizers = {
+        name: HomographyLocalizer(picture, scale=scale) for name, picture in pictures.items()
+    }
     describe = next(iter(localizers.values())).describe
     rows: dict = {name: [] for name in localizers}
     for image in progress(flight.images(), "locating", len(flight)):
@@ -112,7 +121,9 @@ def locate_all(pictures: dict[str, MapImage], flight: Flight, scale: float = 1.0
             start = perf_counter()
             fix = localizer.fix(keypoints, image.shape[:2])
             rows[name].append((fix.position, fix.inliers, described_s + perf_counter() - start))
-    return {name: Located(*(np.array(column) for column in zip(*found))) for name, found in rows.items()}
+    return {
+        name: Located(*(np.array(column) for column in zip(*found))) for name, found in rows.items()
+    }
 
 
 def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.ndarray]:
@@ -128,7 +139,9 @@ def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.n
     found = []
     for each in (picture, floor):
         mask = None if each.mask is None else each.mask.astype(np.uint8)
-        found.append(detect_keypoints(cv2.cvtColor(each.image, cv2.COLOR_BGR2GRAY), limit=20_000, mask=mask))
+        found.append(
+            detect_keypoints(cv2.cvtColor(each.image, cv2.COLOR_BGR2GRAY), limit=20_000, mask=mask)
+        )
     cv2.setRNGSeed(0)
     index = cv2.flann_Index(found[1].descriptors, {"algorithm": 1, "trees": 4})
     nearest, squared = index.knnSearch(found[0].descriptors, 2, params={"checks": 64})

@@ -48,7 +48,9 @@ def time_stored(
     ends : dict
         What the claims need of the shortest and the longest.
     """
-    crowd, origin = multiplied(texton_map.histograms, most, rng=np.random.default_rng([seed, 20_000]))
+    crowd, origin = multiplied(
+        texton_map.histograms, most, rng=np.random.default_rng([seed, 20_000])
+    )
     localizer = Localizer(
         texton_map, samples=samples, particles=particles, rng=np.random.default_rng([seed, 20_001])
     )
@@ -59,7 +61,10 @@ def time_stored(
         for method in _METHODS:
             start = perf_counter()
             store = NearestHistograms(
-                crowd[:count], texton_map.positions[origin[:count]], k=texton_map.neighbors, method=method
+                crowd[:count],
+                texton_map.positions[origin[:count]],
+                k=texton_map.neighbors,
+                method=method,
             )
             built_s = perf_counter() - start
             localizer.nearest = store

@@ -47,7 +47,9 @@ def run(
     for method in METHODS:
         rng = np.random.default_rng([seed, 0])  # the stream that maps are trained with
         patches = draw_patches(islice(train.images(), images), 6, patches_per_image, rng)
-        learned[method] = learn_textons(patches, textons, rng=rng, method=method, first=patches_per_image)
+        learned[method] = learn_textons(
+            patches, textons, rng=rng, method=method, first=patches_per_image
+        )
     dictionary = learned["kohonen"].dictionary
     texton_map = trained_map(train, textons=textons, seed=seed)
     frequency = texton_map.histograms.mean(axis=0)
@@ -86,7 +88,9 @@ def run(
     )  # fmt: skip
 
 
-def place_frequencies(histograms: np.ndarray, positions: np.ndarray, area, cells: int) -> np.ndarray:
+def place_frequencies(
+    histograms: np.ndarray, positions: np.ndarray, area, cells: int
+) -> np.ndarray:
     """``(K, cells, cells)``: mean frequency of each texton over the frames of each square, NaN without any.
 
     Rows go with y, columns with x, from the lower left corner of `area`.
@@ -143,4 +147,6 @@ def _painted(image: np.ndarray, dictionary: TextonDictionary) -> np.ndarray:
 
 def _small(picture: np.ndarray) -> np.ndarray:
     rows, columns = picture.shape[:2]
-    return cv2.resize(picture, (_SHOWN, round(_SHOWN * rows / columns)), interpolation=cv2.INTER_AREA)
+    return cv2.resize(
+        picture, (_SHOWN, round(_SHOWN * rows / columns)), interpolation=cv2.INTER_AREA
+    )

@@ -65,20 +65,26 @@ def run(
             clock.step(frame)
         clocks.append(clock.seconds)
     total_s = np.median(totals, axis=0)
-    stages_s = {name: np.median([one[name] for one in clocks], axis=0) for name in STAGES if clocks[0][name]}
+    stages_s = {
+        name: np.median([one[name] for one in clocks], axis=0) for name in STAGES if clocks[0][name]
+    }
     timings = {
         "machine": machine(),
         "total_ms": _distribution(total_s),
         "frequency_hz": frequency(milliseconds([total_s])),
         "stages_ms": {name: _distribution(seconds) for name, seconds in stages_s.items()},
-        "frames_ms": {name: 1000 * seconds for name, seconds in ({"total": total_s} | stages_s).items()},
+        "frames_ms": {
+            name: 1000 * seconds for name, seconds in ({"total": total_s} | stages_s).items()
+        },
     }
     if test.has_images:
         medians = {name: np.median(seconds) for name, seconds in stages_s.items()}
         timings["histogram_share"] = float(medians["histogram"] / sum(medians.values()))
         timings |= _full_sampling(localizer(samples=None), frames[:full_frames])
     if test.has_images and test.floor is not None:
-        timings["homography_ms"] = _homography(test, frames[:: max(1, len(frames) // homography_frames)])
+        timings["homography_ms"] = _homography(
+            test, frames[:: max(1, len(frames) // homography_frames)]
+        )
     return Record(
         experiment="timing",
         flight=train.name,
@@ -105,7 +111,10 @@ def _distribution(seconds: np.ndarray) -> dict:
 
 def _full_sampling(localizer: Localizer, frames) -> dict:
     step_s = fly(localizer, frames).step_s
-    return {"full_sampling_ms": _distribution(step_s), "full_sampling_hz": frequency(milliseconds([step_s]))}
+    return {
+        "full_sampling_ms": _distribution(step_s),
+        "full_sampling_hz": frequency(milliseconds([step_s])),
+    }
 
 
 def _homography(test: Flight, frames) -> dict:

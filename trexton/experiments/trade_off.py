@@ -62,7 +62,12 @@ def run(
         The largest number of histograms that the search is timed on.
     """
     texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
-    defaults = {"samples": samples, "particles": particles, "neighbors": neighbors, "training": len(train)}
+    defaults = {
+        "samples": samples,
+        "particles": particles,
+        "neighbors": neighbors,
+        "training": len(train),
+    }
     bench = _Bench(texton_map, train, test, defaults, repeats, seed)
     sweeps = {name: bench.sweep(name) for name in SWEPT if name != "samples" or test.has_images}
     values, timings = _headlines(sweeps, bench)
@@ -93,7 +98,11 @@ def run(
 
 
 def retrained(
-    texton_map: TextonMap, time: np.ndarray, *, rows: np.ndarray | None = None, neighbors: int | None = None
+    texton_map: TextonMap,
+    time: np.ndarray,
+    *,
+    rows: np.ndarray | None = None,
+    neighbors: int | None = None,
 ) -> TextonMap:
     """The map of some of its training frames only, or for another number of neighbours.
 
@@ -130,7 +139,13 @@ class _Bench:
     """A map and a test flight, its images decoded once."""
 
     def __init__(
-        self, texton_map: TextonMap, train: Flight, test: Flight, defaults: dict, repeats: int, seed: int
+        self,
+        texton_map: TextonMap,
+        train: Flight,
+        test: Flight,
+        defaults: dict,
+        repeats: int,
+        seed: int,
     ):
         self.map, self.train, self.test = texton_map, train, test
         self.defaults, self.repeats, self.seed = defaults, repeats, seed
@@ -156,19 +171,33 @@ class _Bench:
     def sweep(self, name: str) -> _Sweep:
         """Vary `name`, the others at their defaults."""
         limit = {"neighbors": self.wide.neighbors, "training": len(self.train)}.get(name, np.inf)
-        values = {value for value in (*SWEPT[name], self.defaults[name]) if value is None or value <= limit}
+        values = {
+            value
+            for value in (*SWEPT[name], self.defaults[name])
+            if value is None or value <= limit
+        }
         result = _Sweep()
         for value in progress(sorted(values, key=lambda value: value or np.inf), f"varying {name}"):
             setting = self.defaults | {name: value}
             # The paper's two figures get all runs.
-            repeats = self.repeats if name in ("samples", "particles") else max(3, self.repeats // 2)
+            repeats = (
+                self.repeats if name in ("samples", "particles") else max(3, self.repeats // 2)
+            )
             runs = result.runs[value] = self._runs(setting, repeats)
-            filtered, knn = (self.summary([getattr(run, of) for run in runs]) for of in ("estimate", "knn"))
-            errors = {key: filtered[key] for key in _KEPT} | {"knn": {key: knn[key] for key in _KEPT}}
-            step_s = self._full_times() if setting["samples"] is None else [run.step_s for run in runs]
+            filtered, knn = (
+                self.summary([getattr(run, of) for run in runs]) for of in ("estimate", "knn")
+            )
+            errors = {key: filtered[key] for key in _KEPT} | {
+                "knn": {key: knn[key] for key in _KEPT}
+            }
+            step_s = (
+                self._full_times() if setting["samples"] is None else [run.step_s for run in runs]
+            )
             time_ms = milliseconds(step_s)
             result.rows.append(setting | self._patches(setting) | {"runs": len(runs)} | errors)
-            result.clocks.append(setting | {"frame_ms": time_ms, "frequency_hz": frequency(time_ms)})
+            result.clocks.append(
+                setting | {"frame_ms": time_ms, "frequency_hz": frequency(time_ms)}
+            )
         return result
 
     def summary(self, estimates: list[np.ndarray]) -> dict:
@@ -190,7 +219,9 @@ class _Bench:
 
     def _full_times(self) -> list[np.ndarray]:
         options = {key: self.defaults[key] for key in ("particles", "neighbors")}
-        localizer = Localizer(self.wide, samples=None, rng=np.random.default_rng(self.seed), **options)
+        localizer = Localizer(
+            self.wide, samples=None, rng=np.random.default_rng(self.seed), **options
+        )
         return [fly(localizer, self.frames[:_TIMED_FULL]).step_s]
 
     def _patches(self, setting: dict) -> dict:
@@ -211,9 +242,13 @@ def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict, dict]:
         for label, end in ((f"fewest_{name}", 0), (most, -1)):
             values[f"{label}_error_cm"] = sweep.rows[end]["error_cm_x"]
             timings[f"{label}_ms"] = sweep.clocks[end]["frame_ms"]
-        default, last = (sweep.runs[value] for value in (bench.defaults[name], sweep.rows[-1][name]))
+        default, last = (
+            sweep.runs[value] for value in (bench.defaults[name], sweep.rows[-1][name])
+        )
         key = "plateau_gain" if name == "samples" else "particles_plateau_gain"
-        values[key] = _gain(default, last, bench.test, rng=np.random.default_rng([bench.seed, 10_003]))
+        values[key] = _gain(
+            default, last, bench.test, rng=np.random.default_rng([bench.seed, 10_003])
+        )
         errors += [row["error_cm_x"]["median"] for row in sweep.rows]
         rates += [clock["frequency_hz"]["median"] for clock in sweep.clocks]
     rng = np.random.default_rng([bench.seed, 10_004])
@@ -222,7 +257,12 @@ def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict, dict]:
 
 
 def _gain(
-    before: list[Track], after: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 1000
+    before: list[Track],
+    after: list[Track],
+    test: Flight,
+    *,
+    rng: np.random.Generator,
+    draws: int = 1000,
 ) -> dict:
     """By which share the error in x falls from one setting to another, with its 95 % interval."""
     first, second = (
@@ -236,7 +276,9 @@ def _gain(
     drawn = []
     for _ in range(draws):
         rows = block_rows(len(test), rng)
-        drawn.append(share(first[rng.integers(len(first)), rows], second[rng.integers(len(second)), rows]))
+        drawn.append(
+            share(first[rng.integers(len(first)), rows], second[rng.integers(len(second)), rows])
+        )
     low, high = np.percentile(drawn, (2.5, 97.5))
     value = share(np.median(first.mean(axis=1)), np.median(second.mean(axis=1)))
     return {"value": value, "low": low, "high": high}

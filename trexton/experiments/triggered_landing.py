@@ -73,7 +73,13 @@ def run(
         )
     LandingZone((0, 0), radius, spread, consecutive)  # refuses nonsense before the map is trained
     options = {"samples": samples, "particles": particles, "neighbors": neighbors}
-    choices = {"radius": radius, "spread": spread, "consecutive": consecutive, "speed": speed, "seed": seed}
+    choices = {
+        "radius": radius,
+        "spread": spread,
+        "consecutive": consecutive,
+        "speed": speed,
+        "seed": seed,
+    }
     choices |= {"armed_after": armed_after, "time_limit": time_limit}
     mission = Mission(
         texton_map=trained_map(train, textons=textons, neighbors=neighbors, seed=seed),
@@ -92,7 +98,8 @@ def run(
         experiment="triggered_landing",
         flight=train.name,
         parameters={"landings": landings, "textons": textons} | options | choices,
-        values=summarize_attempts(attempts, mission) | {"perfect": summarize_attempts(perfect, mission)},
+        values=summarize_attempts(attempts, mission)
+        | {"perfect": summarize_attempts(perfect, mission)},
         series=_series(attempts, mission) | {"area_m": train.area} | floor,
         images=pictures,
         timings={"frame_s": {"median": np.median(frame_s), "p99": np.percentile(frame_s, 99)}},
@@ -101,7 +108,10 @@ def run(
 
 
 def _zone_places(train: Flight, radius: float) -> np.ndarray:
-    low, high = np.nanmin(train.position, axis=0) + radius, np.nanmax(train.position, axis=0) - radius
+    low, high = (
+        np.nanmin(train.position, axis=0) + radius,
+        np.nanmax(train.position, axis=0) - radius,
+    )
     if (low >= high).any():
         raise ParameterError(
             f"a zone of radius {radius} m does not fit into the area that flight {train.name!r} covers: "
@@ -147,7 +157,9 @@ def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict:
             [100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in done]
         ),
         "lag_cm": _quantiles([_lag(attempt) for attempt in done]),
-        "drift_cm": _quantiles([100 * np.hypot(*(attempt.touchdown - attempt.truth)) for attempt in done]),
+        "drift_cm": _quantiles(
+            [100 * np.hypot(*(attempt.touchdown - attempt.truth)) for attempt in done]
+        ),
     }
 
 
@@ -158,7 +170,9 @@ def _beyond(attempt: Attempt, place: np.ndarray, radius: float) -> float:
 
 def _lag(attempt: Attempt) -> float:
     """How far in cm the estimate trails the vehicle at the trigger, along the way it flies."""
-    return float(100 * (attempt.truth - attempt.estimate) @ attempt.velocity / np.hypot(*attempt.velocity))
+    return float(
+        100 * (attempt.truth - attempt.estimate) @ attempt.velocity / np.hypot(*attempt.velocity)
+    )
 
 
 def _rate(successes: int, trials: int) -> dict | None:
@@ -178,7 +192,9 @@ def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> di
 
 
 def _quantiles(values: list[float]) -> dict | None:
-    return dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)))) if values else None
+    return (
+        dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)))) if values else None
+    )
 
 
 def _chance(rate: dict | None) -> float | None:

@@ -49,13 +49,20 @@ def search_settings(
         flights = {samples: [_sampled(frames, texton_map, samples, rng) for rng in rngs]} | flights
     counts = [k for k in NEIGHBORS if k <= texton_map.neighbors]
     grid, summaries, errors = [], [], []
-    for (drawn, flown), m, k in progress(list(product(flights.items(), PARTICLES, counts)), "settings"):
+    for (drawn, flown), m, k in progress(
+        list(product(flights.items(), PARTICLES, counts)), "settings"
+    ):
         estimates = [_fly(texton_map, one, seed + i, m, k) for i, one in enumerate(flown)]
         rng = np.random.default_rng([seed, 30_100])
         summary = summarize(estimates, test.position, test.diagonal, rng=rng, draws=400)
         summaries.append(summary)
         grid.append(
-            {"samples": drawn, "particles": m, "neighbors": k, "axis_mean_cm": summary["axis_mean_cm"]}
+            {
+                "samples": drawn,
+                "particles": m,
+                "neighbors": k,
+                "axis_mean_cm": summary["axis_mean_cm"],
+            }
         )
         single = [100 * absolute_errors(one, test.position).mean(axis=1) for one in estimates]
         errors.append(np.median(single, axis=0))
@@ -68,17 +75,26 @@ def search_settings(
     }
 
 
-def _sampled(images, texton_map: TextonMap, samples: int, rng: np.random.Generator) -> list[np.ndarray]:
+def _sampled(
+    images, texton_map: TextonMap, samples: int, rng: np.random.Generator
+) -> list[np.ndarray]:
     return [sampled_histogram(image, texton_map.dictionary, samples, rng=rng) for image in images]
 
 
-def _fly(texton_map: TextonMap, histograms, seed: int, particles: int, neighbors: int) -> np.ndarray:
-    (run,) = tracks(texton_map, histograms, repeats=1, seed=seed, particles=particles, neighbors=neighbors)
+def _fly(
+    texton_map: TextonMap, histograms, seed: int, particles: int, neighbors: int
+) -> np.ndarray:
+    (run,) = tracks(
+        texton_map, histograms, repeats=1, seed=seed, particles=particles, neighbors=neighbors
+    )
     return run.estimate
 
 
 def _held_out(errors: np.ndarray) -> float:
     """Mean over both halves of the flight of the error under the setting that is best on the other half."""
     first, second = np.array_split(errors, 2, axis=1)
-    chosen = [mine[other.mean(axis=1).argmin()].mean() for mine, other in ((first, second), (second, first))]
+    chosen = [
+        mine[other.mean(axis=1).argmin()].mean()
+        for mine, other in ((first, second), (second, first))
+    ]
     return float(np.mean(chosen))

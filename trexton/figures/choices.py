@@ -18,10 +18,15 @@ def costs(record: Record) -> Figure:
         for row, variant in enumerate(reversed(variants)):
             error = variant["mean_cm"]
             color = COLORS["estimate"] if variant["group"] == "paper" else COLORS["accent"]
-            plot.plot([error["low"], error["high"]], [row, row], color=color, linewidth=2.2, alpha=0.55)
+            plot.plot(
+                [error["low"], error["high"]], [row, row], color=color, linewidth=2.2, alpha=0.55
+            )
             plot.plot(error["median"], row, "o", color=color, markersize=5)
         plot.axvline(
-            variants[0]["mean_cm"]["median"], color=COLORS["estimate"], linewidth=0.9, linestyle="--"
+            variants[0]["mean_cm"]["median"],
+            color=COLORS["estimate"],
+            linewidth=0.9,
+            linestyle="--",
         )
         plot.set_yticks(range(len(variants)), [variant["label"] for variant in reversed(variants)])
         plot.set(xlabel="mean distance to the truth (cm)", xlim=(0, None))

@@ -30,8 +30,12 @@ def fixes(record: Record) -> Figure:
         for true, found in zip(truth[~lost], position[~lost]):
             plan.plot(*zip(true, found), color=COLORS["estimate"], linewidth=0.6, alpha=0.6)
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="motion capture")
-        plan.plot(*position[~lost].T, ".", color=COLORS["estimate"], markersize=3, label="homography")
-        plan.plot(*truth[lost].T, "x", color=COLORS["accent"], label=f"no homography ({lost.sum()})")
+        plan.plot(
+            *position[~lost].T, ".", color=COLORS["estimate"], markersize=3, label="homography"
+        )
+        plan.plot(
+            *truth[lost].T, "x", color=COLORS["accent"], label=f"no homography ({lost.sum()})"
+        )
         plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3)
     return figure
 
@@ -48,6 +52,8 @@ def error_distribution(record: Record) -> Figure:
             error = np.sort(error[np.isfinite(error)])
             share = 100 * np.arange(1, len(error) + 1) / len(truth)
             plot.step(error, share, where="post", color=color, label=label)
-        plot.set(xscale="log", xlabel="Euclidean error (cm)", ylabel="share of frames (%)", ylim=(0, 102))
+        plot.set(
+            xscale="log", xlabel="Euclidean error (cm)", ylabel="share of frames (%)", ylim=(0, 102)
+        )
         plot.legend(loc="lower right")
     return figure

@@ -23,7 +23,9 @@ def training_errors(record: Record) -> Figure:
         for axis, name in enumerate("xy"):
             plot = axes[axis, 0]
             for key, (label, color) in ROWS.items():
-                error = 100 * np.array(record.series[f"{key}_training_error_m"], dtype=float)[:, axis]
+                error = (
+                    100 * np.array(record.series[f"{key}_training_error_m"], dtype=float)[:, axis]
+                )
                 plot.plot(np.maximum(error, 0.1), ".", color=color, markersize=3, label=label)
             plot.set(yscale="log", ylabel=f"error in {name} (cm)")
         axes[0, 0].legend(loc="upper right", ncols=2, markerscale=3)
@@ -39,7 +41,9 @@ def estimate_errors(record: Record) -> Figure:
         for axis, name in enumerate("xy"):
             plot = axes[axis, 0]
             for key, (label, color) in ROWS.items():
-                error = 100 * np.abs(np.array(series[f"{key}_estimate_m"])[:, axis] - truth[:, axis])
+                error = 100 * np.abs(
+                    np.array(series[f"{key}_estimate_m"])[:, axis] - truth[:, axis]
+                )
                 plot.plot(time, error, color=color, label=f"trained on {label}", linewidth=1.0)
             plot.set_ylabel(f"error in {name} (cm)")
         axes[0, 0].set_ylim(0, None)

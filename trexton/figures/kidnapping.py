@@ -49,11 +49,18 @@ def error_since(record: Record) -> Figure:
         error, lost = axes[:, 0]
         for name, (label, color, style) in _FILTERS.items():
             band = {key: np.array(values) for key, values in record.series[name]["error_m"].items()}
-            error.fill_between(time, band["low"], band["high"], color=color, alpha=0.15, linewidth=0)
+            error.fill_between(
+                time, band["low"], band["high"], color=color, alpha=0.15, linewidth=0
+            )
             error.plot(time, band["median"], color=color, linestyle=style, label=label)
-        lost.plot(time, 100 * np.array(record.series["augmented"]["lost"]), color=COLORS["estimate"])
+        lost.plot(
+            time, 100 * np.array(record.series["augmented"]["lost"]), color=COLORS["estimate"]
+        )
         error.axhline(
-            record.parameters["tolerance"], color=COLORS["truth"], linestyle=":", label="counts as found"
+            record.parameters["tolerance"],
+            color=COLORS["truth"],
+            linestyle=":",
+            label="counts as found",
         )
         error.set(ylabel="error (m)", ylim=(0, None))
         lost.set(
@@ -76,14 +83,23 @@ def lost_told(record: Record) -> Figure:
     with canvas(size=(6.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
         plot.plot(
-            nothing, told, color=COLORS["accent"], marker="o", markersize=4, label="the cloud's width alone"
+            nothing,
+            told,
+            color=COLORS["accent"],
+            marker="o",
+            markersize=4,
+            label="the cloud's width alone",
         )
         for share in (30, 50, 70, 100):
             at = int(np.argmin(np.abs(shares - share)))
             if nothing[at] > 50:
                 continue
             plot.annotate(
-                f"{share} %", (nothing[at], told[at]), xytext=(7, -3), textcoords="offset points", fontsize=9
+                f"{share} %",
+                (nothing[at], told[at]),
+                xytext=(7, -3),
+                textcoords="offset points",
+                fontsize=9,
             )
         for key, label, color, marker in (
             ("lost_by_fit", "the filter's fit alone", COLORS["spread"], "D"),

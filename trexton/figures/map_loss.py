@@ -44,10 +44,16 @@ def errors_by_loss(record: Record) -> Figure:
         for key, label, color, marker in lines:
             rows = record.series["groups"][key]
             loss = [row["loss"] for row in rows]
-            error = {name: [row["error_cm"][name] for row in rows] for name in ("value", "low", "high")}
-            plot.fill_between(loss, error["low"], error["high"], color=color, alpha=0.15, linewidth=0)
+            error = {
+                name: [row["error_cm"][name] for row in rows] for name in ("value", "low", "high")
+            }
+            plot.fill_between(
+                loss, error["low"], error["high"], color=color, alpha=0.15, linewidth=0
+            )
             plot.plot(loss, error["value"], color=color, marker=marker, markersize=4, label=label)
-        plot.set(xlabel="loss of the frame or its place", ylabel="Euclidean error (cm)", ylim=(0, None))
+        plot.set(
+            xlabel="loss of the frame or its place", ylabel="Euclidean error (cm)", ylim=(0, None)
+        )
         plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=1)
     return figure
 
@@ -60,11 +66,15 @@ def similarity_by_distance(record: Record) -> Figure:
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
         style = {"color": COLORS["accent"]}
-        plot.fill_between(distance, low, high, alpha=0.2, linewidth=0, label="half of all pairs", **style)
+        plot.fill_between(
+            distance, low, high, alpha=0.2, linewidth=0, label="half of all pairs", **style
+        )
         plot.plot(distance, median, label="median", **style)
         curve = np.linspace(0, distance.max(), 200)
         ideal = np.exp(-(curve**2) / (2 * sigma**2))
-        plot.plot(curve, ideal, color=COLORS["estimate"], linestyle="--", label=f"ideal, σ = {sigma:g} m")
+        plot.plot(
+            curve, ideal, color=COLORS["estimate"], linestyle="--", label=f"ideal, σ = {sigma:g} m"
+        )
         plot.set(xlabel="distance (m)", ylabel="cosine similarity", xlim=(0, None), ylim=(0, 1.02))
         plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
     return figure
@@ -87,7 +97,9 @@ def sigma_sweep(record: Record) -> Figure:
         for key, label, color, marker in lines:
             values = [row[key] for row in sweep]
             if isinstance(values[0], dict):
-                low, high, values = ([row[name] for row in values] for name in ("low", "high", "value"))
+                low, high, values = (
+                    [row[name] for row in values] for name in ("low", "high", "value")
+                )
                 low, high = np.array([low, high], dtype=float)
                 plot.fill_between(sigma, low, high, color=color, alpha=0.15, linewidth=0)
             values = np.array(values, dtype=float)

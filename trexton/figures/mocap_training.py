@@ -19,10 +19,23 @@ def floor_plan(record: Record) -> Figure:
         plan = axes[0, 0]
         floor_axes(plan, series["area_m"])
         show_floor(plan, series.get("floor"), record.images.get("floor"))
-        for start in range(0, len(truth), 5):  # every fifth frame: where the estimate was against the truth
-            plan.plot(*zip(truth[start], estimate[start]), color=COLORS["estimate"], linewidth=0.5, alpha=0.6)
+        for start in range(
+            0, len(truth), 5
+        ):  # every fifth frame: where the estimate was against the truth
+            plan.plot(
+                *zip(truth[start], estimate[start]),
+                color=COLORS["estimate"],
+                linewidth=0.5,
+                alpha=0.6,
+            )
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=2, label="motion capture")
-        plan.plot(*estimate[::5].T, "o", color=COLORS["estimate"], markersize=3, label="estimate (every 5th frame)")
+        plan.plot(
+            *estimate[::5].T,
+            "o",
+            color=COLORS["estimate"],
+            markersize=3,
+            label="estimate (every 5th frame)",
+        )
         plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
     return figure
 

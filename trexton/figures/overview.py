@@ -57,7 +57,9 @@ def _image(axes: Axes, record: Record) -> None:
     square = patch * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
     corners = np.array(record.series["patches"])[:, None, ::-1] + square
     colors = _colors(record)[record.series["labels"]]
-    axes.add_collection(PolyCollection(corners, facecolors=colors, edgecolors="black", linewidths=0.3))
+    axes.add_collection(
+        PolyCollection(corners, facecolors=colors, edgecolors="black", linewidths=0.3)
+    )
     _bare(axes)
 
 
@@ -115,12 +117,18 @@ def _plan(axes: Axes, record: Record) -> None:
 
 
 def _truth(axes: Axes, record: Record) -> None:
-    axes.plot(*record.series["truth_m"], "X", color=COLORS["truth"], markersize=10, label="truth", **_MARK)
+    axes.plot(
+        *record.series["truth_m"], "X", color=COLORS["truth"], markersize=10, label="truth", **_MARK
+    )
 
 
 def _legend(axes: Axes, columns: int = 2) -> None:
     axes.legend(
-        loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=columns, handletextpad=0.3, columnspacing=1.2
+        loc="upper center",
+        bbox_to_anchor=(0.5, -0.16),
+        ncols=columns,
+        handletextpad=0.3,
+        columnspacing=1.2,
     )
 
 
@@ -128,10 +136,18 @@ def _neighbors(axes: Axes, record: Record) -> None:
     _plan(axes, record)
     _truth(axes, record)
     places = record.series["neighbors_m"]
-    for rank, place in enumerate(places, start=1):  # the nearest on top, each number with its own disc
+    for rank, place in enumerate(
+        places, start=1
+    ):  # the nearest on top, each number with its own disc
         label = "neighbours" if rank == 1 else None
         axes.plot(
-            *place, "o", color=COLORS["accent"], markersize=10, label=label, zorder=4 - rank / 100, **_MARK
+            *place,
+            "o",
+            color=COLORS["accent"],
+            markersize=10,
+            label=label,
+            zorder=4 - rank / 100,
+            **_MARK,
         )
         if len(places) <= 9:
             style = {"color": "white", "fontsize": 7.5, "ha": "center", "va": "center_baseline"}
@@ -143,7 +159,9 @@ def _particles(axes: Axes, record: Record) -> None:
     _plan(axes, record)
     places, weights = np.array(record.series["particles_m"]), np.array(record.series["weights"])
     look = {"color": COLORS["spread"], "alpha": 0.7, "edgecolors": "white", "linewidths": 0.5}
-    axes.scatter(*places.T, s=6 + 110 * weights / weights.max(), label="particles, size by weight", **look)
+    axes.scatter(
+        *places.T, s=6 + 110 * weights / weights.max(), label="particles, size by weight", **look
+    )
     _truth(axes, record)
     _legend(axes)
 
@@ -152,14 +170,31 @@ def _position(axes: Axes, record: Record) -> None:
     _plan(axes, record)
     series = record.series
     axes.plot(*np.array(series["truth_trail_m"]).T, color=COLORS["truth"], linewidth=1.6)
-    axes.plot(*np.array(series["estimate_trail_m"]).T, color=COLORS["estimate"], linewidth=0.9, alpha=0.8)
+    axes.plot(
+        *np.array(series["estimate_trail_m"]).T, color=COLORS["estimate"], linewidth=0.9, alpha=0.8
+    )
     _truth(axes, record)
-    axes.plot(*series["estimate_m"], "o", color=COLORS["estimate"], markersize=9, label="estimate", **_MARK)
+    axes.plot(
+        *series["estimate_m"],
+        "o",
+        color=COLORS["estimate"],
+        markersize=9,
+        label="estimate",
+        **_MARK,
+    )
     variances, directions = np.linalg.eigh(np.array(series["covariance_m2"]))
     center = np.array(series["weights"]) @ np.array(series["particles_m"])
     width, height = 2 * np.sqrt(np.maximum(variances, 0))
     angle = np.degrees(np.arctan2(directions[1, 0], directions[0, 0]))
     axes.add_patch(
-        Ellipse(center, width, height, angle=angle, fill=False, edgecolor=COLORS["estimate"], linestyle="--")
+        Ellipse(
+            center,
+            width,
+            height,
+            angle=angle,
+            fill=False,
+            edgecolor=COLORS["estimate"],
+            linestyle="--",
+        )
     )
     _legend(axes)

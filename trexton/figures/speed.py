@@ -27,7 +27,11 @@ def limits(record: Record) -> Figure:
         plot.scatter(share, places, color=colors, s=22, zorder=3)
         plot.axvline(1, color=COLORS["truth"], linewidth=1)
         plot.set_yticks(places, labels=[_label(row) for row in asked], fontsize=8)
-        plot.set(xscale="log", xlabel="time, as a share of what is allowed", ylim=(-0.7, len(asked) - 0.3))
+        plot.set(
+            xscale="log",
+            xlabel="time, as a share of what is allowed",
+            ylim=(-0.7, len(asked) - 0.3),
+        )
         plot.xaxis.set_major_formatter("{x:g}")
         plot.xaxis.set_minor_formatter(NullFormatter())
         plot.grid(False, axis="y")
@@ -76,7 +80,10 @@ def growth(record: Record) -> Figure:
         for axis in axes.flat[len(families) :]:
             axis.set_axis_off()
         for axis, (name, rows) in zip(axes.flat, families.items()):
-            size, fitted = [float(row["size"]) for row in rows], [1000 * row["yardstick_s"] for row in rows]
+            size, fitted = (
+                [float(row["size"]) for row in rows],
+                [1000 * row["yardstick_s"] for row in rows],
+            )
             ours = [1000 * row["ours_s"] for row in rows]
             axis.plot(size, ours, "o", color=COLORS["accent"], markersize=5, clip_on=False)
             axis.plot(size, fitted, color=COLORS["estimate"], linewidth=1)
@@ -91,7 +98,9 @@ def growth(record: Record) -> Figure:
 def _plain_numbers(axes: Axes) -> None:
     """Numbers at powers of ten only, written out."""
     for axis in (axes.xaxis, axes.yaxis):
-        axis.set_major_formatter(lambda value, _: f"{value:,.10g}" if value < 1e6 else f"{value / 1e6:g} M")
+        axis.set_major_formatter(
+            lambda value, _: f"{value:,.10g}" if value < 1e6 else f"{value / 1e6:g} M"
+        )
         axis.set_minor_formatter(NullFormatter())
 
 

@@ -55,7 +55,9 @@ _STYLE = {
 
 
 @contextmanager
-def canvas(rows: int = 1, columns: int = 1, *, size=(7.2, 3.2), **options) -> Iterator[tuple[Figure, np.ndarray]]:
+def canvas(
+    rows: int = 1, columns: int = 1, *, size=(7.2, 3.2), **options
+) -> Iterator[tuple[Figure, np.ndarray]]:
     """A figure and its axes (always a 2-D array) in the common style; it is not kept by pyplot."""
     with plt.rc_context(_STYLE):
         figure = Figure(figsize=size)
@@ -67,7 +69,9 @@ def canvas(rows: int = 1, columns: int = 1, *, size=(7.2, 3.2), **options) -> It
 def floor_axes(axes, area) -> None:
     """Axes of a floor plan in metres, both to the same scale."""
     x_min, x_max, y_min, y_max = area
-    axes.set(xlim=(x_min, x_max), ylim=(y_min, y_max), xlabel="x (m)", ylabel="y (m)", aspect="equal")
+    axes.set(
+        xlim=(x_min, x_max), ylim=(y_min, y_max), xlabel="x (m)", ylabel="y (m)", aspect="equal"
+    )
     axes.grid(False)
 
 

@@ -37,7 +37,9 @@ def convergence(record: Record) -> Figure:
     """Distance of patches to their nearest texton while the dictionary is learnt, for both methods."""
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
-        for (method, errors), color in zip(record.series["convergence"].items(), ("accent", "estimate")):
+        for (method, errors), color in zip(
+            record.series["convergence"].items(), ("accent", "estimate")
+        ):
             seen = np.arange(1, len(errors) + 1) * record.values["patches"] / len(errors)
             final = record.values["methods"][method]
             label = f"{_NAMES[method]}: in the end {final['error']:.1f} over all patches"
@@ -57,17 +59,24 @@ def places(record: Record) -> Figure:
     rows = -(-len(maps) // columns)
     x_min, x_max, y_min, y_max = record.series["area_m"]
     height = 1.62 * rows * (y_max - y_min) / (x_max - x_min)
-    with canvas(rows, columns, size=(7.2, min(height, 12)), sharex=True, sharey=True) as (figure, axes):
+    with canvas(rows, columns, size=(7.2, min(height, 12)), sharex=True, sharey=True) as (
+        figure,
+        axes,
+    ):
         for index, axis in enumerate(axes.flat):
             if index >= len(maps):
                 axis.set_axis_off()
                 continue
             top = np.nanmax(maps[index])
             extent = (x_min, x_max, y_min, y_max)
-            axis.imshow(maps[index], origin="lower", extent=extent, cmap="cividis", vmin=0, vmax=top or 1)
+            axis.imshow(
+                maps[index], origin="lower", extent=extent, cmap="cividis", vmin=0, vmax=top or 1
+            )
             axis.set_facecolor("#eeeeee")
             axis.grid(False)
-            axis.set_title(f"{index}   up to {100 * top:.2g} %", fontsize=8, loc="right", weight="normal")
+            axis.set_title(
+                f"{index}   up to {100 * top:.2g} %", fontsize=8, loc="right", weight="normal"
+            )
             icon = axis.inset_axes((0, 1.02, 0.16, 0.16))
             icon.imshow(pictures[index])
             _bare(icon)

@@ -45,7 +45,9 @@ def stages(record: Record) -> Figure:
         plot = axes[0, 0]
         for place, (name, time) in enumerate(reversed(ours.items())):
             at = (time["median"], place)
-            plot.hlines(place, time["median"], time["p99"], color=COLORS["accent"], linewidth=4, alpha=0.3)
+            plot.hlines(
+                place, time["median"], time["p99"], color=COLORS["accent"], linewidth=4, alpha=0.3
+            )
             label = "here, to the 99th percentile" if not place else None
             plot.plot(*at, "o", color=COLORS["accent"], label=label)
             style = {"textcoords": "offset points", "ha": "center", "fontsize": 8}
@@ -54,13 +56,17 @@ def stages(record: Record) -> Figure:
                 label = "the paper" if key == "total_ms" else None
                 plot.plot(paper[key], place, "D", color=COLORS["paper"], label=label)
         camera = paper["camera_hz"]
-        plot.axvline(1000 / camera, color=COLORS["truth"], linestyle=":", label=f"one frame at {camera:g} Hz")
+        plot.axvline(
+            1000 / camera, color=COLORS["truth"], linestyle=":", label=f"one frame at {camera:g} Hz"
+        )
         plot.set_yticks(range(len(ours)), labels=[_ROWS[name][0] for name in reversed(ours)])
         plot.set(xscale="log", xlabel="time a frame (ms)", ylim=(-0.6, len(ours) - 0.2))
         plot.margins(x=0.07)
         plot.xaxis.set_major_formatter("{x:g}")
         plot.grid(False, axis="y")
-        plot.legend(loc="upper center", bbox_to_anchor=(0.4, -0.8 / (0.8 + 0.42 * len(ours))), ncols=3)
+        plot.legend(
+            loc="upper center", bbox_to_anchor=(0.4, -0.8 / (0.8 + 0.42 * len(ours))), ncols=3
+        )
     return figure
 
 
@@ -69,7 +75,9 @@ def frames(record: Record) -> Figure:
     split = {name: np.array(values) for name, values in record.timings["frames_ms"].items()}
     del split["total"]
     total = record.timings["total_ms"]
-    colors = dict(zip(("histogram", "neighbors", "filter", "estimate"), ("accent", "warm", "spread", "knn")))
+    colors = dict(
+        zip(("histogram", "neighbors", "filter", "estimate"), ("accent", "warm", "spread", "knn"))
+    )
     with canvas(size=(7.2, 3.0)) as (figure, axes):
         plot = axes[0, 0]
         count = len(next(iter(split.values())))
@@ -79,7 +87,11 @@ def frames(record: Record) -> Figure:
         )  # fmt: skip
         for key, style in (("median", "-"), ("p99", "--")):
             label = {"median": "whole frame, median", "p99": "99th percentile"}[key]
-            plot.axhline(total[key], color=COLORS["estimate"], linestyle=style, linewidth=1, label=label)
-        plot.set(xlabel="frame", ylabel="time (ms)", xlim=(0, count - 1), ylim=(0, 1.6 * total["p99"]))
+            plot.axhline(
+                total[key], color=COLORS["estimate"], linestyle=style, linewidth=1, label=label
+            )
+        plot.set(
+            xlabel="frame", ylabel="time (ms)", xlim=(0, count - 1), ylim=(0, 1.6 * total["p99"])
+        )
         plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=3)
     return figure

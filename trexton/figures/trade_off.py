@@ -27,7 +27,9 @@ def samples(record: Record) -> Figure:
         return _error_and_rate(record, "samples")
     with canvas(size=(6.4, 0.6)) as (figure, axes):
         axes[0, 0].axis("off")
-        sentence = "This flight came as histograms: how many patches went into them cannot be varied."
+        sentence = (
+            "This flight came as histograms: how many patches went into them cannot be varied."
+        )
         axes[0, 0].text(0.5, 0.5, sentence, ha="center", va="center")
     return figure
 
@@ -114,7 +116,12 @@ def grid(record: Record) -> Figure:
         at = (best["neighbors"], record.values["best_error_cm"]["median"])
         ring = {"markersize": 15, "markerfacecolor": "none", "markeredgecolor": COLORS["truth"]}
         plot.plot(*at, "o", label="best", **ring)
-        plot.set(xlabel=_AXIS["neighbors"], ylabel="mean error, both axes (cm)", ylim=(0, None), xscale="log")
+        plot.set(
+            xlabel=_AXIS["neighbors"],
+            ylabel="mean error, both axes (cm)",
+            ylim=(0, None),
+            xscale="log",
+        )
         ticks = sorted({row["neighbors"] for row in rows})
         plot.set_xticks(ticks, labels=ticks)
         plot.minorticks_off()
@@ -124,7 +131,9 @@ def grid(record: Record) -> Figure:
 
 def _error_and_rate(record: Record, name: str) -> Figure:
     rows, clocks = record.series[name], record.timings[name]
-    value = np.array([row["patches"] if name == "samples" else row[name] for row in rows], dtype=float)
+    value = np.array(
+        [row["patches"] if name == "samples" else row[name] for row in rows], dtype=float
+    )
     full = name == "samples" and rows[-1]["samples"] is None
     swept = slice(None, -1 if full else None)
     with canvas(2, 1, size=(6.4, 5.4), sharex=True, height_ratios=(3, 2)) as (figure, axes):
@@ -132,16 +141,34 @@ def _error_and_rate(record: Record, name: str) -> Figure:
         lines = (
             ("filter, x", rows, "error_cm_x", COLORS["estimate"], "-", "o"),
             ("filter, y", rows, "error_cm_y", COLORS["warm"], "-", "s"),
-            ("k-NN alone, x", [row["knn"] for row in rows], "error_cm_x", COLORS["accent"], "--", None),
-            ("k-NN alone, y", [row["knn"] for row in rows], "error_cm_y", COLORS["knn"], "--", None),
+            (
+                "k-NN alone, x",
+                [row["knn"] for row in rows],
+                "error_cm_x",
+                COLORS["accent"],
+                "--",
+                None,
+            ),
+            (
+                "k-NN alone, y",
+                [row["knn"] for row in rows],
+                "error_cm_y",
+                COLORS["knn"],
+                "--",
+                None,
+            ),
         )
         for label, table, key, color, style, marker in lines:
             look = {"color": color, "linestyle": style, "marker": marker, "label": label}
             _band(error, value, _column(table, key), swept, **look)
-        _band(rate, value, _column(clocks, "frequency_hz"), swept, color=COLORS["truth"], marker="o")
+        _band(
+            rate, value, _column(clocks, "frequency_hz"), swept, color=COLORS["truth"], marker="o"
+        )
         error.set(ylabel="mean error (cm)", ylim=(0, None), xscale="log")
         rate.set(
-            ylabel="rate (Hz)", yscale="log", xlabel=_AXIS[name] + (" (all: full sampling)" if full else "")
+            ylabel="rate (Hz)",
+            yscale="log",
+            xlabel=_AXIS[name] + (" (all: full sampling)" if full else ""),
         )
         _camera(rate, record)
         _plain_ticks(rate, "y")
@@ -190,7 +217,9 @@ def _column(rows: list[dict], key: str) -> dict[str, np.ndarray]:
 
 def _whiskers(column: dict[str, np.ndarray]) -> np.ndarray:
     """Lengths below and above, as `Axes.errorbar` takes them."""
-    return np.maximum(0, np.stack([column["median"] - column["low"], column["high"] - column["median"]]))
+    return np.maximum(
+        0, np.stack([column["median"] - column["low"], column["high"] - column["median"]])
+    )
 
 
 def _name(value: int | None) -> str:
@@ -200,7 +229,10 @@ def _name(value: int | None) -> str:
 def _labels(values: list) -> list[str]:
     """Names of the ticks; every other one where there are many, the last always."""
     step = 2 if len(values) > 8 else 1
-    return [_name(value) if i % step == 0 or i == len(values) - 1 else "" for i, value in enumerate(values)]
+    return [
+        _name(value) if i % step == 0 or i == len(values) - 1 else ""
+        for i, value in enumerate(values)
+    ]
 
 
 def _ends(rows: list[dict], name: str) -> str:

@@ -22,7 +22,8 @@ _EDGE = {"edgecolors": "white", "linewidths": 0.7, "zorder": 5}
 def _array(values: list) -> np.ndarray:
     """Numbers of a record; what was not a number is NaN again."""
     return np.array(
-        [[np.nan if value is None else value for value in np.atleast_1d(row)] for row in values], dtype=float
+        [[np.nan if value is None else value for value in np.atleast_1d(row)] for row in values],
+        dtype=float,
     )
 
 
@@ -42,20 +43,26 @@ def first_flights(record: Record) -> Figure:
         for number, axes in enumerate(grid.flat[:count]):
             floor_axes(axes, series["area_m"])
             show_floor(axes, series.get("floor"), record.images.get("floor"), fade=0.3)
-            axes.plot(*np.array(series["paths_m"][number]).T, color=COLORS["truth"], lw=1.1, label="flown")
+            axes.plot(
+                *np.array(series["paths_m"][number]).T, color=COLORS["truth"], lw=1.1, label="flown"
+            )
             ring = {"fill": False, "color": COLORS["spread"], "lw": 2, "label": "zone"}
             axes.add_patch(Circle(zones[number], series["radius_m"], **ring))
             axes.set_title(_outcome(series, number), fontsize=9)
             axes.label_outer()
             if series["triggered"][number]:
-                axes.plot(*zip(truth[number], estimate[number]), color=COLORS["truth"], lw=0.8, ls=":")
+                axes.plot(
+                    *zip(truth[number], estimate[number]), color=COLORS["truth"], lw=0.8, ls=":"
+                )
                 outcome = INSIDE if series["beyond_cm"][number] <= 0 else OUTSIDE
                 for place, marker, area, color, label in (
                     (estimate, "X", 46, COLORS["paper"], "estimate at the trigger"),
                     (truth, "o", 30, COLORS["knn"], "truth at the trigger"),
                     (touchdown, "^", 52, outcome, "touchdown"),
                 ):
-                    axes.scatter(*place[number], marker=marker, s=area, color=color, label=label, **_EDGE)
+                    axes.scatter(
+                        *place[number], marker=marker, s=area, color=color, label=label, **_EDGE
+                    )
         _legend(figure, grid.flat[:count])
     return figure
 
@@ -72,7 +79,12 @@ def _legend(figure: Figure, grid) -> None:
     entries = {}
     for axes in grid:
         entries |= dict(reversed(pair) for pair in zip(*axes.get_legend_handles_labels()))
-    options = {"loc": "outside lower center", "ncols": 5, "columnspacing": 1.2, "handletextpad": 0.4}
+    options = {
+        "loc": "outside lower center",
+        "ncols": 5,
+        "columnspacing": 1.2,
+        "handletextpad": 0.4,
+    }
     figure.legend(entries.values(), entries.keys(), **options)
 
 
@@ -104,16 +116,23 @@ def targets(record: Record) -> Figure:
 def waiting(record: Record) -> Figure:
     """Share of the flights whose trigger has fired, over time."""
     series = record.series
-    wait = np.sort([seconds for seconds, fired in zip(series["wait_s"], series["triggered"]) if fired])
+    wait = np.sort(
+        [seconds for seconds, fired in zip(series["wait_s"], series["triggered"]) if fired]
+    )
     total, limit = len(series["wait_s"]), record.parameters["time_limit"]
     with canvas(size=(7.2, 2.5)) as (figure, axes):
         plot = axes[0, 0]
         times = np.concatenate([[0], wait, [limit]])
         shares = 100 * np.concatenate([[0], np.arange(1, len(wait) + 1), [len(wait)]]) / total
         plot.step(times, shares, where="post", color=COLORS["accent"])
-        plot.axvline(record.parameters["armed_after"], color=COLORS["truth"], linestyle=":", linewidth=1.2)
+        plot.axvline(
+            record.parameters["armed_after"], color=COLORS["truth"], linestyle=":", linewidth=1.2
+        )
         plot.set(
-            xlabel="time of flight (s)", ylabel="triggered (% of flights)", xlim=(0, limit), ylim=(0, 102)
+            xlabel="time of flight (s)",
+            ylabel="triggered (% of flights)",
+            xlim=(0, limit),
+            ylim=(0, 102),
         )
     return figure
 
@@ -141,7 +160,10 @@ def causes(record: Record) -> pd.DataFrame:
     }
     rows = [
         {"cm": name} | {column: _range(summary[key]) for column, key in columns.items()}
-        for name, summary in (("Localizer", record.values), ("True position", record.values["perfect"]))
+        for name, summary in (
+            ("Localizer", record.values),
+            ("True position", record.values["perfect"]),
+        )
     ]
     return pd.DataFrame(rows)
 
@@ -149,7 +171,9 @@ def causes(record: Record) -> pd.DataFrame:
 def _range(quantiles: dict | None) -> str:
     if quantiles is None:
         return ""
-    return f"{quantiles['median']:.0f} <small>[{quantiles['p10']:.0f}, {quantiles['p90']:.0f}]</small>"
+    return (
+        f"{quantiles['median']:.0f} <small>[{quantiles['p10']:.0f}, {quantiles['p90']:.0f}]</small>"
+    )
 
 
 def _row(name: str, counts: dict, **more) -> dict:

@@ -87,7 +87,10 @@ def _check_floor(reading: Reading) -> None:
 def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str, str]]:
     duration = flight.time[-1] - flight.time[0]
     known = np.isfinite(flight.position).all(axis=1)
-    facts = [("flight", flight.name), ("frames", f"{len(flight)} ({flight.frame[0]} to {flight.frame[-1]})")]
+    facts = [
+        ("flight", flight.name),
+        ("frames", f"{len(flight)} ({flight.frame[0]} to {flight.frame[-1]})"),
+    ]
     if len(flight) > 1:
         gaps = np.diff(flight.time)
         rate = f"{duration:.2f} s, {1 / np.median(gaps):.2f} frames a second, longest gap {gaps.max():.2f} s"
@@ -98,14 +101,18 @@ def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str,
         flown = f"{high[0] - low[0]:.2f} m x {high[1] - low[1]:.2f} m"
         x_min, x_max, y_min, y_max = flight.area
         facts.append(
-            ("flown area", f"{flown}, x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}")
+            (
+                "flown area",
+                f"{flown}, x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}",
+            )
         )
         facts.append(("area", f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f} m"))
     if flight.has_images:
         facts.append(
             (
                 "images",
-                ", ".join(f"{count} of {_size(size)}" for size, count in sizes.items()) or "none readable",
+                ", ".join(f"{count} of {_size(size)}" for size, count in sizes.items())
+                or "none readable",
             )
         )
     if flight.has_histograms:

@@ -12,7 +12,10 @@ from trexton.flights.flight import Flight
 __all__ = ["read_cyberzoo"]
 
 PERIOD_S = 0.08  # Sec. Speed Versus Accuracy: the autopilot software received 12.5 images a second
-FIRST, LAST = 1, 624  # frame 0 has no histogram, and the last row of the histogram table has no frame
+FIRST, LAST = (
+    1,
+    624,
+)  # frame 0 has no histogram, and the last row of the histogram table has no frame
 _TEXTONS = 20
 
 NOTES = (

@@ -137,12 +137,25 @@ class Flight:
     @cached_property
     def data_hash(self) -> str:
         """SHA-256 over everything an experiment can read from this flight, image bytes included."""
-        arrays = [value for key in _PER_FRAME if isinstance(value := getattr(self, key), np.ndarray)]
-        scalars = [self.name, list(self.area), {key: list(value) for key, value in self.split.items()}]
-        floor = [] if self.floor_file is None else [self.floor_file, np.asarray(self.floor_from_pixel)]
+        arrays = [
+            value for key in _PER_FRAME if isinstance(value := getattr(self, key), np.ndarray)
+        ]
+        scalars = [
+            self.name,
+            list(self.area),
+            {key: list(value) for key, value in self.split.items()},
+        ]
+        floor = (
+            [] if self.floor_file is None else [self.floor_file, np.asarray(self.floor_from_pixel)]
+        )
         camera = (
             None
             if self.camera is None
-            else [self.camera.width, self.camera.height, self.camera.focal, *self.camera.principal_point]
+            else [
+                self.camera.width,
+                self.camera.height,
+                self.camera.focal,
+                *self.camera.principal_point,
+            ]
         )
         return digest(scalars, camera, *arrays, *floor, *(self.image_files or ()))

@@ -51,7 +51,9 @@ def read_flight(path: str | os.PathLike) -> Flight:
     reading = load_folder(Path(path))
     if reading.faults:
         more = (
-            f" (and {len(reading.faults) - 1} more: trexton check {path})" if len(reading.faults) > 1 else ""
+            f" (and {len(reading.faults) - 1} more: trexton check {path})"
+            if len(reading.faults) > 1
+            else ""
         )
         raise FlightError(reading.faults[0] + more)
     return reading.flight
@@ -90,7 +92,9 @@ def _find_images(path: Path, names: list[str] | None, reading: Reading) -> tuple
             reading.image_files.append((row, file))
         else:
             found = f"image {name!r} is not in {path / 'images'}" if name else "no image is named"
-            reading.faults.append(f"{path / 'frames.csv'}, row {row}: {found}: add the file or drop the row")
+            reading.faults.append(
+                f"{path / 'frames.csv'}, row {row}: {found}: add the file or drop the row"
+            )
     return files
 
 
@@ -111,7 +115,9 @@ def _assemble(path: Path, header: dict, columns: dict, files, histograms) -> Fli
         frame=columns["frame"],
         time=columns["t_s"],
         position=position,
-        area=tuple(float(value) for value in header["area_m"]) if "area_m" in header else _extent(position),
+        area=tuple(float(value) for value in header["area_m"])
+        if "area_m" in header
+        else _extent(position),
         height=columns.get("z_m"),
         attitude=None if any(angle is None for angle in angles) else np.column_stack(angles),
         image_files=files,
@@ -157,7 +163,9 @@ def _rows(path: Path, reading: Reading) -> tuple[list[str], list[list[str]]] | N
     return header, rows
 
 
-def _numbers(path: Path, name: str, cells: list[str], reading: Reading, missing_allowed: bool) -> np.ndarray:
+def _numbers(
+    path: Path, name: str, cells: list[str], reading: Reading, missing_allowed: bool
+) -> np.ndarray:
     values = np.full(len(cells), np.nan)
     for index, cell in enumerate(cells):
         try:
@@ -193,7 +201,9 @@ def _read_frames(path: Path, reading: Reading) -> dict | None:
         if name == "image":
             columns[name] = cells
         else:
-            columns[name] = _numbers(path, name, cells, reading, missing_allowed=name not in ("frame", "t_s"))
+            columns[name] = _numbers(
+                path, name, cells, reading, missing_allowed=name not in ("frame", "t_s")
+            )
     if len(reading.faults) > before:
         return None
     for row in np.flatnonzero(columns["frame"] % 1):
@@ -224,8 +234,14 @@ def _read_histograms(path: Path, frames: np.ndarray, reading: Reading) -> np.nda
     if table is None:
         return None
     header, rows = table
-    if header[0] != "frame" or header[1:] != [f"t{i}" for i in range(len(header) - 1)] or len(header) < 2:
-        reading.faults.append(f"{path}: unknown columns {','.join(header[:4])}...: expected frame,t0,t1,...")
+    if (
+        header[0] != "frame"
+        or header[1:] != [f"t{i}" for i in range(len(header) - 1)]
+        or len(header) < 2
+    ):
+        reading.faults.append(
+            f"{path}: unknown columns {','.join(header[:4])}...: expected frame,t0,t1,..."
+        )
         return None
     before = len(reading.faults)
     values = np.column_stack(
@@ -238,7 +254,8 @@ def _read_histograms(path: Path, frames: np.ndarray, reading: Reading) -> np.nda
         return None
     if not np.array_equal(values[:, 0], frames):
         odd = next(
-            (i for i, (a, b) in enumerate(zip(values[:, 0], frames)) if a != b), min(len(values), len(frames))
+            (i for i, (a, b) in enumerate(zip(values[:, 0], frames)) if a != b),
+            min(len(values), len(frames)),
         )
         reading.faults.append(
             f"{path}, row {odd + 2}: its frames differ from those of frames.csv "
@@ -293,7 +310,9 @@ def write_tables(flight: Flight, folder: Path) -> None:
 
 
 def _write_csv(path: Path, columns: dict) -> None:
-    lists = [values.tolist() if isinstance(values, np.ndarray) else values for values in columns.values()]
+    lists = [
+        values.tolist() if isinstance(values, np.ndarray) else values for values in columns.values()
+    ]
     with open(path, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)

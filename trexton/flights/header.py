@@ -41,7 +41,9 @@ def _faults(header: dict) -> list[str]:
         return [f"unknown key {unknown[0]!r}: the keys are {', '.join(sorted(_KEYS))}"]
     version = header.get("format", FORMAT)
     if not isinstance(version, int) or version > FORMAT:
-        return [f"format {version} is newer than {FORMAT}, the newest this version reads: update trexton"]
+        return [
+            f"format {version} is newer than {FORMAT}, the newest this version reads: update trexton"
+        ]
     faults = [
         f"{key} is {header[key]!r}: expected text"
         for key in _TEXTS
@@ -54,7 +56,9 @@ def _faults(header: dict) -> list[str]:
         if not isinstance(table := header.get(key, {}), dict):
             faults.append(f"{key} is {table!r}: expected a table [{key}]")
         elif key in header and (missing := [name for name in required if name not in table]):
-            faults.append(f"[{key}] lacks {missing[0]}: give {', '.join(required)}, or drop the table")
+            faults.append(
+                f"[{key}] lacks {missing[0]}: give {', '.join(required)}, or drop the table"
+            )
     return faults or _fault_values(header)
 
 
@@ -82,11 +86,19 @@ def _fault_values(header: dict) -> list[str]:
                 f"[camera] is {sizes[0]} x {sizes[1]} pixels, focal length {camera['focal_px']}: expected positive numbers"
             )
         if not _numbers(camera.get("center_px", [0, 0]), 2):
-            faults.append(f"[camera] center_px is {camera['center_px']}: expected [column, row] in pixels")
+            faults.append(
+                f"[camera] center_px is {camera['center_px']}: expected [column, row] in pixels"
+            )
     if floor := header.get("floor"):
         rows = floor["world_from_pixel"]
-        if not isinstance(rows, list) or len(rows) != 3 or not all(_numbers(row, 3) for row in rows):
-            faults.append(f"[floor] world_from_pixel is {rows}: expected three rows of three numbers")
+        if (
+            not isinstance(rows, list)
+            or len(rows) != 3
+            or not all(_numbers(row, 3) for row in rows)
+        ):
+            faults.append(
+                f"[floor] world_from_pixel is {rows}: expected three rows of three numbers"
+            )
         if not isinstance(floor["image"], str):
             faults.append(f"[floor] image is {floor['image']!r}: expected a file name")
     return faults
@@ -103,7 +115,10 @@ def camera_from_header(table: dict) -> Camera:
     """The camera that a [camera] table describes."""
     center = table.get("center_px")
     return Camera(
-        table["width_px"], table["height_px"], float(table["focal_px"]), tuple(center) if center else None
+        table["width_px"],
+        table["height_px"],
+        float(table["focal_px"]),
+        tuple(center) if center else None,
     )
 
 
@@ -114,7 +129,10 @@ def header_text(flight: Flight) -> str:
         return json.dumps(value, ensure_ascii=False)  # a JSON string is a valid TOML basic string
 
     lines = [f"format = {FORMAT}", f"name = {text(flight.name)}", f"source = {text(flight.source)}"]
-    lines += [f"licence = {text(flight.licence)}", f"area_m = {[float(value) for value in flight.area]}"]
+    lines += [
+        f"licence = {text(flight.licence)}",
+        f"area_m = {[float(value) for value in flight.area]}",
+    ]
     if flight.notes:
         lines.append(f"notes = [{', '.join(text(note) for note in flight.notes)}]")
     if flight.split:
@@ -130,5 +148,10 @@ def header_text(flight: Flight) -> str:
         ]
     if flight.floor_file is not None:
         matrix = np.asarray(flight.floor_from_pixel, dtype=float).tolist()
-        lines += ["", "[floor]", f"image = {text(flight.floor_file.name)}", f"world_from_pixel = {matrix}"]
+        lines += [
+            "",
+            "[floor]",
+            f"image = {text(flight.floor_file.name)}",
+            f"world_from_pixel = {matrix}",
+        ]
     return "\n".join(lines) + "\n"

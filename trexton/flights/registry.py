@@ -40,7 +40,9 @@ def data_folder() -> Path:
 def raw_files(name: str) -> dict[str, dict]:
     """The raw files of the data set `name`: key (its path in the data folder) to url and sha256."""
     if name not in registry():
-        raise DataError(f"no public data set is named {name!r}: the names are {', '.join(registry())}")
+        raise DataError(
+            f"no public data set is named {name!r}: the names are {', '.join(registry())}"
+        )
     return {file["key"]: file for file in registry()[name]["files"]}
 
 
@@ -58,7 +60,9 @@ def locate(name: str, source: str | os.PathLike | None = None) -> list[Path]:
         A file is missing, has another hash, or cannot be downloaded.
     """
     if source is not None:
-        return [_from_folder(Path(source), key, file["sha256"]) for key, file in raw_files(name).items()]
+        return [
+            _from_folder(Path(source), key, file["sha256"]) for key, file in raw_files(name).items()
+        ]
     return [_from_cache(key, file) for key, file in raw_files(name).items()]
 
 
@@ -102,7 +106,10 @@ def _from_cache(key: str, file: dict) -> Path:
     pooch.get_logger().setLevel("WARNING")
     folder = data_folder()
     shelf = pooch.create(
-        path=folder, base_url="", registry={key: f"sha256:{file['sha256']}"}, urls={key: file["url"]}
+        path=folder,
+        base_url="",
+        registry={key: f"sha256:{file['sha256']}"},
+        urls={key: file["url"]},
     )
     if not (folder / key).is_file():
         say(f"fetching {file['url']}")

@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 from trexton.errors import ParameterError
 
-if TYPE_CHECKING:  # names them for the cache too, which follows imports to know what code a result depends on
+if (
+    TYPE_CHECKING
+):  # names them for the cache too, which follows imports to know what code a result depends on
     from trexton.kernels import kohonen_steps, label_rows, nearest_in_tree  # noqa: F401
 
 __all__ = ["BACKENDS", "compiled", "thread_count", "in_strips"]
@@ -46,7 +48,9 @@ def compiled(module: str, backend: str | None = None) -> ModuleType | None:
         raise ParameterError(f"backend {backend!r} is unknown: choose one of {', '.join(BACKENDS)}")
     kernels = None if backend == "numpy" else _load(module)
     if kernels is None and backend == "numba":
-        raise ParameterError("backend 'numba' was asked for, but cannot be loaded: install it or take 'numpy'")
+        raise ParameterError(
+            "backend 'numba' was asked for, but cannot be loaded: install it or take 'numpy'"
+        )
     return kernels
 
 
@@ -56,7 +60,11 @@ def thread_count(threads: int | None = None) -> int:
         given = os.environ.get("OMP_NUM_THREADS", "")
         if given.isdigit() and int(given):
             return int(given)
-        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        return (
+            len(os.sched_getaffinity(0))
+            if hasattr(os, "sched_getaffinity")
+            else os.cpu_count() or 1
+        )
     if threads < 1:
         raise ParameterError(f"threads is {threads}: expected at least 1")
     return threads

@@ -33,14 +33,19 @@ def _dot(builder, vnni, total, pixels, weight):
     """`total` plus, in each lane, the products of four unsigned bytes with four signed ones."""
     if vnni:
         kind, name = ir.FunctionType(_WORDS, [_WORDS] * 3), "llvm.x86.avx512.vpdpbusd.512"
-        return builder.call(builder.module.declare_intrinsic(name, (), kind), [total, pixels, weight])
+        return builder.call(
+            builder.module.declare_intrinsic(name, (), kind), [total, pixels, weight]
+        )
     pixels, weight = (builder.bitcast(word, _HALVES) for word in (pixels, weight))
     eight, low_byte = _constant(_HALVES, 8), _constant(_HALVES, 255)
     even = builder.and_(pixels, low_byte), builder.ashr(builder.shl(weight, eight), eight)
     odd = builder.lshr(pixels, eight), builder.ashr(weight, eight)
     for factors in (even, odd):
         product = builder.mul(*(builder.sext(half, _PRODUCTS) for half in factors))
-        for first in (0, 1):  # neighbours added: on most processors one instruction with the product
+        for first in (
+            0,
+            1,
+        ):  # neighbours added: on most processors one instruction with the product
             lanes = ir.Constant(_WORDS, list(range(first, 2 * LANES, 2)))
             total = builder.add(total, builder.shuffle_vector(product, product, lanes))
     return total
@@ -62,7 +67,10 @@ def _keep_better(builder, texton, bias, total, best, label):
     """Where the texton's score beats the best so far, it is the label; ties stay with the lower index."""
     score = builder.shl(builder.load(total), _constant(_WORDS, 1))
     score, held = builder.add(score, _splat(builder, bias)), builder.load(best)
-    better, name = builder.icmp_signed(">", score, held), _splat(builder, builder.trunc(texton, _I32))
+    better, name = (
+        builder.icmp_signed(">", score, held),
+        _splat(builder, builder.trunc(texton, _I32)),
+    )
     builder.store(builder.select(better, score, held), best)
     builder.store(builder.select(better, name, builder.load(label)), label)
 
@@ -98,7 +106,9 @@ def _label_block(typing, planes, start, offsets, weights, bias, labels):
                     texton = builder.add(builder.mul(group.index, _I64(GROUP)), _I64(t))
                     size = builder.load(builder.gep(bias.data, [texton]))
                     for s in strips:
-                        _keep_better(builder, texton, size, totals[GROUP * s + t], best[s], label[s])
+                        _keep_better(
+                            builder, texton, size, totals[GROUP * s + t], best[s], label[s]
+                        )
             for s in strips:
                 place = builder.gep(labels.data, [builder.add(block, _I64(LANES * s))])
                 names = builder.trunc(builder.load(label[s]), _BYTES)
@@ -114,7 +124,9 @@ def _fill_plane(line, start, plane):
     for x in range((len(line) - start) // 3 - 1):
         byte = np.uint64(3 * x + start)
         low = np.uint32(line[byte]) | np.uint32(line[byte + np.uint64(1)]) << np.uint32(8)
-        high = np.uint32(line[byte + np.uint64(2)]) | np.uint32(line[byte + np.uint64(3)]) << np.uint32(8)
+        high = np.uint32(line[byte + np.uint64(2)]) | np.uint32(
+            line[byte + np.uint64(3)]
+        ) << np.uint32(8)
         plane[x] = low | high << np.uint32(16)
 
 
@@ -129,7 +141,9 @@ def label_rows(image, weights, bias, labels, counts):
     patch = height - rows + 1
     words = weights.shape[1] // patch
     padded = (columns + BLOCK - 1) // BLOCK * BLOCK + 4 * patch
-    planes = np.zeros((patch, 3, padded), np.int32)  # a ring of image rows; beyond a row the weights are 0
+    planes = np.zeros(
+        (patch, 3, padded), np.int32
+    )  # a ring of image rows; beyond a row the weights are 0
     offsets, out = np.empty(patch * words, np.int64), np.empty(padded, np.uint8)
     line = np.zeros(n_bytes + 16, np.uint8)
     for row in range(height):

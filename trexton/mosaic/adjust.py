@@ -38,7 +38,9 @@ def adjust(
         damping, cost = 1e-6, problem.cost(poses, width)
         for _ in range(_ITERATIONS):
             normal, gradient = problem.linearized(poses, width)
-            step = solve(normal + diagonal(damping * normal.diagonal()), -gradient).reshape(poses.shape)
+            step = solve(normal + diagonal(damping * normal.diagonal()), -gradient).reshape(
+                poses.shape
+            )
             trial = problem.cost(poses + step, width)
             if not trial < cost:
                 damping *= 100
@@ -87,7 +89,9 @@ class _Problem:
         residual = _residuals(poses, links, self.focal)
         weight = 1 / (1 + (residual**2).sum(axis=-1) / width**2)
         unit = _pixels_per_unit(poses, links, self.focal)[..., None]
-        first, second = (floor_jacobian(poses[rows], points, self.focal) for rows, points in links.sides())
+        first, second = (
+            floor_jacobian(poses[rows], points, self.focal) for rows, points in links.sides()
+        )
         jacobian = np.concatenate([first, -second], axis=-1) * unit
         # The residual is in pixels of the pair's height; without this term the map would shrink to reduce it.
         heights = poses[links.pairs, _HEIGHT].sum(axis=1)[:, None, None, None]
@@ -95,7 +99,9 @@ class _Problem:
         jacobian = jacobian.reshape(len(links), -1, 2 * _SIZE)
         weighted = jacobian.transpose(0, 2, 1) * np.repeat(weight, 2, axis=1)[:, None, :]
         normal = assemble(np.matmul(weighted, jacobian), links.pairs, _SIZE, len(poses))
-        pulls = np.matmul(weighted, residual.reshape(len(links), -1, 1)).reshape(len(links), 2, _SIZE)
+        pulls = np.matmul(weighted, residual.reshape(len(links), -1, 1)).reshape(
+            len(links), 2, _SIZE
+        )
         gradient = np.zeros_like(poses)
         np.add.at(gradient, links.pairs, pulls)
         held = self.hold.T @ (self.hold @ poses.ravel() - self.expected)
@@ -110,7 +116,9 @@ def _holds(count: int, anchors: Anchors):
         return pick(rows * _SIZE + PARAMETERS.index(name), count * _SIZE, 1 / deviation)
 
     every = np.arange(count)
-    parts = [(taken(every, name, width), float(name == "z") / width) for name, width in TYPICAL.items()]
+    parts = [
+        (taken(every, name, width), float(name == "z") / width) for name, width in TYPICAL.items()
+    ]
     for axis, name in enumerate("xy"):
         parts.append((taken(anchors.rows, name, _ANCHOR), anchors.position[:, axis] / _ANCHOR))
         parts.append((differences(count, 2) @ taken(every, name, _MOTION), 0.0))

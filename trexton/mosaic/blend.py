@@ -30,22 +30,30 @@ def blend(
     corners = [[0, 0], [width, 0], [width, height], [0, height]]
     outlines = [transform_points(matrix, corners) for matrix in matrices]
     (x_min, y_min), (x_max, y_max) = np.min(outlines, axis=(0, 1)), np.max(outlines, axis=(0, 1))
-    columns, lines = (int(np.ceil(extent * pixels_per_metre)) for extent in (x_max - x_min, y_max - y_min))
+    columns, lines = (
+        int(np.ceil(extent * pixels_per_metre)) for extent in (x_max - x_min, y_max - y_min)
+    )
     if columns * lines > _LARGEST:
         raise MapError(
             f"the mosaic would have {columns} x {lines} pixels, at most {_LARGEST:.0e} are made: "
             "lower pixels_per_metre or give more anchors"
         )
-    empty = MapImage.from_extent(np.zeros((lines, columns, 3), np.uint8), x_min, y_max, pixels_per_metre)
+    empty = MapImage.from_extent(
+        np.zeros((lines, columns, 3), np.uint8), x_min, y_max, pixels_per_metre
+    )
     map_from_world = np.linalg.inv(empty.world_from_pixel)
     feather = _feather(camera)
 
     def place(job: tuple[int, np.ndarray, np.ndarray]):
         row, matrix, outline = job
         corner, size = _window(transform_points(map_from_world, outline), (columns, lines))
-        local = np.array([[1, 0, -corner[0]], [0, 1, -corner[1]], [0, 0, 1]]) @ map_from_world @ matrix
+        local = (
+            np.array([[1, 0, -corner[0]], [0, 1, -corner[1]], [0, 0, 1]]) @ map_from_world @ matrix
+        )
         image = flight.image(row)
-        weight = cv2.warpPerspective(feather * _sharpness(image), local, size, flags=cv2.INTER_LINEAR)
+        weight = cv2.warpPerspective(
+            feather * _sharpness(image), local, size, flags=cv2.INTER_LINEAR
+        )
         return corner, size, cv2.warpPerspective(image, local, size, flags=cv2.INTER_LINEAR), weight
 
     total = np.zeros((lines, columns, 3), np.float32)
@@ -58,7 +66,10 @@ def blend(
         while batch := list(islice(jobs, 16)):
             for corner, size, image, weight in pool.map(place, batch):
                 next(bar)
-                window = slice(corner[1], corner[1] + size[1]), slice(corner[0], corner[0] + size[0])
+                window = (
+                    slice(corner[1], corner[1] + size[1]),
+                    slice(corner[0], corner[0] + size[0]),
+                )
                 total[window] += image * weight[..., None]
                 weights[window] += weight
     mask = weights > 0
@@ -78,10 +89,14 @@ def _feather(camera: Camera) -> np.ndarray:
 def _sharpness(image: np.ndarray) -> np.float32:
     """Mean squared Laplacian of the luma: small in a frame blurred by motion."""
     edges = cv2.Laplacian(image[..., 0], cv2.CV_16S, ksize=1)
-    return np.float32(np.square(edges, dtype=np.float32).mean() + 1e-3)  # never 0: a blank frame counts too
+    return np.float32(
+        np.square(edges, dtype=np.float32).mean() + 1e-3
+    )  # never 0: a blank frame counts too
 
 
-def _window(outline: np.ndarray, limits: tuple[int, int]) -> tuple[tuple[int, int], tuple[int, int]]:
+def _window(
+    outline: np.ndarray, limits: tuple[int, int]
+) -> tuple[tuple[int, int], tuple[int, int]]:
     """Corner and size, in whole pixels within `limits`, of the box around an outline."""
     low = np.clip(np.floor(outline.min(axis=0)).astype(int), 0, None)
     high = np.minimum(np.ceil(outline.max(axis=0)).astype(int) + 1, limits)

@@ -50,7 +50,9 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
     # The links alone have decided which of them to trust; now the anchors bend the drifting chain into place.
     goal = anchors.position @ [1, 1j]
     piece = connected(count, links.pairs)[anchors.rows]
-    unit, origin = _fit(place[anchors.rows], goal, piece, least=_LEAST_SPREAD * np.abs(links.points).max())
+    unit, origin = _fit(
+        place[anchors.rows], goal, piece, least=_LEAST_SPREAD * np.abs(links.points).max()
+    )
     known, held = np.zeros(count, complex), np.zeros(count)
     known[anchors.rows], held[anchors.rows] = (goal - origin) / unit, 1.0
     place = solve(graph + steady + diagonal(held), pull @ move + known)
@@ -59,14 +61,20 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
 
 def _similarities(links: Links) -> tuple[np.ndarray, np.ndarray]:
     """``(L,)`` complex a and b of each link: ``first = a second + b``, least squares over its points."""
-    first, second = (links.points[:, side, :, 0] - 1j * links.points[:, side, :, 1] for side in (0, 1))
+    first, second = (
+        links.points[:, side, :, 0] - 1j * links.points[:, side, :, 1] for side in (0, 1)
+    )
     first_mean, second_mean = first.mean(axis=1), second.mean(axis=1)
     spread = second - second_mean[:, None]
-    turn = (spread.conj() * (first - first_mean[:, None])).sum(axis=1) / (np.abs(spread) ** 2).sum(axis=1)
+    turn = (spread.conj() * (first - first_mean[:, None])).sum(axis=1) / (np.abs(spread) ** 2).sum(
+        axis=1
+    )
     return turn, first_mean - turn * second_mean
 
 
-def _fit(source: np.ndarray, target: np.ndarray, piece: np.ndarray, least: float) -> tuple[complex, complex]:
+def _fit(
+    source: np.ndarray, target: np.ndarray, piece: np.ndarray, least: float
+) -> tuple[complex, complex]:
     """The similarity ``target = a source + b`` of complex points, which must spread at least so far.
 
     Only what lies on the same `piece` of linked frames says how large and how turned the map is.
@@ -89,7 +97,12 @@ def _means(values: np.ndarray, group: np.ndarray) -> np.ndarray:
 
 def _level_poses(place: np.ndarray, similarity: np.ndarray, focal: float) -> np.ndarray:
     poses = np.zeros((len(place), len(PARAMETERS)))
-    columns = {"x": place.real, "y": place.imag, "z": focal * np.abs(similarity), "yaw": np.angle(similarity)}
+    columns = {
+        "x": place.real,
+        "y": place.imag,
+        "z": focal * np.abs(similarity),
+        "yaw": np.angle(similarity),
+    }
     for name, values in columns.items():
         poses[:, PARAMETERS.index(name)] = values
     return poses

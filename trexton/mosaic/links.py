@@ -23,7 +23,9 @@ from trexton.progress import progress
 __all__ = ["Anchors", "Links", "flight_keypoints", "spatial_links", "successive_links", "threads"]
 
 _LEAST_OVERLAP = 0.08  # of a frame's area
-_APART = 0.2  # of a frame's width: spatial neighbours nearer to one another along the path say the same
+_APART = (
+    0.2  # of a frame's width: spatial neighbours nearer to one another along the path say the same
+)
 _STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside successive ones
 # Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the motion is
 # steady over some frames before and after, and if a chain of links predicts it.
@@ -50,7 +52,9 @@ class Links:
         return len(self.pairs)
 
     def __add__(self, other: Links) -> Links:
-        return Links(np.concatenate([self.pairs, other.pairs]), np.concatenate([self.points, other.points]))
+        return Links(
+            np.concatenate([self.pairs, other.pairs]), np.concatenate([self.points, other.points])
+        )
 
     def __getitem__(self, chosen: np.ndarray) -> Links:
         return Links(self.pairs[chosen], self.points[chosen])
@@ -154,7 +158,9 @@ def spatial_links(
     return _as_links(found, camera)
 
 
-def _spatial_pairs(poses: np.ndarray, camera: Camera, count: int, known: set) -> list[tuple[int, int]]:
+def _spatial_pairs(
+    poses: np.ndarray, camera: Camera, count: int, known: set
+) -> list[tuple[int, int]]:
     """For each frame up to `count` others of other passes, by overlap, spread along the path."""
     seen = float(np.median(poses[:, 2])) / camera.focal * np.array([camera.width, camera.height])
     path = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
@@ -163,7 +169,9 @@ def _spatial_pairs(poses: np.ndarray, camera: Camera, count: int, known: set) ->
     for row in range(len(poses)):
         x, y = (poses[:, :2] - poses[row, :2]).T
         right, up = cos[row] * x + sin[row] * y, cos[row] * y - sin[row] * x
-        overlap = np.maximum(1 - np.abs(right) / seen[0], 0) * np.maximum(1 - np.abs(up) / seen[1], 0)
+        overlap = np.maximum(1 - np.abs(right) / seen[0], 0) * np.maximum(
+            1 - np.abs(up) / seen[1], 0
+        )
         overlap[np.abs(path - path[row]) < seen.max()] = 0
         taken: list[int] = []
         for other in np.argsort(-overlap, kind="stable"):

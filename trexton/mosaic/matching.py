@@ -33,14 +33,18 @@ def match_frames(
     source, target = _mutual_matches(first, second, predicted, reach)
     homography, inliers = find_homography(source, target, _THRESHOLD)
     share = _LEAST_SHARE_ANYWHERE if predicted is None else _LEAST_SHARE
-    if inliers.sum() < max(_LEAST_INLIERS, share * len(source)) or not _plausible(homography, camera):
+    if inliers.sum() < max(_LEAST_INLIERS, share * len(source)) or not _plausible(
+        homography, camera
+    ):
         return None
     source, target = source[inliers], target[inliers]
     chosen = _spread(source, POINTS)
     return homography, np.stack([source[chosen], target[chosen]])
 
 
-def _mutual_matches(first: Keypoints, second: Keypoints, predicted, reach) -> tuple[np.ndarray, np.ndarray]:
+def _mutual_matches(
+    first: Keypoints, second: Keypoints, predicted, reach
+) -> tuple[np.ndarray, np.ndarray]:
     """Matches within reach that are nearest in both directions and pass the ratio test.
 
     SIFT descriptors are whole numbers up to 255, so that these float32 products are exact in any order.
@@ -52,7 +56,9 @@ def _mutual_matches(first: Keypoints, second: Keypoints, predicted, reach) -> tu
         for axis in (0, 1):
             squared[np.abs(places[:, None, axis] - second.points[:, axis]) > reach] = np.inf
     forward, backward = squared.argmin(axis=1), squared.argmin(axis=0)
-    rows = np.flatnonzero((backward[forward] == np.arange(len(a))) & np.isfinite(squared.min(axis=1)))
+    rows = np.flatnonzero(
+        (backward[forward] == np.arange(len(a))) & np.isfinite(squared.min(axis=1))
+    )
     columns = forward[rows]
     nearest = squared[rows, columns]
     squared[rows, columns] = np.inf

@@ -65,7 +65,11 @@ def solve(matrix, vector: np.ndarray) -> np.ndarray:
     from scipy.sparse.linalg import splu
 
     # An ordering for symmetric matrices, without pivoting: far less fill than the general one.
-    symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+    symmetric = {
+        "permc_spec": "MMD_AT_PLUS_A",
+        "diag_pivot_thresh": 0.0,
+        "options": {"SymmetricMode": True},
+    }
     factors = splu(matrix.tocsc(), **symmetric)
     if np.iscomplexobj(vector):
         return factors.solve(vector.real) + 1j * factors.solve(vector.imag)

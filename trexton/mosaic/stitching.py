@@ -135,7 +135,9 @@ def _finished(flight, poses, links, known, camera, pixels_per_metre) -> Mosaic:
     if pixels_per_metre is None:
         pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
     picture = blend(flight, poses, used, camera, pixels_per_metre)
-    return Mosaic(picture, poses, used, known.rows, links, _median_errors(poses, links, camera), rejected)
+    return Mosaic(
+        picture, poses, used, known.rows, links, _median_errors(poses, links, camera), rejected
+    )
 
 
 def _check_least(**limits: tuple[int, int]) -> None:

@@ -83,7 +83,9 @@ class Settings:
 
     def __post_init__(self):
         if self.rate is not None and not 0 < self.rate <= 1000:
-            raise ParameterError(f"rate {self.rate}: expected frames a second, more than 0 and up to 1000")
+            raise ParameterError(
+                f"rate {self.rate}: expected frames a second, more than 0 and up to 1000"
+            )
         if self.laps < 1 or (self.frames is not None and self.frames < 1):
             raise ParameterError(f"{self.laps} laps, {self.frames} frames: expected at least 1")
         if not (math.isfinite(self.heading_deg) and math.isfinite(self.height) and self.height > 0):
@@ -91,13 +93,17 @@ class Settings:
                 f"heading {self.heading_deg} degrees, height {self.height} m: expected a positive height"
             )
         if self.origin is not None and not (
-            abs(self.origin[0]) <= 90 and abs(self.origin[1]) <= 180 and math.isfinite(self.origin[2])
+            abs(self.origin[0]) <= 90
+            and abs(self.origin[1]) <= 180
+            and math.isfinite(self.origin[2])
         ):
             raise ParameterError(
                 f"origin {self.origin}: expected latitude, longitude in degrees and altitude in metres"
             )
         if self.arm_landing and self.land is None:
-            raise ParameterError("--arm-landing is given without --land: say where, as in --land 2.5,2.5")
+            raise ParameterError(
+                "--arm-landing is given without --land: say where, as in --land 2.5,2.5"
+            )
 
 
 def build(settings: Settings) -> Onboard:
@@ -145,7 +151,11 @@ def _commander(settings: Settings, sinks: list[Guard], onboard: Onboard) -> Comm
     if settings.land is None:
         return None
     zone = LandingZone(settings.land, settings.radius, settings.spread, settings.consecutive)
-    landers = [guard.sink for guard in sinks if hasattr(guard.sink, "land")] if settings.arm_landing else []
+    landers = (
+        [guard.sink for guard in sinks if hasattr(guard.sink, "land")]
+        if settings.arm_landing
+        else []
+    )
     if settings.arm_landing and not landers:
         raise ParameterError(
             "--arm-landing needs an output that can command it: add --output udpout:HOST:PORT or another MAVLink link"

@@ -45,7 +45,9 @@ class StampKeeper:
             self._offset = offset
         believed = stamp if now - 10 * TOLERANCE <= stamp <= now + TOLERANCE else now
         kept = believed + self._shift
-        if self._last is not None and kept <= self._last:  # the clock went back: go on from where it was
+        if (
+            self._last is not None and kept <= self._last
+        ):  # the clock went back: go on from where it was
             self._shift += self._last + SMALLEST - kept
             kept = self._last + SMALLEST
             self._tally.fault("clock")

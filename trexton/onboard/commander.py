@@ -126,7 +126,9 @@ class Commander:
             if self.state is not State.ASKED:
                 continue
             if result in (IN_PROGRESS, TEMPORARILY_REJECTED):
-                self._ask_at = now + self._answer_within  # it is there: give it time, then ask again
+                self._ask_at = (
+                    now + self._answer_within
+                )  # it is there: give it time, then ask again
             else:
                 return self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
 

@@ -61,7 +61,12 @@ class Fix:
 
     @classmethod
     def of(
-        cls, estimate: Estimate, time: float, number: int, area: tuple[float, float, float, float], **more
+        cls,
+        estimate: Estimate,
+        time: float,
+        number: int,
+        area: tuple[float, float, float, float],
+        **more,
     ) -> Fix:
         """The report that an estimate of the localizer amounts to, in a map of this area."""
         covariance = about_position(estimate)
@@ -69,14 +74,23 @@ class Fix:
             np.hypot(*ignorance(area))
         )
         return cls(
-            time, number, estimate.position, estimate.spread, covariance, lost, estimate.observed, **more
+            time,
+            number,
+            estimate.position,
+            estimate.spread,
+            covariance,
+            lost,
+            estimate.observed,
+            **more,
         )
 
     @property
     def finite(self) -> bool:
         """Whether every number of the report is one."""
         return bool(
-            np.isfinite(self.position).all() and np.isfinite(self.covariance).all() and np.isfinite(self.time)
+            np.isfinite(self.position).all()
+            and np.isfinite(self.covariance).all()
+            and np.isfinite(self.time)
         )
 
     @property

@@ -26,7 +26,9 @@ __all__ = ["Onboard"]
 STALE_AFTER = 0.5  # seconds without an observed frame
 REOPEN_AFTER = 2.0  # seconds of a frozen picture after which the camera is opened again
 MOST_CATCHING_UP = 25  # predictions for missed frames; more would only spread the particles further
-EAGERNESS = 0.9  # share of the period after which the next frame is looked for: cameras are not exact
+EAGERNESS = (
+    0.9  # share of the period after which the next frame is looked for: cameras are not exact
+)
 
 
 class Onboard:
@@ -77,7 +79,9 @@ class Onboard:
             clocks = {"unix_s": time.time(), "clock_s": self._clock()}
             self.log.event({"event": "start", **clocks, "map": self.localizer.map.provenance})
         try:
-            while not stop.is_set() and (self._frames is None or self.tally["frames"] < self._frames):
+            while not stop.is_set() and (
+                self._frames is None or self.tally["frames"] < self._frames
+            ):
                 started = self._clock()
                 frame = feed.next(1.5 * self._period)
                 if frame is not None:
@@ -150,7 +154,9 @@ class Onboard:
         if estimate is not None:
             self.tally.fault("gap", missed)
             self._model_time += missed * self._model_period
-            self._pass_on(estimate, self._model_time, "gap", max(0.0, self._clock() - self._model_time))
+            self._pass_on(
+                estimate, self._model_time, "gap", max(0.0, self._clock() - self._model_time)
+            )
 
     def _pass_on(self, estimate: Estimate, stamp: float, fault: str | None, latency: float) -> None:
         stale = stamp - self._observed_at > STALE_AFTER
@@ -182,4 +188,7 @@ class Onboard:
         """Remember an event, and say it."""
         if self.log is not None:
             self.log.event({"time_s": self._time(), **event})
-        say("trexton onboard: " + ", ".join(f"{key} {value}" for key, value in event.items() if value != ""))
+        say(
+            "trexton onboard: "
+            + ", ".join(f"{key} {value}" for key, value in event.items() if value != "")
+        )

@@ -22,7 +22,9 @@ def resident_bytes() -> int:
         with open("/proc/self/statm", encoding="ascii") as stream:
             return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except OSError:
-        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024)
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (
+            1 if sys.platform == "darwin" else 1024
+        )
 
 
 class Status:
@@ -36,8 +38,15 @@ class Status:
     commander : Commander or None
     """
 
-    def __init__(self, tally: Tally, latencies: Latencies, sinks: list[Guard], commander: Commander | None):
-        self._tally, self._latencies, self._sinks, self.commander = tally, latencies, sinks, commander
+    def __init__(
+        self, tally: Tally, latencies: Latencies, sinks: list[Guard], commander: Commander | None
+    ):
+        self._tally, self._latencies, self._sinks, self.commander = (
+            tally,
+            latencies,
+            sinks,
+            commander,
+        )
         self._next = self._frames = 0
         self._last_at: float | None = None
         self._settled_bytes: int | None = None
@@ -53,16 +62,23 @@ class Status:
         frames = self._tally["frames"]
         rate = (frames - self._frames) / (now - self._last_at) if self._last_at is not None else 0.0
         self._last_at, self._frames = now, frames
-        parts = [f"{frames} frames {rate:.1f}/s, dropped {self._tally['dropped']}", self._where(fix)]
+        parts = [
+            f"{frames} frames {rate:.1f}/s, dropped {self._tally['dropped']}",
+            self._where(fix),
+        ]
         if self._latencies.count:
             median, slowest = (1e3 * self._latencies.quantile(share) for share in (0.5, 0.99))
             parts.append(f"latency {median:.1f} ms, p99 {slowest:.1f} ms")
-        parts += [f"{guard.sink.name}: {words}" for guard in self._sinks if (words := guard.sink.status())]
+        parts += [
+            f"{guard.sink.name}: {words}" for guard in self._sinks if (words := guard.sink.status())
+        ]
         if self.commander is not None:
             why = f" ({self.commander.why})" if self.commander.why else ""
             parts.append(f"landing: {self.commander.state.value}{why}")
         if faults := self._tally.faults:
-            parts.append("faults: " + ", ".join(f"{name} {count}" for name, count in faults.items()))
+            parts.append(
+                "faults: " + ", ".join(f"{name} {count}" for name, count in faults.items())
+            )
         return " | ".join(parts)
 
     @staticmethod

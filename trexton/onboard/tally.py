@@ -40,7 +40,9 @@ class Tally:
     def fault(self, name: str, count: int = 1) -> None:
         """Count a fault of `FAULTS`."""
         if name not in FAULTS:
-            raise ParameterError(f"fault {name!r} is unknown: name it in FAULTS with what is done about it")
+            raise ParameterError(
+                f"fault {name!r} is unknown: name it in FAULTS with what is done about it"
+            )
         with self._lock:
             self._faults[name] += count
 

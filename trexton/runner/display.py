@@ -20,7 +20,9 @@ class Display:
         if total and not is_quiet() and sys.stderr.isatty():
             from tqdm import tqdm
 
-            self._bar = tqdm(total=total, desc="notebooks", file=sys.stderr, leave=False, dynamic_ncols=True)
+            self._bar = tqdm(
+                total=total, desc="notebooks", file=sys.stderr, leave=False, dynamic_ncols=True
+            )
 
     def __enter__(self) -> Display:
         return self

@@ -86,14 +86,22 @@ class Notebook:
         try:
             return jupytext.reads(self.text, fmt="md:myst")
         except Exception as error:  # jupytext raises whatever its parsers do
-            raise TrextonError(f"{self.path}: not a MyST notebook ({error}): correct its cells") from None
+            raise TrextonError(
+                f"{self.path}: not a MyST notebook ({error}): correct its cells"
+            ) from None
 
     @cached_property
     def parameters(self) -> dict[str, Parameter]:
         """The assignments of the cell tagged ``parameters``, by name."""
-        cells = [cell.source for cell in self.content.cells if "parameters" in cell.metadata.get("tags", [])]
+        cells = [
+            cell.source
+            for cell in self.content.cells
+            if "parameters" in cell.metadata.get("tags", [])
+        ]
         if len(cells) != 1:
-            raise TrextonError(f"{self.path}: {len(cells)} cells are tagged 'parameters': expected one")
+            raise TrextonError(
+                f"{self.path}: {len(cells)} cells are tagged 'parameters': expected one"
+            )
         found = [_parameter(self.path, node) for node in ast.parse(cells[0]).body]
         return {parameter.name: parameter for parameter in found}
 
@@ -109,14 +117,20 @@ class Notebook:
 
     def choose(self, settings: Mapping[str, object]) -> dict[str, object]:
         """All parameters but the given ones: defaults, or `settings` (text or values, checked) in their place."""
-        values = {name: parameter.default for name, parameter in self.parameters.items() if name not in GIVEN}
+        values = {
+            name: parameter.default
+            for name, parameter in self.parameters.items()
+            if name not in GIVEN
+        }
         for name, value in settings.items():
             if name not in values:
                 raise ParameterError(
                     f"{self.name} has no parameter {name!r}: it has {', '.join(values) or 'none'}"
                 )
             parameter = self.parameters[name]
-            values[name] = parameter.parse(value) if isinstance(value, str) else parameter.check(value)
+            values[name] = (
+                parameter.parse(value) if isinstance(value, str) else parameter.check(value)
+            )
         return values
 
 
@@ -126,12 +140,16 @@ def _parameter(path: Path, node: ast.stmt) -> Parameter:
         if isinstance(node, ast.AnnAssign):
             value = ast.literal_eval(node.value)
             return Parameter(
-                node.target.id, value, tuple(name.strip() for name in ast.unparse(node.annotation).split("|"))
+                node.target.id,
+                value,
+                tuple(name.strip() for name in ast.unparse(node.annotation).split("|")),
             )
         (target,) = node.targets
         value = ast.literal_eval(node.value)
         # A default of None alone says nothing about the type.
-        return Parameter(target.id, value, ("object",) if value is None else (type(value).__name__,))
+        return Parameter(
+            target.id, value, ("object",) if value is None else (type(value).__name__,)
+        )
     except (ValueError, AttributeError, TypeError):
         raise TrextonError(
             f"{path}: {ast.unparse(node)!r} in the parameters cell: expected name = literal value"
@@ -145,7 +163,10 @@ def _imported_modules(node: ast.AST) -> list[str]:
         names = [alias.name for alias in node.names]
     elif isinstance(node, ast.ImportFrom) and node.module:
         lazy = trexton._EXPORTS if node.module == "trexton" else {}
-        names = [node.module, *(lazy.get(alias.name, f"{node.module}.{alias.name}") for alias in node.names)]
+        names = [
+            node.module,
+            *(lazy.get(alias.name, f"{node.module}.{alias.name}") for alias in node.names),
+        ]
     return [name for name in names if name.split(".")[0] == "trexton" and _is_module(name)]
 
 

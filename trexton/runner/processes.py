@@ -72,7 +72,10 @@ class Crew:
 class _Worker:
     def __init__(self, threads: int | None):
         self.threads = threads
-        environment = os.environ | {"JUPYTER_PREFER_ENV_PATH": "1", "PYDEVD_DISABLE_FILE_VALIDATION": "1"}
+        environment = os.environ | {
+            "JUPYTER_PREFER_ENV_PATH": "1",
+            "PYDEVD_DISABLE_FILE_VALIDATION": "1",
+        }
         if threads is not None:
             environment |= dict.fromkeys(_THREAD_VARIABLES, str(threads))
         command = [sys.executable, "-m", "trexton.runner.worker"]

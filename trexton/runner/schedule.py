@@ -70,7 +70,9 @@ def _available_memory() -> int:
     """Bytes that programs can still take, what the system only caches included."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
-        return next(int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable"))
+        return next(
+            int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable")
+        )
     except (OSError, StopIteration):
         return _cores() * _MEMORY_PER_JOB  # not Linux: go by the processors
 
@@ -144,10 +146,14 @@ def _choose(
     folder: Path, experiments: Mapping[str, Experiment], only: Sequence[str] | None
 ) -> list[Notebook]:
     present = {
-        name: Notebook(folder / f"{name}.md") for name in experiments if (folder / f"{name}.md").is_file()
+        name: Notebook(folder / f"{name}.md")
+        for name in experiments
+        if (folder / f"{name}.md").is_file()
     }
     if unknown := [name for name in only or () if name not in present]:
-        raise ParameterError(f"no experiment is named {unknown[0]!r}: the names are {', '.join(present)}")
+        raise ParameterError(
+            f"no experiment is named {unknown[0]!r}: the names are {', '.join(present)}"
+        )
     return [notebook for name, notebook in present.items() if not only or name in only]
 
 
@@ -157,10 +163,16 @@ def _settings_of(notebooks: list[Notebook], settings: Mapping[str, object]) -> d
     for key, value in settings.items():
         experiment, _, name = key.rpartition(".")
         if name in GIVEN:
-            raise ParameterError(f"parameter {name!r} is given by the runner: use the options of trexton run")
-        takers = [n for n in notebooks if (n.name == experiment if experiment else name in n.parameters)]
+            raise ParameterError(
+                f"parameter {name!r} is given by the runner: use the options of trexton run"
+            )
+        takers = [
+            n for n in notebooks if (n.name == experiment if experiment else name in n.parameters)
+        ]
         if not takers:
-            known = sorted({name for notebook in notebooks for name in notebook.parameters} - set(GIVEN))
+            known = sorted(
+                {name for notebook in notebooks for name in notebook.parameters} - set(GIVEN)
+            )
             raise ParameterError(
                 f"no experiment chosen here has a parameter {key!r}: there are {', '.join(known)}"
             )
@@ -181,7 +193,11 @@ def _plan(pairs, out: Path, notebooks: list[Notebook], experiments, parameters) 
             folder = out if pair is None else out / pair.name
             tasks.append(
                 _Task(
-                    notebook, experiment, pair, parameters[notebook.name], Stamp(out, folder, notebook.name)
+                    notebook,
+                    experiment,
+                    pair,
+                    parameters[notebook.name],
+                    Stamp(out, folder, notebook.name),
                 )
             )
     keys = {task.key for task in tasks}
@@ -197,7 +213,13 @@ class _Run:
     """One pass over all tasks: start what is ready, what most waits for first, until nothing is left."""
 
     def __init__(
-        self, tasks: list[_Task], out: Path, crew: Crew, pool: ThreadPoolExecutor, display: Display, jobs: int
+        self,
+        tasks: list[_Task],
+        out: Path,
+        crew: Crew,
+        pool: ThreadPoolExecutor,
+        display: Display,
+        jobs: int,
     ):
         self.waiting = sorted(tasks, key=lambda task: (task.experiment.alone, -_chain(task, tasks)))
         self.out, self.crew, self.pool, self.display, self.jobs = out, crew, pool, display, jobs
@@ -214,13 +236,17 @@ class _Run:
                     self._finish(task, outcome)
                 else:
                     self.running[self.pool.submit(self._execute, task)] = task
-            for future in wait(self.running, return_when=FIRST_COMPLETED).done if self.running else ():
+            for future in (
+                wait(self.running, return_when=FIRST_COMPLETED).done if self.running else ()
+            ):
                 self._finish(self.running.pop(future), future.result())
         return [self.done[key] for key in self.order]
 
     def _next(self) -> _Task | None:
         """The first task whose turn it is: whatever measures time has the machine to itself."""
-        if len(self.running) >= self.jobs or any(task.experiment.alone for task in self.running.values()):
+        if len(self.running) >= self.jobs or any(
+            task.experiment.alone for task in self.running.values()
+        ):
             return None
         ready = [task for task in self.waiting if task.waits_for <= self.done.keys()]
         return next((task for task in ready if not (task.experiment.alone and self.running)), None)
@@ -234,14 +260,18 @@ class _Run:
         broken = [self.done[key] for key in task.waits_for if self.done[key].status == "failed"]
         if task.pair and broken:
             task.stamp.clear()
-            return Outcome(flight, name, "skipped", (f"{broken[0].experiment}, which it builds on, failed",))
+            return Outcome(
+                flight, name, "skipped", (f"{broken[0].experiment}, which it builds on, failed",)
+            )
         data = task.pair.hashes if task.pair else {}
         task.inputs = gather_inputs(
             task.notebook, task.parameters, data, self._records_for(task), timings=task.pair is None
         )
         reasons = task.stamp.reasons(task.inputs)
         if not reasons:
-            return Outcome(flight, name, "reused", (f"nothing changed in {_described(task.inputs)}",))
+            return Outcome(
+                flight, name, "reused", (f"nothing changed in {_described(task.inputs)}",)
+            )
         task.reasons = tuple(reasons)
         return None
 
@@ -250,7 +280,9 @@ class _Run:
         if task.pair is None:
             return sorted(path for name in self.names for path in (self.out / name).glob("*.json"))
         folder = self.out / task.pair.name
-        return [path for name in task.experiment.after if (path := folder / f"{name}.json").is_file()]
+        return [
+            path for name in task.experiment.after if (path := folder / f"{name}.json").is_file()
+        ]
 
     def _execute(self, task: _Task) -> Outcome:
         task.stamp.clear()
@@ -260,7 +292,9 @@ class _Run:
             "notebook": str(task.notebook.path),
             "output": str(task.stamp.folder / f"{task.notebook.name}.ipynb"),
             "failed": str(task.stamp.failed_notebook),
-            "parameters": {key: value for key, value in given.items() if key in task.notebook.parameters}
+            "parameters": {
+                key: value for key, value in given.items() if key in task.notebook.parameters
+            }
             | task.parameters,
         }
         slot = threading.get_ident()

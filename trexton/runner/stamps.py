@@ -29,7 +29,11 @@ _LABELS = {
 
 
 def gather_inputs(
-    notebook: Notebook, parameters: dict, data: dict[str, str], records: Iterable[Path], timings: bool
+    notebook: Notebook,
+    parameters: dict,
+    data: dict[str, str],
+    records: Iterable[Path],
+    timings: bool,
 ) -> dict:
     """Everything that goes into a run, as JSON values.
 
@@ -48,13 +52,17 @@ def gather_inputs(
         "code": notebook.code,
         "versions": software_versions(),
         "paper": {path.name: digest(path) for path in paper},
-        "records": {f"{path.parent.name}/{path.stem}": _record_hash(path, timings) for path in records},
+        "records": {
+            f"{path.parent.name}/{path.stem}": _record_hash(path, timings) for path in records
+        },
     }
 
 
 def _record_hash(path: Path, timings: bool) -> str:
     content = json.loads(path.read_text(encoding="utf-8"))
-    return digest(content if timings else {key: value for key, value in content.items() if key != "timings"})
+    return digest(
+        content if timings else {key: value for key, value in content.items() if key != "timings"}
+    )
 
 
 def outputs_of(folder: Path, name: str) -> list[Path]:
@@ -88,7 +96,12 @@ class Stamp:
         with atomic_file(self.path) as stream:
             stream.write(
                 canonical_json(
-                    {"schema": SCHEMA, "inputs": inputs, "outputs": outputs, "seconds": round(seconds, 2)}
+                    {
+                        "schema": SCHEMA,
+                        "inputs": inputs,
+                        "outputs": outputs,
+                        "seconds": round(seconds, 2),
+                    }
                 )
             )
 
@@ -131,4 +144,6 @@ def _difference(group: str, key: str, before: dict, after: dict) -> str:
     label = f"{_LABELS[group]}{'' if group == 'paper' else ' '}{key}"
     if group == "versions":
         return f"{label} {before.get(key, 'absent')} -> {after.get(key, 'absent')}"
-    return f"{label} {'is new' if key not in before else 'is gone' if key not in after else 'changed'}"
+    return (
+        f"{label} {'is new' if key not in before else 'is gone' if key not in after else 'changed'}"
+    )

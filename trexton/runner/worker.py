@@ -51,7 +51,9 @@ def execute(job: dict, report) -> dict:
         error = None
     except PapermillExecutionError as fault:
         error = describe(source, fault)
-    except Exception as fault:  # a kernel that died, a notebook that cannot be read: the others go on
+    except (
+        Exception
+    ) as fault:  # a kernel that died, a notebook that cannot be read: the others go on
         error = f"{source}: {type(fault).__name__}: {fault}"
     finally:
         if partial.exists():
@@ -67,7 +69,9 @@ def describe(source: Path, fault) -> str:
     """One sentence on a failing cell: which, where, and what it said."""
     first = next((line for line in fault.source.splitlines() if line.strip()), "")
     message = _ANSI.sub("", fault.evalue).strip() or "no message"
-    return f"{source}, cell {fault.cell_index + 1} ({first.strip()!r} ...): {fault.ename}: {message}"
+    return (
+        f"{source}, cell {fault.cell_index + 1} ({first.strip()!r} ...): {fault.ename}: {message}"
+    )
 
 
 def cleaned(path: Path, parameters: dict) -> str:
@@ -79,13 +83,21 @@ def cleaned(path: Path, parameters: dict) -> str:
 
     notebook = nbformat.read(path, as_version=4)
     tags = next(
-        (cell.metadata.tags for cell in notebook.cells if "parameters" in cell.metadata.get("tags", [])), []
+        (
+            cell.metadata.tags
+            for cell in notebook.cells
+            if "parameters" in cell.metadata.get("tags", [])
+        ),
+        [],
     )
     for cell in notebook.cells:
         cell.metadata.pop("papermill", None)
         cell.metadata.pop("execution", None)
         if "injected-parameters" in cell.metadata.get("tags", []):
-            cell.metadata["tags"] = ["injected-parameters", *(tag for tag in tags if tag != "parameters")]
+            cell.metadata["tags"] = [
+                "injected-parameters",
+                *(tag for tag in tags if tag != "parameters"),
+            ]
     notebook.metadata.pop("papermill", None)
     notebook.metadata["trexton"] = {"parameters": parameters}
     return nbformat.writes(notebook) + "\n"

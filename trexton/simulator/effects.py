@@ -74,7 +74,9 @@ class Effects:
     def without(self, *names: str) -> Effects:
         """These effects switched off, the others as they are."""
         if unknown := [name for name in names if name not in self.names()]:
-            raise ParameterError(f"unknown effect {unknown[0]!r}: the effects are {', '.join(self.names())}")
+            raise ParameterError(
+                f"unknown effect {unknown[0]!r}: the effects are {', '.join(self.names())}"
+            )
         return replace(self, **dict.fromkeys(names, 0.0))
 
 

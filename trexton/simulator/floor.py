@@ -18,7 +18,9 @@ from trexton.simulator.mats import PIXELS_PER_METRE
 
 __all__ = ["Floor", "Texture"]
 
-MARGIN = 1.25  # metres of ground around the floor, so that a camera above its edge still sees something
+MARGIN = (
+    1.25  # metres of ground around the floor, so that a camera above its edge still sees something
+)
 GROUND = (140, 147, 150)  # BGR of bare concrete
 
 
@@ -133,11 +135,17 @@ class Floor:
         """Resample the picture into `target`, which shows the ground."""
         image, extent = self.picture.image, target.shape[1::-1]
         coarser = 1 / np.sqrt(abs(np.linalg.det(target_from_pixel[:2, :2])))
-        if coarser > 1.2:  # the picture is finer than the texture: what cannot be shown is filtered out first
+        if (
+            coarser > 1.2
+        ):  # the picture is finer than the texture: what cannot be shown is filtered out first
             image = cv2.GaussianBlur(image, (0, 0), 0.5 * coarser)
         if self.picture.mask is None:
             target[:] = cv2.warpPerspective(
-                image, target_from_pixel, extent, flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+                image,
+                target_from_pixel,
+                extent,
+                flags=cv2.INTER_CUBIC,
+                borderMode=cv2.BORDER_REPLICATE,
             )
             return
         mask = self.picture.mask[..., None].astype(np.float32)
@@ -156,7 +164,10 @@ def _illuminate(canvas: np.ndarray, light: Light) -> None:
     if light == Light():
         return
     height, width = canvas.shape[:2]
-    right, far = np.linspace(-1, 1, width, dtype=np.float32), np.linspace(1, -1, height, dtype=np.float32)
+    right, far = (
+        np.linspace(-1, 1, width, dtype=np.float32),
+        np.linspace(1, -1, height, dtype=np.float32),
+    )
     gains = light.channel_gains().astype(np.float32)
     for top in range(0, height, 256):
         strip = canvas[top : top + 256]

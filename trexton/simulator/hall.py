@@ -95,10 +95,16 @@ class _Hall:
     def mark_landing_circle(self) -> None:
         """A target in the middle of the hall."""
         x, y, radius = LANDING_CIRCLE
-        for reach, color in zip((1.0, 0.93, 0.62, 0.55), bgr("f8f9fa", "1d3557", "f8f9fa", "d62828")):
+        for reach, color in zip(
+            (1.0, 0.93, 0.62, 0.55), bgr("f8f9fa", "1d3557", "f8f9fa", "d62828")
+        ):
             self._disc((x, y), radius * reach, color)
         white = bgr("f8f9fa")[0]
-        for dx, dy, width, height in ((-0.105, 0, 0.05, 0.27), (0.105, 0, 0.05, 0.27), (0, 0, 0.2, 0.05)):
+        for dx, dy, width, height in (
+            (-0.105, 0, 0.05, 0.27),
+            (0.105, 0, 0.05, 0.27),
+            (0, 0, 0.2, 0.05),
+        ):
             polygon(self.picture, self._rectangle((x + dx, y + dy), (width, height), 0.0), white)
         cv2.circle(self.taken, *self._pixel_disc((x, y), radius + 0.05), 1, -1)
 
@@ -198,21 +204,30 @@ class _Hall:
         corners = self._rectangle(center, size, turn)
         self._shade(corners + 5, 0.45, 6)
         self._paste(picture, corners)
-        cv2.fillConvexPoly(self.taken, self._rectangle(center, size + 0.03, turn).round().astype(np.int32), 1)
+        cv2.fillConvexPoly(
+            self.taken, self._rectangle(center, size + 0.03, turn).round().astype(np.int32), 1
+        )
 
     def _hazard_tape(self, start: np.ndarray, end: np.ndarray) -> None:
         length = round(np.linalg.norm(end - start) * PIXELS_PER_METRE)
         y, x = np.mgrid[:27, :length]
         tape = bgr("ffc300", "1c1c1c")[((x + y) // 34) % 2].astype(np.uint8)
         turn = np.arctan2(*(end - start)[::-1])
-        self._paste(tape, self._rectangle((start + end) / 2, np.array([length, 27]) / PIXELS_PER_METRE, turn))
+        self._paste(
+            tape,
+            self._rectangle((start + end) / 2, np.array([length, 27]) / PIXELS_PER_METRE, turn),
+        )
 
     def _tube(self, start: np.ndarray, end: np.ndarray, width: float, color: np.ndarray) -> None:
         length = np.linalg.norm(end - start)
         turn = np.arctan2(*(end - start)[::-1])
         rows, columns = round(width * PIXELS_PER_METRE), round(length * PIXELS_PER_METRE)
         across = np.linspace(-1, 1, rows)[:, None, None]
-        shine = 0.45 + 0.55 * np.sqrt(1 - 0.9 * across**2) + 0.35 * np.exp(-(((across + 0.35) / 0.16) ** 2))
+        shine = (
+            0.45
+            + 0.55 * np.sqrt(1 - 0.9 * across**2)
+            + 0.35 * np.exp(-(((across + 0.35) / 0.16) ** 2))
+        )
         tube = np.clip(color * shine * np.ones((1, columns, 1)), 0, 255)
         cap = max(3, columns // 9)
         tube[:, :cap] *= 0.25
@@ -222,7 +237,9 @@ class _Hall:
 
     def _ball(self, center: np.ndarray, radius: float, color: np.ndarray) -> None:
         angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
-        outline = self.map.to_pixels(center + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
+        outline = self.map.to_pixels(
+            center + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        )
         self._shade(outline + 14, 0.5, 12)
         for reach, shift, light in (
             (1.0, 0.0, 0.72),
@@ -232,7 +249,9 @@ class _Hall:
         ):
             offset = np.array([-shift, shift]) * radius
             self._disc(
-                center + offset, radius * reach, np.clip(color * light + (60 if light > 1 else 0), 0, 255)
+                center + offset,
+                radius * reach,
+                np.clip(color * light + (60 if light > 1 else 0), 0, 255),
             )
 
     def _cable(self, start: np.ndarray) -> None:
@@ -241,7 +260,9 @@ class _Hall:
         pixels = self.map.to_pixels(path)
         for shift, thickness, color in ((5, 9, "6b4a2e"), (0, 8, "23232b"), (-1, 2, "6c757d")):
             fixed = np.round((pixels + shift) * 16).astype(np.int32)
-            cv2.polylines(self.picture, [fixed], False, bgr(color)[0].tolist(), thickness, cv2.LINE_AA, 4)
+            cv2.polylines(
+                self.picture, [fixed], False, bgr(color)[0].tolist(), thickness, cv2.LINE_AA, 4
+            )
 
     def _box(self, center, size, color: np.ndarray) -> None:
         turn = self.rng.uniform(-0.6, 0.6)
@@ -249,4 +270,6 @@ class _Hall:
         self._shade(corners + 14, 0.5, 10)
         polygon(self.picture, corners, color * 0.7)
         polygon(self.picture, self._rectangle(center, np.array(size) * 0.9, turn), color)
-        polygon(self.picture, self._rectangle(center, (size[0] * 0.9, 0.035), turn), color * 0.45 + 120)
+        polygon(
+            self.picture, self._rectangle(center, (size[0] * 0.9, 0.035), turn), color * 0.45 + 120
+        )

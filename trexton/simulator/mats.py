@@ -17,11 +17,16 @@ _SUBPIXEL = 4  # fractional bits of OpenCV's drawing coordinates
 
 def bgr(*codes: str) -> np.ndarray:
     """``(N, 3) float32`` BGR from hexadecimal RGB codes."""
-    return np.array([[int(code[i : i + 2], 16) for i in (4, 2, 0)] for code in codes], dtype=np.float32)
+    return np.array(
+        [[int(code[i : i + 2], 16) for i in (4, 2, 0)] for code in codes], dtype=np.float32
+    )
 
 
 def grain(
-    shape: tuple[int, int], rng: np.random.Generator, scales: tuple[float, ...], stretch: float = 1.0
+    shape: tuple[int, int],
+    rng: np.random.Generator,
+    scales: tuple[float, ...],
+    stretch: float = 1.0,
 ) -> np.ndarray:
     """``shape float32`` noise of deviation near 1, a layer for each scale in pixels, stretched along x."""
     total = np.zeros(shape, np.float32)
@@ -40,19 +45,27 @@ def polygon(image: np.ndarray, points: np.ndarray, color: np.ndarray) -> None:
 
 def _disc(image: np.ndarray, center, radius: float, color, thickness: int = -1) -> None:
     fixed = [int(round(value * 2**_SUBPIXEL)) for value in (*center, radius)]
-    cv2.circle(image, fixed[:2], fixed[2], [float(c) for c in color], thickness, cv2.LINE_AA, _SUBPIXEL)
+    cv2.circle(
+        image, fixed[:2], fixed[2], [float(c) for c in color], thickness, cv2.LINE_AA, _SUBPIXEL
+    )
 
 
-def _line(image: np.ndarray, points: np.ndarray, color, thickness: int, closed: bool = False) -> None:
+def _line(
+    image: np.ndarray, points: np.ndarray, color, thickness: int, closed: bool = False
+) -> None:
     fixed = np.round(np.asarray(points) * 2**_SUBPIXEL).astype(np.int32)
-    cv2.polylines(image, [fixed], closed, [float(c) for c in color], thickness, cv2.LINE_AA, _SUBPIXEL)
+    cv2.polylines(
+        image, [fixed], closed, [float(c) for c in color], thickness, cv2.LINE_AA, _SUBPIXEL
+    )
 
 
 def _plain(size: tuple[int, int], color: np.ndarray) -> np.ndarray:
     return np.full((*size, 3), color, np.uint8)
 
 
-def _ring_of(center, radius: float, corners: int, turn: float = 0.0, inner: float = 1.0) -> np.ndarray:
+def _ring_of(
+    center, radius: float, corners: int, turn: float = 0.0, inner: float = 1.0
+) -> np.ndarray:
     """A regular polygon, or a star where `inner` < 1."""
     angle = turn + np.arange(2 * corners) * np.pi / corners
     reach = radius * np.where(np.arange(2 * corners) % 2, inner, 1.0)
@@ -89,7 +102,13 @@ def tiles(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     middle = (side / 2, side / 2)
     polygon(tile, _ring_of(middle, 36, 8, np.pi / 8, 0.55), brick)
     polygon(tile, _ring_of(middle, 17, 4, 0, 0.6), white)
-    _line(tile, np.array([[0, 0], [side, 0], [side, side], [0, side]]), bgr("b8b0a2")[0], 2, closed=True)
+    _line(
+        tile,
+        np.array([[0, 0], [side, 0], [side, side], [0, side]]),
+        bgr("b8b0a2")[0],
+        2,
+        closed=True,
+    )
     repeats = [-(-length // side) for length in size]
     return np.tile(tile, (*repeats, 1))[: size[0], : size[1]].copy()
 
@@ -104,7 +123,9 @@ def rug(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         radius = rng.uniform(10, 24)
         polygon(
             quarter,
-            _ring_of((x, y), radius, int(rng.integers(3, 9)), rng.uniform(0, 3), rng.uniform(0.4, 0.9)),
+            _ring_of(
+                (x, y), radius, int(rng.integers(3, 9)), rng.uniform(0, 3), rng.uniform(0.4, 0.9)
+            ),
             inks[outer],
         )
         _disc(quarter, (x, y), radius * 0.4, inks[inner])
@@ -136,14 +157,22 @@ def town(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         if rng.random() < 0.5:
             for _ in range(3):
                 _disc(
-                    mat, (x, y) + rng.normal(0, 9, 2), rng.uniform(8, 15), crowns[rng.integers(len(crowns))]
+                    mat,
+                    (x, y) + rng.normal(0, 9, 2),
+                    rng.uniform(8, 15),
+                    crowns[rng.integers(len(crowns))],
                 )
         else:
             _house(mat, (x, y), roofs[rng.integers(len(roofs))], rng)
     for number in range(5):
         along = np.linspace(-0.1, 1.1, 60)
-        across = rng.uniform(0.1, 0.9) + 0.13 * np.sin(along * rng.uniform(4, 9) + rng.uniform(0, 6))
-        path = np.column_stack([along, across] if number % 2 else [across, along]) * (size[1], size[0])
+        across = rng.uniform(0.1, 0.9) + 0.13 * np.sin(
+            along * rng.uniform(4, 9) + rng.uniform(0, 6)
+        )
+        path = np.column_stack([along, across] if number % 2 else [across, along]) * (
+            size[1],
+            size[0],
+        )
         _line(mat, path, bgr("f2e9dc")[0], 40)
         _line(mat, path, bgr("5c6378")[0], 33)
         for start in range(0, 59, 3):
@@ -175,7 +204,8 @@ def leaves(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         along = np.linspace(-1, 1, 15)
         side = width * (1 - along**2) * (1 - 0.3 * along)
         outline = (
-            np.concatenate([np.column_stack([along, side]), np.column_stack([along, -side])[::-1]]) * length
+            np.concatenate([np.column_stack([along, side]), np.column_stack([along, -side])[::-1]])
+            * length
         )
         axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         ink = inks[rng.integers(len(inks))]
@@ -229,8 +259,18 @@ def puzzle(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
             x, y = column * side, row * side
             for third in (0.3, 0.7):
                 shift = 9 if (row + column + (third > 0.5)) % 2 else -9
-                _disc(mat, (x + shift, y + third * side), 17, color[row, column if shift < 0 else column - 1])
-                _disc(mat, (x + third * side, y + shift), 17, color[row if shift < 0 else row - 1, column])
+                _disc(
+                    mat,
+                    (x + shift, y + third * side),
+                    17,
+                    color[row, column if shift < 0 else column - 1],
+                )
+                _disc(
+                    mat,
+                    (x + third * side, y + shift),
+                    17,
+                    color[row if shift < 0 else row - 1, column],
+                )
     foam = grain(mat.shape[:2], rng, (1.5, 3.0))[..., None] * 7
     return np.clip(mat + foam, 0, 255).astype(np.uint8)[: size[0], : size[1]]
 

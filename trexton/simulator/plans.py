@@ -32,7 +32,10 @@ class Plan:
             leg = self._next - self._last
         length = np.hypot(*leg)
         direction = leg / length
-        return self._last + np.clip((position[:2] - self._last) @ direction + AHEAD, 0, length) * direction
+        return (
+            self._last
+            + np.clip((position[:2] - self._last) @ direction + AHEAD, 0, length) * direction
+        )
 
 
 def _inside(area) -> tuple[np.ndarray, np.ndarray]:
@@ -60,7 +63,9 @@ def survey(area, seconds: float, speed: float) -> Iterator[np.ndarray]:
     return chain([low], cycle(chain(along_x, along_y)))
 
 
-def _lanes(low: np.ndarray, high: np.ndarray, lanes: int, swap: bool = False) -> Iterator[np.ndarray]:
+def _lanes(
+    low: np.ndarray, high: np.ndarray, lanes: int, swap: bool = False
+) -> Iterator[np.ndarray]:
     for number, across in enumerate(np.linspace(low[1], high[1], lanes)):
         for along in (low[0], high[0]) if number % 2 == 0 else (high[0], low[0]):
             yield np.array([across, along] if swap else [along, across])

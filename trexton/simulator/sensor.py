@@ -88,7 +88,9 @@ class Sensor:
         tile = rng.standard_normal((3, shape[0] + _SPARE, shape[1] + _SPARE), dtype=np.float32)
         self._noise = np.rint(np.clip(tile, -8, 8) * 2**_NOISE).astype(np.int32)
         # Photons arrive one by one, so noise grows with the light, on top of what reading out adds.
-        self._base, self._slope = (round(share * effects.noise * 2**_NOISE) for share in (0.55, 0.45))
+        self._base, self._slope = (
+            round(share * effects.noise * 2**_NOISE) for share in (0.55, 0.45)
+        )
 
     @staticmethod
     def draw_offset(rng: np.random.Generator) -> tuple[int, int]:
@@ -123,7 +125,9 @@ class Sensor:
         if not self._effects.jpeg:
             return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
         shared = self._effects.chroma_subsampling > 0
-        factor = cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422 if shared else cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444
+        factor = (
+            cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422 if shared else cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444
+        )
         options = [
             cv2.IMWRITE_JPEG_QUALITY,
             round(self._effects.jpeg),

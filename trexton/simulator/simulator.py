@@ -53,7 +53,13 @@ class Simulator:
         speed: float = 0.5,
         rng: np.random.Generator,
     ):
-        self.floor = Floor.hall() if floor is None else Floor(floor) if isinstance(floor, MapImage) else floor
+        self.floor = (
+            Floor.hall()
+            if floor is None
+            else Floor(floor)
+            if isinstance(floor, MapImage)
+            else floor
+        )
         self.camera, self.effects = camera, effects
         flight_rng, sensor_rng, self._camera_rng, self._truth_rng = rng.spawn(4)
         x_min, x_max, y_min, y_max = self.floor.area
@@ -75,7 +81,10 @@ class Simulator:
     @property
     def state(self) -> VehicleState:
         """The camera's true state: the vehicle's, or level where the effects keep the camera level."""
-        state, share = self.vehicle.state, np.array([self.effects.roll_pitch, self.effects.roll_pitch, 1.0])
+        state, share = (
+            self.vehicle.state,
+            np.array([self.effects.roll_pitch, self.effects.roll_pitch, 1.0]),
+        )
         return replace(state, attitude=state.attitude * share, rates=state.rates * share)
 
     def step(self, goal: np.ndarray | None = None) -> VehicleState:
@@ -115,7 +124,8 @@ class Simulator:
         texture, from_world = self._texture.level(self.camera.focal / state.position[2])
         readout = self.effects.rolling_shutter
         first, last = (
-            from_world @ self._world_from_pixel(state, delay) for delay in (-readout / 2, readout / 2)
+            from_world @ self._world_from_pixel(state, delay)
+            for delay in (-readout / 2, readout / 2)
         )
         # Within a readout the homography is linear in time to a hundredth of a pixel.
         time = (self._nodes[:, :1, 1] / max(self.camera.height - 1, 1))[..., None]
@@ -132,9 +142,16 @@ class Simulator:
         half = self.effects.motion_blur / 2
         center = np.array([self.camera.principal_point])
         seen = transform_points(self._world_from_pixel(state, -half), center)
-        path = transform_points(np.linalg.inv(self._world_from_pixel(state, half)), seen)[0] - center[0]
+        path = (
+            transform_points(np.linalg.inv(self._world_from_pixel(state, half)), seen)[0]
+            - center[0]
+        )
         kernel = _line_kernel(path)
-        return scene if kernel is None else cv2.filter2D(scene, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
+        return (
+            scene
+            if kernel is None
+            else cv2.filter2D(scene, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
+        )
 
 
 def _node_grid(camera: Camera) -> np.ndarray:
@@ -153,7 +170,9 @@ def _line_kernel(path: np.ndarray, longest: float = 41.0) -> np.ndarray | None:
         return None
     path = path * min(1.0, longest / length)
     radius = int(np.ceil(np.abs(path).max() / 2))
-    points = np.linspace(-0.5, 0.5, 4 * int(np.ceil(min(length, longest))) + 1)[:, None] * path + radius
+    points = (
+        np.linspace(-0.5, 0.5, 4 * int(np.ceil(min(length, longest))) + 1)[:, None] * path + radius
+    )
     kernel = np.zeros((2 * radius + 2, 2 * radius + 2), np.float32)
     whole = np.floor(points).astype(int)
     part = points - whole

@@ -135,26 +135,35 @@ class Vehicle:
         for _ in range(round(seconds / STEP)):
             self._steps += 1
             if not self._landed:
-                self._integrate(None if goal is None or self._landing else np.asarray(goal, dtype=float))
+                self._integrate(
+                    None if goal is None or self._landing else np.asarray(goal, dtype=float)
+                )
         return self.state
 
     def _integrate(self, goal: np.ndarray | None) -> None:
         noise = self._rng.standard_normal(6)
-        self._gust += -self._gust * STEP / GUST_TIME + GUST * math.sqrt(2 * STEP / GUST_TIME) * noise[:2]
+        self._gust += (
+            -self._gust * STEP / GUST_TIME + GUST * math.sqrt(2 * STEP / GUST_TIME) * noise[:2]
+        )
         self._jitter += (
-            -self._jitter * STEP / JITTER_TIME + TILT_JITTER * math.sqrt(2 * STEP / JITTER_TIME) * noise[2:4]
+            -self._jitter * STEP / JITTER_TIME
+            + TILT_JITTER * math.sqrt(2 * STEP / JITTER_TIME) * noise[2:4]
         )
         self._wander_step(noise[4:])
         wanted = np.zeros(2) if goal is None else _limit(APPROACH * (goal - self._xy), self.speed)
-        push = _limit((wanted - self._velocity) / VELOCITY_LAG + DRAG * self._velocity, ACCELERATION)
+        push = _limit(
+            (wanted - self._velocity) / VELOCITY_LAG + DRAG * self._velocity, ACCELERATION
+        )
         cosine, sine = math.cos(self._wander[1]), math.sin(self._wander[1])
         # Right side down pushes to the right, nose up pushes back (see trexton.camera).
         command = (
-            np.array([cosine * push[0] + sine * push[1], sine * push[0] - cosine * push[1]]) / GRAVITY
+            np.array([cosine * push[0] + sine * push[1], sine * push[0] - cosine * push[1]])
+            / GRAVITY
             + self._jitter
         )
         self._tilt_rate += STEP * (
-            TILT_FREQUENCY**2 * (command - self._tilt) - 2 * TILT_DAMPING * TILT_FREQUENCY * self._tilt_rate
+            TILT_FREQUENCY**2 * (command - self._tilt)
+            - 2 * TILT_DAMPING * TILT_FREQUENCY * self._tilt_rate
         )
         self._tilt = self._tilt + STEP * self._tilt_rate
         right, forward = GRAVITY * math.tan(self._tilt[0]), -GRAVITY * math.tan(self._tilt[1])

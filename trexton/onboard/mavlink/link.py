@@ -32,7 +32,9 @@ def make_link(address: str) -> Link:
         return SerialLink(device, speed)
     host, _, port = rest.rpartition(":")
     if not host or not port.isdigit() or not 0 < int(port) < 65536:
-        raise ParameterError(f"output {address!r}: give {kind}:HOST:PORT, as in {kind}:127.0.0.1:14540")
+        raise ParameterError(
+            f"output {address!r}: give {kind}:HOST:PORT, as in {kind}:127.0.0.1:14540"
+        )
     return {"udpout": UdpOut, "udpin": UdpIn, "tcp": TcpLink}[kind](host, int(port))
 
 

@@ -20,9 +20,15 @@ __all__ = [
 
 NAN = math.nan
 COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER  # what we are on the vehicle's network
-UNKNOWN_HEIGHT = 100.0  # square metres: a height nobody measured must weigh nothing even if it is fused
+UNKNOWN_HEIGHT = (
+    100.0  # square metres: a height nobody measured must weigh nothing even if it is fused
+)
 UNKNOWN_ANGLE = math.pi**2  # square radians
-_ANGLES = (15, 18, 20)  # variances of roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row
+_ANGLES = (
+    15,
+    18,
+    20,
+)  # variances of roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row
 
 
 def rounded_up(value: float) -> float:
@@ -31,7 +37,9 @@ def rounded_up(value: float) -> float:
     return float(single if float(single) >= value else np.nextafter(single, np.float32(np.inf)))
 
 
-def pose_covariance(covariance: np.ndarray, height: float, angle: float, cross: float = NAN) -> list[float]:
+def pose_covariance(
+    covariance: np.ndarray, height: float, angle: float, cross: float = NAN
+) -> list[float]:
     """The 21 numbers of a pose's covariance.
 
     Parameters
@@ -46,7 +54,11 @@ def pose_covariance(covariance: np.ndarray, height: float, angle: float, cross: 
     """
     entries = [cross] * 21
     bound = decoupled(covariance)
-    entries[0], entries[1], entries[6] = rounded_up(bound[0, 0]), float(bound[0, 1]), rounded_up(bound[1, 1])
+    entries[0], entries[1], entries[6] = (
+        rounded_up(bound[0, 0]),
+        float(bound[0, 1]),
+        rounded_up(bound[1, 1]),
+    )
     entries[11] = rounded_up(height)
     for place in _ANGLES:
         entries[place] = angle
@@ -128,14 +140,21 @@ def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
 def heartbeat():
     """HEARTBEAT of an onboard computer, which is no autopilot."""
     return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        mavlink.MAV_AUTOPILOT_INVALID,
+        0,
+        0,
+        mavlink.MAV_STATE_ACTIVE,
+        3,
     )
 
 
 def origin(target: int, latitude: float, longitude: float, altitude: float, stamp_us: int):
     """SET_GPS_GLOBAL_ORIGIN: where on Earth the map's origin lies, in degrees and metres above sea level."""
     degrees = [round(1e7 * angle) for angle in (latitude, longitude)]
-    return mavlink.MAVLink_set_gps_global_origin_message(target, *degrees, round(1000 * altitude), stamp_us)
+    return mavlink.MAVLink_set_gps_global_origin_message(
+        target, *degrees, round(1000 * altitude), stamp_us
+    )
 
 
 def land(target: tuple[int, int], confirmation: int, unset: float):

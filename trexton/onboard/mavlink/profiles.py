@@ -62,7 +62,9 @@ class ArduPilot(Profile):
 
     def failed(self, fix: Fix, stamp_us: int, attitude: tuple):
         """The filter's position, marked as failed."""
-        return odometry(stamp_us, fix.position, fix.covariance, attitude, self.local, fix.resets, -1)
+        return odometry(
+            stamp_us, fix.position, fix.covariance, attitude, self.local, fix.resets, -1
+        )
 
 
 PROFILES = {"px4": Px4, "ardupilot": ArduPilot}

@@ -47,7 +47,10 @@ class Speaker:
     """
 
     def __init__(
-        self, profile: Profile, motion_rate: np.ndarray, origin: tuple[float, float, float] | None = None
+        self,
+        profile: Profile,
+        motion_rate: np.ndarray,
+        origin: tuple[float, float, float] | None = None,
     ):
         self.profile, self._motion_rate, self._origin = profile, motion_rate, origin
         self.target: tuple[int, int] | None = None
@@ -160,7 +163,9 @@ class Speaker:
     def _attitude_at(self, time: float) -> tuple | None:
         """The autopilot's own roll, pitch, yaw nearest to that moment, if near enough."""
         nearest = min(self._attitudes, key=lambda entry: abs(entry[0] - time), default=None)
-        return nearest[1] if nearest is not None and abs(nearest[0] - time) <= ATTITUDE_AGE else None
+        return (
+            nearest[1] if nearest is not None and abs(nearest[0] - time) <= ATTITUDE_AGE else None
+        )
 
     # Heard by us
 
@@ -175,12 +180,17 @@ class Speaker:
         return now - self.heard_at <= SILENCE
 
     def _on_heartbeat(self, message, now: float) -> None:
-        if message.autopilot == mavlink.MAV_AUTOPILOT_INVALID or message.type == mavlink.MAV_TYPE_GCS:
+        if (
+            message.autopilot == mavlink.MAV_AUTOPILOT_INVALID
+            or message.type == mavlink.MAV_TYPE_GCS
+        ):
             return
         self.heard_at = now
         if self.target is None:
             self.target = (message.get_srcSystem(), message.get_srcComponent())
-            self.news.append({"event": "autopilot", "system": self.target[0], "component": self.target[1]})
+            self.news.append(
+                {"event": "autopilot", "system": self.target[0], "component": self.target[1]}
+            )
 
     def _from_autopilot(self, message) -> bool:
         return self.target == (message.get_srcSystem(), message.get_srcComponent())
@@ -197,7 +207,9 @@ class Speaker:
     def _on_command_ack(self, message, now: float) -> None:
         if self._from_autopilot(message) and message.target_component in (0, messages.COMPONENT):
             self.answers.append(Answer(message.command, message.result))
-            self.news.append({"event": "answer", "command": message.command, "result": message.result})
+            self.news.append(
+                {"event": "answer", "command": message.command, "result": message.result}
+            )
 
     def _on_gps_global_origin(self, message, now: float) -> None:
         """The autopilot tells its origin: ours is set where it is the same to within a metre or so."""
@@ -210,7 +222,9 @@ class Speaker:
 
     def _on_statustext(self, message, now: float) -> None:
         if self._from_autopilot(message):
-            self.news.append({"event": "autopilot says", "severity": message.severity, "text": message.text})
+            self.news.append(
+                {"event": "autopilot says", "severity": message.severity, "text": message.text}
+            )
 
     def _on_estimator_status(self, message, now: float) -> None:
         if self._from_autopilot(message):
@@ -219,4 +233,6 @@ class Speaker:
 
     def _on_ekf_status_report(self, message, now: float) -> None:
         if self._from_autopilot(message):
-            self.fused = bool(message.flags & (mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS))
+            self.fused = bool(
+                message.flags & (mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS)
+            )

@@ -18,7 +18,9 @@ COLUMNS = (
 def make(address: str, options: SinkOptions) -> Sink:
     path = address.partition(":")[2]
     if not path:
-        raise ParameterError("output 'csv' names no file: give csv:FILE, or csv:- for standard output")
+        raise ParameterError(
+            "output 'csv' names no file: give csv:FILE, or csv:- for standard output"
+        )
     return CsvTable(path)
 
 
@@ -34,7 +36,9 @@ class CsvTable(Sink):
 
     def write(self, fix: Fix) -> None:
         values = row(fix)
-        cells = [int(value) if isinstance(value, bool) else value for value in map(values.get, COLUMNS)]
+        cells = [
+            int(value) if isinstance(value, bool) else value for value in map(values.get, COLUMNS)
+        ]
         self._file.write(",".join("" if cell is None else str(cell) for cell in cells))
 
     def close(self) -> None:

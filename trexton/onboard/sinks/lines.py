@@ -37,7 +37,9 @@ class LineFile:
         self._torn = False
         if not self._standard:
             try:
-                os.close(os.open(path, os.O_WRONLY | os.O_CREAT | (0 if keep else os.O_TRUNC), 0o644))
+                os.close(
+                    os.open(path, os.O_WRONLY | os.O_CREAT | (0 if keep else os.O_TRUNC), 0o644)
+                )
             except OSError as error:
                 raise ParameterError(
                     f"{path}: cannot be written ({error.strerror}): give a file in a folder that exists"

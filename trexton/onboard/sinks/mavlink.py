@@ -26,9 +26,13 @@ def make(address: str, options: SinkOptions) -> Sink:
         from trexton.onboard.mavlink.profiles import profile_named
         from trexton.onboard.mavlink.speaker import Speaker
     except ImportError:
-        raise ParameterError("MAVLink needs the package pymavlink: pip install 'trexton[mavlink]'") from None
+        raise ParameterError(
+            "MAVLink needs the package pymavlink: pip install 'trexton[mavlink]'"
+        ) from None
     profile = profile_named(options.autopilot, options.local, options.area)
-    return MavlinkSink(address, link, Speaker(profile, options.motion_rate, options.origin), options.tally)
+    return MavlinkSink(
+        address, link, Speaker(profile, options.motion_rate, options.origin), options.tally
+    )
 
 
 class MavlinkSink(Sink):
@@ -45,7 +49,12 @@ class MavlinkSink(Sink):
     """
 
     def __init__(
-        self, address: str, link: Link, speaker, tally: Tally, clock: Callable[[], float] = time.monotonic
+        self,
+        address: str,
+        link: Link,
+        speaker,
+        tally: Tally,
+        clock: Callable[[], float] = time.monotonic,
     ):
         from trexton.onboard.mavlink.messages import COMPONENT, mavlink
 
@@ -58,7 +67,9 @@ class MavlinkSink(Sink):
         self._alarm.setblocking(False)
         self._bell.setblocking(False)
         self._thread: threading.Thread | None = None
-        self._shift = 0.0  # from our clock to the one that stamps the frames; zero for a live camera
+        self._shift = (
+            0.0  # from our clock to the one that stamps the frames; zero for a live camera
+        )
         self.connected = self._was_present = False
 
     def open(self) -> None:
@@ -77,7 +88,11 @@ class MavlinkSink(Sink):
     def land(self, confirmation: int) -> bool:
         """Command a landing; False while no autopilot is there to obey it."""
         with self._lock:
-            heard = self.connected and self._speaker.present(self._now()) and self._speaker.land(confirmation)
+            heard = (
+                self.connected
+                and self._speaker.present(self._now())
+                and self._speaker.land(confirmation)
+            )
         self._wake()
         return heard
 
@@ -104,9 +119,13 @@ class MavlinkSink(Sink):
                 return "no autopilot heard"
             if not self._speaker.present(self._now()):
                 return "autopilot silent"
-            words = {None: "", True: ", has a position", False: ", HAS NO POSITION"}[self._speaker.fused]
+            words = {None: "", True: ", has a position", False: ", HAS NO POSITION"}[
+                self._speaker.fused
+            ]
             held = (
-                f", {self._speaker.withheld} withheld for want of attitude" if self._speaker.withheld else ""
+                f", {self._speaker.withheld} withheld for want of attitude"
+                if self._speaker.withheld
+                else ""
             )
             return f"autopilot {self._speaker.target[0]} heard{words}{held}"
 

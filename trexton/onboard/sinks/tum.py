@@ -13,7 +13,9 @@ __all__ = ["TumTrajectory", "make"]
 def make(address: str, options: SinkOptions) -> Sink:
     path = address.partition(":")[2]
     if not path:
-        raise ParameterError("output 'tum' names no file: give tum:FILE, or tum:- for standard output")
+        raise ParameterError(
+            "output 'tum' names no file: give tum:FILE, or tum:- for standard output"
+        )
     return TumTrajectory(path, options.local.height)
 
 

@@ -41,10 +41,13 @@ class ImageFolder(Source):
     def __init__(self, folder: str, options: SourceOptions):
         self.options = options
         self.files = sorted(
-            (file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES), key=_natural
+            (file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES),
+            key=_natural,
         )
         if not self.files:
-            raise ImageError(f"{folder}: no images ({', '.join(SUFFIXES)}): give a folder that holds some")
+            raise ImageError(
+                f"{folder}: no images ({', '.join(SUFFIXES)}): give a folder that holds some"
+            )
         self._next = 0
 
     def open(self) -> None:

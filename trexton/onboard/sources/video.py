@@ -28,7 +28,11 @@ def make(address: str, options: SourceOptions) -> Source:
         return StreamSource(address)
     if not Path(address).is_file():
         raise ImageError(f"{address}: no such video: give a file, a URL or a GStreamer pipeline")
-    return Paced(VideoFile(address, options)) if options.pace == "stamps" else VideoFile(address, options)
+    return (
+        Paced(VideoFile(address, options))
+        if options.pace == "stamps"
+        else VideoFile(address, options)
+    )
 
 
 def _is_stream(address: str) -> bool:
@@ -46,7 +50,10 @@ class StreamSource(Source):
     """A live stream (RTSP, HTTP, TCP, a named pipe, GStreamer where OpenCV has it), stamped at the grab."""
 
     def __init__(
-        self, address: str, capture: Callable = cv2.VideoCapture, clock: Callable[[], float] = time.monotonic
+        self,
+        address: str,
+        capture: Callable = cv2.VideoCapture,
+        clock: Callable[[], float] = time.monotonic,
     ):
         self.address, self._make_capture, self._clock = address, capture, clock
         self._capture = None
