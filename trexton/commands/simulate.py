@@ -9,7 +9,7 @@ from trexton.progress import say
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.simulator import PATTERNS, Effects
+    from trexton.simulator import LAYOUTS, PATTERNS, Effects
 
     defaults = Effects()
     effects = ", ".join(f"{name}={getattr(defaults, name):g}" for name in Effects.names())
@@ -35,6 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--floor-seed", type=int, default=0, metavar="S", help="seed of the painted hall (0)"
+    )
+    parser.add_argument(
+        "--layout", choices=list(LAYOUTS), default="hall", help="how the hall's mats lie (hall)"
     )
     parser.add_argument(
         "--height", type=float, default=1.0, metavar="M", help="flying height in metres (1)"
@@ -67,7 +70,7 @@ def run(arguments: argparse.Namespace) -> int:
             arguments.floor, 5.0 if arguments.floor_width is None else arguments.floor_width
         )
     else:
-        floor = Floor.hall(arguments.floor_seed)
+        floor = Floor.painted(arguments.layout, arguments.floor_seed)
     flight = record_flight(
         arguments.out, pattern=arguments.pattern, frames=arguments.frames, seed=arguments.seed, floor=floor,
         effects=_effects(arguments.set, arguments.off), height=arguments.height, every=arguments.every,

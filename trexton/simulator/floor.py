@@ -14,6 +14,7 @@ from trexton.camera import MapImage
 from trexton.errors import ImageError, ParameterError
 from trexton.simulator.effects import Light
 from trexton.simulator.hall import paint_hall
+from trexton.simulator.layouts import layout
 from trexton.simulator.mats import PIXELS_PER_METRE
 
 __all__ = ["Floor", "Texture"]
@@ -57,7 +58,12 @@ class Floor:
     @classmethod
     def hall(cls, seed: int = 0) -> Floor:
         """The default floor, this project's own painted hall of 5 m x 5 m."""
-        return _painted(seed)
+        return cls.painted("hall", seed)
+
+    @classmethod
+    def painted(cls, layout: str = "hall", seed: int = 0) -> Floor:
+        """A painted floor of 5 m x 5 m with its mats laid by `layout`, one of `LAYOUTS`; equal seeds, equal floors."""
+        return _painted(layout, seed)
 
     @classmethod
     def from_file(cls, path: str | os.PathLike, width: float) -> Floor:
@@ -155,8 +161,9 @@ class Floor:
 
 
 @lru_cache(maxsize=2)
-def _painted(seed: int) -> Floor:
-    return Floor(paint_hall(np.random.default_rng(seed)))
+def _painted(name: str, seed: int) -> Floor:
+    laid, painted = np.random.default_rng([seed, 1]), np.random.default_rng(seed)
+    return Floor(paint_hall(painted, layout(name, laid)))
 
 
 def _illuminate(canvas: np.ndarray, light: Light) -> None:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
 
 from trexton.camera import MapImage
+from trexton.simulator.layouts import HALL, Placement
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE, bgr, grain, polygon
 
 __all__ = ["SIDE", "LANDING_CIRCLE", "paint_hall"]
@@ -13,22 +16,10 @@ __all__ = ["SIDE", "LANDING_CIRCLE", "paint_hall"]
 SIDE = 5.0
 LANDING_CIRCLE = (2.5, 2.42, 0.42)  # x, y, radius in metres
 
-# name: centre x, y, width, height in metres
-_LAYOUT = {
-    "rug": (0.98, 4.12, 1.50, 1.20),
-    "waves": (2.62, 4.22, 1.30, 1.05),
-    "town": (4.17, 3.93, 1.35, 1.50),
-    "tiles": (0.80, 2.42, 1.15, 1.30),
-    "bauhaus": (4.24, 2.16, 1.15, 1.25),
-    "puzzle": (0.96, 0.84, 1.50, 1.20),
-    "leaves": (2.66, 0.80, 1.30, 1.15),
-    "terrazzo": (4.26, 0.74, 1.20, 1.00),
-}
 
-
-def paint_hall(rng: np.random.Generator) -> MapImage:
+def paint_hall(rng: np.random.Generator, placements: Sequence[Placement] = HALL) -> MapImage:
     """Paint boards, mats, tags, tape, a landing circle, lost things; equal generators, equal floors."""
-    hall = _Hall(rng)
+    hall = _Hall(rng, placements)
     for draw in (
         hall.lay_boards,
         hall.mark_lanes,
@@ -47,8 +38,8 @@ def paint_hall(rng: np.random.Generator) -> MapImage:
 class _Hall:
     """The floor while it is being painted; coordinates in metres."""
 
-    def __init__(self, rng: np.random.Generator):
-        self.rng = rng
+    def __init__(self, rng: np.random.Generator, placements: Sequence[Placement]):
+        self.rng, self.placements = rng, placements
         self.size = round(SIDE * PIXELS_PER_METRE)
         self.map = MapImage.from_extent(
             np.zeros((self.size, self.size, 3), np.uint8), 0.0, SIDE, PIXELS_PER_METRE
@@ -87,10 +78,13 @@ class _Hall:
 
     def lay_mats(self) -> None:
         """The printed mats, a little askew, each with the shadow of its thickness."""
-        for name, (x, y, width, height) in _LAYOUT.items():
-            size = (round(height * PIXELS_PER_METRE), round(width * PIXELS_PER_METRE))
-            print_ = MATS[name](size, self.rng)
-            self._lay(print_, (x, y), self.rng.normal(0, 0.035))
+        for place in self.placements:
+            size = (round(place.height * PIXELS_PER_METRE), round(place.width * PIXELS_PER_METRE))
+            seed = place.print_seed
+            print_ = MATS[place.mat](
+                size, self.rng if seed is None else np.random.default_rng(seed)
+            )
+            self._lay(print_, (place.x, place.y), self.rng.normal(0, 0.035))
 
     def mark_landing_circle(self) -> None:
         """A target in the middle of the hall."""
