@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
+from trexton.camera import Camera, MapImage
 from trexton.experiments import homography_baseline, homography_training, mosaic
 from trexton.experiments.homography_training import filtered_positions
 from trexton.experiments.stitched import drifting_map, floor_residual, locate_all, stitched_map
-from trexton.camera import Camera, MapImage
 from trexton.figures import homography_baseline as baseline_figures
 from trexton.figures import homography_training as training_figures
 from trexton.figures import mosaic as mosaic_figures
