@@ -11,7 +11,8 @@ from IPython.display import HTML, SVG
 from matplotlib.figure import Figure
 
 from trexton.cache import repository_root
-from trexton.claims import Claim, Finding, count_verdicts, judge_all, load_claims, write_ledger
+from trexton.claims import Claim, Finding, judge_all, load_claims, write_ledger
+from trexton.claims.page import claims_html, counts_html, filters_html
 from trexton.experiments import EXPERIMENTS
 from trexton.files import atomic_file
 from trexton.flights import Flight, read_flight
@@ -151,44 +152,12 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
-def _found(finding: Finding) -> str:
-    """Our side of a claim as text."""
-    parts = []
-    for quantity in (finding.ours, finding.other):
-        if quantity is not None:
-            span = quantity.low != quantity.value or quantity.high != quantity.value
-            interval = (
-                f" <small>[{_number(quantity.low)}, {_number(quantity.high)}]</small>"
-                if span
-                else ""
-            )
-            parts.append(_number(quantity.value) + interval)
-    return " against ".join(parts)
-
-
-def _verdict(finding: Finding) -> str:
-    reason = f"<br><small>{finding.reason}</small>" if finding.reason else ""
-    return f'<span class="verdict {finding.verdict.replace(" ", "-")}">{finding.verdict}</span>{reason}'
-
-
 def claims_table(rows: list[tuple[Claim, list[Finding]]]) -> HTML:
-    """Claims, published values, and for each flight ours and the verdict."""
-    table = []
-    for claim, findings in rows:
-        unit, value = f" {claim.unit}" if claim.unit else "", claim.published_value
-        row = {
-            "The paper says": f"{claim.text}<br><small>{claim.place}</small>",
-            "Published": "" if value is None else _number(value) + unit,
-        }
-        for finding in findings:
-            found = _found(finding) + unit + "<br>" if finding.ours else ""
-            row[finding.flight] = found + _verdict(finding)
-        table.append(row)
-    return show_table(pd.DataFrame(table))
+    """Claims, what the paper printed, and for each flight ours and the verdict."""
+    return HTML(claims_html(rows))
 
 
 def ledger(out: str) -> tuple[HTML, HTML]:
     """Judge all records below the folder `out`, write ``claims.json``; the counts of verdicts and the whole ledger."""
     rows = write_ledger(_results_folder(out))
-    counts = pd.DataFrame(count_verdicts(rows)).rename_axis("Verdict").reset_index()
-    return show_table(counts), claims_table(rows)
+    return HTML(counts_html(rows)), HTML(filters_html(rows) + claims_html(rows))

@@ -21,8 +21,10 @@ def run(arguments: argparse.Namespace) -> int:
     rows = write_ledger(Path(arguments.results))
     for claim, findings in rows:
         print(f"{claim.text} ({claim.place})")
-        if claim.published_value is not None:
-            print(f"    paper: {claim.published_value:g} {claim.unit}".rstrip())
+        if claim.printed_value is not None:
+            print(f"    printed: {claim.printed_value:g} {claim.unit}".rstrip())
+        if claim.measure:
+            print(f"    tested: {claim.measure}" + (f": {claim.rule}" if claim.rule else ""))
         for finding in findings:
             ours = [
                 f"{q.value:.3g} [{q.low:.3g}, {q.high:.3g}]"
