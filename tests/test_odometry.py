@@ -1,0 +1,74 @@
+"""Visual odometry against the simulator's true motion."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trexton.camera import Camera
+from trexton.errors import ImageError, ParameterError
+from trexton.odometry import VisualOdometry, shrink, shrunken_camera
+from trexton.simulator import PERIOD, Effects, Simulator
+
+CAMERA = Camera(320, 240, 260.0)
+
+
+def test_shrunken_pixels_see_where_the_blocks_they_average_lie():
+    camera = Camera(64, 48, 52.0, (30.0, 25.0))
+    small = shrunken_camera(camera, 4)
+    pose = np.array([0.2, -0.1, 1.0]), np.array([0.05, -0.03, 0.4])
+    block = np.array([4 * 5 + 1.5, 4 * 7 + 1.5, 1.0])  # the middle of block (5, 7)
+    seen = camera.world_from_pixel(*pose) @ block
+    small_seen = small.world_from_pixel(*pose) @ [5, 7, 1]
+    assert np.allclose(seen[:2] / seen[2], small_seen[:2] / small_seen[2])
+    image = np.arange(64 * 48, dtype=np.uint8).reshape(48, 64)
+    assert shrink(image, 4).shape == (12, 16) and shrink(image, 1) is image
+
+
+@pytest.mark.parametrize("tilted", [False, True], ids=["level", "tilted"])
+def test_displacement_follows_the_vehicle(tilted):
+    effects = Effects() if tilted else Effects().without("roll_pitch")
+    room = Simulator(camera=CAMERA, effects=effects, rng=np.random.default_rng(3))
+    odometry, errors, steps, truth = VisualOdometry(CAMERA), [], [], room.state.position[:2]
+    for _ in range(40):
+        state = room.step(np.array([4.0, 3.0]))
+        motion = odometry.step(
+            room.render(), state.time, height=state.position[2], attitude=state.attitude
+        )
+        if motion is not None:
+            errors.append(np.hypot(*(motion.displacement - (state.position[:2] - truth))))
+            steps.append(np.hypot(*motion.displacement))
+            assert motion.velocity == pytest.approx(motion.displacement / PERIOD)
+        truth = state.position[:2]
+    assert max(steps) > 0.03
+    assert np.mean(errors) < 0.006
+
+
+def test_unrelated_frames_are_not_sure():
+    room = Simulator(camera=CAMERA, rng=np.random.default_rng(3))
+    odometry = VisualOdometry(CAMERA)
+    odometry.step(room.render(), 0.0, height=1.0)
+    near = odometry.step(room.render(), 0.1, height=1.0)
+    room.vehicle.teleport((1.0, 1.0))
+    room.step()
+    far = odometry.step(room.render(), 0.2, height=1.0)
+    assert near.sure > 0.5 > 0.2 > far.sure
+
+
+def test_after_a_reset_nothing_is_known():
+    frame = np.zeros((240, 320), np.uint8)
+    odometry = VisualOdometry(CAMERA)
+    assert odometry.step(frame, 0.0, height=1.0) is None
+    odometry.reset()
+    assert odometry.step(frame, 0.0, height=1.0) is None
+
+
+def test_what_cannot_be_is_refused():
+    odometry = VisualOdometry(CAMERA)
+    with pytest.raises(ImageError, match="640x480.*320x240"):
+        odometry.step(np.zeros((480, 640, 3), np.uint8), 0.0, height=1.0)
+    odometry.step(np.zeros((240, 320), np.uint8), 1.0, height=1.0)
+    with pytest.raises(ParameterError, match="time order"):
+        odometry.step(np.zeros((240, 320), np.uint8), 1.0, height=1.0)
+    with pytest.raises(ParameterError, match="width"):
+        VisualOdometry(CAMERA, width=1000)

@@ -1,0 +1,182 @@
+"""The camera's pose to a fraction of a pixel: the view expected there, optical flow, least squares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from trexton.camera import Camera, rotation_matrix, transform_points
+from trexton.registration.ground import Ground
+
+__all__ = ["Aligner", "Alignment"]
+
+_SPACING = 7  # pixels between points
+_LK = {"winSize": (11, 11), "maxLevel": 1, "criteria": (3, 10, 0.02)}
+_FAR = 2.0  # pixels of flow from which the expected view is made anew
+_LOCAL = (15, 15)  # pixels over which contrast is normalised: light and vignetting change slower
+_HUBER = 1.5  # standard deviations from which a point counts less
+_FEWEST = 8  # points
+_MEDIAN = 1.1774  # of the length of a plane vector with unit standard deviations
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A pose and what speaks for it.
+
+    Attributes
+    ----------
+    pose : (6,) array
+        x, y, z in metres, roll, pitch, yaw in radians.
+    covariance : (6, 6) array
+        From the curvature at the solution, points taken as independent.
+    score : float
+        Correlation of the frame with the view expected at the pose's last linearisation; 0 where too few
+        points were found.
+    noise : float
+        Standard deviation of a point in pixels, robust.
+    flow : float
+        Median length of the flow in pixels: how far the start was off.
+    """
+
+    pose: np.ndarray
+    covariance: np.ndarray
+    score: float
+    noise: float
+    flow: float
+
+
+class Aligner:
+    """Aligns shrunken frames with the floor.
+
+    Parameters
+    ----------
+    ground : Ground
+        About as fine as the shrunken frames.
+    camera : Camera
+        Of the shrunken frames.
+    """
+
+    def __init__(self, ground: Ground, camera: Camera):
+        self.ground, self.camera = ground, camera
+        self._luma = np.clip(np.rint(ground.luma), 0, 255).astype(np.uint8)
+        self._mask = (255 * ground.mask).astype(np.uint8)
+        x = np.arange(_SPACING // 2 + 1, camera.width - _SPACING // 2, _SPACING)
+        y = np.arange(_SPACING // 2 + 1, camera.height - _SPACING // 2, _SPACING)
+        self._points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2).astype(np.float32)
+        center = np.array(camera.principal_point)
+        rays = (self._points - center) / camera.focal
+        self._rays = np.column_stack([rays[:, 0], -rays[:, 1], -np.ones(len(rays))])
+
+    def view(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What a camera at `pose` sees, ``(h, w) uint8``, and a mask of what of it is mapped."""
+        matrix = self.ground.from_world @ self.camera.world_from_pixel(pose[:3], pose[3:])
+        size, flags = (
+            (self.camera.width, self.camera.height),
+            cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+        )
+        picture = cv2.warpPerspective(self._luma, matrix, size, flags=flags)
+        mask = cv2.warpPerspective(
+            self._mask, matrix, size, flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+        )
+        return picture, mask
+
+    def align(
+        self, frame: np.ndarray, start: np.ndarray, expected: np.ndarray, deviation: np.ndarray
+    ) -> Alignment:
+        """Align a frame from a start that is off by no more than about a tenth of its width.
+
+        Parameters
+        ----------
+        frame : (h, w) uint8 array
+        start : (6,) array
+            Pose at which the expected view is made.
+        expected, deviation : (6,) arrays
+            What is known of the pose beforehand, and its standard deviations (inf: nothing).
+        """
+        seen = flattened(frame)
+        found = self._once(seen, start, expected, deviation)
+        for _ in range(2):
+            if not _FAR < found.flow < np.inf:
+                break
+            found = self._once(seen, found.pose, expected, deviation)
+        if found.flow < np.inf:
+            picture, mask = self.view(found.pose)
+            found = replace(found, score=_score(seen, flattened(picture, mask), mask))
+        return found
+
+    def _once(self, seen, start, expected, deviation) -> Alignment:
+        picture, mask = self.view(start)
+        known = flattened(picture, mask)
+        moved, status, _ = cv2.calcOpticalFlowPyrLK(seen, known, self._points, None, **_LK)
+        inside = np.clip(np.rint(moved).astype(int), 0, np.array(mask.shape[::-1]) - 1)
+        good = (status.ravel() > 0) & (mask[inside[:, 1], inside[:, 0]] > 0)
+        columns, rows = self._points.astype(int).T
+        good &= mask[rows, columns] > 0
+        if good.sum() < _FEWEST:
+            return Alignment(start, np.full((6, 6), np.inf), 0.0, np.inf, np.inf)
+        floor = transform_points(self.camera.world_from_pixel(start[:3], start[3:]), moved[good])
+        flow = float(np.median(np.hypot(*(moved - self._points)[good].T)))
+        pose, covariance, noise = self._solve(self._rays[good], floor, start, expected, deviation)
+        return Alignment(pose, covariance, 0.0, noise, flow)
+
+    def _solve(self, rays, floor, pose, expected, deviation):
+        information = np.diag(1 / np.square(deviation))
+        for _ in range(2):
+            residual, jacobian = _linearised(pose, rays, floor)
+            jacobian = jacobian.reshape(-1, 6)
+            change, left = np.zeros(6), residual
+            for _ in range(2):
+                length = np.sqrt(left[:, 0] ** 2 + left[:, 1] ** 2)
+                middle = float(np.partition(length, len(length) // 2)[len(length) // 2])
+                noise = max(middle / _MEDIAN, 1e-4 * pose[2])
+                weight = np.minimum(1, _HUBER * noise / np.maximum(length, 1e-9))
+                weight[length > 6 * noise] = 0
+                weighted = jacobian * np.repeat(weight / noise**2, 2)[:, None]
+                hessian = weighted.T @ jacobian + information
+                gradient = weighted.T @ residual.ravel() + information @ (expected - pose)
+                change = np.linalg.solve(hessian, gradient)
+                left = residual - (jacobian @ change).reshape(-1, 2)
+            pose = pose + change
+        return pose, np.linalg.inv(hessian), noise * self.camera.focal / pose[2]
+
+
+def _linearised(
+    pose: np.ndarray, rays: np.ndarray, floor: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where the rays should meet the floor minus where they do, ``(N, 2)``, and the Jacobian of the latter."""
+    turned = rays @ rotation_matrix(*pose[3:]).T
+    x, y, z = turned.T
+    height = pose[2]
+    residual = floor - pose[:2] + height * turned[:, :2] / z[:, None]
+    jacobian = np.zeros((len(rays), 2, 6))
+    jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1
+    jacobian[:, :, 2] = -turned[:, :2] / z[:, None]
+    sine, cosine = np.sin(pose[5]), np.cos(pose[5])
+    # Axes of roll, pitch and yaw; tilt is small, so that roll turns about the heading's forward axis.
+    for column, axis in ((3, (-sine, cosine, 0)), (4, (cosine, sine, 0)), (5, (0, 0, 1))):
+        a, b, c = axis
+        dx, dy, dz = b * z - c * y, c * x - a * z, a * y - b * x
+        jacobian[:, 0, column] = -height * (dx - x * dz / z) / z
+        jacobian[:, 1, column] = -height * (dy - y * dz / z) / z
+    return residual, jacobian
+
+
+def flattened(image: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
+    """The image with equal contrast everywhere, ``uint8``: neither gain nor vignetting moves the flow."""
+    values = image.astype(np.float32)
+    mean = cv2.blur(values, _LOCAL)
+    spread = np.sqrt(np.maximum(cv2.blur(values * values, _LOCAL) - mean * mean, 0)) + 4
+    level = cv2.addWeighted(cv2.divide(values - mean, spread), 42, mean, 0, 128)
+    level = cv2.convertScaleAbs(level)
+    return level if mask is None else np.where(mask > 0, level, 128).astype(np.uint8)
+
+
+def _score(seen: np.ndarray, known: np.ndarray, mask: np.ndarray) -> float:
+    """Correlation of two flattened images where the mask is nonzero."""
+    if cv2.countNonZero(mask) < 0.1 * mask.size:
+        return 0.0
+    (a, sa), (b, sb) = (cv2.meanStdDev(each, mask=mask) for each in (seen, known))
+    product = cv2.mean(cv2.multiply(seen, known, dtype=cv2.CV_32F), mask=mask)[0]
+    return float((product - a * b).item() / max((sa * sb).item(), 1e-6))

@@ -1,0 +1,123 @@
+"""A belief over the cells of a floor: moved by what the camera saw move, weighed by how well a frame fits."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+__all__ = ["CellBelief"]
+
+_ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is ever ruled out for good
+_NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
+Window = tuple[slice, slice]
+
+
+class CellBelief:
+    """Probability of each cell, for each heading that is still possible (a point-mass filter).
+
+    Parameters
+    ----------
+    shape : (rows, columns)
+    allowed : (rows, columns) bool array
+        Cells on which the centre of a frame can lie.
+    """
+
+    def __init__(self, allowed: np.ndarray):
+        self.allowed = allowed.astype(np.float32)
+        self._even = self.allowed / self.allowed.sum()
+        self.headings = np.zeros(1)
+        self.mass = self._even[None].copy()
+
+    def reset(self, headings: np.ndarray) -> None:
+        """Anywhere, under any of these headings (radians)."""
+        self.headings = np.asarray(headings, dtype=float)
+        self.mass = np.repeat(self._even[None] / len(headings), len(headings), axis=0)
+
+    def move(self, cells: np.ndarray, sigma: float) -> None:
+        """Shift by ``(K, 2)`` (columns, rows), one row a heading, and widen by `sigma` cells."""
+        for index, (right, down) in enumerate(cells):
+            shift = np.array([[1, 0, right], [0, 1, down]], dtype=float)
+            moved = cv2.warpAffine(self.mass[index], shift, self.mass.shape[:0:-1])
+            self.mass[index] = cv2.GaussianBlur(moved, (0, 0), max(sigma, 0.3)) * self.allowed
+        total = float(self.mass.sum())
+        if total <= 0:
+            self.reset(self.headings)
+            return
+        self.mass *= (1 - _ANYWHERE) / total
+        self.mass += (_ANYWHERE / len(self.mass)) * self._even
+
+    def support(self, margin: int) -> Window:
+        """The smallest window that holds what is not negligible, with `margin` cells around."""
+        peak = self.mass.max(axis=0)
+        rows, columns = (
+            np.flatnonzero(
+                peak.max(axis=axis)
+                > max(_NEGLIGIBLE * peak.max(), 3 * _ANYWHERE * self._even.max())
+            )
+            for axis in (1, 0)
+        )
+        if not len(rows):
+            return slice(0, peak.shape[0]), slice(0, peak.shape[1])
+        return tuple(
+            slice(max(0, int(found[0]) - margin), min(length, int(found[-1]) + margin + 1))
+            for found, length in ((rows, peak.shape[0]), (columns, peak.shape[1]))
+        )
+
+    def weigh(self, log_likelihood: np.ndarray, window: Window) -> None:
+        """Multiply by ``(K, rows, columns)`` likelihoods inside `window`; nothing remains outside."""
+        inside = self.mass[(slice(None), *window)] * np.exp(log_likelihood - log_likelihood.max())
+        self.mass[:] = 0
+        self.mass[(slice(None), *window)] = inside
+        total = float(inside.sum())
+        if total > 0:
+            self.mass /= total
+        else:
+            self.reset(self.headings)
+
+    def drop_headings(self, share: float = 1e-4) -> None:
+        """Forget headings that hold less than `share` of the belief."""
+        held = self.mass.sum(axis=(1, 2))
+        keep = held > share * held.sum()
+        self.headings, self.mass = self.headings[keep], self.mass[keep]
+
+    def modes(self, count: int, radius: int, share: float) -> list[tuple[int, int, int, float]]:
+        """Up to `count` peaks (heading, row, column) at least `radius` cells apart, with the belief around each.
+
+        Only those that hold at least `share` of the belief, the first whatever it holds.
+        """
+        left, found = self.mass.sum(axis=0), []
+        for _ in range(count):
+            row, column = np.unravel_index(int(np.argmax(left)), left.shape)
+            around = (
+                slice(max(0, row - radius), row + radius + 1),
+                slice(max(0, column - radius), column + radius + 1),
+            )
+            held = float(left[around].sum())
+            if found and held < share:
+                break
+            heading = int(np.argmax(self.mass[(slice(None), *around)].sum(axis=(1, 2))))
+            found.append((heading, int(row), int(column), held))
+            left[around] = 0
+        return found
+
+    def scale(self, row: int, column: int, radius: int, factor: float) -> None:
+        """Multiply what lies around a cell."""
+        self.mass[
+            :,
+            max(0, row - radius) : row + radius + 1,
+            max(0, column - radius) : column + radius + 1,
+        ] *= factor
+
+    def normalize(self) -> None:
+        total = float(self.mass.sum())
+        if total > 0:
+            self.mass /= total
+
+    def moments(self) -> tuple[np.ndarray, np.ndarray]:
+        """Mean ``(2,)`` and covariance ``(2, 2)`` in cells (column, row)."""
+        mass = self.mass.sum(axis=0, dtype=np.float64)
+        rows, columns = np.indices(mass.shape)
+        places = np.stack([columns.ravel(), rows.ravel()])
+        mean = places @ mass.ravel() / mass.sum()
+        deviation = places - mean[:, None]
+        return mean, (deviation * mass.ravel()) @ deviation.T / mass.sum()

@@ -1,0 +1,90 @@
+"""The floor as the registration sees it: luma in square cells, parallel to the axes, and what of it is mapped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from trexton.camera import MapImage
+from trexton.errors import MapError
+from trexton.odometry import shrink
+
+__all__ = ["Ground"]
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Luma of the floor at one resolution, north up.
+
+    Attributes
+    ----------
+    luma : (H, W) float32 array
+        Grey levels; where nothing is mapped, the mean of what is.
+    mask : (H, W) float32 array
+        1 where the floor is mapped, 0 elsewhere.
+    cell : float
+        Side of a cell in metres.
+    corner : (2,) array
+        x, y of the centre of the top left cell in metres.
+    """
+
+    luma: np.ndarray
+    mask: np.ndarray
+    cell: float
+    corner: np.ndarray
+
+    @classmethod
+    def from_map(cls, picture: MapImage, cell: float, margin: float = 0.0) -> Ground:
+        """Resample a map image to cells of `cell` metres, with `margin` metres of unmapped floor around.
+
+        Raises
+        ------
+        MapError
+            Nothing of the picture is mapped.
+        """
+        rows, columns = picture.image.shape[:2]
+        corners = picture.to_world(
+            [[-0.5, -0.5], [columns - 0.5, -0.5], [columns - 0.5, rows - 0.5], [-0.5, rows - 0.5]]
+        )
+        low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+        width, height = (int(count) for count in np.maximum(np.ceil((high - low) / cell), 1))
+        luma = cv2.cvtColor(picture.image, cv2.COLOR_BGR2GRAY).astype(np.float32)
+        known = np.ones_like(luma) if picture.mask is None else picture.mask.astype(np.float32)
+        corner = np.array([low[0] + cell / 2, high[1] - cell / 2])
+        to_cell = np.array(
+            [[1 / cell, 0, -corner[0] / cell], [0, -1 / cell, corner[1] / cell], [0, 0, 1.0]]
+        )
+        source = to_cell @ picture.world_from_pixel
+        # What a cell averages must be averaged first: a warp alone would alias.
+        factor = max(1, round(1 / np.sqrt(abs(np.linalg.det(source[:2, :2])))))
+        weighted, known = shrink(luma * known, factor), shrink(known, factor)
+        source = source @ np.array(
+            [[factor, 0, (factor - 1) / 2], [0, factor, (factor - 1) / 2], [0, 0, 1]]
+        )
+        weighted, weight = (
+            cv2.warpPerspective(each, source, (width, height)) for each in (weighted, known)
+        )
+        mask = (weight > 0.5).astype(np.float32)
+        if not mask.any():
+            raise MapError(
+                "nothing of the map image is mapped: give one with a mask that is not empty"
+            )
+        filled = np.where(mask > 0, weighted / np.maximum(weight, 1e-6), 0).astype(np.float32)
+        filled[mask == 0] = filled[mask > 0].mean()
+        return cls(filled, mask, cell, corner)
+
+    @property
+    def from_world(self) -> np.ndarray:
+        """``(3, 3)`` homography from metres to (column, row)."""
+        x, y = self.corner / self.cell
+        return np.array([[1 / self.cell, 0, -x], [0, -1 / self.cell, y], [0, 0, 1.0]])
+
+    def to_world(self, cells: np.ndarray) -> np.ndarray:
+        """``(N, 2)`` (column, row) to metres."""
+        return self.corner + self.cell * np.asarray(cells, dtype=float) * (1, -1)
+
+    def to_cells(self, world: np.ndarray) -> np.ndarray:
+        """``(N, 2)`` metres to (column, row)."""
+        return (np.asarray(world, dtype=float) - self.corner) / self.cell * (1, -1)
