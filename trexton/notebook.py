@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import os
+from html import escape
 from pathlib import Path
 
 import pandas as pd
@@ -68,6 +70,11 @@ class Page:
         with atomic_file(self.folder / f"{self.record.experiment}-{name}.svg", "wb") as file:
             file.write(stream.getvalue())
         return SVG(stream.getvalue())
+
+    def finding(self) -> HTML:
+        """What the experiment found on this flight, in one sentence made from the record."""
+        module = importlib.import_module(f"trexton.experiments.{self.record.experiment}")
+        return HTML(f'<p class="finding">{escape(module.finding(self.record))}</p>')
 
     def claims(self) -> HTML:
         """What the paper claims of this experiment, and the verdicts of this flight."""

@@ -8,13 +8,9 @@ from trexton.claims.ledger import Claim, Finding, Rows, count_verdicts
 from trexton.claims.rules import VERDICTS, Quantity
 from trexton.experiments import EXPERIMENTS
 from trexton.flights.names import flight_title
+from trexton.wording import number
 
-__all__ = ["claims_html", "counts_html", "filters_html", "number", "quantities"]
-
-
-def number(value: float) -> str:
-    """Three digits that count, thousands apart."""
-    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+__all__ = ["claims_html", "counts_html", "filters_html", "quantities"]
 
 
 def _span(quantity: Quantity) -> str:

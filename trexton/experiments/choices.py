@@ -17,9 +17,10 @@ from trexton.histograms import sampled_histogram
 from trexton.localizer import TextonMap, neighbors_in_flight, rank_covariances
 from trexton.metrics import summarize
 from trexton.records import Record
+from trexton.wording import apart, interval, number
 from trexton.textons import TextonDictionary
 
-__all__ = ["run", "without_trace", "with_trace"]
+__all__ = ["finding", "run", "without_trace", "with_trace"]
 
 _STATISTICS = ("mean_cm", "error_cm_x", "error_cm_y")
 # The published histograms: about so many random patches an image.
@@ -209,4 +210,18 @@ def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:
     inputs = {"flight": train.data_hash, "neighbors": neighbors, "seed": seed}
     return TextonMap.from_arrays(
         cached("map-winner-take-all", "trexton.localizer", inputs, compute)
+    )
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    variants = record.values["variants"]
+    paper = variants["paper"]["mean_cm"]
+    others = [each for key, each in variants.items() if key != "paper"]
+    told = [each for each in others if apart(each["mean_cm"], paper)]
+    best = min(others, key=lambda each: each["mean_cm"]["median"])
+    return (
+        f"Of {len(others)} choices {len(told)} can be told from the paper's on this flight; lowest is "
+        f"the error with {best['label']}: {interval(best['mean_cm'], 'cm')} instead of "
+        f"{number(paper['median'])} cm."
     )

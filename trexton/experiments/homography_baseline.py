@@ -15,8 +15,9 @@ from trexton.experiments.stitched import (
 from trexton.flights.flight import Flight
 from trexton.metrics import summarize
 from trexton.records import Record
+from trexton.wording import interval, middle, number
 
-__all__ = ["run"]
+__all__ = ["finding", "run"]
 
 
 def run(train: Flight, test: Flight, *, anchors: int = 12, seed: int = 1) -> Record:
@@ -85,3 +86,22 @@ def _counts(located: Located, test: Flight) -> dict:
         "failures": int((~located.found).sum()),
         "gross_errors": int(gross[located.found].sum()),
     }
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    values = record.values
+    mosaic = values["mosaic"]
+    text = (
+        f"A homography on the stitched map errs by {interval(mosaic['mean_cm'], 'cm')} and finds "
+        f"nothing in {mosaic['failures']} frames"
+    )
+    if "tilt_offset_cm" in values and "map_residual_cm" in mosaic:
+        tilt, bent = values["tilt_offset_cm"], mosaic["map_residual_cm"]
+        weighs = "weighs more in that than" if tilt > bent else "weighs less in that than"
+        text += f"; the camera's tilt ({number(tilt)} cm) {weighs} the map ({number(bent)} cm off)"
+    if "drifting" in values:
+        text += (
+            f"; on a map that drifts it errs by {number(middle(values['drifting']['mean_cm']))} cm"
+        )
+    return text + "."

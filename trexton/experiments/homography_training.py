@@ -18,8 +18,9 @@ from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
 from trexton.metrics import absolute_errors, summarize
 from trexton.records import Record
+from trexton.wording import middle, number
 
-__all__ = ["filtered_positions", "run"]
+__all__ = ["filtered_positions", "finding", "run"]
 
 OUTLIER_M = 0.4  # a fix that is this far from the running median was no motion of the vehicle
 MEDIAN_FRAMES = 11
@@ -115,3 +116,23 @@ def run(
 def _process_std_cm(texton_map: TextonMap) -> float:
     """Root mean square over the axes of the process noise that the training positions give."""
     return 100 * float(np.sqrt(np.trace(texton_map.process_covariance) / 2))
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    values = record.values
+    names = {"filter": "as found", "remedy": "filtered first", "drifting": "on a map that drifts"}
+    names = {name: words for name, words in names.items() if name in values}
+    each = [f"{number(middle(values[name]['mean_cm']))} cm {names[name]}" for name in names]
+    noise = [values[f"{name}_process_std_cm"] for name in names]
+    errors = [middle(values[name]["mean_cm"]) for name in names]
+    knn = [middle(values[f"{name}_knn"]["mean_cm"]) for name in names]
+    text = f"Trained on homography positions the filter errs by {', '.join(each)}"
+    if np.argsort(noise).tolist() == np.argsort(errors)[::-1].tolist():
+        text += (
+            ": the more those positions jitter, the wider its motion noise "
+            f"({number(min(noise))} to {number(max(noise))} cm a frame) and the less it trails"
+        )
+    return (
+        text + f", while the neighbours alone err by {number(min(knn))} to {number(max(knn))} cm."
+    )

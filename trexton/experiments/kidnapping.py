@@ -20,8 +20,9 @@ from trexton.metrics import wilson_interval
 from trexton.onboard.fix import LOST_SHARE, about_position, ignorance
 from trexton.progress import progress
 from trexton.records import Record
+from trexton.wording import number, percent
 
-__all__ = ["Trial", "filter_trials", "run"]
+__all__ = ["Trial", "filter_trials", "finding", "run"]
 
 FILTERS = {"plain": None, "augmented": "augmented"}
 SETTLED = 25  # frames, two seconds, in which the filter finds the vehicle for the first time
@@ -258,3 +259,18 @@ def _rate(successes: int, trials: int) -> dict | None:
         return None
     low, high = wilson_interval(int(successes), trials)
     return {"median": successes / trials, "low": low, "high": high}
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    plain, augmented = record.values["plain"], record.values["augmented"]
+    parts = []
+    for values, name in ((plain, "The paper's filter"), (augmented, "with random particles it")):
+        rate, after = percent(values["recovered_rate"]["median"]), values["recovery_s"]
+        when = f" after {number(after['median'])} s in the median" if after else ""
+        wrong = values["lost"]["wrong_frames_rate"] or 0.0
+        parts.append(
+            f"{name} finds the vehicle again in {rate} of the kidnappings{when}, and calls "
+            f"{percent(wrong)} of its wrong frames lost"
+        )
+    return "; ".join(parts) + "."

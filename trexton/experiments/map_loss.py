@@ -10,9 +10,10 @@ from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap, neighbors_in_flight
 from trexton.metrics import absolute_errors, block_rows
 from trexton.records import Record
+from trexton.wording import interval
 from trexton.suitability import cosine_similarity, heat_map, ideal_similarity, local_losses, smooth
 
-__all__ = ["run"]
+__all__ = ["finding", "run"]
 
 SIGMAS = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6, 2.4, 3.2)
 PAIRED_FRAMES = 1000  # at most so many, evenly spaced, where all pairs are compared
@@ -219,3 +220,28 @@ def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict]:
 def _evenly(count: int) -> np.ndarray:
     """Rows of at most `PAIRED_FRAMES` frames, evenly spaced."""
     return np.unique(np.linspace(0, count - 1, min(count, PAIRED_FRAMES)).astype(int))
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    told = record.values["prediction"]
+    cases = {
+        "on the training flight": told["correlation"],
+        "of the filter in flight": told["test_filter"],
+    }
+    said = {
+        where: "foretells" if entry["low"] > 0 else "misleads on" if entry["high"] < 0 else "does not tell"
+        for where, entry in cases.items()
+    }  # fmt: skip
+    parts = [
+        f"{said[where]} the errors {where} (rank correlation {interval(entry)})"
+        for where, entry in cases.items()
+    ]
+    alone = told["sparseness_alone"]
+    parts.append(
+        "being far from other training frames "
+        + ("does" if alone["low"] > 0 else "does not either")
+        + f" ({interval(alone)})"
+    )
+    joined = "and" if len(set(said.values())) == 1 else "but"
+    return f"The paper's loss {parts[0]} {joined} {parts[1]}; {parts[2]}."

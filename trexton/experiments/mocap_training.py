@@ -16,11 +16,16 @@ from trexton.experiments.evaluation import (
 )
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
-from trexton.metrics import summarize
+from trexton.metrics import absolute_errors, block_rows, summarize
 from trexton.particles import ESTIMATORS
 from trexton.records import Record
+from trexton.wording import interval, middle, number, percent, times
 
-__all__ = ["run"]
+__all__ = ["finding", "run"]
+
+
+LANDING_SPREAD_M = 0.6  # the paper's threshold: no landing where the particles spread wider
+MOST_LAG_FRAMES = 60
 
 
 def run(
@@ -69,6 +74,8 @@ def run(
             "textons": texton_map.histograms.shape[1],
             "lost": np.mean([run.lost.sum() for run in runs]),
         },
+        "spread": _spread(runs, test, np.random.default_rng([seed, 10_003])),
+        "lag": _lag(runs, test),
         "applies": {"sampling": test.has_images, "dictionary": train.has_images},
         "model": {
             "process_std_cm": 100 * np.sqrt(np.diagonal(texton_map.process_covariance)),
@@ -115,3 +122,57 @@ def _estimators(
             [run.estimate for run in others], test.position, test.diagonal, rng=rng
         )["mean_cm"]
     return result
+
+
+def _spread(runs: list[Track], test: Flight, rng: np.random.Generator, draws: int = 500) -> dict:
+    """Is the particles' spread an honest uncertainty? Shares of errors of an axis that it covers."""
+    ratio = np.array(
+        [
+            absolute_errors(run.estimate, test.position) / np.maximum(run.spread, 1e-9)
+            for run in runs
+        ]
+    )
+    drawn = [
+        (ratio[rng.integers(len(runs)), block_rows(len(test), rng)] <= 2).mean()
+        for _ in range(draws)
+    ]
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    widest = np.array([run.spread.max(axis=1) for run in runs])
+    return {
+        "within_one": (ratio <= 1).mean(),
+        "within_two": {"median": (ratio <= 2).mean(), "low": low, "high": high},
+        "mean_cm": 100 * np.mean([run.spread for run in runs]),
+        "frames_wider_than_landing": np.mean((widest >= LANDING_SPREAD_M).sum(axis=1)),
+    }
+
+
+def _lag(runs: list[Track], test: Flight) -> dict:
+    """By how much the estimates trail: the shift in time under which they fit the truth best."""
+    shifts = range(min(MOST_LAG_FRAMES, len(test) // 4))
+    errors = [
+        np.mean([np.hypot(*(run.estimate[n:] - test.position[: len(test) - n]).T) for run in runs])
+        for n in shifts
+    ]
+    best = int(np.argmin(errors))
+    period = (test.time[-1] - test.time[0]) / max(1, len(test) - 1)
+    return {"frames": best, "s": best * period, "error_cm": 100 * errors[best]}
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    values, lag, spread = record.values, record.values["lag"], record.values["spread"]
+    error, knn = (middle(values[name]["mean_cm"]) for name in ("filter", "knn"))
+    ratio = times(error / knn) + " as much as" if error > knn else percent(error / knn) + " of"
+    parts = [
+        f"The paper's filter errs by {interval(values['filter']['mean_cm'], 'cm')}, {ratio} the "
+        f"plain mean of its own neighbours ({number(knn)} cm)"
+    ]
+    if lag["error_cm"] < 0.8 * error:
+        parts.append(
+            f"it trails the vehicle (shifted back by {number(lag['s'])} s, its estimates would err "
+            f"by {number(lag['error_cm'])} cm)"
+        )
+    held = percent(middle(spread["within_two"]))
+    honest = "as it should" if middle(spread["within_two"]) >= 0.9 else "where 95 % should lie"
+    parts.append(f"twice its spread covers {held} of the errors of an axis, {honest}")
+    return f"{parts[0]}: {', and '.join(parts[1:])}."

@@ -10,8 +10,9 @@ from trexton.experiments.evaluation import provenance
 from trexton.experiments.stitched import floor_residual, picture_of, stitched_map
 from trexton.flights.flight import Flight
 from trexton.records import Record
+from trexton.wording import number
 
-__all__ = ["run"]
+__all__ = ["finding", "run"]
 
 _ARROWS = 400  # matched places that the figure of the deviation shows
 
@@ -65,3 +66,18 @@ def run(train: Flight, test: Flight | None = None, *, anchors: int = 12, seed: i
 def _spread(values: np.ndarray) -> dict:
     rms = np.sqrt(np.mean(np.square(values)))
     return {"median": np.median(values), "p95": np.percentile(values, 95), "rms": rms}
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    values = record.values
+    text = (
+        f"{values['used']} of {values['frames']} frames were stitched into one map, placed by the "
+        f"positions of {values['anchors']}"
+    )
+    if "residual_cm" in values:
+        text += (
+            f", and it lies {number(values['residual_cm']['median'])} cm off the true floor in the "
+            f"median, {number(values['residual_cm']['p95'])} cm at the 95th percentile"
+        )
+    return text + "."

@@ -14,9 +14,10 @@ from trexton.metrics import absolute_errors
 from trexton.patches import gather_patches, sample_positions
 from trexton.progress import progress
 from trexton.records import Record
+from trexton.wording import number
 from trexton.textons import TextonDictionary
 
-__all__ = ["run", "sampled_patches"]
+__all__ = ["finding", "run", "sampled_patches"]
 
 _THUMBNAIL = 200  # pixels wide
 _TRAIL_S = 4.0
@@ -153,3 +154,13 @@ def _thumbnail(image: np.ndarray) -> np.ndarray:
     rows, columns = image.shape[:2]
     size = (_THUMBNAIL, max(1, round(_THUMBNAIL * rows / columns)))
     return cv2.resize(bgr_from_yuv(image), size, interpolation=cv2.INTER_AREA)
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    values = record.values
+    return (
+        f"At frame {values['frame']} the localizer is off by {number(values['error_cm'])} cm, while "
+        f"its particles spread over {number(values['spread_cm'][0])} cm in x and "
+        f"{number(values['spread_cm'][1])} cm in y."
+    )

@@ -11,8 +11,9 @@ from trexton.bench.clock import Row, interleave, limited_threads
 from trexton.experiments.evaluation import provenance
 from trexton.flights.flight import Flight
 from trexton.records import Record
+from trexton.wording import number
 
-__all__ = ["run"]
+__all__ = ["finding", "run"]
 
 _COPIED = 64 * 2**20  # bytes: beyond every cache
 # stage and size of a row: (operations, bytes that must be read or written at least)
@@ -80,3 +81,17 @@ def _points(rows: list[Row]) -> list[dict]:
                 "operations_per_s": operations / row.ours_s,
             }  # fmt: skip
     return list(points.values())
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    limits, held = record.values["limits"], record.timings["held"]
+    missed = [row for row in record.timings["rows"] if row["holds"] is False]
+    text = f"{held} of {limits} stages reach what they must against their yardstick"
+    if missed:
+        worst = max(missed, key=lambda row: row["ratio"] / row["limit"])
+        text += (
+            f"; furthest off is {worst['stage']} ({worst['size']}) with {number(worst['ratio'])} "
+            f"times its yardstick ({worst['yardstick']}), where {number(worst['limit'])} is asked"
+        )
+    return text + "."

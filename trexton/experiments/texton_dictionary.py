@@ -13,9 +13,10 @@ from trexton.histograms import label_image
 from trexton.images import bgr_from_yuv
 from trexton.patches import draw_patches, position_grid
 from trexton.records import Record
+from trexton.wording import number
 from trexton.textons import METHODS, Learning, TextonDictionary, learn_textons
 
-__all__ = ["place_frequencies", "run"]
+__all__ = ["place_frequencies", "finding", "run"]
 
 _BLOCK = 1000  # patches: one point of the convergence
 _SHOWN = 320  # pixels: width of the labelled frame
@@ -149,4 +150,19 @@ def _small(picture: np.ndarray) -> np.ndarray:
     rows, columns = picture.shape[:2]
     return cv2.resize(
         picture, (_SHOWN, round(_SHOWN * rows / columns)), interpolation=cv2.INTER_AREA
+    )
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    kohonen, winner = (record.values["methods"][name] for name in ("kohonen", "winner-take-all"))
+    better = "nearer to" if kohonen["error"] < winner["error"] else "no nearer to"
+    return (
+        f"The network's textons lie {better} the patches than those of winner-take-all "
+        f"({number(kohonen['error'])} against {number(winner['error'])} grey levels) and share the "
+        f"work more evenly, as if {number(kohonen['effective'])} against "
+        f"{number(winner['effective'])} of {record.parameters['textons']} were used equally."
+        if kohonen["effective"] > winner["effective"]
+        else f"The network's textons lie {better} the patches than those of winner-take-all "
+        f"({number(kohonen['error'])} against {number(winner['error'])} grey levels)."
     )

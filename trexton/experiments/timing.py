@@ -16,8 +16,9 @@ from trexton.localizer import Localizer
 from trexton.patches import position_grid
 from trexton.progress import progress
 from trexton.records import Record
+from trexton.wording import number, percent, times
 
-__all__ = ["run"]
+__all__ = ["finding", "run"]
 
 STAGES = ("histogram", "neighbors", "filter", "estimate")
 
@@ -128,3 +129,16 @@ def _homography(test: Flight, frames) -> dict:
 
 def _patches(texton_map) -> int:
     return int(np.prod(position_grid(texton_map.image_shape, texton_map.dictionary.patch)))
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    timings = record.timings
+    total = timings["total_ms"]["median"]
+    text = f"On this machine a frame takes {number(total)} ms"
+    if "histogram_share" in timings:
+        text += f", {percent(timings['histogram_share'])} of it for the histogram"
+    if "homography_ms" in timings:
+        homography = timings["homography_ms"]["median"]
+        text += f"; a homography takes {number(homography)} ms, {times(homography / total)} as long"
+    return text + "."

@@ -19,8 +19,9 @@ from trexton.metrics import absolute_errors, block_rows, summarize
 from trexton.patches import position_grid
 from trexton.progress import progress
 from trexton.records import Record
+from trexton.wording import interval, middle, number
 
-__all__ = ["retrained", "run"]
+__all__ = ["retrained", "finding", "run"]
 
 SWEPT = {
     "samples": (25, 50, 100, 200, 400, 800, 1600, 3200, 6400, None),  # None: full sampling
@@ -282,3 +283,26 @@ def _gain(
     low, high = np.percentile(drawn, (2.5, 97.5))
     value = share(np.median(first.mean(axis=1)), np.median(second.mean(axis=1)))
     return {"value": value, "low": low, "high": high}
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    values, best = record.values, record.values["best_setting"]
+    drawn = f"{best['samples']} samples" if best["samples"] else "every patch"
+    setting = f"{best['particles']} particles, {best['neighbors']} neighbours and {drawn}"
+    if not values["applies"]["samples"]:
+        setting = f"{best['particles']} particles and {best['neighbors']} neighbours"
+    text = (
+        f"The best of {len(record.series['grid'])} settings, {setting}, errs by "
+        f"{interval(values['best_error_cm'], 'cm')} an axis instead of "
+        f"{number(middle(values['default']['axis_mean_cm']))} cm with the paper's "
+        f"({number(values['best_held_out_cm'])} cm where it is chosen on one half of the flight and "
+        "measured on the other)"
+    )
+    if "fewest_samples_error_cm" in values:
+        few, full = values["fewest_samples_error_cm"], values["full_sampling_error_cm"]
+        text += (
+            f"; every patch instead of {SWEPT['samples'][0]} brings the error in x from "
+            f"{number(middle(few))} to {number(middle(full))} cm"
+        )
+    return text.replace("1 neighbours", "1 neighbour") + "."

@@ -11,9 +11,10 @@ from trexton.flights.flight import Flight
 from trexton.landing import LandingZone
 from trexton.metrics import wilson_interval
 from trexton.records import Record
+from trexton.wording import number, percent
 from trexton.simulator import Floor
 
-__all__ = ["run", "summarize_attempts"]
+__all__ = ["finding", "run", "summarize_attempts"]
 
 PAPER_LANDINGS, PAPER_INSIDE = 6, 4
 
@@ -219,3 +220,25 @@ def _series(attempts: list[Attempt], mission: Mission) -> dict:
         "paths_m": [np.round(attempt.path, 3) for attempt in attempts[:PAPER_LANDINGS]],
         "radius_m": mission.radius,
     }
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    values = record.values
+    if not values["landings"]:
+        return f"None of {values['attempts']} flights triggered a landing."
+    rate = values["inside_rate"]
+    between = f"[{percent(rate['low'])}, {percent(rate['high'])}]"
+    text = (
+        f"{values['inside']} of {values['landings']} landings ended inside the zone "
+        f"({percent(rate['median'])} {between}; the paper had {PAPER_INSIDE} of {PAPER_LANDINGS}), and {values['never_triggered']} of "
+        f"{values['attempts']} flights never triggered"
+    )
+    perfect = values["perfect"]
+    if perfect["landings"]:
+        text += (
+            f", where the true position would have landed {perfect['inside']} of "
+            f"{perfect['landings']}: the estimate was {number(values['trigger_error_cm']['median'])} "
+            "cm off, in the median, when it gave the word"
+        )
+    return text + "."

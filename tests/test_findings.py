@@ -1,0 +1,179 @@
+"""Findings: one sentence a page, its numbers and its verdicts from the record alone."""
+
+import importlib
+import re
+
+import pytest
+from conftest import ROOT
+
+from trexton.experiments import EXPERIMENTS, LEDGER
+from trexton.records import Record
+from trexton.wording import apart, interval, number, percent, times
+
+
+def entry(middle, low, high):
+    return {"median": middle, "low": low, "high": high}
+
+
+def found(experiment, values, timings=None, series=None, parameters=None):
+    record = Record(experiment, "f", parameters or {}, values, series or {}, {}, timings or {})
+    return importlib.import_module(f"trexton.experiments.{experiment}").finding(record)
+
+
+def test_every_experiment_says_what_it_found_at_the_top_of_its_page():
+    for name in EXPERIMENTS.keys() - {LEDGER}:
+        assert importlib.import_module(f"trexton.experiments.{name}").finding.__doc__, name
+        text = (ROOT / "notebooks" / f"{name}.md").read_text()
+        assert text.count("page.finding()") == 1, name
+        assert text.index("page.finding()") < text.index("page.show("), name
+
+
+def mocap(error, knn, lag_cm, within):
+    return {
+        "filter": {"mean_cm": entry(error, error - 10, error + 10)},
+        "knn": {"mean_cm": entry(knn, knn, knn)},
+        "lag": {"s": 1.92, "error_cm": lag_cm},
+        "spread": {"within_two": entry(within, within, within)},
+    }
+
+
+def test_the_filter_that_trails_and_is_too_sure():
+    text = found("mocap_training", mocap(102, 48.4, 68, 0.234))
+    assert "102 [92, 112] cm" in text and "2.1 times as much as" in text
+    assert "shifted back by 1.92 s" in text and "68 cm" in text
+    assert "covers 23 %" in text and "where 95 % should lie" in text
+
+
+def test_the_same_words_are_not_said_of_a_filter_that_is_right():
+    text = found("mocap_training", mocap(20, 40, 19, 0.951))
+    assert "50 % of the plain mean" in text and "trails" not in text
+    assert "95 % of the errors of an axis, as it should" in text
+
+
+def homography(**maps):
+    return {name: {"mean_cm": entry(v, v - 1, v + 1), "failures": 3} for name, v in maps.items()}
+
+
+def test_homography():
+    values = homography(mosaic=3.4, drifting=16) | {"tilt_offset_cm": 3.5}
+    values["mosaic"]["map_residual_cm"] = 0.53
+    text = found("homography_baseline", values)
+    assert "3.4 [2.4, 4.4] cm" in text and "in 3 frames" in text
+    assert "tilt (3.5 cm) weighs more" in text and "drifts it errs by 16 cm" in text
+    values["mosaic"]["map_residual_cm"] = 5.0
+    assert "weighs less in that than the map (5 cm off)" in found("homography_baseline", values)
+    assert found("homography_baseline", homography(mosaic=3.4)).endswith("in 3 frames.")
+
+
+@pytest.mark.parametrize(("noise", "said"), [((6, 5, 68), True), ((6, 68, 5), False)])
+def test_jitter_is_named_as_the_cause_only_where_it_orders_the_errors(noise, said):
+    names, values = ("filter", "remedy", "drifting"), {}
+    for name, error, width in zip(names, (73, 100, 54), noise):
+        values |= {
+            name: {"mean_cm": entry(error, 0, 0)},
+            f"{name}_knn": {"mean_cm": entry(50, 0, 0)},
+            f"{name}_process_std_cm": width,
+        }
+    text = found("homography_training", values)
+    assert "73 cm as found" in text and ("jitter" in text) is said
+
+
+def test_landing():
+    one = {"inside": 13, "landings": 38, "never_triggered": 12, "attempts": 50}
+    one |= {"inside_rate": entry(13 / 38, 0.212, 0.501), "trigger_error_cm": {"median": 82.3}}
+    text = found("triggered_landing", one | {"perfect": {"landings": 46, "inside": 41}})
+    for words in ("13 of 38", "34 % [21 %, 50 %]", "12 of 50", "4 of 6", "41 of 46", "82.3 cm"):
+        assert words in text
+    none = {"landings": 0, "attempts": 3}
+    assert found("triggered_landing", none) == "None of 3 flights triggered a landing."
+
+
+@pytest.mark.parametrize(
+    ("train", "test", "words"),
+    [
+        ((0.15, -0.03, 0.28), (0.57, 0.31, 0.78), ("does not tell", "but foretells")),
+        ((0.15, 0.05, 0.28), (0.57, 0.31, 0.78), ("foretells the errors on", "and foretells")),
+        ((-0.2, -0.3, -0.1), (0.0, -0.1, 0.1), ("misleads on", "but does not tell")),
+    ],
+)
+def test_map_loss(train, test, words):
+    told = {"correlation": entry(*train), "test_filter": entry(*test)}
+    text = found("map_loss", {"prediction": told | {"sparseness_alone": entry(0.3, 0.2, 0.5)}})
+    assert all(each in text for each in words) and "does (0.3 [0.2, 0.5])" in text
+    told["sparseness_alone"] = entry(0.1, -0.2, 0.5)
+    assert "does not either" in found("map_loss", {"prediction": told})
+
+
+def test_kidnapping():
+    def one(rate, after, wrong):
+        when = {"median": after} if after else None
+        lost = {"wrong_frames_rate": wrong}
+        return {"recovered_rate": entry(rate, 0, 1), "recovery_s": when, "lost": lost}
+
+    text = found("kidnapping", {"plain": one(0.0, None, None), "augmented": one(1.0, 0.24, 0.32)})
+    assert "filter finds the vehicle again in 0 % of the kidnappings, and calls 0 %" in text
+    assert "100 % of the kidnappings after 0.24 s" in text and "calls 32 %" in text
+
+
+def test_dictionary_and_mosaic_and_overview():
+    good, bad = {"error": 11.9, "effective": 16.7}, {"error": 14.7, "effective": 14.5}
+    values = {"methods": {"kohonen": good, "winner-take-all": bad}}
+    text = found("texton_dictionary", values, parameters={"textons": 20})
+    assert "lie nearer to" in text and "16.7 against 14.5 of 20" in text
+    values = {"methods": {"kohonen": bad, "winner-take-all": good}}
+    text = found("texton_dictionary", values, parameters={"textons": 20})
+    assert "no nearer to" in text and "evenly" not in text
+    values = {"used": 799, "frames": 800, "anchors": 12}
+    assert found("mosaic", values).endswith("positions of 12.")
+    values["residual_cm"] = {"median": 0.53, "p95": 1.22}
+    assert "0.53 cm off" in found("mosaic", values)
+    values = {"frame": 145, "error_cm": 84.4, "spread_cm": [13.8, 11.4]}
+    assert "off by 84.4 cm" in found("overview", values)
+
+
+def test_times_and_stages():
+    timings = {"total_ms": entry(0.45, 0.4, 0.5)}
+    assert found("timing", {}, timings) == "On this machine a frame takes 0.45 ms."
+    timings |= {"histogram_share": 0.5, "homography_ms": entry(90, 80, 100)}
+    text = found("timing", {}, timings)
+    assert "50 % of it" in text and "200 times as long" in text
+    row = {"stage": "a", "size": "50", "yardstick": "y", "holds": True, "ratio": 0.5, "limit": 1}
+    missed = row | {"stage": "b", "holds": False, "ratio": 3.0}
+    assert found("speed", {"limits": 1}, {"held": 1, "rows": [row]}).endswith("yardstick.")
+    text = found("speed", {"limits": 2}, {"held": 1, "rows": [row, missed]})
+    assert "1 of 2" in text and "furthest off is b (50) with 3 times its yardstick (y)" in text
+
+
+def test_best_settings_and_choices():
+    best = {"particles": 400, "neighbors": 1, "samples": None}
+    values = {"best_setting": best, "best_error_cm": entry(48.6, 41, 55), "best_held_out_cm": 48.4}
+    values |= {"default": {"axis_mean_cm": entry(66, 60, 70)}, "applies": {"samples": True}}
+    text = found("trade_off", values, series={"grid": [1, 2]})
+    assert "best of 2 settings, 400 particles, 1 neighbour and every patch" in text
+    values |= {
+        "fewest_samples_error_cm": entry(68, 0, 0),
+        "full_sampling_error_cm": entry(63, 0, 0),
+    }
+    assert "from 68 to 63 cm" in found("trade_off", values, series={"grid": [1]})
+    values["applies"]["samples"] = False
+    assert "400 particles and 1 neighbour," in found("trade_off", values, series={"grid": [1]})
+    variants = {
+        "paper": {"label": "as the paper says", "mean_cm": entry(99, 83, 120)},
+        "motion_25": {"label": "noise of 25 cm", "mean_cm": entry(46, 37, 56)},
+        "mean": {"label": "the mean", "mean_cm": entry(101, 85, 122)},
+    }
+    text = found("choices", {"variants": variants})
+    assert "Of 2 choices 1 can be told" in text and "noise of 25 cm: 46 [37, 56] cm" in text
+
+
+def test_numbers_as_words():
+    assert [number(v) for v in (1234.5, 101.7, 48.39, 0.0578, 2.0)] == (
+        ["1,234", "102", "48.4", "0.058", "2"]
+    )
+    assert [percent(v) for v in (0.342, 1.0, 0.0, 0.018, 0.05)] == (
+        ["34 %", "100 %", "0 %", "1.8 %", "5 %"]
+    )
+    assert [times(v) for v in (2.02, 2.1, 31.7)] == ["twice", "2.1 times", "32 times"]
+    assert interval(entry(1, 0.5, 2)) == "1 [0.5, 2]"
+    assert apart(entry(1, 0, 2), entry(4, 3, 5)) and not apart(entry(1, 0, 3), entry(4, 3, 5))
+    assert not re.search(r"\d\.\d{4}", interval(entry(0.123456, 0.1, 0.2), "cm"))
