@@ -17,8 +17,8 @@ from trexton.histograms import sampled_histogram
 from trexton.localizer import TextonMap, neighbors_in_flight, rank_covariances
 from trexton.metrics import summarize
 from trexton.records import Record
-from trexton.wording import apart, interval, number
 from trexton.textons import TextonDictionary
+from trexton.wording import apart, interval, number
 
 __all__ = ["finding", "run", "without_trace", "with_trace"]
 

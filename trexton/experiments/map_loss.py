@@ -10,8 +10,8 @@ from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap, neighbors_in_flight
 from trexton.metrics import absolute_errors, block_rows
 from trexton.records import Record
-from trexton.wording import interval
 from trexton.suitability import cosine_similarity, heat_map, ideal_similarity, local_losses, smooth
+from trexton.wording import interval
 
 __all__ = ["finding", "run"]
 

@@ -14,8 +14,8 @@ from trexton.metrics import absolute_errors
 from trexton.patches import gather_patches, sample_positions
 from trexton.progress import progress
 from trexton.records import Record
-from trexton.wording import number
 from trexton.textons import TextonDictionary
+from trexton.wording import number
 
 __all__ = ["finding", "run", "sampled_patches"]
 

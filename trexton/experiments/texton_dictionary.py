@@ -13,8 +13,8 @@ from trexton.histograms import label_image
 from trexton.images import bgr_from_yuv
 from trexton.patches import draw_patches, position_grid
 from trexton.records import Record
-from trexton.wording import number
 from trexton.textons import METHODS, Learning, TextonDictionary, learn_textons
+from trexton.wording import number
 
 __all__ = ["place_frequencies", "finding", "run"]
 

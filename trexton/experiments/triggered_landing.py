@@ -11,8 +11,8 @@ from trexton.flights.flight import Flight
 from trexton.landing import LandingZone
 from trexton.metrics import wilson_interval
 from trexton.records import Record
-from trexton.wording import number, percent
 from trexton.simulator import Floor
+from trexton.wording import number, percent
 
 __all__ = ["finding", "run", "summarize_attempts"]
 
