@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from trexton import wording
 from trexton.errors import FlightError
 from trexton.experiments.evaluation import provenance, trained_map
 from trexton.flights.flight import Flight
@@ -20,7 +21,6 @@ from trexton.metrics import wilson_interval
 from trexton.onboard.fix import LOST_SHARE, about_position, ignorance
 from trexton.progress import progress
 from trexton.records import Record
-from trexton.wording import number, percent
 
 __all__ = ["Trial", "filter_trials", "finding", "run"]
 
@@ -266,11 +266,11 @@ def finding(record: Record) -> str:
     plain, augmented = record.values["plain"], record.values["augmented"]
     parts = []
     for values, name in ((plain, "The paper's filter"), (augmented, "with random particles it")):
-        rate, after = percent(values["recovered_rate"]["median"]), values["recovery_s"]
-        when = f" after {number(after['median'])} s in the median" if after else ""
+        rate, after = wording.percent(values["recovered_rate"]["median"]), values["recovery_s"]
+        when = f" after {wording.number(after['median'])} s in the median" if after else ""
         wrong = values["lost"]["wrong_frames_rate"] or 0.0
         parts.append(
             f"{name} finds the vehicle again in {rate} of the kidnappings{when}, and calls "
-            f"{percent(wrong)} of its wrong frames lost"
+            f"{wording.percent(wrong)} of its wrong frames lost"
         )
     return "; ".join(parts) + "."
