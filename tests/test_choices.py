@@ -31,7 +31,9 @@ def test_the_published_rows_lose_their_excess(cyberzoo):
 @pytest.fixture(scope="module")
 def record():
     flight = small_flight(240)
-    return choices.run(flight.part("train"), flight.part("test"), repeats=2, particles=30)
+    return choices.run(
+        flight.part("train"), flight.part("test"), choices.Parameters(repeats=2, particles=30)
+    )
 
 
 def test_every_choice_is_measured_beside_the_paper(record):
@@ -50,7 +52,9 @@ def test_every_choice_is_measured_beside_the_paper(record):
 
 def test_the_variants_differ_from_the_paper_and_repeat_with_the_seed(record):
     flight = small_flight(240)
-    again = choices.run(flight.part("train"), flight.part("test"), repeats=2, particles=30)
+    again = choices.run(
+        flight.part("train"), flight.part("test"), choices.Parameters(repeats=2, particles=30)
+    )
     assert again.values == record.values
     paper = record.values["variants"]["paper"]["mean_cm"]
     # These two change histograms or covariances a little, which random histograms need not show.

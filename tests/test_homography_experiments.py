@@ -55,7 +55,7 @@ def test_the_residual_of_a_shifted_map_is_its_shift(flights):
 
 def test_the_mosaic_record_says_what_the_mosaic_is(flights):
     train, _ = flights
-    record = mosaic.run(train, anchors=6)
+    record = mosaic.run(train, train, mosaic.Parameters(anchors=6))
     stitched = stitched_map(train, 6)  # from the cache
     assert record.values["used"] == stitched.used.sum() and record.values["links"] == len(
         stitched.links
@@ -94,7 +94,7 @@ def test_the_residual_leaves_mismatches_out_and_keeps_large_distortion(flights):
 
 def test_the_baseline_counts_failures_and_shows_both_maps(flights):
     train, test = flights
-    record = homography_baseline.run(train, test, anchors=6)
+    record = homography_baseline.run(train, test, homography_baseline.Parameters(anchors=6))
     position = np.array(record.series["mosaic_m"], dtype=float)
     lost = int((~np.isfinite(position).all(axis=1)).sum())
     assert record.values["mosaic"]["failures"] == lost == record.values["mosaic"]["missing"]
@@ -129,7 +129,11 @@ def test_filtering_drops_outliers_fills_gaps_and_keeps_the_rest():
 def test_training_on_homography_positions_differs_only_in_them(flights):
     train, test = flights
     record = homography_training.run(
-        train, test, samples=60, textons=6, particles=20, neighbors=2, repeats=2, anchors=6
+        train,
+        test,
+        homography_training.Parameters(
+            samples=60, textons=6, particles=20, neighbors=2, repeats=2, anchors=6
+        ),
     )
     values = record.values
     assert values["filter"]["frames"] == len(test)

@@ -27,7 +27,7 @@ def flights():
 def record(flights, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
-        return map_loss.run(*flights, sigma=0.7)
+        return map_loss.run(*flights, map_loss.Parameters(sigma=0.7))
 
 
 def test_loss_and_similarity(record, flights):
@@ -111,7 +111,7 @@ def test_groups_hold_all_frames(record, flights):
 
 def test_equal_seeds_equal_bytes(record, flights, monkeypatch, tmp_path):
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
-    again = map_loss.run(*flights, sigma=0.7)
+    again = map_loss.run(*flights, map_loss.Parameters(sigma=0.7))
     assert canonical_json(again.values) == canonical_json(record.values)
     assert canonical_json(again.series) == canonical_json(record.series)
 
@@ -127,7 +127,7 @@ def test_runs_on_images(tmp_path, monkeypatch):
     train, test = (
         picture_flight(tmp_path / name, name, turns=turns) for name, turns in (("a", 3), ("b", 4))
     )
-    record = map_loss.run(train, test, textons=6, samples=60)
+    record = map_loss.run(train, test, map_loss.Parameters(textons=6, samples=60))
     assert record.images["floor"].shape[2] == 3
     assert record.values["counts"] == {"train": 48, "test": 48, "textons": 6}
     for draw in (
@@ -145,7 +145,7 @@ def test_zero_histogram_is_an_error(flights, monkeypatch, tmp_path):
     histograms = train.histograms.copy()
     histograms[7] = 0
     with pytest.raises(MapError, match="row 7"):
-        map_loss.run(replace(train, histograms=histograms), test)
+        map_loss.run(replace(train, histograms=histograms), test, map_loss.Parameters())
 
 
 def test_figures_show_the_record(record, tmp_path):

@@ -20,7 +20,7 @@ from trexton.simulator import record_flight
 folder = sys.argv[1]
 train = record_flight(folder + "/train", frames=30, every=8, seed=3)
 test = record_flight(folder + "/test", frames=6, every=4, pattern="waypoints")
-mocap_training.run(train, test, samples=50, textons=6, particles=20, neighbors=2, repeats=2).save(folder + "/results")
+mocap_training.run(train, test, mocap_training.Parameters(samples=50, textons=6, particles=20, neighbors=2, repeats=2)).save(folder + "/results")
 """
 
 
@@ -29,7 +29,9 @@ def mean_cm(record, what, axis):
 
 
 def test_the_real_flight_gives_the_known_knn_errors(cyberzoo):
-    record = mocap_training.run(cyberzoo.part("train"), cyberzoo.part("test"), repeats=3)
+    record = mocap_training.run(
+        cyberzoo.part("train"), cyberzoo.part("test"), mocap_training.Parameters(repeats=3)
+    )
     assert mean_cm(record, "knn", "x") == pytest.approx(18, abs=2)
     assert mean_cm(record, "knn", "y") == pytest.approx(26, abs=2)
     assert record.values["counts"]["train"] == 325 and record.values["counts"]["test"] == 299
@@ -43,7 +45,7 @@ def test_the_real_flight_gives_the_known_knn_errors(cyberzoo):
 
 def test_the_mirrored_split_is_no_accident(cyberzoo):
     train, test = cyberzoo.part("train_mirrored"), cyberzoo.part("test_mirrored")
-    record = mocap_training.run(train, test, repeats=1)
+    record = mocap_training.run(train, test, mocap_training.Parameters(repeats=1))
     for axis in "xy":
         assert mean_cm(record, "knn", axis) < 0.5 * mean_cm(record, "shuffled_neighbors", axis)
 
@@ -66,7 +68,9 @@ def test_equal_seeds_give_equal_bytes_under_any_hash_seed_and_threads(tmp_path):
 
 
 def test_figures_draw_the_records_numbers(cyberzoo):
-    record = mocap_training.run(cyberzoo.part("train"), cyberzoo.part("test"), repeats=1)
+    record = mocap_training.run(
+        cyberzoo.part("train"), cyberzoo.part("test"), mocap_training.Parameters(repeats=1)
+    )
     plan = figures.floor_plan(record).axes[0]
     drawn = {line.get_label(): line.get_xydata() for line in plan.lines}
     np.testing.assert_array_equal(drawn["motion capture"], record.series["truth_m"])

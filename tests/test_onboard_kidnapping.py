@@ -60,7 +60,7 @@ def flights() -> tuple[Flight, Flight]:
 
 @pytest.fixture(scope="module")
 def record(flights):
-    return kidnapping.run(*flights, kidnappings=50, patience_s=3.0, seed=3)
+    return kidnapping.run(*flights, kidnapping.Parameters(kidnappings=50, patience_s=3.0, seed=3))
 
 
 def test_plan_carries_the_vehicle_far_with_time_before_and_after(flights, rng):
@@ -92,7 +92,8 @@ def test_random_particles_find_the_vehicle_at_least_as_often_and_sooner(record):
 
 def test_equal_seeds_give_equal_values(flights):
     first, again, other = (
-        kidnapping.run(*flights, kidnappings=10, patience_s=1.0, seed=seed) for seed in (5, 5, 6)
+        kidnapping.run(*flights, kidnapping.Parameters(kidnappings=10, patience_s=1.0, seed=seed))
+        for seed in (5, 5, 6)
     )
     assert first.values == again.values and first.series == again.series
     assert first.values != other.values

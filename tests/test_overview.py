@@ -27,7 +27,7 @@ def pair(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def record(pair):
-    return overview.run(*pair, **OPTIONS)
+    return overview.run(*pair, overview.Parameters(**OPTIONS))
 
 
 def test_patches_are_those_of_the_histogram(record):
@@ -72,18 +72,18 @@ def test_typical_frame_has_the_median_error(record, pair):
 
 
 def test_chosen_frame(record, pair):
-    chosen = overview.run(*pair, **OPTIONS, frame=131)
+    chosen = overview.run(*pair, overview.Parameters(**OPTIONS, frame=131))
     assert chosen.values["frame"] == 131
     np.testing.assert_array_equal(chosen.series["truth_m"], pair[1].position[31])
     assert (
         len(chosen.series["truth_trail_m"]) == 17
     )  # four seconds at four frames a second, both ends
     with pytest.raises(FlightError, match="no frame 99: choose one from 100 to 147"):
-        overview.run(*pair, **OPTIONS, frame=99)
+        overview.run(*pair, overview.Parameters(**OPTIONS, frame=99))
 
 
 def test_equal_seeds_equal_bytes(record, pair):
-    again = overview.run(*pair, **OPTIONS)
+    again = overview.run(*pair, overview.Parameters(**OPTIONS))
     assert canonical_json([again.values, again.series]) == canonical_json(
         [record.values, record.series]
     )
@@ -91,7 +91,7 @@ def test_equal_seeds_equal_bytes(record, pair):
 
 def test_needs_images():
     with pytest.raises(FlightError, match="no images"):
-        overview.run(histogram_flight("a"), histogram_flight("b"), neighbors=3)
+        overview.run(histogram_flight("a"), histogram_flight("b"), overview.Parameters(neighbors=3))
 
 
 def test_figure_shows_the_record(record, tmp_path):
@@ -121,7 +121,9 @@ def test_figure_shows_the_record(record, tmp_path):
 def test_without_a_floor_and_with_one_neighbor(tmp_path, monkeypatch):
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path / "cache"))
     pair = [picture_flight(tmp_path / name, name, floor=False) for name in ("a", "b")]
-    record = overview.run(*pair, samples=20, textons=4, particles=10, neighbors=1)
+    record = overview.run(
+        *pair, overview.Parameters(samples=20, textons=4, particles=10, neighbors=1)
+    )
     assert "floor" not in record.images and "floor" not in record.series
     figure = figures.pipeline(record)
     assert all(not axis.images for axis in figure.axes[3:6])

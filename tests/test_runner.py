@@ -31,8 +31,8 @@ def house(tmp_path, flight_folder):
     class House:
         notebooks, out, flight = tmp_path / "notebooks", tmp_path / "out", flight_folder
         experiments = {
-            "first": Experiment("First"),
-            "second": Experiment("Second", after=("first",)),
+            "first": Experiment("First", module="tiny_experiment"),
+            "second": Experiment("Second", module="tiny_experiment", after=("first",)),
         }
 
         def run(self, **options):
@@ -164,8 +164,8 @@ def test_unknown_parameters_and_wrong_types_are_errors(house, settings, message)
 
 def test_a_failing_notebook_names_its_cell_and_the_others_go_on(house):
     house.experiments = {
-        "broken": Experiment("Broken"), "heir": Experiment("Heir", after=("broken",)),
-        "dead": Experiment("Dead"), "first": Experiment("First"),
+        "broken": Experiment("Broken", module="tiny_experiment"), "heir": Experiment("Heir", module="tiny_experiment", after=("broken",)),
+        "dead": Experiment("Dead", module="tiny_experiment"), "first": Experiment("First", module="tiny_experiment"),
     }  # fmt: skip
     write_notebook(house.notebooks, "broken", "print('so far')\n" + FAILING)
     write_notebook(house.notebooks, "heir")
@@ -197,8 +197,8 @@ def test_a_result_that_no_longer_can_be_made_does_not_linger(without_kernels, ho
 
 def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_folder):
     house.experiments = {
-        "first": Experiment("First", needs=("images",)),
-        "second": Experiment("Second", needs=("floor",)),
+        "first": Experiment("First", module="tiny_experiment", needs=("images",)),
+        "second": Experiment("Second", module="tiny_experiment", needs=("floor",)),
     }
     outcomes = house.run()
     assert {name: outcome.reasons for name, outcome in outcomes.items()} == {
@@ -206,7 +206,9 @@ def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_fold
     }  # fmt: skip
     frames = house.flight / "frames.csv"
     frames.write_text(frames.read_text().replace("1,0.0,1.0,0.0", "1,0.0,nan,nan"))
-    house.experiments = {"first": Experiment("First", needs=("positions",))}
+    house.experiments = {
+        "first": Experiment("First", module="tiny_experiment", needs=("positions",))
+    }
     assert house.run()["first"].reasons == ("small lacks positions in some frames",)
 
 
@@ -251,9 +253,9 @@ def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
     )
     body = body.replace('"timings": {}', '"timings": {"start": start, "end": time.time()}')
     house.experiments = {
-        "a": Experiment("A"),
-        "b": Experiment("B"),
-        "timed": Experiment("T", alone=True, cost_s=999),
+        "a": Experiment("A", module="tiny_experiment"),
+        "b": Experiment("B", module="tiny_experiment"),
+        "timed": Experiment("T", module="tiny_experiment", alone=True, cost_s=999),
     }
     for name in house.experiments:
         write_notebook(house.notebooks, name, body)
@@ -278,9 +280,10 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     )
     write_notebook(house.notebooks, "first", body)
     script = (
-        "import sys; from trexton.experiments import Experiment; from trexton.runner import *\n"
+        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        "from trexton.experiments import Experiment; from trexton.runner import *\n"
         "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3],\n"
-        "                experiments={'first': Experiment('F')})"
+        "                experiments={'first': Experiment('F', module='tiny_experiment')})"
     )
     command = [
         sys.executable,
@@ -301,7 +304,7 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     assert not list((house.out / ".stamps").rglob("*.json"))
 
     write_notebook(house.notebooks, "first")
-    house.experiments = {"first": Experiment("First")}
+    house.experiments = {"first": Experiment("First", module="tiny_experiment")}
     assert house.run()["first"].reasons == ("no finished run",)
     assert sorted(path.name for path in (house.out / "small").iterdir()) == [
         "first-chart.svg",

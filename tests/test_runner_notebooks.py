@@ -2,27 +2,12 @@
 
 from __future__ import annotations
 
-import pytest
 from conftest import ROOT
 from tiny_notebooks import write_notebook
 
-from trexton.errors import TrextonError
 from trexton.experiments import EXPERIMENTS
 from trexton.runner.notebooks import Notebook
 from trexton.runner.stamps import differences
-
-
-def test_values_take_the_type_of_the_default(tmp_path):
-    notebook = Notebook(write_notebook(tmp_path, "first"))
-    chosen = notebook.choose({"factor": "7", "rate": "2", "label": "3"})
-    assert chosen == {"factor": 7, "rate": 2.0, "label": "3"} and isinstance(chosen["rate"], float)
-    assert notebook.choose({"rate": "None"})["rate"] is None
-
-
-def test_a_parameters_cell_holds_literals_only(tmp_path):
-    path = write_notebook(tmp_path, "odd", parameters="import os\nhome = os.getcwd()")
-    with pytest.raises(TrextonError, match="'import os' in the parameters cell"):
-        _ = Notebook(path).parameters
 
 
 def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
@@ -70,5 +55,7 @@ def test_every_registered_notebook_can_be_read_and_every_dependency_exists():
         assert set(experiment.after) <= EXPERIMENTS.keys()
         if (path := folder / f"{name}.md").exists():
             notebook = Notebook(path)
-            assert "out" in notebook.parameters and notebook.code
+            assert notebook.code
+            assert experiment.every_flight or f"{name}.Parameters" in notebook.text
+            assert experiment.parameters(name)() == experiment.parameters(name).parse({})
     assert {path.stem for path in folder.glob("*.md")} <= EXPERIMENTS.keys()

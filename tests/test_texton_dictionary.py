@@ -29,7 +29,7 @@ def flights(tmp_path_factory):
 def record(flights, tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
-        return texton_dictionary.run(*flights, **OPTIONS)
+        return texton_dictionary.run(*flights, texton_dictionary.Parameters(**OPTIONS))
 
 
 def test_frequencies_by_place_by_hand():
@@ -69,7 +69,7 @@ def test_the_labelled_frame_shows_mean_colours(flights, record):
 
 def test_equal_seeds_give_equal_records(record, flights, tmp_path, monkeypatch):
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
-    again = texton_dictionary.run(*flights, **OPTIONS)
+    again = texton_dictionary.run(*flights, texton_dictionary.Parameters(**OPTIONS))
     assert canonical_json(again.values) == canonical_json(record.values)
     assert canonical_json(again.series) == canonical_json(record.series)
 

@@ -36,8 +36,8 @@ def records(tmp_path_factory):
             picture_flight(folder / "a", "survey"),
             picture_flight(folder / "b", "again", frames=12, turns=2.0),
         )
-        return timing.run(*pictures, **OPTIONS), timing.run(
-            histogram_flight("s"), histogram_flight("t"), **OPTIONS
+        return timing.run(*pictures, timing.Parameters(**OPTIONS)), timing.run(
+            histogram_flight("s"), histogram_flight("t"), timing.Parameters(**OPTIONS)
         )
 
 
@@ -66,7 +66,7 @@ def test_values_hold_no_times(records, tmp_path, monkeypatch):
         "camera_hz"
     ] == pytest.approx(4)
     monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
-    again = timing.run(histogram_flight("s"), histogram_flight("t"), **OPTIONS)
+    again = timing.run(histogram_flight("s"), histogram_flight("t"), timing.Parameters(**OPTIONS))
     assert canonical_json(again.values) == canonical_json(without)
 
 
@@ -107,7 +107,7 @@ def bench_record(monkeypatch, rng):
 
     monkeypatch.setattr(speed, "measure", rows)
     monkeypatch.setattr(speed, "_COPIED", 2**20)
-    return speed.run(histogram_flight("s"), histogram_flight("t"))
+    return speed.run(histogram_flight("s"), histogram_flight("t"), speed.Parameters())
 
 
 def test_the_speed_page(bench_record, tmp_path):

@@ -39,13 +39,13 @@ def pair(tmp_path_factory, small):
 
 @pytest.fixture(scope="module")
 def record(pair):
-    return trade_off.run(*pair, textons=6, **OPTIONS)
+    return trade_off.run(*pair, trade_off.Parameters(textons=6, **OPTIONS))
 
 
 @pytest.fixture(scope="module")
 def without_images(small):
     flights = histogram_flight("survey"), histogram_flight("again", turns=4.0, noise=2)
-    return trade_off.run(*flights, **OPTIONS)
+    return trade_off.run(*flights, trade_off.Parameters(**OPTIONS))
 
 
 def test_sweeps_hold_all_values_in_order(record):
@@ -103,7 +103,7 @@ def test_claims_find_their_values(record):
 
 
 def test_values_repeat_and_hold_no_time(record, pair):
-    again = trade_off.run(*pair, textons=6, **OPTIONS)
+    again = trade_off.run(*pair, trade_off.Parameters(textons=6, **OPTIONS))
     assert canonical_json(again.values) == canonical_json(record.values)
     assert canonical_json(again.series) == canonical_json(record.series)
     assert canonical_json(again.timings) != canonical_json(record.timings)

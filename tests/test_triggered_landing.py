@@ -12,6 +12,7 @@ from conftest import small_flight
 
 from trexton.camera import Camera, MapImage
 from trexton.errors import ParameterError
+from trexton.executor import working_on
 from trexton.experiments import triggered_landing
 from trexton.experiments.closed_loop import Attempt
 from trexton.experiments.triggered_landing import summarize_attempts
@@ -46,7 +47,7 @@ def train(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def record(train) -> Record:
-    return triggered_landing.run(train, train, **OPTIONS)
+    return triggered_landing.run(train, train, triggered_landing.Parameters(**OPTIONS))
 
 
 def attempt(truth: float | None, touchdown: float, wait: float = 10.0) -> Attempt:
@@ -151,8 +152,11 @@ def test_with_the_true_position_every_trigger_is_inside(record):
 
 
 def test_equal_seeds_and_any_number_of_processes_give_the_same_record(record, train):
-    again = triggered_landing.run(train, train, **OPTIONS, processes=2)
-    other = triggered_landing.run(train, train, **OPTIONS | {"seed": 2})
+    with working_on(processes=2):
+        again = triggered_landing.run(train, train, triggered_landing.Parameters(**OPTIONS))
+    other = triggered_landing.run(
+        train, train, triggered_landing.Parameters(**OPTIONS | {"seed": 2})
+    )
     for key in ("parameters", "values", "series", "provenance"):
         assert getattr(again, key) == getattr(record, key)
     assert other.series["zone_m"] != record.series["zone_m"]
@@ -160,7 +164,11 @@ def test_equal_seeds_and_any_number_of_processes_give_the_same_record(record, tr
 
 def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
     found = triggered_landing.run(
-        train, train, **OPTIONS | {"spread": 1e-6, "landings": 1, "time_limit": 2.0}
+        train,
+        train,
+        triggered_landing.Parameters(
+            **OPTIONS | {"spread": 1e-6, "landings": 1, "time_limit": 2.0}
+        ),
     )
     assert found.values["never_triggered"] == 1 and found.series["beyond_cm"] == [None]
     assert found.series["wait_s"][0] == pytest.approx(2.0, abs=0.081)
@@ -172,19 +180,19 @@ def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
 
 @pytest.mark.parametrize(
     "options, message",
-    [({"radius": 2.0}, "does not fit"), ({"radius": -1.0}, "radius"), ({"landings": 0}, "0 landings"),
+    [({"radius": 2.0}, "does not fit"), ({"radius": -1.0}, "radius"), ({"landings": 0}, "landings is 0"),
      ({"armed_after": 99.0}, "armed after"),
-     ({"consecutive": 0}, "consecutive"), ({"processes": 0}, "0 processes")],
+     ({"consecutive": 0}, "consecutive")],
 )  # fmt: skip
 def test_nonsense_is_refused(train, options, message):
     with pytest.raises(ParameterError, match=message):
-        triggered_landing.run(train, train, **OPTIONS | options)
+        triggered_landing.run(train, train, triggered_landing.Parameters(**OPTIONS | options))
 
 
 def test_a_flight_without_a_floor_or_a_camera_cannot_serve(train):
     for flight in (small_flight(), replace(train, camera=None), replace(train, floor_file=None)):
         with pytest.raises(ParameterError, match="no picture of its floor or no camera"):
-            triggered_landing.run(flight, flight)
+            triggered_landing.run(flight, flight, triggered_landing.Parameters())
 
 
 def test_the_figures_show_the_record(record):

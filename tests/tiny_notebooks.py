@@ -31,9 +31,7 @@ kernelspec:
 PARAMETERS = """flight = ""
 test_flight = None
 out = "results"
-factor = 2
-rate: float | None = 0.5
-label = "a"
+factor, rate, label = 2, 0.5, "a"
 """
 
 # Counts its runs in a file beside the results, so that a test can tell reuse from repetition.

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import importlib
 import io
-import os
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from html import escape
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from IPython.display import HTML, SVG
@@ -18,35 +22,66 @@ from trexton.claims.page import claims_html, counts_html, filters_html
 from trexton.experiments import EXPERIMENTS
 from trexton.files import atomic_file
 from trexton.flights import Flight, read_flight
+from trexton.options import Options
 from trexton.paper import look_up, published
 from trexton.records import Record
 
-__all__ = ["Page", "claims_table", "ledger", "load_pair", "show_table"]
+__all__ = ["Given", "Page", "claims_table", "given", "ledger", "show_table"]
 
 
-def _resolve(path: str | os.PathLike) -> Path:
+def _resolve(path: str) -> Path:
     """`path` from here or, for a notebook opened in its own folder, from the top of the clone."""
-    path, root = Path(path), repository_root()
-    return root / path if root and not path.exists() and (root / path).exists() else path
+    here, root = Path(path), repository_root()
+    return root / path if root and not here.exists() and (root / path).exists() else here
 
 
-def load_pair(
-    flight: str, test_flight: str | None = None, train: str = "train", test: str = "test"
-) -> tuple[Flight, Flight]:
-    """The training and the test flight: two folders, or the named splits of one."""
-    first = read_flight(_resolve(flight))
-    if test_flight is None:
-        return first.part(train), first.part(test)
-    second = read_flight(_resolve(test_flight))
-    return (first.part(train) if train in first.split else first), (
-        second.part(test) if test in second.split else second
-    )
+@dataclass(frozen=True)
+class Given:
+    """What a notebook was given: flights, the folder of results, and the experiment's parameters."""
+
+    flight: str
+    test_flight: str | None
+    out: str
+    parameters: Any
+
+    @cached_property
+    def _pair(self) -> tuple[Flight, Flight]:
+        first = read_flight(_resolve(self.flight))
+        if self.test_flight is None:
+            return first.part("train"), first.part("test")
+        second = read_flight(_resolve(self.test_flight))
+        return (
+            first.part("train") if "train" in first.split else first,
+            second.part("test") if "test" in second.split else second,
+        )
+
+    @property
+    def train(self) -> Flight:
+        """The training flight: the first folder, of it the split ``train`` where there is one."""
+        return self._pair[0]
+
+    @property
+    def test(self) -> Flight:
+        """The test flight: the second folder, or the split ``test`` of the first."""
+        return self._pair[1]
 
 
-def _results_folder(out: str) -> Path:
-    """`out` from here if it exists, else from the top of the clone."""
-    root = repository_root()
-    return Path(out) if Path(out).exists() or root is None else root / out
+def given(parameters: type[Options], names: Mapping[str, object]) -> Given:
+    """Read flights, folder and parameters from the `names` of a notebook (its ``globals()``).
+
+    A parameter that the notebook does not name has its default, which stands in the class alone.
+
+    Raises
+    ------
+    ParameterError
+        A value has the wrong type or is out of its range.
+    """
+    chosen = {each.name: names[each.name] for each in parameters.declared() if each.name in names}
+    flight, test_flight, out = (names.get(name) for name in ("flight", "test_flight", "out"))
+    return Given(
+        str(flight), None if test_flight is None else str(test_flight), str(out),
+        parameters(**chosen),
+    )  # fmt: skip
 
 
 class Page:
@@ -55,12 +90,14 @@ class Page:
     Parameters
     ----------
     record : Record
-    out : str
-        Folder of results; the record goes to ``<out>/<flight>/``.
+    given : Given
+        What the notebook was given; the record goes to ``<out>/<flight>/``, seen from the working
+        folder.
     """
 
-    def __init__(self, record: Record, out: str):
-        self.record, self.folder = record, _results_folder(out) / record.flight
+    def __init__(self, record: Record, given: Given):
+        self.record, self.given = record, given
+        self.folder = Path(given.out) / record.flight
         record.save(self.folder)
 
     def show(self, name: str, figure: Figure) -> SVG:
@@ -137,9 +174,21 @@ class Page:
         )
         settings = ", ".join(f"{key} = {value}" for key, value in record.parameters.items())
         return HTML(
-            f"<p>Parameters: {settings}.</p><pre>trexton run FLIGHT --only {record.experiment} --set KEY=VALUE --out results</pre>"
+            f"<p>Parameters: {settings}.</p><pre>{self.command()}</pre>"
             f'<p class="downloads">Take home: {links}</p>'
         )
+
+    def command(self) -> str:
+        """The command that makes this record, with the parameters that are not the defaults."""
+        defaults = {each.name: each.default for each in type(self.given.parameters).declared()}
+        chosen = self.given.parameters.as_dict()
+        changed = [f"{name}={value}" for name, value in chosen.items() if value != defaults[name]]
+        words = ["trexton", "run", self.given.flight]
+        if self.given.test_flight is not None:
+            words += ["--test-flight", self.given.test_flight]
+        words += ["--only", self.record.experiment]
+        words += ["--set", *changed] if changed else []
+        return escape(shlex.join([*words, "--out", "my-results"]))
 
 
 def show_table(table: pd.DataFrame) -> HTML:
@@ -166,5 +215,5 @@ def claims_table(rows: list[tuple[Claim, list[Finding]]]) -> HTML:
 
 def ledger(out: str) -> tuple[HTML, HTML]:
     """Judge all records below the folder `out`, write ``claims.json``; the counts of verdicts and the whole ledger."""
-    rows = write_ledger(_results_folder(out))
+    rows = write_ledger(Path(out))
     return HTML(counts_html(rows)), HTML(filters_html(rows) + claims_html(rows))

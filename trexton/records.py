@@ -11,6 +11,7 @@ import platform
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -74,15 +75,15 @@ class Record:
 
     experiment: str
     flight: str
-    parameters: dict
-    values: dict
-    series: dict = field(default_factory=dict)
-    images: dict = field(default_factory=dict)
-    timings: dict = field(default_factory=dict)
-    provenance: dict = field(default_factory=dict)
+    parameters: dict[str, Any]
+    values: dict[str, Any]
+    series: dict[str, Any] = field(default_factory=dict)
+    images: dict[str, np.ndarray] = field(default_factory=dict)
+    timings: dict[str, Any] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
     schema: int = SCHEMA
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name in ("parameters", "values", "series", "timings", "provenance"):
             object.__setattr__(self, name, plain(getattr(self, name)))
 
@@ -129,5 +130,10 @@ class Record:
                 f"{path}: not a readable record ({error}): run its experiment again"
             ) from None
         for name, entry in pictures.items():
-            record.images[name] = cv2.imread(str(path.parent / entry["file"]), cv2.IMREAD_UNCHANGED)
+            picture = cv2.imread(str(path.parent / entry["file"]), cv2.IMREAD_UNCHANGED)
+            if picture is None:
+                raise TrextonError(
+                    f"{path}: its picture {entry['file']} is missing or damaged: run its experiment again"
+                )
+            record.images[name] = picture
         return record

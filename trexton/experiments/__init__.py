@@ -1,4 +1,23 @@
-"""The experiments of the paper: one module and one notebook each, and one line here.
+"""The experiments: one module each, declared once, and one line here.
+
+A module ``trexton/experiments/<name>.py`` declares what can be chosen and what is done::
+
+    @dataclass(frozen=True)
+    class Parameters(MapParameters):  # or SeedParameters, FilterParameters: what it needs
+        trials: int = option(100, "independent trials of the filter", low=1)
+
+    def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+        ...
+        return parameters.record(train, test, values={"error_cm": error})
+
+and the line here says what the engine must know: a title, what the flights must have, what it waits
+for. Defaults, types and ranges stand in `Parameters` alone: the command line, the notebook, the checks
+and the record take them from there. Independent repeats and trials go through
+`trexton.executor.spread`. The notebook ``notebooks/<name>.md`` begins with::
+
+    given = notebook.given(name.Parameters, globals())
+    record = name.run(given.train, given.test, given.parameters)
+    page = notebook.Page(record, given)
 
 This registry only says what there is; nothing in it changes a result.
 """
@@ -7,8 +26,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
+from typing import cast
 
 from trexton.flights.flight import Flight
+from trexton.options import Options
 
 __all__ = ["EXPERIMENTS", "LEDGER", "NEEDS", "Experiment"]
 
@@ -31,7 +53,9 @@ class Experiment:
     alone : bool
         It measures time: nothing runs beside it.
     every_flight : bool
-        It runs once, after all flights, over all their records.
+        It runs once, after all flights, over all their records, and has no parameters.
+    module : str
+        Where `Parameters` and `run` are, if not in ``trexton.experiments.<name>``.
     """
 
     title: str
@@ -40,6 +64,14 @@ class Experiment:
     cost_s: float = 20.0
     alone: bool = False
     every_flight: bool = False
+    module: str = ""
+
+    def parameters(self, name: str) -> type[Options]:
+        """The class that declares the parameters of the experiment `name`."""
+        if self.every_flight:
+            return Options
+        module = import_module(self.module or f"trexton.experiments.{name}")
+        return cast(type[Options], module.Parameters)
 
 
 # need: (does the flight have it, the reason for a skip where it does not)

@@ -11,7 +11,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from trexton.cache import cached
-from trexton.experiments.evaluation import frames_of, provenance, tracks, trained_map
+from trexton.experiments.declaration import FilterParameters, option
+from trexton.experiments.evaluation import frames_of, tracks, trained_map
 from trexton.flights.flight import Flight
 from trexton.histograms import sampled_histogram
 from trexton.localizer import TextonMap, neighbors_in_flight, rank_covariances
@@ -20,7 +21,7 @@ from trexton.records import Record
 from trexton.textons import TextonDictionary
 from trexton.wording import apart, interval, number
 
-__all__ = ["finding", "run", "without_trace", "with_trace"]
+__all__ = ["finding", "Parameters", "run", "with_trace", "without_trace"]
 
 _STATISTICS = ("mean_cm", "error_cm_x", "error_cm_y")
 # The published histograms: about so many random patches an image.
@@ -54,16 +55,14 @@ def without_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
     return cleared
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    samples: int = 400,
-    particles: int = 50,
-    neighbors: int = 5,
-    repeats: int = 10,
-    seed: int = 1,
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(FilterParameters):
+    """What can be chosen."""
+
+    repeats: int = option(10, "independent runs of the filter for each variant", low=1)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Change one open choice at a time and localize the test flight again.
 
     Returns
@@ -72,28 +71,28 @@ def run(
         ``values["variants"]``: for each variant its label, group, and mean Euclidean and per-axis errors in cm
         with intervals; ``paper`` is the method as it stands.
     """
-    texton_map = trained_map(train, neighbors=neighbors, seed=seed)
-    common = {"samples": samples, "particles": particles}
+    texton_map = trained_map(train, neighbors=parameters.neighbors, seed=parameters.seed)
+    common = {"samples": parameters.samples, "particles": parameters.particles}
     variants = {}
-    for variant in _variants(texton_map, train, test, samples, neighbors, seed):
+    for variant in _variants(
+        texton_map, train, test, parameters.samples, parameters.neighbors, parameters.seed
+    ):
         runs = tracks(
             variant.texton_map,
             variant.frames,
-            repeats=repeats,
-            seed=seed,
+            repeats=parameters.repeats,
+            seed=parameters.seed,
             **common | variant.options,
         )
-        rng = np.random.default_rng([seed, 10_000])
+        rng = np.random.default_rng([parameters.seed, 10_000])
         summary = summarize([run.estimate for run in runs], test.position, test.diagonal, rng=rng)
         variants[variant.key] = {"label": variant.label, "group": variant.group} | {
             key: summary[key] for key in _STATISTICS
         }
-    return Record(
-        experiment="choices",
-        flight=train.name,
-        parameters={**common, "neighbors": neighbors, "repeats": repeats, "seed": seed},
+    return parameters.record(
+        train,
+        test,
         values={"variants": variants, "order": list(variants)},
-        provenance=provenance(train, test),
     )
 
 

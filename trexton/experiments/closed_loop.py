@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
+from functools import partial
 from time import perf_counter
 
 import numpy as np
 
 from trexton.camera import Camera
+from trexton.executor import spread
 from trexton.landing import LandingZone
 from trexton.localizer import Estimate, Localizer, TextonMap
-from trexton.progress import progress
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 
 __all__ = ["Attempt", "Mission", "fly_all", "fly_attempt"]
@@ -119,23 +118,7 @@ def _certain(position: np.ndarray) -> Estimate:
     return Estimate(position, *nothing, False, True, None, None, position[None], np.ones(1))
 
 
-def _fly_some(mission: Mission, numbers: range) -> list[Attempt]:
-    return [fly_attempt(mission, number) for number in numbers]
-
-
-def fly_all(mission: Mission, landings: int, processes: int) -> list[Attempt]:
-    """All attempts in order, every n-th of them flown by the n-th process."""
-    if processes == 1:
-        return [
-            fly_attempt(mission, number)
-            for number in progress(range(landings), "landings", landings)
-        ]
-    shares = [range(first, landings, processes) for first in range(min(processes, landings))]
-    with ProcessPoolExecutor(len(shares), mp_context=get_context("spawn")) as pool:
-        flown = pool.map(_fly_some, [mission] * len(shares), shares)
-        by_number = {
-            number: attempt
-            for share, some in zip(shares, flown)
-            for number, attempt in zip(share, some)
-        }
-    return [by_number[number] for number in range(landings)]
+def fly_all(mission: Mission, landings: int, perfect: bool = False) -> list[Attempt]:
+    """All attempts in order, wherever there is room for them."""
+    fly = partial(fly_attempt, mission, perfect=perfect)
+    return spread(fly, range(landings), "landings")

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from trexton.experiments.evaluation import floor_picture, provenance
+from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.evaluation import floor_picture
 from trexton.experiments.stitched import (
     Located,
     floor_residual,
@@ -17,10 +20,17 @@ from trexton.metrics import summarize
 from trexton.records import Record
 from trexton.wording import interval, middle, number
 
-__all__ = ["finding", "run"]
+__all__ = ["finding", "Parameters", "run"]
 
 
-def run(train: Flight, test: Flight, *, anchors: int = 12, seed: int = 1) -> Record:
+@dataclass(frozen=True)
+class Parameters(SeedParameters):
+    """What can be chosen."""
+
+    anchors: int = option(12, "training frames whose position places the mosaic", low=3)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Locate every test frame on the mosaic of the training flight, unfiltered, and beside it on other maps.
 
     The true floor, where the flight carries it, is a perfect map: the difference is the price of the mosaic.
@@ -31,17 +41,15 @@ def run(train: Flight, test: Flight, *, anchors: int = 12, seed: int = 1) -> Rec
     ----------
     train, test : Flight
         With images.
-    anchors : int
-        Training frames whose motion-capture position places the mosaic.
     """
-    maps = homography_maps(train, anchors)
+    maps = homography_maps(train, parameters.anchors)
     mosaic = maps["mosaic"]
     if test.floor is not None:
         maps["perfect_floor"] = test.floor
     located = locate_all(maps, test) | {
         "half": locate_all({"mosaic": mosaic}, test, scale=0.5)["mosaic"]
     }
-    rng = np.random.default_rng([seed, 0])
+    rng = np.random.default_rng([parameters.seed, 0])
     values = {
         name: summarize([each.position], test.position, test.diagonal, rng=rng)
         | _counts(each, test)
@@ -62,10 +70,9 @@ def run(train: Flight, test: Flight, *, anchors: int = 12, seed: int = 1) -> Rec
     series |= {"time_s": test.time - test.time[0], "truth_m": test.position}
     series |= {"area_m": test.area, "map": extent}
     seconds = {name: each.seconds for name, each in located.items()}
-    return Record(
-        experiment="homography_baseline",
-        flight=train.name,
-        parameters={"anchors": anchors, "seed": seed},
+    return parameters.record(
+        train,
+        test,
         values=values,
         series=series | floor,
         images={"map": picture} | floor_image,
@@ -73,7 +80,6 @@ def run(train: Flight, test: Flight, *, anchors: int = 12, seed: int = 1) -> Rec
             name: {"median": np.median(seconds[key]), "p99": np.percentile(seconds[key], 99)}
             for name, key in (("locate_s", "mosaic"), ("locate_half_s", "half"))
         },
-        provenance=provenance(train, test),
     )
 
 

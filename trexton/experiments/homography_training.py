@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
+from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import (
     evaluate,
     floor_picture,
     frames_of,
-    provenance,
     tracks,
     trained_map,
 )
@@ -20,7 +22,7 @@ from trexton.metrics import absolute_errors, summarize
 from trexton.records import Record
 from trexton.wording import middle, number
 
-__all__ = ["filtered_positions", "finding", "run"]
+__all__ = ["filtered_positions", "finding", "Parameters", "run"]
 
 OUTLIER_M = 0.4  # a fix that is this far from the running median was no motion of the vehicle
 MEDIAN_FRAMES = 11
@@ -43,49 +45,51 @@ def filtered_positions(position: np.ndarray) -> np.ndarray:
     return gaussian_filter1d(filled(position), SMOOTHING_FRAMES, axis=0, mode="nearest")
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    samples: int = 400,
-    textons: int = 20,
-    particles: int = 50,
-    neighbors: int = 5,
-    repeats: int = 20,
-    anchors: int = 12,
-    seed: int = 1,
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    repeats: int = option(20, "independent runs of the filter over the test flight", low=1)
+    anchors: int = option(12, "training frames whose position places the mosaic", low=3)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """The motion-capture experiment again, its training positions from homographies on the flight's own mosaic.
 
     Parameters
     ----------
     train, test : Flight
         With images.
-    samples, textons, particles, neighbors : int
-        The paper's defaults.
-    repeats : int
-        Independent runs of the filter over the test flight.
-    anchors : int
-        Training frames whose motion-capture position places the mosaic.
     """
-    found = locate_all(homography_maps(train, anchors), train)
+    found = locate_all(homography_maps(train, parameters.anchors), train)
     located = found["mosaic"]
     sources = {"filter": located.position, "remedy": filtered_positions(located.position)}
     if "drifting" in found:
         sources["drifting"] = found["drifting"].position
     frames = frames_of(test)
-    rng = np.random.default_rng([seed, 0])
+    rng = np.random.default_rng([parameters.seed, 0])
     values: dict = {"failures": int((~located.found).sum())}
     series: dict = {}
     step_s = []
     for name, positions in sources.items():
         texton_map = trained_map(
-            train, textons=textons, neighbors=neighbors, seed=seed, positions=positions
+            train,
+            textons=parameters.textons,
+            neighbors=parameters.neighbors,
+            seed=parameters.seed,
+            positions=positions,
         )
         runs = tracks(
-            texton_map, frames, repeats=repeats, seed=seed, samples=samples, particles=particles
+            texton_map,
+            frames,
+            repeats=parameters.repeats,
+            seed=parameters.seed,
+            samples=parameters.samples,
+            particles=parameters.particles,
         )
-        errors, drawn = evaluate(runs, texton_map.positions, test, k=neighbors, seed=seed)
+        errors, drawn = evaluate(
+            runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
+        )
         values[name] = errors["filter"]
         values[f"{name}_knn"] = errors["knn"]
         values[f"{name}_process_std_cm"] = _process_std_cm(texton_map)
@@ -94,22 +98,18 @@ def run(
         series[f"{name}_training_error_m"] = absolute_errors(positions, train.position)
         series[f"{name}_estimate_m"] = drawn["estimate_m"]
         step_s += [run.step_s for run in runs]
-    mocap = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    mocap = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
     values["mocap_process_std_cm"] = _process_std_cm(mocap)
     floor, pictures = floor_picture(test)
     seconds = np.concatenate(step_s)
-    return Record(
-        experiment="homography_training",
-        flight=train.name,
-        parameters={
-            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors,
-            "repeats": repeats, "anchors": anchors, "seed": seed,
-        },
+    return parameters.record(
+        train, test,
         values=values,
         series=series | floor,
         images=pictures,
         timings={"step_s": {"median": np.median(seconds), "p99": np.percentile(seconds, 99)}},
-        provenance=provenance(train, test),
     )  # fmt: skip
 
 

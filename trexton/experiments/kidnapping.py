@@ -13,7 +13,8 @@ import numpy as np
 
 from trexton import wording
 from trexton.errors import FlightError
-from trexton.experiments.evaluation import provenance, trained_map
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import trained_map
 from trexton.flights.flight import Flight
 from trexton.histograms import sampled_histogram
 from trexton.localizer import Localizer, TextonMap
@@ -22,7 +23,7 @@ from trexton.onboard.fix import LOST_SHARE, about_position, ignorance
 from trexton.progress import progress
 from trexton.records import Record
 
-__all__ = ["Trial", "filter_trials", "finding", "run"]
+__all__ = ["filter_trials", "finding", "Parameters", "run", "Trial"]
 
 FILTERS = {"plain": None, "augmented": "augmented"}
 SETTLED = 25  # frames, two seconds, in which the filter finds the vehicle for the first time
@@ -58,20 +59,17 @@ class Trial:
         return None
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    kidnappings: int = 200,
-    patience_s: float = 10.0,
-    tolerance: float = 1.0,
-    consecutive: int = 5,
-    samples: int = 400,
-    textons: int = 20,
-    particles: int = 50,
-    neighbors: int = 5,
-    seed: int = 1,
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    kidnappings: int = option(200, "independent ones, the same for each filter", low=1)
+    patience_s: float = option(10.0, "seconds that the filter has to find the vehicle again", low=0)
+    tolerance: float = option(1.0, "metres of error that count as found", low=0)
+    consecutive: int = option(5, "frames in a row within the tolerance", low=1)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Kidnap the vehicle again and again, with the paper's filter and with augmented Monte Carlo
     localization.
 
@@ -79,21 +77,18 @@ def run(
     ----------
     train, test : Flight
         With images, or with histograms.
-    kidnappings : int
-        Independent ones, for each filter the same.
-    patience_s : float
-        Seconds that the filter has to find the vehicle again.
-    tolerance, consecutive : float, int
-        Found means: so many frames in a row with an error below so many metres.
-    samples, textons, particles, neighbors : int
-        The paper's defaults. Where there are images, one histogram is drawn for each frame and used in all
-        trials.
     """
-    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
-    histograms = _histograms(test, texton_map, samples, np.random.default_rng([seed, 20_000]))
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
+    histograms = _histograms(
+        test, texton_map, parameters.samples, np.random.default_rng([parameters.seed, 20_000])
+    )
     period = float(np.median(np.diff(test.time)))
-    patience = min(round(patience_s / period), len(test) // 3)
-    plan = _plan(test, kidnappings, patience, np.random.default_rng([seed, 20_001]))
+    patience = min(round(parameters.patience_s / period), len(test) // 3)
+    plan = _plan(
+        test, parameters.kidnappings, patience, np.random.default_rng([parameters.seed, 20_001])
+    )
     values, series = (
         {},
         {"time_s": np.arange(patience) * period, "shares": SHARES, "area_m": test.area},
@@ -106,19 +101,14 @@ def run(
             plan,
             patience,
             recovery,
-            particles=particles,
-            seed=seed,
+            particles=parameters.particles,
+            seed=parameters.seed,
         )
-        values[name] = _values(trials, tolerance, consecutive, period)
-        series[name] = _series(trials, tolerance, consecutive, period)
+        values[name] = _values(trials, parameters.tolerance, parameters.consecutive, period)
+        series[name] = _series(trials, parameters.tolerance, parameters.consecutive, period)
     distances = np.hypot(*(test.position[plan[:, 1]] - test.position[plan[:, 0]]).T)
-    return Record(
-        experiment="kidnapping",
-        flight=train.name,
-        parameters={
-            "kidnappings": kidnappings, "patience_s": patience_s, "tolerance": tolerance, "consecutive": consecutive,
-            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors, "seed": seed,
-        },
+    return parameters.record(
+        train, test,
         values=values | {
             "distance_m": {"median": np.median(distances), "shortest": distances.min()},
             "patience_s": patience * period,
@@ -126,7 +116,6 @@ def run(
             "counts": {"kidnappings": len(plan), "train": len(texton_map.positions), "test": len(test)},
         },
         series=series,
-        provenance=provenance(train, test),
     )  # fmt: skip
 
 

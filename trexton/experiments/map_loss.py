@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from trexton.experiments.correlation import pair_correlation, pearson, rank_correlation
-from trexton.experiments.evaluation import floor_picture, fly, frames_of, provenance, trained_map
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import floor_picture, fly, frames_of, trained_map
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap, neighbors_in_flight
 from trexton.metrics import absolute_errors, block_rows
@@ -13,24 +16,23 @@ from trexton.records import Record
 from trexton.suitability import cosine_similarity, heat_map, ideal_similarity, local_losses, smooth
 from trexton.wording import interval
 
-__all__ = ["finding", "run"]
+__all__ = ["finding", "Parameters", "run"]
 
 SIGMAS = (0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6, 2.4, 3.2)
 PAIRED_FRAMES = 1000  # at most so many, evenly spaced, where all pairs are compared
 GROUPS = 10
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    sigma: float = 0.8,
-    samples: int = 400,
-    textons: int = 20,
-    particles: int = 50,
-    neighbors: int = 5,
-    seed: int = 1,
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    sigma: float = option(
+        0.8, "of ideal similarity and smoothing, in metres; the authors' own", low=0
+    )
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Evaluate the training set of one flight, and compare its loss with the errors that are then made.
 
     Two kinds of error: on the training flight each frame is localized by its k-NN among the others, those
@@ -41,34 +43,31 @@ def run(
     ----------
     train, test : Flight
         With images, or with histograms.
-    sigma : float
-        Of the ideal similarity and of the smoothing, in metres; the authors used 0.8 m on their flight.
-    samples, textons, particles, neighbors : int
-        The paper's defaults; `samples` and `particles` matter to the errors on the test flight only.
     """
-    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
     histograms, positions = texton_map.histograms, texton_map.positions
-    losses = local_losses(histograms, positions, sigma)
-    rows = neighbors_in_flight(histograms, train.time, neighbors)
+    losses = local_losses(histograms, positions, parameters.sigma)
+    rows = neighbors_in_flight(histograms, train.time, parameters.neighbors)
     errors = _euclidean(positions[rows].mean(axis=1), positions)
-    similarity, similarity_series = _similarity(histograms, positions, sigma, seed)
-    sweep, chosen = _sweep(histograms, positions, errors, sigma, seed)
-    prediction, prediction_series = _prediction(positions, losses, errors, sigma, seed)
-    options = {"samples": samples, "particles": particles}
-    unseen, unseen_series = _unseen(texton_map, test, losses, sigma, options, seed)
-    heat = heat_map(losses, positions, train.area, sigma)
-    wrong = heat_map(errors, positions, train.area, sigma)
+    similarity, similarity_series = _similarity(
+        histograms, positions, parameters.sigma, parameters.seed
+    )
+    sweep, chosen = _sweep(histograms, positions, errors, parameters.sigma, parameters.seed)
+    prediction, prediction_series = _prediction(
+        positions, losses, errors, parameters.sigma, parameters.seed
+    )
+    options = {"samples": parameters.samples, "particles": parameters.particles}
+    unseen, unseen_series = _unseen(
+        texton_map, test, losses, parameters.sigma, options, parameters.seed
+    )
+    heat = heat_map(losses, positions, train.area, parameters.sigma)
+    wrong = heat_map(errors, positions, train.area, parameters.sigma)
     floor, pictures = floor_picture(train)
-    return Record(
-        experiment="map_loss",
-        flight=train.name,
-        parameters={
-            **options,
-            "sigma": sigma,
-            "textons": textons,
-            "neighbors": neighbors,
-            "seed": seed,
-        },
+    return parameters.record(
+        train,
+        test,
         values={
             "global_loss": losses.mean(),
             "similarity": similarity,
@@ -92,7 +91,6 @@ def run(
             **floor,
         },
         images=pictures,
-        provenance=provenance(train, test),
     )
 
 

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
+from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import (
     Track,
     drift,
     evaluate,
     floor_picture,
     frames_of,
-    provenance,
     tracks,
     trained_map,
 )
@@ -21,52 +23,49 @@ from trexton.particles import ESTIMATORS
 from trexton.records import Record
 from trexton.wording import interval, middle, number, percent, times
 
-__all__ = ["finding", "run"]
+__all__ = ["finding", "Parameters", "run"]
 
 
 LANDING_SPREAD_M = 0.6  # the paper's threshold: no landing where the particles spread wider
 MOST_LAG_FRAMES = 60
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    samples: int = 400,
-    textons: int = 20,
-    particles: int = 50,
-    neighbors: int = 5,
-    repeats: int = 20,
-    seed: int = 1,
-    resampling: str = "wheel",
-    estimator: str = "map",
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    repeats: int = option(20, "independent runs of the filter over the test flight", low=1)
+    resampling: str = option("wheel", "how particles are resampled")
+    estimator: str = option("map", "point estimate of the particles")
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Train on one flight, localize every frame of another, compare with motion capture.
 
     Parameters
     ----------
     train, test : Flight
         With images, or with histograms; then `samples` and `textons` do not apply.
-    samples, textons, particles, neighbors : int
-        The paper's defaults.
-    repeats : int
-        Independent runs of the filter over the test flight.
     """
-    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
     options = {
-        "samples": samples,
-        "particles": particles,
-        "resampling": resampling,
-        "estimator": estimator,
+        "samples": parameters.samples,
+        "particles": parameters.particles,
+        "resampling": parameters.resampling,
+        "estimator": parameters.estimator,
     }
     frames = frames_of(test)
-    runs = tracks(texton_map, frames, repeats=repeats, seed=seed, **options)
-    values, series = evaluate(runs, texton_map.positions, test, k=neighbors, seed=seed)
+    runs = tracks(texton_map, frames, repeats=parameters.repeats, seed=parameters.seed, **options)
+    values, series = evaluate(
+        runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
+    )
     floor, pictures = floor_picture(test)
     rank_std_cm = 100 * np.sqrt(np.diagonal(texton_map.rank_covariance, axis1=1, axis2=2))
     values |= {
-        "drift_cm_per_min": drift(runs, test, rng=np.random.default_rng([seed, 10_001])),
-        "estimators": _estimators(texton_map, frames, test, runs, seed, options),
+        "drift_cm_per_min": drift(runs, test, rng=np.random.default_rng([parameters.seed, 10_001])),
+        "estimators": _estimators(texton_map, frames, test, runs, parameters.seed, options),
         "counts": {
             "train": len(texton_map.positions),
             "test": len(test),
@@ -74,7 +73,7 @@ def run(
             "textons": texton_map.histograms.shape[1],
             "lost": np.mean([run.lost.sum() for run in runs]),
         },
-        "spread": _spread(runs, test, np.random.default_rng([seed, 10_003])),
+        "spread": _spread(runs, test, np.random.default_rng([parameters.seed, 10_003])),
         "lag": _lag(runs, test),
         "applies": {"sampling": test.has_images, "dictionary": train.has_images},
         "model": {
@@ -85,21 +84,13 @@ def run(
         },
     }
     step_s = np.concatenate([run.step_s for run in runs])
-    return Record(
-        experiment="mocap_training",
-        flight=train.name,
-        parameters={
-            **options,
-            "textons": textons,
-            "neighbors": neighbors,
-            "repeats": repeats,
-            "seed": seed,
-        },
+    return parameters.record(
+        train,
+        test,
         values=values,
         series=series | floor,
         images=pictures,
         timings={"step_s": {"median": np.median(step_s), "p99": np.percentile(step_s, 99)}},
-        provenance=provenance(train, test),
     )
 
 

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 
-from trexton.experiments.evaluation import provenance
+from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.stitched import floor_residual, picture_of, stitched_map
 from trexton.flights.flight import Flight
 from trexton.records import Record
 from trexton.wording import number
 
-__all__ = ["finding", "run"]
+__all__ = ["finding", "Parameters", "run"]
 
 _ARROWS = 400  # matched places that the figure of the deviation shows
 
 
-def run(train: Flight, test: Flight | None = None, *, anchors: int = 12, seed: int = 1) -> Record:
+@dataclass(frozen=True)
+class Parameters(SeedParameters):
+    """What can be chosen."""
+
+    anchors: int = option(12, "training frames whose position places the map", low=3)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Stitch the training flight; compare with the true floor where the flight carries it.
 
     Parameters
@@ -26,10 +34,9 @@ def run(train: Flight, test: Flight | None = None, *, anchors: int = 12, seed: i
         With images; the positions of `anchors` of its frames place the map in the world.
     test : Flight, optional
         Not used: nothing of the test flight may enter the map.
-    anchors : int
     """
     start = perf_counter()
-    mosaic = stitched_map(train, anchors)
+    mosaic = stitched_map(train, parameters.anchors)
     seconds = perf_counter() - start
     extent, picture = picture_of(mosaic.map)
     error_cm = 100 * np.hypot(*(mosaic.poses[:, :2] - train.position).T)[mosaic.used]
@@ -49,17 +56,14 @@ def run(train: Flight, test: Flight | None = None, *, anchors: int = 12, seed: i
     if train.floor is not None:
         truth, deviation = floor_residual(mosaic.map, train.floor)
         values["residual_cm"] = _spread(100 * np.hypot(*deviation.T)) | {"matches": len(truth)}
-        rows = np.random.default_rng([seed, 0]).permutation(len(truth))[:_ARROWS]
+        rows = np.random.default_rng([parameters.seed, 0]).permutation(len(truth))[:_ARROWS]
         series |= {"residual_at_m": truth[rows], "residual_m": deviation[rows]}
-    return Record(
-        experiment="mosaic",
-        flight=train.name,
-        parameters={"anchors": anchors, "seed": seed},
+    return parameters.record(
+        train,
         values=values,
         series=series,
         images={"map": picture},
         timings={"stitching_s": seconds},
-        provenance=provenance(train),
     )
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
 from trexton.errors import FlightError
-from trexton.experiments.evaluation import floor_picture, provenance, trained_map
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
 from trexton.images import bgr_from_yuv
 from trexton.localizer import Estimate, Localizer
@@ -17,62 +20,54 @@ from trexton.records import Record
 from trexton.textons import TextonDictionary
 from trexton.wording import number
 
-__all__ = ["finding", "run", "sampled_patches"]
+__all__ = ["finding", "Parameters", "run", "sampled_patches"]
 
 _THUMBNAIL = 200  # pixels wide
 _TRAIL_S = 4.0
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    samples: int = 400,
-    textons: int = 20,
-    particles: int = 50,
-    neighbors: int = 5,
-    frame: int | None = None,
-    seed: int = 1,
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    frame: int | None = option(None, "number of the frame shown; None: that of the median error")
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Localize all frames of a flight and keep, of one, all that a picture of the method needs.
 
     Parameters
     ----------
     train, test : Flight
         With images.
-    samples, textons, particles, neighbors : int
-        The paper's defaults.
-    frame : int, optional
-        The frame's number; else that whose error is the median of the flight's, to neither flatter nor blame.
 
     Raises
     ------
     FlightError
         The flight has no such frame, or no images.
     """
-    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
-    rng = np.random.default_rng([seed, 1])
-    localizer = Localizer(texton_map, samples=samples, particles=particles, rng=rng)
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
+    rng = np.random.default_rng([parameters.seed, 1])
+    localizer = Localizer(
+        texton_map, samples=parameters.samples, particles=parameters.particles, rng=rng
+    )
     states, estimates = [], []
     for image in progress(test.images(), "localizing", len(test)):
         states.append(rng.bit_generator.state)
         estimates.append(localizer.step(image))
     track = np.array([estimate.position for estimate in estimates])
     errors = np.hypot(*absolute_errors(track, test.position).T)
-    row = _typical(errors) if frame is None else _row(test, frame)
+    row = _typical(errors) if parameters.frame is None else _row(test, parameters.frame)
     image, estimate = test.image(row), estimates[row]
     rng.bit_generator.state = states[row]
-    drawn, labels = sampled_patches(image, texton_map.dictionary, samples, rng=rng)
+    drawn, labels = sampled_patches(image, texton_map.dictionary, parameters.samples, rng=rng)
     trail = np.flatnonzero((test.time <= test.time[row]) & (test.time >= test.time[row] - _TRAIL_S))
     floor, pictures = floor_picture(test)
     similar = estimate.neighbors.index
-    return Record(
-        experiment="overview",
-        flight=train.name,
-        parameters={
-            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors,
-            "frame": frame, "seed": seed,
-        },
+    return parameters.record(
+        train, test,
         values={
             "frame": test.frame[row],
             "time_s": test.time[row] - test.time[0],
@@ -99,7 +94,6 @@ def run(
             "textons": _texton_strip(texton_map.dictionary),
             "similar": np.concatenate([_thumbnail(train.image(index)) for index in similar], axis=1),
         },
-        provenance=provenance(train, test),
     )  # fmt: skip
 
 

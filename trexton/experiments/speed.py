@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 
 import numpy as np
 
 from trexton.bench import STAGES, machine, measure
 from trexton.bench.clock import Row, interleave, limited_threads
-from trexton.experiments.evaluation import provenance
+from trexton.experiments.declaration import SeedParameters, option
 from trexton.flights.flight import Flight
 from trexton.records import Record
 from trexton.wording import number
 
-__all__ = ["finding", "run"]
+__all__ = ["finding", "Parameters", "run"]
 
 _COPIED = 64 * 2**20  # bytes: beyond every cache
 # stage and size of a row: (operations, bytes that must be read or written at least)
@@ -27,24 +28,28 @@ _WORK = {
 }
 
 
-def run(train: Flight, test: Flight, *, quick: bool = True, seed: int = 1) -> Record:
+@dataclass(frozen=True)
+class Parameters(SeedParameters):
+    """What can be chosen."""
+
+    quick: bool = option(True, "fewer and smaller measurements, as in trexton bench --quick")
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Run the bench, and measure the two roofs: copying memory and multiplying matrices, both on one thread.
 
     Parameters
     ----------
     train, test : Flight
         Name the record; the bench makes its own frames, which are the same for every flight.
-    quick : bool
-        As in `trexton.bench.measure`.
     """
     start = time.perf_counter()
-    rows = list(measure(quick=quick, seed=seed))
+    rows = list(measure(quick=parameters.quick, seed=parameters.seed))
     with limited_threads(1):
-        roofs = _roofs(np.random.default_rng([seed, 50]))
-    return Record(
-        experiment="speed",
-        flight=train.name,
-        parameters={"quick": quick, "seed": seed},
+        roofs = _roofs(np.random.default_rng([parameters.seed, 50]))
+    return parameters.record(
+        train,
+        test,
         values={"stages": list(STAGES), "limits": sum(row.limit is not None for row in rows)},
         timings={
             "machine": machine(),
@@ -54,7 +59,6 @@ def run(train: Flight, test: Flight, *, quick: bool = True, seed: int = 1) -> Re
             "bench_s": time.perf_counter() - start,
             **roofs,
         },
-        provenance=provenance(train, test),
     )
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import islice
 
 import cv2
 import numpy as np
 
-from trexton.experiments.evaluation import floor_picture, provenance, trained_map
+from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
 from trexton.histograms import label_image
 from trexton.images import bgr_from_yuv
@@ -16,22 +18,23 @@ from trexton.records import Record
 from trexton.textons import METHODS, Learning, TextonDictionary, learn_textons
 from trexton.wording import number
 
-__all__ = ["place_frequencies", "finding", "run"]
+__all__ = ["finding", "Parameters", "place_frequencies", "run"]
 
 _BLOCK = 1000  # patches: one point of the convergence
 _SHOWN = 320  # pixels: width of the labelled frame
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    textons: int = 20,
-    images: int = 100,
-    patches_per_image: int = 1000,
-    cells: int = 12,
-    seed: int = 1,
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(SeedParameters):
+    """What can be chosen."""
+
+    textons: int = option(20, "textons of the dictionary, K", low=2)
+    images: int = option(100, "training images that patches are drawn from", low=1)
+    patches_per_image: int = option(1000, "patches drawn from each", low=1)
+    cells: int = option(12, "the floor is looked at in cells x cells squares", low=1)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Learn the dictionary of a flight, and see how often and where on the floor each texton occurs.
 
     Parameters
@@ -39,31 +42,26 @@ def run(
     train, test : Flight
         With images. The dictionary comes from the first alone; of the second, one frame is shown with its
         labels.
-    textons, images, patches_per_image : int
-        K, and the patches it is learnt from: the paper's defaults.
-    cells : int
-        The floor is looked at in `cells` x `cells` squares.
     """
     learned = {}
     for method in METHODS:
-        rng = np.random.default_rng([seed, 0])  # the stream that maps are trained with
-        patches = draw_patches(islice(train.images(), images), 6, patches_per_image, rng)
+        rng = np.random.default_rng([parameters.seed, 0])  # the stream that maps are trained with
+        patches = draw_patches(
+            islice(train.images(), parameters.images), 6, parameters.patches_per_image, rng
+        )
         learned[method] = learn_textons(
-            patches, textons, rng=rng, method=method, first=patches_per_image
+            patches, parameters.textons, rng=rng, method=method, first=parameters.patches_per_image
         )
     dictionary = learned["kohonen"].dictionary
-    texton_map = trained_map(train, textons=textons, seed=seed)
+    texton_map = trained_map(train, textons=parameters.textons, seed=parameters.seed)
     frequency = texton_map.histograms.mean(axis=0)
     shown = test.image(len(test) // 2)
-    places = place_frequencies(texton_map.histograms, texton_map.positions, train.area, cells)
+    places = place_frequencies(
+        texton_map.histograms, texton_map.positions, train.area, parameters.cells
+    )
     floor, pictures = floor_picture(train)
-    return Record(
-        experiment="texton_dictionary",
-        flight=train.name,
-        parameters={
-            "textons": textons, "images": images, "patches_per_image": patches_per_image, "cells": cells,
-            "seed": seed,
-        },
+    return parameters.record(
+        train, test,
         values={
             "patches": len(patches),
             "patches_per_image": int(np.prod(position_grid(shown.shape, dictionary.patch))),
@@ -85,7 +83,6 @@ def run(
             "frame": _small(bgr_from_yuv(shown)),
             "labelled": _small(_painted(shown, dictionary)),
         },
-        provenance=provenance(train, test),
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
@@ -9,7 +10,8 @@ import numpy as np
 from trexton.bench import machine
 from trexton.bench.stages import StageClock
 from trexton.experiments.clock import frequency, milliseconds
-from trexton.experiments.evaluation import fly, frames_of, provenance, trained_map
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import fly, frames_of, trained_map
 from trexton.flights.flight import Flight
 from trexton.homography import HomographyLocalizer
 from trexton.localizer import Localizer
@@ -18,48 +20,45 @@ from trexton.progress import progress
 from trexton.records import Record
 from trexton.wording import number, percent, times
 
-__all__ = ["finding", "run"]
+__all__ = ["finding", "Parameters", "run"]
 
 STAGES = ("histogram", "neighbors", "filter", "estimate")
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    samples: int = 400,
-    textons: int = 20,
-    particles: int = 50,
-    neighbors: int = 5,
-    passes: int = 3,
-    full_frames: int = 60,
-    homography_frames: int = 20,
-    seed: int = 1,
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    passes: int = option(3, "flights flown; a frame's time is the median of its passes", low=1)
+    full_frames: int = option(60, "frames for full sampling", low=1)
+    homography_frames: int = option(20, "frames for the homography", low=1)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Time each stage of the localizer over the test flight, full sampling, a homography; images are decoded.
 
     Parameters
     ----------
     train, test : Flight
         With images, or with histograms; then there is no histogram to time, and no homography.
-    samples, textons, particles, neighbors : int
-        The paper's defaults.
-    passes : int
-        How often the flight is flown; a frame's time is the median of its passes, which leaves out what other
-        programs took.
-    full_frames, homography_frames : int
-        Frames for full sampling and for the homography, on the flight's true floor where it is known.
     """
-    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
-    frames, options = frames_of(test), {"samples": samples, "particles": particles}
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
+    frames, options = (
+        frames_of(test),
+        {"samples": parameters.samples, "particles": parameters.particles},
+    )
 
     def localizer(**changes) -> Localizer:
-        return Localizer(texton_map, rng=np.random.default_rng([seed, 1]), **options | changes)
+        return Localizer(
+            texton_map, rng=np.random.default_rng([parameters.seed, 1]), **options | changes
+        )
 
     for frame in frames[:2]:  # whatever the first calls load
         localizer().step(frame)
     totals, clocks = [], []
-    for _ in progress(range(passes), "timing the flight"):
+    for _ in progress(range(parameters.passes), "timing the flight"):
         totals.append(fly(localizer(), frames).step_s)
         clock = StageClock(localizer())
         for frame in frames:
@@ -81,18 +80,13 @@ def run(
     if test.has_images:
         medians = {name: np.median(seconds) for name, seconds in stages_s.items()}
         timings["histogram_share"] = float(medians["histogram"] / sum(medians.values()))
-        timings |= _full_sampling(localizer(samples=None), frames[:full_frames])
+        timings |= _full_sampling(localizer(samples=None), frames[: parameters.full_frames])
     if test.has_images and test.floor is not None:
         timings["homography_ms"] = _homography(
-            test, frames[:: max(1, len(frames) // homography_frames)]
+            test, frames[:: max(1, len(frames) // parameters.homography_frames)]
         )
-    return Record(
-        experiment="timing",
-        flight=train.name,
-        parameters={
-            **options, "textons": textons, "neighbors": neighbors, "passes": passes,
-            "full_frames": full_frames, "homography_frames": homography_frames, "seed": seed,
-        },
+    return parameters.record(
+        train, test,
         values={
             "applies": {"histogram": test.has_images, "homography": "homography_ms" in timings},
             "counts": {"train": len(texton_map.positions), "test": len(test)},
@@ -100,7 +94,6 @@ def run(
             "camera_hz": 1 / np.median(np.diff(test.time)),
         },
         timings=timings,
-        provenance=provenance(train, test),
     )  # fmt: skip
 
 

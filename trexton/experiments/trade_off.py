@@ -9,7 +9,8 @@ import numpy as np
 
 from trexton.experiments.clock import frequency, milliseconds
 from trexton.experiments.correlation import rank_correlation
-from trexton.experiments.evaluation import Track, fly, frames_of, provenance, tracks, trained_map
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import Track, fly, frames_of, tracks, trained_map
 from trexton.experiments.stored import time_stored
 from trexton.experiments.tuned import search_settings
 from trexton.flights.flight import Flight
@@ -21,7 +22,7 @@ from trexton.progress import progress
 from trexton.records import Record
 from trexton.wording import interval, middle, number
 
-__all__ = ["retrained", "finding", "run"]
+__all__ = ["finding", "Parameters", "retrained", "run"]
 
 SWEPT = {
     "samples": (25, 50, 100, 200, 400, 800, 1600, 3200, 6400, None),  # None: full sampling
@@ -34,18 +35,19 @@ _TIMED_FULL = 40  # frames are enough to time full sampling
 _SLOW = {"samples": 1600, "particles": 400}  # beyond these a third of the runs will do
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    samples: int = 400,
-    textons: int = 20,
-    particles: int = 50,
-    neighbors: int = 5,
-    repeats: int = 10,
-    stored: int = 1_000_000,
-    seed: int = 1,
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    repeats: int = option(
+        10, "independent runs for each setting; fewer where a frame takes long", low=1
+    )
+    stored: int = option(
+        1_000_000, "the largest number of histograms that the search is timed on", low=1
+    )
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Vary one parameter at a time, the others at their defaults: the error, and the time of a frame.
 
     The time is that of `Localizer.step`, the image at hand and decoded. Only images can be sampled.
@@ -54,39 +56,40 @@ def run(
     ----------
     train, test : Flight
         With images, or with histograms.
-    samples, textons, particles, neighbors : int
-        The paper's defaults.
-    repeats : int
-        Independent runs of the filter for each setting; half of them for neighbours and training set, a third
-        where a frame takes longest, at least three.
-    stored : int
-        The largest number of histograms that the search is timed on.
     """
-    texton_map = trained_map(train, textons=textons, neighbors=neighbors, seed=seed)
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
     defaults = {
-        "samples": samples,
-        "particles": particles,
-        "neighbors": neighbors,
+        "samples": parameters.samples,
+        "particles": parameters.particles,
+        "neighbors": parameters.neighbors,
         "training": len(train),
     }
-    bench = _Bench(texton_map, train, test, defaults, repeats, seed)
+    bench = _Bench(texton_map, train, test, defaults, parameters.repeats, parameters.seed)
     sweeps = {name: bench.sweep(name) for name in SWEPT if name != "samples" or test.has_images}
     values, timings = _headlines(sweeps, bench)
     grid, best = search_settings(
-        bench.wide, test, bench.frames, bench.full, samples=samples, repeats=repeats, seed=seed
+        bench.wide,
+        test,
+        bench.frames,
+        bench.full,
+        samples=parameters.samples,
+        repeats=parameters.repeats,
+        seed=parameters.seed,
     )
     rows, clocks, agreement, ends = time_stored(
-        bench.map, bench.frames, samples=samples, particles=particles, most=stored, seed=seed
+        bench.map,
+        bench.frames,
+        samples=parameters.samples,
+        particles=parameters.particles,
+        most=parameters.stored,
+        seed=parameters.seed,
     )
-    return Record(
-        experiment="trade_off",
-        flight=train.name,
-        parameters={
-            "samples": samples, "textons": textons, "particles": particles, "neighbors": neighbors,
-            "repeats": repeats, "stored": stored, "seed": seed,
-        },
+    return parameters.record(
+        train, test,
         values=values | best | {
-            "default": bench.summary([run.estimate for run in sweeps["particles"].runs[particles]]),
+            "default": bench.summary([run.estimate for run in sweeps["particles"].runs[parameters.particles]]),
             "tree_agrees": agreement,
             "camera_hz": 1 / np.median(np.diff(test.time)),
             "applies": {"samples": test.has_images},
@@ -94,7 +97,6 @@ def run(
         },
         series={name: sweep.rows for name, sweep in sweeps.items()} | {"stored": rows, "grid": grid},
         timings=timings | ends | {name: sweep.clocks for name, sweep in sweeps.items()} | {"stored": clocks},
-        provenance=provenance(train, test),
     )  # fmt: skip
 
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from trexton.errors import ParameterError
-from trexton.experiments.closed_loop import Attempt, Mission, fly_all, fly_attempt
-from trexton.experiments.evaluation import floor_picture, provenance, trained_map
+from trexton.experiments.closed_loop import Attempt, Mission, fly_all
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone
 from trexton.metrics import wilson_interval
@@ -14,29 +17,36 @@ from trexton.records import Record
 from trexton.simulator import Floor
 from trexton.wording import number, percent
 
-__all__ = ["finding", "run", "summarize_attempts"]
+__all__ = ["finding", "Parameters", "run", "summarize_attempts"]
 
 PAPER_LANDINGS, PAPER_INSIDE = 6, 4
 
 
-def run(
-    train: Flight,
-    test: Flight,
-    *,
-    landings: int = 50,
-    radius: float = 0.6,
-    spread: float = 0.6,
-    consecutive: int = 1,
-    samples: int = 400,
-    textons: int = 20,
-    particles: int = 50,
-    neighbors: int = 5,
-    armed_after: float = 5.0,
-    time_limit: float = 60.0,
-    speed: float = 0.6,
-    processes: int = 1,
-    seed: int = 1,
-) -> Record:
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    landings: int = option(50, "attempts, each with another zone, path, wind and start", low=1)
+    radius: float = option(0.6, "r of the zone in metres", low=0)
+    spread: float = option(0.6, "theta: standard deviation in metres that still lands", low=0)
+    consecutive: int = option(1, "estimates in a row that must agree", low=1)
+    armed_after: float = option(5.0, "seconds of flight before a trigger counts", low=0)
+    time_limit: float = option(
+        60.0, "seconds after which a landing counts as never triggered", low=0
+    )
+    speed: float = option(0.6, "of the vehicle, metres a second", low=0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.armed_after >= self.time_limit:
+            raise ParameterError(
+                f"armed after {self.armed_after} s of at most {self.time_limit} s: "
+                "expected a limit after the zone is armed"
+            )
+        LandingZone((0, 0), self.radius, self.spread, self.consecutive)  # refuses the rest
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Land wherever the localizer says that the vehicle is in the zone, over and over.
 
     Parameters
@@ -44,67 +54,52 @@ def run(
     train, test : Flight
         The map is trained on `train`, and flown over the floor it carries. Of `test` nothing is used: the
         virtual camera takes its place, under the light of an hour later.
-    landings : int
-        Attempts, each with another zone, path, wind and start.
-    radius, spread : float
-        r and theta in metres.
-    consecutive : int
-        Estimates in a row that must agree.
-    armed_after : float
-        Seconds of flight before a trigger counts: a zone is set in flight, when the filter has settled.
-    time_limit : float
-        Seconds of flight after which a landing counts as never triggered.
-    processes : int
-        Attempts flown at the same time; the results do not depend on it.
 
     Raises
     ------
     ParameterError
-        The flight has no floor or camera, the area is too small for the zone, or there is nothing to fly.
+        The flight has no floor or camera, or the area is too small for the zone.
     """
     if train.floor is None or train.camera is None:
         raise ParameterError(
             f"flight {train.name!r} has no picture of its floor or no camera: the closed loop needs both, as "
             "trexton simulate gives them"
         )
-    if landings < 1 or processes < 1 or not 0 <= armed_after < time_limit:
-        raise ParameterError(
-            f"{landings} landings, {processes} processes, armed after {armed_after} s, limit {time_limit} s: "
-            "expected 1 or more landings and processes, and a limit after the zone is armed"
-        )
-    LandingZone((0, 0), radius, spread, consecutive)  # refuses nonsense before the map is trained
-    options = {"samples": samples, "particles": particles, "neighbors": neighbors}
-    choices = {
-        "radius": radius,
-        "spread": spread,
-        "consecutive": consecutive,
-        "speed": speed,
-        "seed": seed,
+    options = {
+        "samples": parameters.samples,
+        "particles": parameters.particles,
+        "neighbors": parameters.neighbors,
     }
-    choices |= {"armed_after": armed_after, "time_limit": time_limit}
+    choices = {
+        "radius": parameters.radius,
+        "spread": parameters.spread,
+        "consecutive": parameters.consecutive,
+        "speed": parameters.speed,
+        "seed": parameters.seed,
+    }
+    choices |= {"armed_after": parameters.armed_after, "time_limit": parameters.time_limit}
     mission = Mission(
-        texton_map=trained_map(train, textons=textons, neighbors=neighbors, seed=seed),
+        texton_map=trained_map(
+            train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+        ),
         floor=Floor(train.floor),
         camera=train.camera,
         height=1.0 if train.height is None else float(np.nanmean(train.height)),
-        places=_zone_places(train, radius),
+        places=_zone_places(train, parameters.radius),
         options=options,
         **choices,
     )
-    attempts = fly_all(mission, landings, processes)
-    perfect = [fly_attempt(mission, number, perfect=True) for number in range(landings)]
+    attempts = fly_all(mission, parameters.landings)
+    perfect = fly_all(mission, parameters.landings, perfect=True)
     floor, pictures = floor_picture(train)
     frame_s = np.concatenate([attempt.frame_s for attempt in attempts])
-    return Record(
-        experiment="triggered_landing",
-        flight=train.name,
-        parameters={"landings": landings, "textons": textons} | options | choices,
+    return parameters.record(
+        train,
         values=summarize_attempts(attempts, mission)
         | {"perfect": summarize_attempts(perfect, mission)},
         series=_series(attempts, mission) | {"area_m": train.area} | floor,
         images=pictures,
         timings={"frame_s": {"median": np.median(frame_s), "p99": np.percentile(frame_s, 99)}},
-        provenance=provenance(train),
     )
 
 

@@ -108,7 +108,9 @@ def run_experiments(
     """
     out, folder = Path(out), _notebook_folder(notebooks)
     chosen = _choose(folder, experiments, only)
-    tasks = _plan(pairs, out, chosen, experiments, _settings_of(chosen, settings or {}))
+    tasks = _plan(
+        pairs, out, chosen, experiments, _settings_of(chosen, experiments, settings or {})
+    )
     jobs = max(1, jobs or default_jobs())
     display = Display(len(tasks))
     with _sole_writer(out), Crew(jobs) as crew, ThreadPoolExecutor(jobs) as pool, display:
@@ -157,28 +159,30 @@ def _choose(
     return [notebook for name, notebook in present.items() if not only or name in only]
 
 
-def _settings_of(notebooks: list[Notebook], settings: Mapping[str, object]) -> dict[str, dict]:
-    """The parameters of each notebook; a setting that no notebook knows is an error."""
-    mine: dict[str, dict] = {notebook.name: {} for notebook in notebooks}
+def _settings_of(
+    notebooks: list[Notebook],
+    experiments: Mapping[str, Experiment],
+    settings: Mapping[str, object],
+) -> dict[str, dict]:
+    """The parameters of each experiment; a setting that none of them declares is an error."""
+    classes = {n.name: experiments[n.name].parameters(n.name) for n in notebooks}
+    known = {name: {each.name for each in cls.declared()} for name, cls in classes.items()}
+    mine: dict[str, dict] = {name: {} for name in classes}
     for key, value in settings.items():
         experiment, _, name = key.rpartition(".")
         if name in GIVEN:
             raise ParameterError(
                 f"parameter {name!r} is given by the runner: use the options of trexton run"
             )
-        takers = [
-            n for n in notebooks if (n.name == experiment if experiment else name in n.parameters)
-        ]
+        takers = [n for n in classes if (n == experiment if experiment else name in known[n])]
         if not takers:
-            known = sorted(
-                {name for notebook in notebooks for name in notebook.parameters} - set(GIVEN)
-            )
+            names = ", ".join(sorted(set().union(*known.values()))) or "none"
             raise ParameterError(
-                f"no experiment chosen here has a parameter {key!r}: there are {', '.join(known)}"
+                f"no experiment chosen here has a parameter {key!r}: there are {names}"
             )
-        for notebook in takers:
-            mine[notebook.name][name] = value
-    return {notebook.name: notebook.choose(mine[notebook.name]) for notebook in notebooks}
+        for taker in takers:
+            mine[taker][name] = value
+    return {name: cls.parse(mine[name], name).as_dict() for name, cls in classes.items()}
 
 
 def _plan(pairs, out: Path, notebooks: list[Notebook], experiments, parameters) -> list[_Task]:
@@ -292,10 +296,7 @@ class _Run:
             "notebook": str(task.notebook.path),
             "output": str(task.stamp.folder / f"{task.notebook.name}.ipynb"),
             "failed": str(task.stamp.failed_notebook),
-            "parameters": {
-                key: value for key, value in given.items() if key in task.notebook.parameters
-            }
-            | task.parameters,
+            "parameters": given | task.parameters,
         }
         slot = threading.get_ident()
         label = "/".join(filter(None, task.key))

@@ -1,0 +1,84 @@
+"""What every notebook does: read what it was given, write where it says, name its command."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, small_flight
+
+from trexton import notebook
+from trexton.errors import ParameterError
+from trexton.experiments import mocap_training
+from trexton.experiments.declaration import SeedParameters, option
+from trexton.flights import write_flight
+
+
+@dataclass(frozen=True)
+class Parameters(SeedParameters):
+    trials: int = option(3, "of nothing", low=1)
+
+
+@pytest.fixture
+def names(tmp_path, monkeypatch):
+    """What a notebook in an empty working folder knows."""
+    monkeypatch.chdir(tmp_path)
+    write_flight(small_flight(), tmp_path / "room")
+    return {"flight": "room", "test_flight": None, "out": "mine", "__name__": "__main__"}
+
+
+def test_defaults_come_from_the_declaration_and_names_replace_them(names):
+    assert notebook.given(Parameters, names).parameters == Parameters()
+    assert notebook.given(Parameters, names | {"trials": 9}).parameters == Parameters(trials=9)
+    with pytest.raises(ParameterError, match="trials is 0: expected 1 or more"):
+        notebook.given(Parameters, names | {"trials": 0})
+
+
+def test_the_pair_is_the_splits_of_one_flight_or_two_flights(names):
+    one = notebook.given(Parameters, names)
+    assert len(one.train) + len(one.test) == len(small_flight())
+    two = notebook.given(Parameters, names | {"test_flight": "room"})
+    assert (len(two.train), len(two.test)) == (len(one.train), len(one.test))
+
+
+def test_results_stay_below_the_working_folder(names, tmp_path):
+    given = notebook.given(Parameters, names)
+    record = given.parameters.record(given.train, values={"answer": 42})
+    page = notebook.Page(record, given)
+    assert page.folder.resolve() == tmp_path / "mine" / "small"
+    assert [path.name for path in page.folder.iterdir()] == ["test_notebook.json"]
+
+
+def test_the_footer_says_the_command_that_makes_it_again(names):
+    given = notebook.given(mocap_training.Parameters, names | {"test_flight": "a b", "samples": 9})
+    record = given.parameters.record(small_flight(), values={})
+    command = notebook.Page(record, given).command()
+    assert command == (
+        "trexton run room --test-flight &#x27;a b&#x27; --only mocap_training --set samples=9 "
+        "--out my-results"
+    )
+
+
+def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):
+    """Papermill, as a person runs it in a folder of their own; parameters as papermill has them."""
+    import jupytext
+
+    write_flight(small_flight(), tmp_path / "room")
+    jupytext.write(jupytext.read(ROOT / "notebooks" / "mocap_training.md"), tmp_path / "mine.ipynb")
+    given = ["-p", "flight", "room", "-r", "test_flight", "None", "-p", "out", "results"]
+    given[3:6] = ["-y", "test_flight: null"]
+    command = [sys.executable, "-m", "papermill", "mine.ipynb", "done.ipynb", "-k", "python3"]
+    settings = ["-p", "repeats", "1", "-p", "particles", "5", "-p", "neighbors", "2"]
+    environment = os.environ | {"PYTHONPATH": str(ROOT), "TREXTON_CACHE": str(tmp_path / "cache")}
+    before = {path: path.stat().st_mtime_ns for path in (ROOT / "results").rglob("*")}
+    done = subprocess.run(
+        [*command, *given, *settings], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    assert (tmp_path / "results" / "small" / "mocap_training.json").is_file()
+    assert before == {path: path.stat().st_mtime_ns for path in (ROOT / "results").rglob("*")}
+    assert not Path(ROOT / "results" / "small").exists()

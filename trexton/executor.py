@@ -1,0 +1,111 @@
+"""One seam for many independent things: done here, by processes of this machine, or by a cluster.
+
+Repeats, grids and trials go through `spread`; where they run is settled outside, so that the same
+function gives the same values everywhere::
+
+    errors = spread(partial(fly, mission), range(200), "landings")
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any, TypeVar
+
+from trexton.errors import ParameterError
+from trexton.progress import progress
+
+__all__ = ["CLUSTER", "PROCESSES", "connect", "spread", "working_on"]
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+# The environment carries the choice to the kernels of notebooks and to worker processes.
+CLUSTER, PROCESSES = "TREXTON_CLUSTER", "TREXTON_PROCESSES"
+_task: Callable[[Any], Any] | None = None
+
+
+@contextmanager
+def working_on(cluster: str | None = None, processes: int = 1) -> Iterator[None]:
+    """Within the block, `spread` uses a Dask cluster, so many processes, or (default) neither."""
+    before = {name: os.environ.get(name) for name in (CLUSTER, PROCESSES)}
+    os.environ |= {CLUSTER: cluster or "", PROCESSES: str(processes)}
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def spread(function: Callable[[T], R], items: Iterable[T], label: str = "") -> list[R]:
+    """``[function(item) for item in items]``, wherever there is room for it.
+
+    Parameters
+    ----------
+    function : callable
+        Picklable, and a function of its item alone: random numbers come from the item's own stream.
+    items : iterable
+        Picklable.
+    label : str
+        Names the bar that shows progress.
+
+    Returns
+    -------
+    list
+        Results in the order of `items`.
+    """
+    items = list(items)
+    if address := os.environ.get(CLUSTER):
+        return _on_cluster(address, function, items)
+    processes = min(int(os.environ.get(PROCESSES) or 1), len(items))
+    if processes <= 1:
+        return [function(item) for item in progress(items, label, len(items))]
+    with ProcessPoolExecutor(
+        processes, get_context("spawn"), initializer=_keep, initargs=(function,)
+    ) as pool:
+        return list(progress(pool.map(_apply, items), label, len(items)))
+
+
+def _keep(function: Callable[[Any], Any]) -> None:
+    """Receive the function once a process: it may carry a map or a floor."""
+    global _task
+    _task = function
+    os.environ |= {CLUSTER: "", PROCESSES: "1"}  # whatever is inside is done in place
+
+
+def _apply(item: Any) -> Any:
+    assert _task is not None
+    return _task(item)
+
+
+def connect(address: str) -> Any:
+    """A client of the Dask scheduler at `address`; raises `ParameterError` if none answers."""
+    from distributed import Client
+
+    try:
+        return Client(address, timeout="10s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ParameterError(
+            f"no Dask scheduler answers at {address} ({error}): start one with dask scheduler, and "
+            "workers with dask worker, in environments with the same trexton"
+        ) from None
+
+
+def _on_cluster(address: str, function: Callable[[T], R], items: list[T]) -> list[R]:
+    """Every item a task of its own: a worker that dies costs only what it was at."""
+    with connect(address) as client:
+        shipped = client.scatter(function, broadcast=True, hash=False)
+        futures = [client.submit(_call, shipped, item, pure=False) for item in items]
+        return list(client.gather(futures))
+
+
+def _call(function: Callable[[T], R], item: T) -> R:
+    """Run one item in a worker; whatever is spread inside it is done in place."""
+    with working_on():
+        return function(item)
