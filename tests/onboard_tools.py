@@ -16,6 +16,7 @@ from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.sinks import SinkOptions
 from trexton.onboard.tally import Tally
+from trexton.parts.motion import RandomWalk
 from trexton.simulator import Floor, Simulator, record_flight
 
 CAMERA = Camera(128, 96, 104.0)
@@ -52,7 +53,8 @@ def room_map() -> TextonMap:
         )
         texton_map = TextonMap.train(flight, n_textons=16, rng=np.random.default_rng(1))
     # The survey was thinned out: a live camera gives four frames where it kept one.
-    return replace(texton_map, period_s=0.08, process_covariance=texton_map.process_covariance / 4)
+    walk = RandomWalk.of(texton_map.parts["motion"].covariance / 4, 0.08)
+    return replace(texton_map, period_s=0.08, parts=texton_map.parts | {"motion": walk})
 
 
 def make_fix(
@@ -76,14 +78,11 @@ def make_estimate(position=(0.0, 0.0), spread=(0.1, 0.1), lost=False, observed=T
     particles = position + spread * [[1, 1], [1, -1], [-1, 1], [-1, -1]]
     return Estimate(
         position,
-        spread,
         np.diag(spread**2),
         lost,
         observed,
-        None,
-        None,
-        particles,
-        np.full(4, 0.25),
+        particles=particles,
+        weights=np.full(4, 0.25),
     )
 
 

@@ -13,14 +13,16 @@ from trexton.bench.clock import Times, duration, interleave, limited_threads
 from trexton.bench.estimation import _by_numpy, _map_by_einsum, _map_by_sums
 from trexton.bench.growth import exponent
 from trexton.bench.images import _by_cdist, operations
-from trexton.bench.scene import Scene, crowd
+from trexton.bench.scene import Scene, crowd, observations
 from trexton.bench.stages import StageClock
 from trexton.errors import ParameterError
 from trexton.histograms import texton_histogram
 from trexton.kernels import thread_count
-from trexton.localizer import Localizer
 from trexton.neighbors import NearestHistograms
-from trexton.particles import GaussianMotion, ParticleFilter, RankMixture, estimate_map
+from trexton.parts.estimation import MaximumAPosteriori
+from trexton.parts.filters import ParticleFilter
+from trexton.parts.measurement import RankMixture
+from trexton.parts.motion import RandomWalk
 from trexton.textons import TextonDictionary
 
 
@@ -96,21 +98,21 @@ def test_yardsticks_of_the_histogram_compute_the_histogram(rng):
 
 def test_yardsticks_of_the_filter_find_the_same_particle(rng):
     motion, mixture = (
-        GaussianMotion(0.05 * np.eye(2)),
-        RankMixture(0.2 * np.eye(2)[None].repeat(5, axis=0)),
+        RandomWalk.of(0.05 * np.eye(2)),
+        RankMixture.of(0.2 * np.eye(2)[None].repeat(5, axis=0)),
     )
     filter_ = ParticleFilter(motion, mixture, (0, 3, 0, 3), 40, rng=rng)
-    filter_.step(1.5 + 0.2 * rng.standard_normal((5, 2)))
+    filter_.step(*observations(1.5 + 0.2 * rng.standard_normal((1, 5, 2))))
     before = filter_.belief
-    now = filter_.step(1.5 + 0.2 * rng.standard_normal((5, 2)))
+    now = filter_.step(*observations(1.5 + 0.2 * rng.standard_normal((1, 5, 2))))
     inputs = (
-        now.particles,
+        now.states,
         now.log_likelihood,
-        before.particles,
+        before.states,
         before.weights,
         np.linalg.inv(0.05 * np.eye(2)),
     )
-    expected = estimate_map(now, before, motion)
+    expected = MaximumAPosteriori().position(now, before, motion)
     assert np.array_equal(_map_by_einsum(*inputs), expected) and np.array_equal(
         _map_by_sums(*inputs), expected
     )
@@ -126,15 +128,15 @@ def test_yardstick_of_the_neighbours_finds_the_same_rows(rng):
 
 def test_stages_together_are_the_localizer(scene):
     """The clock steps the same parts with the same random numbers."""
-    clock, whole = StageClock(scene.localizer()), scene.localizer()
+    clock, whole = StageClock(scene.map, rng=scene.rng(4)), scene.localizer()
     for frame in scene.views[0][:3]:
         clock.step(frame)
         estimate = whole.step(frame)
-    assert np.array_equal(clock.localizer.filter.belief.particles, estimate.particles)
+    assert np.array_equal(clock.localizer.filter.belief.states, estimate.particles)
     assert {name: len(taken) for name, taken in clock.seconds.items()} == dict.fromkeys(
         clock.seconds, 3
     )
-    blind = StageClock(Localizer(scene.map, rng=np.random.default_rng(1)))
+    blind = StageClock(scene.map, rng=np.random.default_rng(1))
     blind.step(scene.histograms[0])
     assert list(blind.medians()) == ["neighbors", "filter", "estimate"]
 

@@ -83,15 +83,15 @@ def test_the_label_kernel_counts_what_it_labels(rng):
 
 def test_large_particle_sets_share_threads_and_keep_their_bits(rng, monkeypatch):
     """And equal the double sum, pairs further apart than exp(-500) aside."""
-    from trexton.particles import GaussianMotion
+    from trexton.parts.motion import RandomWalk
 
-    motion = GaussianMotion(np.array([[0.01, 0.004], [0.004, 0.02]]))
+    motion = RandomWalk.of(np.array([[0.01, 0.004], [0.004, 0.02]]))
     particles, previous = rng.uniform(0, 6, (2100, 2)), rng.uniform(0, 3, (2100, 2))
     weights = rng.dirichlet(np.ones(2100))
     found = []
     for threads in ("1", "2", "3"):
         monkeypatch.setenv("OMP_NUM_THREADS", threads)
-        found.append(motion.log_predictive(particles, previous, weights))
+        found.append(motion.density(particles, previous, weights))
     assert found[0].tobytes() == found[1].tobytes() == found[2].tobytes()
     precision = np.linalg.inv([[0.01, 0.004], [0.004, 0.02]])
     for row in range(0, 2100, 50):

@@ -10,13 +10,10 @@ from conftest import small_flight
 from trexton.camera import Camera
 from trexton.errors import ImageError, MapError, ParameterError
 from trexton.flights import Flight
-from trexton.localizer import (
-    Localizer,
-    TextonMap,
-    neighbors_in_flight,
-    process_covariance,
-    rank_covariances,
-)
+from trexton.localizer import Localizer, TextonMap
+from trexton.neighbors import NearestHistograms, neighbors_in_flight
+from trexton.parts.measurement import rank_covariances
+from trexton.parts.motion import process_covariance
 from trexton.textons import TextonDictionary
 
 
@@ -60,14 +57,15 @@ def test_a_flight_becomes_a_map_and_a_frame_a_position(picture_flight, texton_ma
 
 def test_neighbours_in_time_are_never_neighbours(rng):
     histograms, time = rng.dirichlet(np.ones(6), 50), np.arange(50) * 0.1
-    rows = neighbors_in_flight(histograms, time, 4, excluded_s=0.5)
+    nearest = NearestHistograms(histograms, np.zeros((50, 2)))
+    rows = neighbors_in_flight(nearest, histograms, time, 4, excluded_s=0.5)
     assert np.abs(rows - np.arange(50)[:, None]).min() >= 6
     for row in range(50):  # against the plain definition
         allowed = [j for j in range(50) if abs(time[j] - time[row]) > 0.5 + 1e-9]
         best = sorted(allowed, key=lambda j: np.linalg.norm(histograms[j] - histograms[row]))[:4]
         assert rows[row].tolist() == best
     with pytest.raises(MapError, match="longer flight"):
-        neighbors_in_flight(histograms[:8], time[:8], 4)
+        neighbors_in_flight(nearest, histograms[:8], time[:8], 4, excluded_s=0.5)
 
 
 def test_covariances_equal_the_plain_definitions(rng):

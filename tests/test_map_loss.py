@@ -13,7 +13,7 @@ from trexton.experiments import map_loss
 from trexton.experiments.correlation import pair_correlation, rank_correlation
 from trexton.figures import map_loss as figures
 from trexton.files import canonical_json
-from trexton.localizer import EXCLUDED_SECONDS
+from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
 from trexton.suitability import cosine_similarity, global_loss, local_losses
 

@@ -17,14 +17,9 @@ def random_estimate(rng: np.random.Generator) -> Estimate:
     covariance = np.cov(particles.T, aweights=weights, bias=True)
     return Estimate(
         particles[0],
-        np.sqrt(covariance.diagonal()),
         covariance,
-        False,
-        True,
-        None,
-        None,
-        particles,
-        weights,
+        particles=particles,
+        weights=weights,
     )
 
 
@@ -99,7 +94,7 @@ def test_particles_all_over_the_area_are_no_position(rng):
 
 class TestJumpCounter:
     def counter(self) -> JumpCounter:
-        return JumpCounter(0.0004 * np.eye(2), 0.08)
+        return JumpCounter(lambda dt: 0.005 * dt * np.eye(2))
 
     def test_a_step_that_the_uncertainty_allows_is_no_jump(self):
         counter = self.counter()

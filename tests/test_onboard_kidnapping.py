@@ -107,7 +107,14 @@ def test_trials_are_what_the_localizer_gives(flights):
     texton_map = trained_map(flights[0], seed=3)
     plan = np.array([[60, 150]])
     (found,) = kidnapping.filter_trials(
-        texton_map, flights[1].histograms, flights[1].position, plan, 30, None, particles=50, seed=3
+        texton_map,
+        flights[1].histograms,
+        flights[1].position,
+        plan,
+        30,
+        "none",
+        particles=50,
+        seed=3,
     )
     localizer = Localizer(texton_map, rng=np.random.default_rng([3, 1]))
     rows = [*range(30, 60), *range(150, 180)]

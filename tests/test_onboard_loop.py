@@ -94,7 +94,7 @@ def film() -> list[np.ndarray]:
 class TestReplayEquality:
     """The notebooks and the onboard script give the same estimates, bit for bit."""
 
-    @pytest.mark.parametrize("recovery", [None, "augmented"])
+    @pytest.mark.parametrize("recovery", ["none", "augmented"])
     def test_images(self, film, recovery):
         notebook = room_localizer(recovery=recovery)
         expected = [notebook.step(picture) for picture in film]

@@ -78,7 +78,7 @@ def test_code_hashes_follow_imports():
     found = code_hashes("trexton.localizer")
     assert {
         "trexton.localizer",
-        "trexton.particles",
+        "trexton.parts.filters",
         "trexton.histograms",
         "trexton.errors",
     } <= found.keys()

@@ -15,7 +15,7 @@ def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
     code = Notebook(write_notebook(tmp_path, "deep", body)).code
     assert {
         "trexton.localizer",
-        "trexton.particles",
+        "trexton.parts.filters",
         "trexton.experiments.mocap_training",
         "trexton.files",
     } <= code.keys()

@@ -149,15 +149,17 @@ def test_held_out_by_hand():
 def test_retrained_keeps_what_is_the_same(pair):
     train, _ = pair
     texton_map = trained_map(train, textons=6, neighbors=4)
-    same = trade_off.retrained(texton_map, train.time)
-    np.testing.assert_array_equal(same.rank_covariance, texton_map.rank_covariance)
-    wide = trade_off.retrained(texton_map, train.time, neighbors=7)
-    np.testing.assert_allclose(wide.rank_covariance[:4], texton_map.rank_covariance)
+    ranks = texton_map.parts["measurement"].covariances
+    same = trade_off.retrained(texton_map)
+    np.testing.assert_array_equal(same.parts["measurement"].covariances, ranks)
+    wide = trade_off.retrained(texton_map, neighbors=7)
+    np.testing.assert_allclose(wide.parts["measurement"].covariances[:4], ranks)
+    assert wide.neighbors == 7
     rows = np.arange(0, 48, 2)
-    fewer = trade_off.retrained(texton_map, train.time, rows=rows)
+    fewer = trade_off.retrained(texton_map, rows=rows)
     np.testing.assert_array_equal(fewer.histograms, texton_map.histograms[rows])
-    np.testing.assert_array_equal(fewer.process_covariance, texton_map.process_covariance)
-    assert not np.allclose(fewer.rank_covariance, texton_map.rank_covariance)
+    assert fewer.parts["motion"] is texton_map.parts["motion"]
+    assert not np.allclose(fewer.parts["measurement"].covariances, ranks)
 
 
 def test_multiplied_histograms(rng):

@@ -10,6 +10,7 @@ import pytest
 from trexton import cli
 from trexton.errors import ParameterError
 from trexton.localizer import TextonMap
+from trexton.methods import compose
 from trexton.records import Record
 from trexton.textons import TextonDictionary
 from trexton.tuning import Setting, choose, costs, predicted_errors, tune
@@ -35,13 +36,14 @@ def small_map(rng, images=True) -> TextonMap:
         else None,
         histograms=rng.dirichlet(np.ones(5), 40),
         positions=rng.uniform(0, 4, (40, 2)),
-        rank_covariance=0.2 * np.eye(2)[None].repeat(5, axis=0),
-        process_covariance=0.01 * np.eye(2),
+        time=0.08 * np.arange(40),
         area=(0.0, 4.0, 0.0, 4.0),
         image_shape=(24, 32) if images else None,
         period_s=0.08,
+        method="paper",
+        parts={},
         provenance={"flight": "room"},
-    )
+    ).with_parts(compose("paper"))
 
 
 def test_effects_of_samples_and_particles_add_up():

@@ -17,10 +17,10 @@ _EXPORTS = {
     "texton_histogram": "trexton.histograms",
     "sampled_histogram": "trexton.histograms",
     "NearestHistograms": "trexton.neighbors",
-    "ParticleFilter": "trexton.particles",
-    "TextonMap": "trexton.localizer",
+    "ParticleFilter": "trexton.parts.filters",
+    "TextonMap": "trexton.texton_map",
     "Localizer": "trexton.localizer",
-    "Estimate": "trexton.localizer",
+    "Estimate": "trexton.estimate",
     "TrextonError": "trexton.errors",
 }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import os
+import re
 import zipfile
 from collections.abc import Callable
 from functools import lru_cache
@@ -18,6 +19,8 @@ from trexton.files import atomic_file, digest
 from trexton.records import software_versions
 
 __all__ = ["cache_folder", "cached", "code_hashes", "repository_root"]
+
+_ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")
 
 
 def repository_root() -> Path | None:
@@ -36,7 +39,10 @@ def cache_folder() -> Path:
 
 @lru_cache
 def code_hashes(module: str) -> dict[str, str]:
-    """SHA-256 of the source of `module` and of every module of this package that it imports, however deep."""
+    """SHA-256 of the source of `module` and of every module of this package that it imports, however deep.
+
+    Modules named in tables, as ``"trexton.module:name"``, count as imported.
+    """
     hashes: dict[str, str] = {}
     waiting = [module]
     while waiting:
@@ -47,6 +53,8 @@ def code_hashes(module: str) -> dict[str, str]:
         hashes[name] = hashlib.sha256(source).hexdigest()
         for node in ast.walk(ast.parse(source)):
             names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                names = [node.value.partition(":")[0]] if _ADDRESS.fullmatch(node.value) else []
             if isinstance(node, ast.ImportFrom) and node.module and not node.level:
                 names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
             waiting += [

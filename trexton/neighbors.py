@@ -1,6 +1,7 @@
 """The k most similar training histograms and where they were taken (Methods, "k-Nearest Neighbors").
 
-Plain Euclidean distance, exact; equal distances rank by index. Few histograms are searched by brute force in
+Exact; equal distances rank by index. Euclidean distance, between the histograms or what another distance makes of
+them. Few histograms are searched by brute force in
 NumPy, many through a tree of bounding boxes, with the same arithmetic in the end and therefore the same bits.
 (SciPy's k-d tree spends more on a call than a whole search takes here, and leaves the order of equals open.)
 """
@@ -9,13 +10,18 @@ from __future__ import annotations
 
 import sys
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trexton.errors import MapError, ParameterError
 from trexton.kernels import compiled
+from trexton.progress import progress
 
-__all__ = ["BoxTree", "NearestHistograms", "Neighbors"]
+if TYPE_CHECKING:
+    from trexton.parts.distances import Distance
+
+__all__ = ["BoxTree", "NearestHistograms", "Neighbors", "neighbors_in_flight"]
 
 METHODS = ("brute", "tree")
 # Histograms from which the tree is worth it: where numba is loaded already, and where it is not. The onboard
@@ -35,7 +41,7 @@ class Neighbors:
     index : (k,) int64 array
         Rows of the training set.
     distance : (k,) float64 array
-        Euclidean distance between relative frequencies.
+        Between the histograms.
     position : (k, 2) float64 array
         Metres.
     """
@@ -57,6 +63,8 @@ class NearestHistograms:
         Neighbours to return, at most N.
     method : {"brute", "tree"} or None
         None chooses by N, and by whether numba is loaded.
+    distance : Distance, optional
+        Euclidean unless given.
     backend : {"numba", "numpy"} or None
         None takes numba where it is installed. NumPy always searches by brute force; the bits are the same.
 
@@ -75,6 +83,7 @@ class NearestHistograms:
         k: int = 5,
         method: str | None = None,
         backend: str | None = None,
+        distance: Distance | None = None,
     ):
         histograms = np.asarray(histograms, dtype=np.float64)
         positions = np.array(positions, dtype=np.float64)
@@ -92,21 +101,25 @@ class NearestHistograms:
             raise ParameterError(
                 f"method {method!r} is unknown: choose one of {', '.join(METHODS)}"
             )
-        self.positions, self.k = positions, k
+        self.positions, self.k, self.distance = positions, k, distance
         self._shape = histograms.shape[1:]
+        if distance is not None:
+            histograms = distance.features(histograms)
         enough = TREE_FROM if "numba" in sys.modules else TREE_FROM_COLD
         wanted = method == "tree" or (method is None and len(histograms) >= enough)
-        self._kernels = compiled("nearest_in_tree", backend) if wanted else None
-        self._search = BoxTree.build(histograms) if self._kernels else _Columns(histograms)
+        self._kernels: Any = compiled("nearest_in_tree", backend) if wanted else None
+        self._tree = BoxTree.build(histograms) if self._kernels else None
+        self._columns = None if self._kernels else _Columns(histograms)
 
-    def query(self, histogram: np.ndarray) -> Neighbors:
-        """The k nearest of one histogram ``(K,)``.
+    def query(self, histogram: np.ndarray, k: int | None = None) -> Neighbors:
+        """The k nearest of one histogram ``(K,)``; another k, up to N, may be asked for.
 
         Raises
         ------
         MapError
             The histogram has another length than the training set's, or is not finite.
         """
+        k = self.k if k is None else k
         histogram = np.ascontiguousarray(histogram, dtype=np.float64)
         size = histogram @ histogram if histogram.shape == self._shape else np.nan
         if not size < np.inf:
@@ -114,14 +127,58 @@ class NearestHistograms:
                 f"expected a finite histogram of {self._shape[0]} textons, found shape {histogram.shape}: "
                 "use the dictionary that the map was trained with"
             )
-        if self._kernels:
-            tree = self._search
-            index, squared = self._kernels.nearest_in_tree(
-                tree.low, tree.high, tree.leaves, tree.rows, histogram, self.k
-            )
+        if self.distance is not None:
+            histogram = np.ascontiguousarray(self.distance.features(histogram))
+            size = histogram @ histogram
+        if self._columns is not None:
+            index, squared = self._columns.nearest(histogram, float(size), k)
         else:
-            index, squared = self._search.nearest(histogram, size, self.k)
+            tree: Any = self._tree
+            index, squared = self._kernels.nearest_in_tree(
+                tree.low, tree.high, tree.leaves, tree.rows, histogram, k
+            )
         return Neighbors(index, np.sqrt(squared), self.positions.take(index, axis=0))
+
+
+def neighbors_in_flight(
+    nearest: NearestHistograms,
+    histograms: np.ndarray,
+    time: np.ndarray,
+    k: int,
+    excluded_s: float,
+) -> np.ndarray:
+    """``(N, k)`` rows of the nearest histograms of each frame, itself and its neighbours in time left out.
+
+    Parameters
+    ----------
+    nearest : NearestHistograms
+        Over the same ``(N, K)`` histograms.
+    time : (N,) array
+        Seconds, rising.
+    excluded_s : float
+        Frames at most so far away in time are left out, and the frames before and after always.
+
+    Raises
+    ------
+    MapError
+        Some frame has fewer than k others outside the excluded time.
+    """
+    reach = excluded_s + 1e-9  # stamps are multiples of a period
+    rows = np.arange(len(time))
+    first = np.minimum(np.searchsorted(time, time - reach, side="left"), np.maximum(rows - 1, 0))
+    last = np.maximum(
+        np.searchsorted(time, time + reach, side="right"), np.minimum(rows + 2, len(rows))
+    )
+    if (len(rows) - (last - first)).min() < k:
+        raise MapError(
+            f"{len(time)} training frames over {time[-1] - time[0]:.1f} s leave fewer than {k} neighbours "
+            f"outside {excluded_s} s of each: record a longer flight or ask for fewer neighbours"
+        )
+    result = np.empty((len(rows), k), dtype=np.int64)
+    for row in progress(rows, "neighbours", len(rows)) if len(rows) > 10_000 else rows:
+        found = nearest.query(histograms[row], k + last[row] - first[row]).index
+        result[row] = found[(found < first[row]) | (found >= last[row])][:k]
+    return result
 
 
 class _Columns:

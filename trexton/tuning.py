@@ -13,7 +13,7 @@ import numpy as np
 
 from trexton.bench.stages import StageClock
 from trexton.errors import ParameterError
-from trexton.localizer import Localizer, TextonMap
+from trexton.localizer import TextonMap
 from trexton.records import Record
 
 __all__ = ["Setting", "choose", "costs", "predicted_errors", "tune"]
@@ -161,7 +161,7 @@ def costs(
 def _stage_medians(
     texton_map: TextonMap, frames, repeats: int, rng: np.random.Generator, **options
 ) -> dict[str, float]:
-    clock = StageClock(Localizer(texton_map, rng=rng, **options))
+    clock = StageClock(texton_map, rng=rng, **options)
     for index in range(repeats + 3):
         clock.step(frames[index % len(frames)])
     # the first three warm up

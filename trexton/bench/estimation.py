@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Iterator
+from itertools import cycle
 
 import numpy as np
 
 from trexton.bench.clock import Row, Times, duration, interleave, limited_threads
-from trexton.bench.scene import Scene, crowd
+from trexton.bench.scene import Scene, crowd, observations
 from trexton.bench.stages import StageClock
 from trexton.neighbors import NearestHistograms
-from trexton.particles import GaussianMotion, ParticleFilter, RankMixture
+from trexton.parts.filters import ParticleFilter
 from trexton.progress import say
 
 __all__ = ["filter_step", "neighbors", "whole_frame"]
@@ -51,32 +52,21 @@ def _by_numpy(table: np.ndarray, query: np.ndarray) -> np.ndarray:
 
 def filter_step(scene: Scene, quick: bool) -> Iterator[Row]:
     """One step of the filter with its MAP estimate against `einsum` and a plain double sum."""
-    covariances, process = scene.map.rank_covariance, scene.map.process_covariance
+    motion, mixture = scene.map.parts["motion"], scene.map.parts["measurement"]
+    precision = np.linalg.inv(motion.growth(scene.map.period_s))
     for count, target, threads in ((50, 50e-6, 1), (500, 0.4e-3, 1), (5000, 30e-3, 2)):
         rng = scene.rng(21)
-        filter_ = ParticleFilter(
-            GaussianMotion(process),
-            RankMixture(covariances),
-            scene.map.area,
-            count,
-            rng=scene.rng(22),
-        )
-        seen = iter(np.tile(2.5 + 0.4 * rng.standard_normal((100, _K, 2)), (3000, 1, 1)))
+        filter_ = ParticleFilter(motion, mixture, scene.map.area, count, rng=scene.rng(22))
+        seen = cycle(observations(2.5 + 0.4 * rng.standard_normal((100, _K, 2))))
 
         def ours():
             filter_.step(next(seen))
-            return filter_.estimate()
+            return filter_.position()
 
         ours()
         ours()
-        now, before = filter_.belief, filter_._previous
-        inputs = (
-            now.particles,
-            now.log_likelihood,
-            before.particles,
-            before.weights,
-            np.linalg.inv(process),
-        )
+        now, before = filter_.belief, filter_.previous
+        inputs = (now.states, now.log_likelihood, before.states, before.weights, precision)
         contestants = {"ours": ours, "einsum": lambda: _map_by_einsum(*inputs)}
         if count <= 500:
             contestants["double sum"] = lambda: _map_by_sums(*inputs)
@@ -115,7 +105,8 @@ def _map_by_sums(particles, log_likelihood, previous, weights, precision) -> np.
 
 def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
     """Image in, estimate out at the paper's defaults, against the sum of its stages; then many frames."""
-    whole, parts, frames = scene.localizer(), StageClock(scene.localizer()), scene.views[0]
+    whole, frames = scene.localizer(), scene.views[0]
+    parts = StageClock(scene.map, rng=scene.rng(4))
     turn = iter(np.tile(np.arange(len(frames)), 100_000))
     contestants = {
         "frame": lambda: whole.step(frames[next(turn)]),

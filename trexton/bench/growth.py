@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import cycle
 
 import numpy as np
 
 from trexton.bench.clock import Row, Times, interleave, limited_threads
-from trexton.bench.scene import Scene, crowd
+from trexton.bench.scene import Scene, crowd, observations
 from trexton.histograms import sampled_histogram, texton_histogram
 from trexton.neighbors import NearestHistograms
-from trexton.particles import GaussianMotion, ParticleFilter, RankMixture
+from trexton.parts.filters import ParticleFilter
 from trexton.textons import TextonDictionary
 
 __all__ = ["exponent", "growth"]
@@ -63,18 +64,13 @@ def _samples(scene: Scene, count: int, rng) -> Callable:
 
 
 def _particles(scene: Scene, count: int, rng) -> Callable:
-    motion, mixture = (
-        GaussianMotion(scene.map.process_covariance),
-        RankMixture(scene.map.rank_covariance),
-    )
-    filter_ = ParticleFilter(motion, mixture, scene.map.area, count, rng=rng)
-    measurements = iter(
-        np.tile(2.5 + 0.4 * scene.rng(31).standard_normal((100, 5, 2)), (3000, 1, 1))
-    )
+    parts = scene.map.parts
+    filter_ = ParticleFilter(parts["motion"], parts["measurement"], scene.map.area, count, rng=rng)
+    seen = cycle(observations(2.5 + 0.4 * scene.rng(31).standard_normal((100, 5, 2))))
 
     def step():
-        filter_.step(next(measurements))
-        return filter_.estimate()
+        filter_.step(next(seen))
+        return filter_.position()
 
     return step
 

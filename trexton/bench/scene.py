@@ -8,14 +8,20 @@ import numpy as np
 
 from trexton.histograms import texton_histogram
 from trexton.localizer import Localizer, TextonMap
+from trexton.methods import compose
+from trexton.neighbors import Neighbors
+from trexton.observation import Observation
+from trexton.parts.measurement import RankMixture
+from trexton.parts.motion import RandomWalk
 from trexton.simulator import Simulator
 from trexton.textons import TextonDictionary
 
-__all__ = ["Scene", "crowd"]
+__all__ = ["Scene", "crowd", "observations"]
 
 _STORED = 800  # histograms in the paper's training set
 _VIEWS = 48
 _STEP = 0.08  # metres from frame to frame, a metre a second
+_PERIOD = 0.08
 
 
 def crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -27,6 +33,17 @@ def crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.nd
     np.maximum(mixed, 0, out=mixed)
     mixed /= mixed.sum(axis=1, keepdims=True)
     return mixed
+
+
+def observations(positions: np.ndarray) -> list[Observation]:
+    """Observations whose neighbours lie at these ``(N, k, 2)`` positions; what a filter sees, found already."""
+    nothing = np.zeros(1)
+    seen = []
+    for places in positions:
+        index = np.arange(len(places))
+        neighbors = Neighbors(index, index.astype(float), places)
+        seen.append(Observation(histogram=nothing.copy, neighbors=lambda _, it=neighbors: it))
+    return seen
 
 
 class Scene:
@@ -80,11 +97,16 @@ class Scene:
             dictionary=self.dictionary,
             histograms=crowd(self.histograms, _STORED, rng),
             positions=rng.uniform(0, 5, (_STORED, 2)),
-            rank_covariance=spread,
-            process_covariance=_STEP**2 * np.eye(2),
+            time=_PERIOD * np.arange(_STORED),
             area=(0.0, 5.0, 0.0, 5.0),
             image_shape=self.frame.shape[:2],
-            period_s=0.08,
+            period_s=_PERIOD,
+            method="paper",
+            parts=compose("paper")
+            | {
+                "motion": RandomWalk.of(_STEP**2 * np.eye(2), _PERIOD),
+                "measurement": RankMixture.of(spread),
+            },
         )
 
     def localizer(self, **options) -> Localizer:

@@ -6,18 +6,21 @@ from time import perf_counter
 
 import numpy as np
 
-from trexton.histograms import sampled_histogram, texton_histogram
-from trexton.localizer import Localizer
+from trexton.localizer import Estimate, Localizer, TextonMap
 
 __all__ = ["StageClock"]
 
+STAGES = ("histogram", "neighbors", "filter", "estimate")
+
 
 class StageClock:
-    """Steps a localizer part by part, each part with its own clock.
+    """A localizer whose every stage has its own clock.
 
     Parameters
     ----------
-    localizer : Localizer
+    texton_map : TextonMap
+    **options
+        Of the localizer.
 
     Attributes
     ----------
@@ -26,38 +29,20 @@ class StageClock:
         a frame.
     """
 
-    def __init__(self, localizer: Localizer):
-        self.localizer = localizer
-        names = ("histogram", "neighbors", "filter", "estimate")
-        self.seconds: dict[str, list[float]] = {name: [] for name in names}
+    def __init__(self, texton_map: TextonMap, **options):
+        self.localizer = Localizer(texton_map, mark=self._mark, **options)
+        self.seconds: dict[str, list[float]] = {name: [] for name in STAGES}
+        self._last = 0.0
 
-    def step(self, frame: np.ndarray) -> None:
+    def _mark(self, stage: str) -> None:
+        now = perf_counter()
+        self.seconds[stage].append(now - self._last)
+        self._last = now
+
+    def step(self, frame: np.ndarray) -> Estimate:
         """One frame, an image or a histogram."""
-        localizer, marks = self.localizer, [perf_counter()]
-        names = list(self.seconds)
-        if frame.ndim == 1:
-            names.remove("histogram")
-            histogram = frame
-        else:
-            histogram = self._histogram(frame)
-            marks.append(perf_counter())
-        neighbors = localizer.nearest.query(histogram)
-        marks.append(perf_counter())
-        localizer.filter.step(neighbors.position)
-        marks.append(perf_counter())
-        localizer.filter.estimate()
-        localizer.filter.moments()
-        marks.append(perf_counter())
-        for name, start, end in zip(names, marks, marks[1:]):
-            self.seconds[name].append(end - start)
-
-    def _histogram(self, image: np.ndarray) -> np.ndarray:
-        localizer = self.localizer
-        if localizer.samples is None:
-            return texton_histogram(image, localizer.map.dictionary)
-        return sampled_histogram(
-            image, localizer.map.dictionary, localizer.samples, rng=localizer.rng
-        )
+        self._last = perf_counter()
+        return self.localizer.step(frame)
 
     def medians(self) -> dict[str, float]:
         """Median seconds of each stage that was seen."""

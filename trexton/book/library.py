@@ -13,7 +13,10 @@ __all__ = ["MODULES", "describe_module"]
 MODULES = (
     "trexton.flights.flight", "trexton.flights.folder", "trexton.flights.registry",
     "trexton.images", "trexton.camera", "trexton.textons", "trexton.histograms", "trexton.neighbors",
-    "trexton.particles", "trexton.recovery", "trexton.localizer", "trexton.landing", "trexton.suitability",
+    "trexton.methods", "trexton.parts", "trexton.parts.base", "trexton.parts.distances", "trexton.parts.motion",
+    "trexton.parts.measurement", "trexton.parts.filters", "trexton.parts.resampling", "trexton.parts.estimation",
+    "trexton.parts.recovery", "trexton.observation", "trexton.estimate", "trexton.texton_map", "trexton.localizer",
+    "trexton.landing", "trexton.suitability",
     "trexton.homography", "trexton.mosaic", "trexton.metrics", "trexton.records",
     "trexton.simulator.simulator", "trexton.simulator.recording",
     "trexton.simulator.floor", "trexton.simulator.effects",

@@ -19,7 +19,8 @@ _GENERAL = {
     "log": ("--log", "FILE", "write every position, fault and answer as JSON lines"),
     "rate": ("--rate", "HZ", "frames a second (default: the map's own)"),
     "samples": ("--samples", "N", "patches drawn a frame, 0 for all"),
-    "particles": ("--particles", "N", "particles of the filter"),
+    "method": ("--method", "NAME", "another method than the map was trained for"),
+    "particles": ("--particles", "N", "particles of the filter (default 50)"),
     "recovery": (
         "--recovery",
         None,
@@ -80,6 +81,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     defaults = {field.name: field.default for field in fields(Settings)}
     parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
+    parser.add_argument(
+        "--set", dest="choices", action="append", default=[], metavar="ROLE[.OPTION]=VALUE",
+        help="another part, or an option of one, repeatable: motion.sigma=0.2",
+    )  # fmt: skip
     kinds = f"KIND or KIND:ADDRESS, repeatable; kinds: {', '.join(SINKS)} (default json)"
     parser.add_argument(
         "--output", dest="outputs", action="append", default=[], metavar="SINK", help=kinds
@@ -117,7 +122,11 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.records import plain
 
     chosen = {field.name: getattr(arguments, field.name) for field in fields(Settings)}
-    settings = Settings(**chosen | {"outputs": tuple(arguments.outputs or ["json"])})
+    lists = {
+        "outputs": tuple(arguments.outputs or ["json"]),
+        "choices": tuple(arguments.choices),
+    }
+    settings = Settings(**chosen | lists)
     with stopped_by_signals() as stop:
         summary = build(settings).run(stop)
     say("trexton onboard: " + json.dumps(plain(summary)))

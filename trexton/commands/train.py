@@ -21,11 +21,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--patch", type=int, default=6, help="side of a patch in pixels (default %(default)s)"
     )
     parser.add_argument(
-        "--neighbors",
-        type=int,
-        default=5,
-        help="neighbours, the ranks of the measurement model (default %(default)s)",
+        "--method", default="paper", help="the set of parts to train (default %(default)s)"
     )
+    parser.add_argument(
+        "--neighbors", type=int, help="short for --set measurement.neighbors (default 5)"
+    )
+    parser.add_argument(
+        "--set", dest="choices", action="append", default=[], metavar="ROLE[.OPTION]=VALUE",
+        help="another part, or an option of one, repeatable: distance=hellinger, motion.sigma=0.2",
+    )  # fmt: skip
     parser.add_argument(
         "--seed", type=int, default=1, help="of the random patches (default %(default)s)"
     )
@@ -36,16 +40,19 @@ def run(arguments: argparse.Namespace) -> int:
 
     from trexton.flights import read_flight
     from trexton.localizer import TextonMap
+    from trexton.methods import parse_choices
 
     flight = read_flight(arguments.flight)
     flight = flight.part("train") if "train" in flight.split else flight
     texton_map = TextonMap.train(
         flight,
+        method=arguments.method,
         n_textons=arguments.textons,
         patch=arguments.patch,
         neighbors=arguments.neighbors,
         # The stream that experiments train with, so that equal seeds give equal maps.
         rng=np.random.default_rng([arguments.seed, 0]),
+        **parse_choices(arguments.choices),
     )
     path = texton_map.save(arguments.output)
     say(f"{len(texton_map.positions)} frames of {flight.name} became {path}")

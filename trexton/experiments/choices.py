@@ -15,7 +15,7 @@ from trexton.experiments.declaration import FilterParameters, option
 from trexton.experiments.evaluation import frames_of, tracks, trained_map
 from trexton.flights.flight import Flight
 from trexton.histograms import sampled_histogram
-from trexton.localizer import TextonMap, neighbors_in_flight, rank_covariances
+from trexton.localizer import TextonMap
 from trexton.metrics import summarize
 from trexton.records import Record
 from trexton.textons import TextonDictionary
@@ -102,8 +102,7 @@ def _variants(
     frames = frames_of(test)
     yield _Variant("paper", "paper", "as the paper says", texton_map, frames)
     for sigma_cm in (70, 200):
-        covariance = np.broadcast_to(np.eye(2) * (sigma_cm / 100) ** 2, (neighbors, 2, 2))
-        changed = replace(texton_map, rank_covariance=covariance)
+        changed = texton_map.changed({"measurement.sigma": sigma_cm / 100})
         yield _Variant(
             f"sigma_{sigma_cm}",
             "measurement",
@@ -111,8 +110,7 @@ def _variants(
             changed,
             frames,
         )
-    rows = neighbors_in_flight(texton_map.histograms, _times(train), neighbors, excluded_s=0)
-    changed = replace(texton_map, rank_covariance=rank_covariances(texton_map.positions, rows))
+    changed = texton_map.changed({"measurement.excluded_s": 0.0})
     yield _Variant(
         "near_in_time",
         "measurement",
@@ -121,7 +119,7 @@ def _variants(
         frames,
     )
     for sigma_cm in (8, 25):
-        changed = replace(texton_map, process_covariance=np.eye(2) * (sigma_cm / 100) ** 2)
+        changed = texton_map.changed({"motion.sigma": sigma_cm / 100})
         yield _Variant(
             f"motion_{sigma_cm}",
             "motion",
@@ -152,7 +150,7 @@ def _variants(
         "weighted mean as the estimate",
         texton_map,
         frames,
-        {"estimator": "mean"},
+        {"estimation": "mean"},
     )
     yield _Variant(
         "highest_weight",
@@ -160,7 +158,7 @@ def _variants(
         "heaviest particle as the estimate",
         texton_map,
         frames,
-        {"estimator": "highest-weight"},
+        {"estimation": "highest-weight"},
     )
     if test.has_images and train.has_images:
         rng = np.random.default_rng([seed, 20_000])
@@ -189,11 +187,6 @@ def _variants(
         yield _Variant(
             "trace", "histogram", "the trace of the frame before removed", cleared, frames
         )
-
-
-def _times(train: Flight) -> np.ndarray:
-    """Stamps of the frames that train."""
-    return train.time[np.isfinite(train.position).all(axis=1)]
 
 
 def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:

@@ -114,8 +114,7 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
 
 def _certain(position: np.ndarray) -> Estimate:
     """An estimate without any doubt."""
-    nothing = np.zeros(2), np.zeros((2, 2))
-    return Estimate(position, *nothing, False, True, None, None, position[None], np.ones(1))
+    return Estimate(position, np.zeros((2, 2)))
 
 
 def fly_all(mission: Mission, landings: int, perfect: bool = False) -> list[Attempt]:

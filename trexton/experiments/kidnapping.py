@@ -25,7 +25,7 @@ from trexton.records import Record
 
 __all__ = ["filter_trials", "finding", "Parameters", "run", "Trial"]
 
-FILTERS = {"plain": None, "augmented": "augmented"}
+FILTERS = {"plain": "none", "augmented": "augmented"}
 SETTLED = 25  # frames, two seconds, in which the filter finds the vehicle for the first time
 SHARES = np.round(
     np.arange(0.1, 1.51, 0.05), 2
@@ -150,14 +150,14 @@ def _plan(test: Flight, count: int, patience: int, rng: np.random.Generator) -> 
 
 
 def filter_trials(
-    texton_map: TextonMap, histograms: np.ndarray, truth: np.ndarray, plan: np.ndarray, patience: int, recovery: str | None,
+    texton_map: TextonMap, histograms: np.ndarray, truth: np.ndarray, plan: np.ndarray, patience: int, recovery: str,
     *, particles: int, seed: int,
 ) -> list[Trial]:  # fmt: skip
     """Fly every kidnapping of the `plan` with a filter of its own; trial i draws from (seed, 1 + i)."""
     nothing = float(np.hypot(*ignorance(texton_map.area)))
     trials = []
     for number, (taken, carried) in enumerate(
-        progress(plan, f"kidnappings, {recovery or 'plain'}", len(plan))
+        progress(plan, f"kidnappings, recovery {recovery}", len(plan))
     ):
         rng = np.random.default_rng([seed, 1 + number])
         localizer = Localizer(texton_map, particles=particles, recovery=recovery, rng=rng)

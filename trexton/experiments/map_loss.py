@@ -10,8 +10,9 @@ from trexton.experiments.correlation import pair_correlation, pearson, rank_corr
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, fly, frames_of, trained_map
 from trexton.flights.flight import Flight
-from trexton.localizer import Localizer, TextonMap, neighbors_in_flight
+from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import absolute_errors, block_rows
+from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
 from trexton.suitability import cosine_similarity, heat_map, ideal_similarity, local_losses, smooth
 from trexton.wording import interval
@@ -49,7 +50,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
     histograms, positions = texton_map.histograms, texton_map.positions
     losses = local_losses(histograms, positions, parameters.sigma)
-    rows = neighbors_in_flight(histograms, train.time, parameters.neighbors)
+    rows = texton_map.training().neighbors(parameters.neighbors, EXCLUDED_SECONDS)
     errors = _euclidean(positions[rows].mean(axis=1), positions)
     similarity, similarity_series = _similarity(
         histograms, positions, parameters.sigma, parameters.seed

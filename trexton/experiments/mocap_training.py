@@ -19,7 +19,7 @@ from trexton.experiments.evaluation import (
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
 from trexton.metrics import absolute_errors, block_rows, summarize
-from trexton.particles import ESTIMATORS
+from trexton.parts import ROLES
 from trexton.records import Record
 from trexton.wording import interval, middle, number, percent, times
 
@@ -54,7 +54,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "samples": parameters.samples,
         "particles": parameters.particles,
         "resampling": parameters.resampling,
-        "estimator": parameters.estimator,
+        "estimation": parameters.estimator,
     }
     frames = frames_of(test)
     runs = tracks(texton_map, frames, repeats=parameters.repeats, seed=parameters.seed, **options)
@@ -62,7 +62,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
     )
     floor, pictures = floor_picture(test)
-    rank_std_cm = 100 * np.sqrt(np.diagonal(texton_map.rank_covariance, axis1=1, axis2=2))
+    rank_std_cm = 100 * texton_map.parts["measurement"].deviations
+    process = texton_map.parts["motion"].growth(texton_map.period_s)
     values |= {
         "drift_cm_per_min": drift(runs, test, rng=np.random.default_rng([parameters.seed, 10_001])),
         "estimators": _estimators(texton_map, frames, test, runs, parameters.seed, options),
@@ -77,7 +78,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "lag": _lag(runs, test),
         "applies": {"sampling": test.has_images, "dictionary": train.has_images},
         "model": {
-            "process_std_cm": 100 * np.sqrt(np.diagonal(texton_map.process_covariance)),
+            "process_std_cm": 100 * np.sqrt(np.diagonal(process)),
             "rank_std_cm": rank_std_cm,
             "first_rank_std_cm": rank_std_cm[0].mean(),
             "last_rank_std_cm": rank_std_cm[-1].mean(),
@@ -99,13 +100,13 @@ def _estimators(
 ) -> dict:
     """Mean Euclidean error in cm under each point estimate; the filter draws the same particles under all of them."""
     result = {}
-    for name in ESTIMATORS:
-        same = name == options["estimator"]
+    for name in ROLES["estimation"]:
+        same = name == options["estimation"]
         others = (
             runs
             if same
             else tracks(
-                texton_map, frames, repeats=len(runs), seed=seed, **options | {"estimator": name}
+                texton_map, frames, repeats=len(runs), seed=seed, **options | {"estimation": name}
             )
         )
         rng = np.random.default_rng([seed, 10_002])

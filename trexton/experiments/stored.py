@@ -51,10 +51,16 @@ def time_stored(
     crowd, origin = multiplied(
         texton_map.histograms, most, rng=np.random.default_rng([seed, 20_000])
     )
-    localizer = Localizer(
-        texton_map, samples=samples, particles=particles, rng=np.random.default_rng([seed, 20_001])
+    rng, options = (
+        np.random.default_rng([seed, 20_001]),
+        {"samples": samples, "particles": particles},
     )
-    asked = [localizer.observe(frame) for frame in frames[:_FRAMES]]
+
+    def localizer(**more) -> Localizer:
+        return Localizer(texton_map, rng=rng, **options, **more)
+
+    looking = localizer()
+    asked = [looking.observe(frame) for frame in frames[:_FRAMES]]
     rows, clocks = [], []
     for count in progress(_numbers(most), "stored histograms"):
         clock, found = {"stored": count}, []
@@ -67,8 +73,7 @@ def time_stored(
                 method=method,
             )
             built_s = perf_counter() - start
-            localizer.nearest = store
-            step_ms = milliseconds([fly(localizer, frames[:_FRAMES]).step_s], 4)
+            step_ms = milliseconds([fly(localizer(nearest=store), frames[:_FRAMES]).step_s], 4)
             query_s, neighbors = zip(*(_timed(store, histogram) for histogram in asked))
             found.append(np.array(neighbors))
             clock[method] = {

@@ -55,12 +55,15 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             texton_map, rng=np.random.default_rng([parameters.seed, 1]), **options | changes
         )
 
+    def clocked() -> StageClock:
+        return StageClock(texton_map, rng=np.random.default_rng([seed, 1]), **options)
+
     for frame in frames[:2]:  # whatever the first calls load
         localizer().step(frame)
     totals, clocks = [], []
     for _ in progress(range(parameters.passes), "timing the flight"):
         totals.append(fly(localizer(), frames).step_s)
-        clock = StageClock(localizer())
+        clock = clocked()
         for frame in frames:
             clock.step(frame)
         clocks.append(clock.seconds)

@@ -15,7 +15,7 @@ from trexton.experiments.stored import time_stored
 from trexton.experiments.tuned import search_settings
 from trexton.flights.flight import Flight
 from trexton.histograms import texton_histogram
-from trexton.localizer import Localizer, TextonMap, neighbors_in_flight, rank_covariances
+from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import absolute_errors, block_rows, summarize
 from trexton.patches import position_grid
 from trexton.progress import progress
@@ -101,32 +101,28 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def retrained(
-    texton_map: TextonMap,
-    time: np.ndarray,
-    *,
-    rows: np.ndarray | None = None,
-    neighbors: int | None = None,
+    texton_map: TextonMap, *, rows: np.ndarray | None = None, neighbors: int | None = None
 ) -> TextonMap:
     """The map of some of its training frames only, or for another number of neighbours.
 
     Parameters
     ----------
-    time : (N,) array
-        Stamps of all training frames in seconds.
     rows : (M,) int array, optional
         Frames to keep.
 
-    The process covariance stays: the vehicle moves no faster because fewer of its frames are kept.
+    The motion model stays: the vehicle moves no faster because fewer of its frames are kept.
     """
-    rows = np.arange(len(time)) if rows is None else rows
-    histograms, positions = texton_map.histograms[rows], texton_map.positions[rows]
-    nearest = neighbors_in_flight(histograms, time[rows], neighbors or texton_map.neighbors)
-    return replace(
-        texton_map,
-        histograms=histograms,
-        positions=positions,
-        rank_covariance=rank_covariances(positions, nearest),
-    )
+    if rows is not None:
+        texton_map = replace(
+            texton_map,
+            histograms=texton_map.histograms[rows],
+            positions=texton_map.positions[rows],
+            time=texton_map.time[rows],
+        )
+    measurement = texton_map.parts["measurement"]
+    if neighbors is not None:
+        measurement = measurement.with_options(neighbors=neighbors)
+    return texton_map.with_parts({"measurement": measurement})
 
 
 @dataclass
@@ -169,7 +165,7 @@ class _Bench:
         """The map with a measurement model for as many neighbours as are swept."""
         limit = max(self.map.neighbors, len(self.train) // 4)
         most = max(k for k in (*SWEPT["neighbors"], self.map.neighbors) if k <= limit)
-        return retrained(self.map, self.train.time, neighbors=most)
+        return retrained(self.map, neighbors=most)
 
     def sweep(self, name: str) -> _Sweep:
         """Vary `name`, the others at their defaults."""
@@ -214,7 +210,7 @@ class _Bench:
             repeats = max(3, repeats // 3)
         if setting["training"] != len(self.train):
             rows = np.linspace(0, len(self.train) - 1, setting["training"]).round().astype(int)
-            texton_map = retrained(self.map, self.train.time, rows=rows)
+            texton_map = retrained(self.map, rows=rows)
         if setting["samples"] is None:
             frames = self.full
         options = {key: setting[key] for key in ("samples", "particles", "neighbors")}

@@ -10,6 +10,7 @@ import numpy as np
 from trexton.errors import ParameterError
 from trexton.landing import LandingZone
 from trexton.localizer import Localizer, TextonMap
+from trexton.methods import parse_choices
 from trexton.onboard.commander import Commander
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.loop import Onboard
@@ -33,8 +34,10 @@ class Settings:
         See `trexton.onboard.sources`.
     outputs : tuple of str
         See `trexton.onboard.sinks`.
-    samples, particles, recovery, seed
+    samples, particles, recovery, method, seed
         See `trexton.localizer.Localizer`; 0 samples stand for every patch.
+    choices : tuple of str
+        ``role=part`` and ``role.option=value``; see `trexton.methods`.
     rate : float or None
         Frames a second; None for the map's own.
     pace, laps : see `SourceOptions`
@@ -63,8 +66,10 @@ class Settings:
     camera: str = "/dev/video0"
     outputs: tuple[str, ...] = ()
     samples: int = 400
-    particles: int = 50
+    particles: int | None = None
     recovery: str = "augmented"
+    method: str | None = None
+    choices: tuple[str, ...] = ()
     seed: int = 1
     rate: float | None = None
     pace: str | None = None
@@ -115,11 +120,13 @@ def build(settings: Settings) -> Onboard:
         A setting does not fit, the map cannot be read, a file cannot be made, or an extra is not installed.
     """
     texton_map = TextonMap.load(settings.map)
+    choices: dict[str, object] = {"recovery": settings.recovery}
     localizer = Localizer(
         texton_map,
+        settings.method,
         samples=settings.samples or None,
         particles=settings.particles,
-        recovery=settings.recovery,
+        **choices | parse_choices(settings.choices),
         # The stream of the first run in the experiments: equal seeds, equal estimates.
         rng=np.random.default_rng([settings.seed, 1]),
     )
@@ -135,7 +142,7 @@ def build(settings: Settings) -> Onboard:
         settings.autopilot,
         settings.origin,
         texton_map.area,
-        texton_map.process_covariance / texton_map.period_s,
+        localizer.growth(1.0),
         tally,
     )
     sinks = [Guard(open_sink(address, options), tally) for address in settings.outputs]

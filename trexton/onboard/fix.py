@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -111,8 +112,7 @@ def about_position(estimate: Estimate) -> np.ndarray:
     The point estimate is a particle, not the mean: a receiver that takes it for the centre must be told the
     spread about it, which is larger than the covariance by the outer product of their difference.
     """
-    offset = estimate.weights @ estimate.particles - estimate.position
-    return estimate.covariance + np.outer(offset, offset)
+    return estimate.about_position
 
 
 class JumpCounter:
@@ -123,14 +123,12 @@ class JumpCounter:
 
     Parameters
     ----------
-    process_covariance : (2, 2) array
-        Of the motion from frame to frame, square metres.
-    period_s : float
-        Seconds between those frames.
+    growth : callable
+        Gives the ``(2, 2)`` covariance in square metres that so many seconds of motion add.
     """
 
-    def __init__(self, process_covariance: np.ndarray, period_s: float):
-        self._rate = np.asarray(process_covariance) / period_s
+    def __init__(self, growth: Callable[[float], np.ndarray]):
+        self._growth = growth
         self._last: Fix | None = None
         self.resets = 0
 
@@ -143,6 +141,6 @@ class JumpCounter:
         return replace(fix, resets=self.resets)
 
     def _jumped(self, fix: Fix, last: Fix) -> bool:
-        allowed = fix.covariance + last.covariance + self._rate * max(fix.time - last.time, 0.0)
+        allowed = fix.covariance + last.covariance + self._growth(max(fix.time - last.time, 0.0))
         step = fix.position - last.position
         return bool(step @ np.linalg.pinv(allowed) @ step > JUMP)

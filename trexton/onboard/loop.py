@@ -65,7 +65,7 @@ class Onboard:
         self._period = 1 / rate if rate else self._model_period
         self._inspector = Inspector(localizer.map.image_shape)
         self._stamps = StampKeeper(tally, clock)
-        self._jumps = JumpCounter(localizer.map.process_covariance, self._model_period)
+        self._jumps = JumpCounter(localizer.growth)
         self._latencies = Latencies()
         self.status = Status(tally, self._latencies, sinks, commander)
         self._model_time: float | None = None  # up to here the filter has been advanced

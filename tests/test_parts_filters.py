@@ -3,19 +3,16 @@
 import numpy as np
 import pytest
 
+from trexton.bench.scene import observations
 from trexton.errors import ParameterError
-from trexton.particles import (
-    RESAMPLERS,
-    Belief,
-    GaussianMotion,
-    ParticleFilter,
-    RankMixture,
-    estimate_highest_weight,
-    estimate_map,
-    estimate_mean,
-    resampling_wheel,
-    systematic_resampling,
-)
+from trexton.parts import ROLES, make
+from trexton.parts.estimation import Belief, HighestWeight, MaximumAPosteriori, WeightedMean
+from trexton.parts.filters import ParticleFilter
+from trexton.parts.measurement import RankMixture
+from trexton.parts.motion import RandomWalk
+from trexton.parts.resampling import Systematic, Wheel
+
+RESAMPLERS = list(ROLES["resampling"])
 
 PROCESS = np.array([[0.04, 0.01], [0.01, 0.03]])
 MEASUREMENT = np.array([[0.25, -0.05], [-0.05, 0.2]])
@@ -30,9 +27,14 @@ def gaussian(deviation, covariance):
 
 def make_filter(covariances, seed, particles=2000, resampling="systematic", **options):
     return ParticleFilter(
-        GaussianMotion(PROCESS), RankMixture(covariances), AREA, particles,
-        resampling=resampling, rng=np.random.default_rng(seed), **options,
+        RandomWalk.of(PROCESS), RankMixture.of(covariances), AREA, particles,
+        resampling=make("resampling", resampling), rng=np.random.default_rng(seed), **options,
     )  # fmt: skip
+
+
+def seen(places):
+    """An observation whose neighbours lie at these places."""
+    return observations(np.array(places, dtype=float)[None])[0]
 
 
 def kalman(measurements, mean, covariance):
@@ -57,7 +59,7 @@ def test_agrees_with_the_kalman_filter_within_standard_errors(resampling):
         start = np.random.default_rng([seed, 1]).multivariate_normal([2.5, 2.5], prior, 800)
         particle_filter.belief = Belief(start, np.full(800, 1 / 800), np.zeros(800))
         for z in measurements:
-            particle_filter.step(z[None])
+            particle_filter.step(seen(z[None]))
         estimate, spread = particle_filter.moments()
         found.append([*estimate, spread[0, 0], spread[0, 1], spread[1, 1]])
     found = np.array(found)
@@ -91,9 +93,9 @@ def test_agrees_with_a_grid_filter_for_the_mixture():
     for seed in range(50):
         particle_filter = make_filter(covariances, seed, 3000)
         for z in measurements:
-            belief = particle_filter.step(z)
+            belief = particle_filter.step(seen(z))
         found.append(
-            [*particle_filter.moments()[0], belief.weights[belief.particles[:, 0] > 2.5].sum()]
+            [*particle_filter.moments()[0], belief.weights[belief.states[:, 0] > 2.5].sum()]
         )
     found = np.array(found)
     error = np.abs(found.mean(axis=0) - [*exact_mean, exact_share])
@@ -110,7 +112,7 @@ def test_the_mixture_equals_the_plain_sum():
         sum(gaussian(z[j] - particle, covariances[j]) for j in range(5)) for particle in particles
     ]
     np.testing.assert_allclose(
-        RankMixture(covariances).log_likelihood(particles, z), np.log(plain), rtol=1e-10
+        RankMixture.of(covariances).mixture(particles, z), np.log(plain), rtol=1e-10
     )
 
 
@@ -121,7 +123,7 @@ def test_the_predictive_equals_the_plain_double_sum():
     plain = [
         sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, weights)) for x in particles
     ]
-    found = GaussianMotion(PROCESS).log_predictive(particles, previous, weights)
+    found = RandomWalk.of(PROCESS).density(particles, previous, weights)
     constant = np.log(2 * np.pi * np.sqrt(np.linalg.det(PROCESS)))
     np.testing.assert_allclose(found - constant, np.log(plain), rtol=1e-9)
 
@@ -136,13 +138,15 @@ def test_the_map_estimate_is_the_best_of_the_plain_scores():
         for i, x in enumerate(particles)
     ]
     belief = Belief(particles, now, np.log(likelihood))
-    estimate = estimate_map(belief, Belief(previous, before, np.zeros(25)), GaussianMotion(PROCESS))
+    walk = RandomWalk.of(PROCESS)
+    past = Belief(previous, before, np.zeros(25))
+    estimate = MaximumAPosteriori().position(belief, past, walk)
     np.testing.assert_array_equal(estimate, particles[np.argmax(score)])
     np.testing.assert_array_equal(
-        estimate_highest_weight(belief, None, None), particles[np.argmax(now)]
+        HighestWeight().position(belief, None, walk), particles[np.argmax(now)]
     )
     np.testing.assert_allclose(
-        estimate_mean(belief, None, None), (now[:, None] * particles).sum(axis=0)
+        WeightedMean().position(belief, None, walk), (now[:, None] * particles).sum(axis=0)
     )
 
 
@@ -163,7 +167,7 @@ def walked_wheel(weights, rng):
 @pytest.mark.parametrize("seed", range(20))
 def test_the_wheel_draws_what_walking_it_draws(seed):
     weights = np.random.default_rng([seed, 1]).dirichlet(np.full(50, 0.2))
-    drawn = resampling_wheel(weights, np.random.default_rng(seed))
+    drawn = Wheel().indices(weights, np.random.default_rng(seed))
     np.testing.assert_array_equal(drawn, walked_wheel(weights, np.random.default_rng(seed)))
 
 
@@ -172,7 +176,7 @@ def test_counts_follow_the_weights(name):
     weights = np.random.default_rng(3).dirichlet(np.ones(40))
     trials = 4000
     counts = np.stack([
-        np.bincount(RESAMPLERS[name](weights, np.random.default_rng([4, trial])), minlength=40) for trial in range(trials)
+        np.bincount(make("resampling", name).indices(weights, np.random.default_rng([4, trial])), minlength=40) for trial in range(trials)
     ])  # fmt: skip
     # The wheel starts at the edge of a particle, not anywhere on it: a bias of a few hundredths of a draw.
     slack = 0.06 if name == "wheel" else 0
@@ -182,7 +186,7 @@ def test_counts_follow_the_weights(name):
 
 def test_systematic_counts_are_within_one():
     weights = np.random.default_rng(6).dirichlet(np.full(64, 0.3))
-    counts = np.bincount(systematic_resampling(weights, np.random.default_rng(7)), minlength=64)
+    counts = np.bincount(Systematic().indices(weights, np.random.default_rng(7)), minlength=64)
     assert (np.abs(counts - 64 * weights) < 1).all()
 
 
@@ -191,48 +195,47 @@ def test_permuting_particles_changes_nothing():
     particles, previous = rng.uniform(0, 5, (60, 2)), rng.uniform(0, 5, (60, 2))
     covariances = np.stack([MEASUREMENT, 2 * MEASUREMENT])
     z, order = rng.uniform(0, 5, (2, 2)), rng.permutation(60)
-    mixture, motion = RankMixture(covariances), GaussianMotion(PROCESS)
+    mixture, motion = RankMixture.of(covariances), RandomWalk.of(PROCESS)
     results = []
     for p in (particles, particles[order]):
-        log_likelihood = mixture.log_likelihood(p, z)
+        log_likelihood = mixture.mixture(p, z)
         weights = np.exp(log_likelihood) / np.exp(log_likelihood).sum()
         belief = Belief(p, weights, log_likelihood)
         before = Belief(previous, np.full(60, 1 / 60), np.zeros(60))
         results.append(
-            [estimate_map(belief, before, motion), estimate_mean(belief, before, motion)]
+            [kind().position(belief, before, motion) for kind in (MaximumAPosteriori, WeightedMean)]
         )
     np.testing.assert_allclose(results[0], results[1], rtol=1e-12)
 
 
 def test_a_missing_measurement_only_predicts():
     particle_filter = make_filter(MEASUREMENT[None], 9, 5000)
-    particle_filter.step(np.array([[2.0, 3.0]]))
+    particle_filter.step(seen([[2.0, 3.0]]))
     mean, covariance = particle_filter.moments()
     belief = particle_filter.step(None)
     after, grown = particle_filter.moments()
     assert not belief.lost and np.ptp(belief.weights) == 0
     np.testing.assert_allclose(after, mean, atol=0.05)
     np.testing.assert_allclose(grown - covariance, PROCESS, atol=0.03)
-    assert np.isfinite(particle_filter.estimate()).all()
+    assert np.isfinite(particle_filter.position()).all()
 
 
 def test_vanished_weights_start_again_and_say_lost():
     particle_filter = make_filter(np.diag([1e-4, 1e-4])[None], 10, 200)
-    belief = particle_filter.step(np.array([[1e4, 1e4]]))
-    assert belief.lost and np.isfinite(particle_filter.estimate()).all()
+    belief = particle_filter.step(seen([[1e4, 1e4]]))
+    assert belief.lost and np.isfinite(particle_filter.position()).all()
     assert particle_filter.moments()[1][0, 0] > 1  # spread over the whole area again
     for _ in range(20):
-        belief = particle_filter.step(np.array([[2.0, 2.0]]))
+        belief = particle_filter.step(seen([[2.0, 2.0]]))
     assert not belief.lost
-    np.testing.assert_allclose(particle_filter.estimate(), [2, 2], atol=0.3)
+    np.testing.assert_allclose(particle_filter.position(), [2, 2], atol=0.3)
 
 
 def test_equal_seeds_give_equal_bits():
     def track():
         particle_filter = make_filter(MEASUREMENT[None], 11, 50, "wheel")
         return [
-            tuple(particle_filter.step(np.array([[2.0, i / 10]])).particles.ravel())
-            for i in range(10)
+            tuple(particle_filter.step(seen([[2.0, i / 10]])).states.ravel()) for i in range(10)
         ]
 
     assert track() == track()
@@ -241,14 +244,19 @@ def test_equal_seeds_give_equal_bits():
 @pytest.mark.parametrize(
     "build",
     [
-        lambda: GaussianMotion(np.zeros((2, 2))),
-        lambda: GaussianMotion(np.full((2, 2), np.nan)),
-        lambda: RankMixture(np.eye(2)),
-        lambda: RankMixture(np.array([[[1.0, 2.0], [2.0, 1.0]]])),
+        lambda: RandomWalk.of(np.zeros((2, 2))),
+        lambda: RandomWalk.of(np.full((2, 2), np.nan)),
+        lambda: RandomWalk.of(np.eye(2), 0.0),
+        lambda: RandomWalk(sigma=-1.0),
+        lambda: RankMixture.of(np.eye(2)),
+        lambda: RankMixture.of(np.array([[[1.0, 2.0], [2.0, 1.0]]])),
+        lambda: RankMixture(neighbors=0),
+        lambda: RankMixture(sigma=0.0),
+        lambda: RankMixture(excluded_s=-1.0),
         lambda: make_filter(MEASUREMENT[None], 0, 0),
         lambda: make_filter(MEASUREMENT[None], 0, 5, "roulette"),
-        lambda: make_filter(MEASUREMENT[None], 0, 5, estimator="median"),
-        lambda: make_filter(MEASUREMENT[None], 0, 5).step(np.zeros((3, 2))),
+        lambda: make("estimation", "median"),
+        lambda: make_filter(MEASUREMENT[None], 0, 5).step(seen(np.zeros((3, 2)))),
     ],
 )
 def test_bad_parameters_are_one_clear_error(build):

@@ -1,0 +1,168 @@
+"""Parts and methods: found by name, options checked, learned arrays in and out, trained anew from a map."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from small_room import histogram_flight
+
+from trexton.errors import MapError, ParameterError
+from trexton.localizer import Localizer, TextonMap
+from trexton.methods import METHODS, changed, compose, parse_choices
+from trexton.parts import ROLES, make, name_of
+from trexton.parts.base import Part, learned
+from trexton.parts.distances import Euclidean, Hellinger
+from trexton.parts.motion import RandomWalk
+
+
+@dataclass(eq=False)
+class Cosine(Euclidean):
+    """A distance of one's own."""
+
+    power: float = 1.0
+    shift: int = 0
+    halve: bool = False
+
+    def features(self, histograms):
+        length = np.linalg.norm(histograms, axis=-1, keepdims=True)
+        return (histograms / length) ** self.power
+
+
+OWN = f"{__name__}:Cosine"
+
+
+def trained(**choices) -> TextonMap:
+    flight = histogram_flight("hall", frames=80)
+    return TextonMap.train(flight, rng=np.random.default_rng(1), **choices)
+
+
+def flown(texton_map, **options) -> np.ndarray:
+    flight = histogram_flight("again", frames=30, noise=2)
+    localizer = Localizer(texton_map, rng=np.random.default_rng(3), **options)
+    return np.array([localizer.step(each).position for each in flight.histograms])
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_every_part_in_the_table_can_be_made_and_is_called_so(role):
+    for name in ROLES[role]:
+        part = make(role, name)
+        assert isinstance(part, Part) and name_of(role, part) == name
+        assert type(part).__doc__
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_method_names_parts_of_known_roles(method):
+    parts = compose(method)
+    assert set(parts) <= set(ROLES) and {"distance", "filter"} <= set(parts)
+
+
+def test_a_part_of_ones_own_needs_no_entry(tmp_path):
+    texton_map = trained(distance=OWN)
+    assert isinstance(texton_map.parts["distance"], Cosine)
+    again = TextonMap.load(texton_map.save(tmp_path / "map.npz"))
+    assert isinstance(again.parts["distance"], Cosine)
+    np.testing.assert_array_equal(flown(texton_map), flown(again))
+    assert not np.array_equal(flown(texton_map), flown(trained()))
+
+
+def test_one_distance_serves_training_and_flight():
+    texton_map = trained(distance="hellinger")
+    assert isinstance(texton_map.parts["distance"], Hellinger)
+    squared = np.sqrt(texton_map.histograms / 2)
+    rows = texton_map.training().neighbors(3, 0.5)
+    row = 20
+    allowed = np.abs(texton_map.time - texton_map.time[row]) > 0.5 + 1e-9
+    distance = np.where(allowed, np.linalg.norm(squared - squared[row], axis=1), np.inf)
+    np.testing.assert_array_equal(rows[row], np.argsort(distance, kind="stable")[:3])
+    localizer = Localizer(texton_map, rng=np.random.default_rng(0))
+    found = localizer.nearest.query(texton_map.histograms[row])
+    np.testing.assert_allclose(found.distance[0], 0, atol=1e-12)
+    second = np.sort(np.linalg.norm(squared - squared[row], axis=1))[1]
+    np.testing.assert_allclose(found.distance[1], second)
+
+
+def test_choices_in_training_and_in_flight_come_to_the_same():
+    at_training = trained(**{"motion.sigma": 0.3, "measurement.neighbors": "4"})
+    assert at_training.neighbors == 4
+    in_flight = flown(trained(), **{"motion.sigma": "0.3", "measurement.neighbors": 4})
+    np.testing.assert_array_equal(flown(at_training), in_flight)
+    # The first ranks are what they are, however many were learned.
+    np.testing.assert_array_equal(flown(at_training), flown(at_training, neighbors=4))
+    np.testing.assert_array_equal(
+        flown(trained(), neighbors=4, motion=RandomWalk(sigma=0.3)), in_flight
+    )
+
+
+def test_parts_that_stay_keep_what_they_learned():
+    texton_map = trained()
+    other = texton_map.changed({"filter.particles": 80, "recovery": "augmented"})
+    for role in ("motion", "measurement", "distance"):
+        assert other.parts[role] is texton_map.parts[role]
+    assert other.parts["filter"].particles == 80
+    assert texton_map.changed({"recovery": "none", "filter.particles": 50}) is texton_map
+    assert texton_map.for_method("paper") is texton_map
+
+
+def test_a_localizer_may_fly_another_method(monkeypatch):
+    monkeypatch.setitem(METHODS, "roots", METHODS["paper"] | {"distance": "hellinger"})
+    here = flown(trained(), method="roots")
+    np.testing.assert_array_equal(here, flown(trained(method="roots")))
+    assert trained().for_method("roots").method == "roots"
+
+
+def test_the_growth_is_that_of_the_motion():
+    walk = RandomWalk.of(0.04 * np.eye(2), 0.1)
+    np.testing.assert_array_equal(walk.growth(0.1), walk.covariance)
+    np.testing.assert_allclose(walk.growth(1.0), 0.4 * np.eye(2))
+    localizer = Localizer(trained(motion=RandomWalk(sigma=0.2)), rng=np.random.default_rng(0))
+    np.testing.assert_allclose(localizer.growth(0.25), 0.04 * np.eye(2))
+    states = walk.start(np.random.default_rng(0), (1.0, 2.0, 5.0, 9.0), 500)
+    assert states.min(axis=0)[0] >= 1 and states.max(axis=0)[1] <= 9
+    assert walk.position(states) is states
+
+
+@pytest.mark.parametrize(
+    "choices",
+    [
+        {"colour": "red"},
+        {"motion": "teleport"},
+        {"motion": "no_such_module:Walk"},
+        {"motion": "trexton.errors:MapError"},
+        {"motion": 3},
+        {"motion.speed": 1},
+        {"motion.sigma": "fast"},
+        {"colour.depth": 1},
+        {"measurement.neighbors": 2.5},
+        {"measurement.neighbors": True},
+        {"measurement.neighbors": "0"},
+        {"filter.particles": "100000000"},
+        {"recovery.fast": 0.001},
+    ],
+)
+def test_what_is_not_so_is_one_clear_error(choices):
+    with pytest.raises(ParameterError, match="choose|expected|has no option|check its name"):
+        changed(compose("paper"), choices)
+    with pytest.raises(ParameterError, match="choose one of paper"):
+        compose("magic")
+
+
+def test_words_of_a_command_line():
+    assert parse_choices(["motion.sigma=0.2", "distance=a:B=c"]) == {
+        "motion.sigma": "0.2",
+        "distance": "a:B=c",
+    }
+    for word in ("motion", "=2", "motion="):
+        with pytest.raises(ParameterError, match="expected role=part"):
+            parse_choices([word])
+    part = Cosine()
+    assert part.option("power", "2") == 2.0 and isinstance(part.option("power", 2), float)
+    assert part.option("halve", "true") is True and part.option("shift", "-3") == -3
+    assert RandomWalk().option("sigma", "none") is None and RandomWalk().option("sigma", 1) == 1.0
+
+
+def test_arrays_of_another_part_are_refused():
+    with pytest.raises(MapError, match="learns"):
+        RandomWalk.from_arrays({"velocity": np.zeros(2)})
+    assert learned().init is False
+    empty = RandomWalk.from_arrays({}, sigma=0.5)
+    assert empty.arrays() == {} and empty.options() == {"sigma": 0.5}

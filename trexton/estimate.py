@@ -1,0 +1,81 @@
+"""What one step of the localizer gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trexton.neighbors import Neighbors
+
+__all__ = ["Estimate", "Measurement"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Measurement:
+    """A position from one frame alone, fit to be fused by somebody else.
+
+    Attributes
+    ----------
+    position : (2,) array
+        Metres.
+    covariance : (2, 2) array
+        Square metres, of an error that the receiver may take as independent from one to the next.
+    """
+
+    position: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Estimate:
+    """What one step gives, and what it saw and drew on the way.
+
+    Attributes
+    ----------
+    position : (2,) array
+        Point estimate in metres.
+    covariance : (2, 2) array
+        Of the belief about its mean, square metres.
+    lost : bool
+        The position must not be trusted.
+    observed : bool
+        False where the step only predicted.
+    histogram : (K,) array or None
+        Where a part asked for it.
+    neighbors : Neighbors or None
+        Where a part asked for them.
+    particles : (M, 2) array or None
+        Positions in metres; None from a filter that has none.
+    weights : (M,) array or None
+        Of these particles, before resampling.
+    measurement : Measurement or None
+        What this frame alone says of the position; None where it says nothing, or nobody knows how well.
+    """
+
+    position: np.ndarray
+    covariance: np.ndarray
+    lost: bool = False
+    observed: bool = True
+    histogram: np.ndarray | None = None
+    neighbors: Neighbors | None = None
+    particles: np.ndarray | None = None
+    weights: np.ndarray | None = None
+    measurement: Measurement | None = None
+
+    @property
+    def spread(self) -> np.ndarray:
+        """``(2,)`` standard deviations in metres, the paper's uncertainty."""
+        return np.sqrt(np.diagonal(self.covariance))
+
+    @property
+    def about_position(self) -> np.ndarray:
+        """``(2, 2)`` second moment of the belief about `position`, square metres.
+
+        A point estimate that is a particle is not the mean: a receiver that takes it for the centre must be
+        told the spread about it, which is larger by the outer product of their difference.
+        """
+        if self.particles is None or self.weights is None:
+            return self.covariance
+        offset = self.weights @ self.particles - self.position
+        return self.covariance + np.outer(offset, offset)

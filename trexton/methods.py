@@ -1,0 +1,92 @@
+"""Methods: named sets of parts. The only place that knows which parts go together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from trexton.errors import ParameterError
+from trexton.parts import ROLES, make, name_of
+from trexton.parts.base import Part
+
+__all__ = ["METHODS", "changed", "compose", "parse_choices"]
+
+# Every method names a part for each role; where a filter does without one, it is simply not asked.
+METHODS: dict[str, dict[str, str]] = {
+    "paper": {
+        "distance": "euclidean",
+        "motion": "random-walk",
+        "measurement": "rank-mixture",
+        "filter": "particles",
+        "resampling": "wheel",
+        "estimation": "map",
+        "recovery": "none",
+    },
+}
+
+
+def compose(method: str) -> dict[str, Part]:
+    """The parts of a method by role, before they have learned anything.
+
+    Raises
+    ------
+    ParameterError
+        There is no such method.
+    """
+    if method not in METHODS:
+        raise ParameterError(f"method {method!r} is unknown: choose one of {', '.join(METHODS)}")
+    return {role: make(role, name) for role, name in METHODS[method].items()}
+
+
+def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[str, Part]:
+    """The parts that `choices` make other than they are, not yet trained.
+
+    Parameters
+    ----------
+    parts : mapping of role to Part
+    choices : mapping
+        ``role``: a part, or its name; ``role.option``: a value.
+
+    Raises
+    ------
+    ParameterError
+        A role, part or option is unknown, or a value does not fit.
+    """
+    result: dict[str, Part] = {}
+    for key, choice in choices.items():
+        role, dot, _ = key.partition(".")
+        if role not in ROLES:
+            raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
+        if dot:
+            continue
+        if isinstance(choice, Part):
+            result[role] = choice
+        elif not isinstance(choice, str):
+            raise ParameterError(f"{role} is {choice!r}: expected a part or its name")
+        elif role not in parts or name_of(role, parts[role]) != choice:
+            result[role] = make(role, choice)
+    for key, value in choices.items():
+        role, dot, option = key.partition(".")
+        if not dot:
+            continue
+        part = result.get(role, parts[role])
+        value = part.option(option, value)
+        if part.options()[option] != value:
+            result[role] = part.with_options(**{option: value})
+    return result
+
+
+def parse_choices(words: Iterable[str]) -> dict[str, str]:
+    """Choices from ``role=part`` and ``role.option=value`` words of a command line.
+
+    Raises
+    ------
+    ParameterError
+        A word is neither.
+    """
+    choices = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key or not value:
+            raise ParameterError(f"--set {word!r}: expected role=part or role.option=value")
+        choices[key] = value
+    return choices

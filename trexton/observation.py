@@ -1,0 +1,87 @@
+"""What a frame brings to a filter: the picture, and what is computed from it when a part asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from trexton.errors import MapError
+from trexton.neighbors import Neighbors
+
+__all__ = ["Aiding", "Observation"]
+
+
+@dataclass(frozen=True, eq=False)
+class Aiding:
+    """What the autopilot knows besides; every part is optional and carries its own stamp.
+
+    Attributes
+    ----------
+    roll, pitch, yaw : float or None
+        Radians; yaw from the map's x axis, anticlockwise.
+    height : float or None
+        Metres above the floor.
+    velocity : (2,) array or None
+        Metres a second, in the map's axes.
+    attitude_time, height_time, velocity_time : float or None
+        Seconds on the clock that stamps the frames.
+    """
+
+    roll: float | None = None
+    pitch: float | None = None
+    yaw: float | None = None
+    height: float | None = None
+    velocity: np.ndarray | None = None
+    attitude_time: float | None = None
+    height_time: float | None = None
+    velocity_time: float | None = None
+
+
+class Observation:
+    """One frame; its histogram and neighbours are found on first use and kept.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8 array or None
+        The picture; None where the flight came as histograms.
+    aiding : Aiding, optional
+    time : float, optional
+        Seconds, of the frame.
+    histogram, neighbors : callable
+        Give the ``(K,)`` histogram, and the neighbours of a histogram.
+    """
+
+    def __init__(
+        self,
+        frame: np.ndarray | None = None,
+        *,
+        aiding: Aiding | None = None,
+        time: float | None = None,
+        histogram: Callable[[], np.ndarray] | None = None,
+        neighbors: Callable[[np.ndarray], Neighbors] | None = None,
+    ):
+        self.frame, self.time = frame, time
+        self.aiding = Aiding() if aiding is None else aiding
+        self._look, self._search = histogram, neighbors
+
+    @cached_property
+    def histogram(self) -> np.ndarray:
+        """``(K,)`` texton frequencies of the frame."""
+        if self._look is None:
+            raise MapError("this observation has no histogram: give a frame and a map with textons")
+        return self._look()
+
+    @cached_property
+    def neighbors(self) -> Neighbors:
+        """The most similar training histograms."""
+        if self._search is None:
+            raise MapError("this observation has no neighbours: give a map to search in")
+        return self._search(self.histogram)
+
+    @property
+    def seen(self) -> dict[str, np.ndarray | Neighbors | None]:
+        """``histogram`` and ``neighbors`` as far as they were asked for."""
+        return {name: self.__dict__.get(name) for name in ("histogram", "neighbors")}

@@ -1,0 +1,86 @@
+"""What a method is made of: one role a file, each part a small class, found by name here.
+
+A part of one's own needs no entry: ``"package.module:Class"`` names it as well.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from trexton.errors import ParameterError
+from trexton.parts.base import Part
+
+__all__ = ["ROLES", "make", "name_of"]
+
+# role: {name: where the class is}. Loaded when asked for, so that a heavy part costs nothing where it does not fly.
+ROLES: dict[str, dict[str, str]] = {
+    "distance": {
+        "euclidean": "trexton.parts.distances:Euclidean",
+        "hellinger": "trexton.parts.distances:Hellinger",
+    },
+    "motion": {
+        "random-walk": "trexton.parts.motion:RandomWalk",
+    },
+    "measurement": {
+        "rank-mixture": "trexton.parts.measurement:RankMixture",
+    },
+    "filter": {
+        "particles": "trexton.parts.filters:Particles",
+    },
+    "resampling": {
+        "wheel": "trexton.parts.resampling:Wheel",
+        "systematic": "trexton.parts.resampling:Systematic",
+    },
+    "estimation": {
+        "map": "trexton.parts.estimation:MaximumAPosteriori",
+        "mean": "trexton.parts.estimation:WeightedMean",
+        "highest-weight": "trexton.parts.estimation:HighestWeight",
+    },
+    "recovery": {
+        "none": "trexton.parts.recovery:NoRecovery",
+        "augmented": "trexton.parts.recovery:Augmented",
+    },
+}
+
+
+def part_class(role: str, name: str) -> type[Part]:
+    """The class of the part called `name`, an entry of `ROLES` or ``"module:Class"``.
+
+    Raises
+    ------
+    ParameterError
+        There is no such role or part.
+    """
+    if role not in ROLES:
+        raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
+    module, colon, attribute = ROLES[role].get(name, name).partition(":")
+    try:
+        found = getattr(import_module(module), attribute) if colon else None
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ParameterError(
+            f"{role} {name!r} cannot be loaded ({error}): check its name"
+        ) from None
+    if not (isinstance(found, type) and issubclass(found, Part)):
+        raise ParameterError(
+            f"{role} {name!r} is unknown: choose one of {', '.join(ROLES[role])}, or module:Class"
+        )
+    return found
+
+
+def make(role: str, name: str, **options: object) -> Part:
+    """The part called `name` with these options; text is converted to what an option takes.
+
+    Raises
+    ------
+    ParameterError
+        A name is unknown or a value does not fit.
+    """
+    kind = part_class(role, name)
+    return kind(**{key: kind.option(key, value) for key, value in options.items()})
+
+
+def name_of(role: str, part: Part) -> str:
+    """The name by which `make` finds the class of a part."""
+    address = f"{type(part).__module__}:{type(part).__qualname__}"
+    named = {where: name for name, where in ROLES.get(role, {}).items()}
+    return named.get(address, address)

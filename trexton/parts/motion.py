@@ -1,0 +1,186 @@
+"""Motion models: how a state goes on from one frame to the next, and how uncertainty grows.
+
+A state's first two columns need not be its position: `MotionModel.position` says where it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from trexton.errors import MapError, ParameterError
+from trexton.kernels import in_strips
+from trexton.parts.base import Area, Part, Training, learned
+
+__all__ = ["MotionModel", "RandomWalk", "process_covariance", "uniform_places"]
+
+# Pairs of particles whose densities are held at once: they stay in the processor's cache.
+_PAIRS = 2**16
+_WORTH_THREADS = 64  # blocks of pairs; fewer are done before a thread has started
+_MINUS_HALF = np.array([-0.5, -0.5])
+# Particles further apart than this log density count as this far: denormal numbers would take ten times as long.
+_FAR = -500.0
+
+
+@dataclass(eq=False)
+class MotionModel(Part):
+    """Base of all motion models; states are ``(M, D)`` arrays."""
+
+    def start(self, rng: np.random.Generator, area: Area, count: int) -> np.ndarray:
+        """``(count, D)`` states of a vehicle that may be anywhere in the area."""
+        raise NotImplementedError
+
+    def sample(self, states: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """The states one frame later, each by its own draw."""
+        raise NotImplementedError
+
+    def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """``(M,)`` log of sum_j p(x_i | x_j a frame before) w_j, up to a constant that all share."""
+        raise NotImplementedError
+
+    def position(self, states: np.ndarray) -> np.ndarray:
+        """``(M, 2)`` metres."""
+        raise NotImplementedError
+
+    def growth(self, dt: float) -> np.ndarray:
+        """``(2, 2)`` square metres: how much a position's covariance grows in `dt` seconds unseen."""
+        raise NotImplementedError
+
+
+@dataclass(eq=False)
+class RandomWalk(MotionModel):
+    """x_t = x_{t-1} + N(0, Sigma_process), with no velocity and no control input (paper, Sec. Filtering).
+
+    Parameters
+    ----------
+    sigma : float, optional
+        Standard deviation in metres a frame along both axes, instead of what the training flight shows.
+    """
+
+    sigma: float | None = None
+    covariance: np.ndarray = learned()
+    period_s: np.ndarray = learned()
+
+    def check(self) -> None:
+        if self.sigma is not None and not 0 < self.sigma < np.inf:
+            raise ParameterError(
+                f"the motion's sigma is {self.sigma}: expected a positive length in metres"
+            )
+
+    @classmethod
+    def of(cls, covariance: np.ndarray, period_s: float = 1.0) -> Self:
+        """The walk of a given ``(2, 2)`` covariance from frame to frame, square metres."""
+        return cls().with_learned(covariance=covariance, period_s=np.float64(period_s))
+
+    def fit(self, training: Training) -> Self:
+        found = (
+            process_covariance(training.positions, training.time)
+            if self.sigma is None
+            else np.eye(2) * self.sigma**2
+        )
+        return self.with_learned(covariance=found, period_s=np.float64(training.period_s))
+
+    def prepare(self) -> None:
+        if not (self.period_s.shape == () and 0 < self.period_s < np.inf):
+            raise ParameterError(
+                f"the motion's period is {self.period_s} s: expected a positive number"
+            )
+        self._whiten = whitener(self.covariance, "process")
+        self._color = np.linalg.inv(self._whiten)
+
+    def start(self, rng: np.random.Generator, area: Area, count: int) -> np.ndarray:
+        return uniform_places(rng, area, count)
+
+    def sample(self, states: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        moved: np.ndarray = rng.standard_normal(states.shape).dot(self._color.T)
+        moved += states
+        return moved
+
+    def position(self, states: np.ndarray) -> np.ndarray:
+        return states
+
+    def growth(self, dt: float) -> np.ndarray:
+        grown: np.ndarray = self.covariance * (dt / float(self.period_s))
+        return grown
+
+    def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        # -|a - b|^2 / 2 of all pairs is one product of [a, -|a|^2 / 2, 1] with [b, 1, -|b|^2 / 2].
+        count = len(states)
+        both = np.concatenate((states, previous))
+        both -= previous[0]  # keeps the squares small, and so exact
+        features = np.empty((len(both), 4))
+        white = np.dot(both, self._whiten.T, out=both)
+        features[:, :2], features[:, 2:] = white, 1
+        squares = np.dot(white * white, _MINUS_HALF)
+        features[:count, 2], features[count:, 3] = squares[:count], squares[count:]
+        # No pair is further apart than twice the length of the longest vector.
+        near = 4 * squares.min() > _FAR
+        density = np.empty(count)
+        rows = min(count, max(1, _PAIRS // len(previous)))
+        blocks = range(0, count, rows)
+
+        def work(part: slice) -> None:
+            buffer = np.empty((rows, len(previous)))
+            for first in blocks[part]:
+                block = features[first : min(first + rows, count)]
+                pairs = np.matmul(block, features[count:].T, out=buffer[: len(block)])
+                if not near:
+                    np.maximum(pairs, _FAR, out=pairs)
+                np.exp(pairs, out=pairs)
+                np.dot(pairs, weights, out=density[first : first + len(block)])
+
+        if len(blocks) < _WORTH_THREADS:
+            work(slice(None))
+        else:
+            in_strips(work, len(blocks))
+        return np.log(density, out=density)
+
+
+def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """``(2, 2)`` Sigma_process, the covariance of the forward differences T_t - T_{t-1} (Sec. Filtering).
+
+    Pairs with a gap of more than one and a half periods between them say nothing about one step and are left
+    out.
+
+    Raises
+    ------
+    MapError
+        Fewer than two steps are left.
+    """
+    gaps = np.diff(time)
+    steps = np.diff(positions, axis=0)[gaps <= 1.5 * np.median(gaps)]
+    if len(steps) < 2:
+        raise MapError(
+            f"{len(positions)} training frames make {len(steps)} steps from frame to frame: "
+            "the motion model needs at least 2, record a longer flight"
+        )
+    covariance: np.ndarray = np.cov(steps.T) + 1e-8 * np.eye(2)
+    return covariance
+
+
+def uniform_places(rng: np.random.Generator, area: Area, count: int) -> np.ndarray:
+    """``(count, 2)`` positions drawn uniformly over the area."""
+    x_min, x_max, y_min, y_max = area
+    return rng.uniform((x_min, y_min), (x_max, y_max), (count, 2))
+
+
+def whitener(covariance: np.ndarray, what: str) -> np.ndarray:
+    """The ``(2, 2)`` matrix W with ``|W d|^2 = d' covariance^-1 d``.
+
+    Raises
+    ------
+    ParameterError
+        The covariance is not positive definite.
+    """
+    covariance = np.asarray(covariance, dtype=float)
+    try:
+        if covariance.shape != (2, 2) or not np.isfinite(covariance).all():
+            raise np.linalg.LinAlgError
+        return np.linalg.inv(np.linalg.cholesky(covariance))
+    except np.linalg.LinAlgError:
+        raise ParameterError(
+            f"the {what} covariance is {covariance.tolist()}: "
+            "expected a positive definite 2x2 matrix in square metres"
+        ) from None

@@ -1,0 +1,332 @@
+"""The texton map, which training produces: the training set, and what the parts of a method learned from it."""
+
+from __future__ import annotations
+
+import json
+import os
+import zipfile
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trexton.errors import MapError, ParameterError
+from trexton.files import atomic_file, canonical_json
+from trexton.flights.flight import Flight
+from trexton.histograms import texton_histogram
+from trexton.methods import changed, compose
+from trexton.parts import name_of, part_class
+from trexton.parts.base import Area, Part, Training
+from trexton.progress import progress
+from trexton.textons import TextonDictionary
+
+__all__ = ["TextonMap", "full_histograms"]
+
+SCHEMA = 2
+
+
+@dataclass(frozen=True, eq=False)
+class TextonMap:
+    """All that the onboard phase needs to know of a place.
+
+    Attributes
+    ----------
+    dictionary : TextonDictionary or None
+        None where the flight came with histograms and no images.
+    histograms : (N, K) array
+        Relative texton frequencies of the training frames, full sampling.
+    positions : (N, 2) array
+        Their positions in metres.
+    time : (N,) array
+        Their stamps in seconds.
+    area : (x_min, x_max, y_min, y_max)
+    image_shape : (rows, columns) or None
+    period_s : float
+        Median time from frame to frame.
+    method : str
+        What it was trained for.
+    parts : dict of str to Part
+        By role, trained.
+    provenance : dict
+        Data hash, parameters, versions.
+    """
+
+    dictionary: TextonDictionary | None
+    histograms: np.ndarray
+    positions: np.ndarray
+    time: np.ndarray
+    area: Area
+    image_shape: tuple[int, int] | None
+    period_s: float
+    method: str
+    parts: dict[str, Any]
+    provenance: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def neighbors(self) -> int:
+        """k: how many neighbours the measurement model was trained for; 5 where it asks for none."""
+        return int(getattr(self.parts.get("measurement"), "neighbors", 5))
+
+    @classmethod
+    def train(
+        cls,
+        flight: Flight,
+        *,
+        method: str = "paper",
+        n_textons: int = 20,
+        patch: int = 6,
+        neighbors: int | None = None,
+        rng: np.random.Generator,
+        dictionary: TextonDictionary | None = None,
+        positions: np.ndarray | None = None,
+        **choices: object,
+    ) -> TextonMap:
+        """Learn a map from a flight (paper, Sec. Dataset Generation to Filtering).
+
+        Parameters
+        ----------
+        flight : Flight
+            With images, or with histograms only.
+        method : str
+            An entry of `trexton.methods.METHODS`.
+        n_textons, patch : int
+            K, and the patch's side in pixels.
+        neighbors : int, optional
+            Short for the choice ``measurement.neighbors``.
+        rng : numpy.random.Generator
+        dictionary : TextonDictionary, optional
+            Use this one instead of learning it from the flight's images.
+        positions : (N, 2) array, optional
+            Use these instead of the flight's ground truth; frames with NaN do not train.
+        **choices
+            ``role``: a part, or its name; ``role.option``: a value. They replace what the method says.
+
+        Raises
+        ------
+        MapError
+            Too few frames with a position.
+        ParameterError
+            A method, part or option is unknown.
+        """
+        if neighbors is not None:
+            choices["measurement.neighbors"] = neighbors
+        parts = compose(method)
+        parts |= changed(parts, choices)
+        given = flight.position if positions is None else np.asarray(positions, dtype=float)
+        if given.shape != (len(flight), 2):
+            raise ParameterError(
+                f"positions have shape {given.shape}: expected ({len(flight)}, 2), one for each frame"
+            )
+        known = np.isfinite(given).all(axis=1)
+        if known.sum() < 3:
+            raise MapError(
+                f"flight {flight.name!r} has {known.sum()} frames with a position: "
+                "training needs at least 3"
+            )
+        if flight.has_images:
+            dictionary = dictionary or TextonDictionary.learn(flight, n_textons, patch, rng=rng)
+        trained, place = flight.select(known), given[known]
+        parameters = {
+            "method": method,
+            "n_textons": n_textons,
+            "patch": patch,
+            "positions": positions is not None,
+        }
+        untrained = cls(
+            dictionary,
+            full_histograms(trained, dictionary),
+            place,
+            trained.time,
+            flight.area,
+            trained.image(0).shape[:2] if flight.has_images else None,
+            float(np.median(np.diff(trained.time))),
+            method,
+            {},
+            {
+                "flight": flight.name,
+                "data_hash": flight.data_hash,
+                "parameters": parameters,
+                "versions": _versions(),
+            },
+        )
+        return untrained.with_parts(parts, flight=trained, rng=rng)
+
+    def with_parts(
+        self,
+        parts: Mapping[str, Part],
+        *,
+        flight: Flight | None = None,
+        rng: np.random.Generator | None = None,
+    ) -> TextonMap:
+        """This map with other parts, trained on its own training set.
+
+        Parameters
+        ----------
+        parts : mapping of role to Part
+            Those not named stay as they are.
+        flight : Flight, optional
+            The frames behind the map, for parts that learn from more than histograms.
+        rng : numpy.random.Generator, optional
+            For parts that draw; a fixed one unless given.
+        """
+        untrained = replace(self, parts=self.parts | dict(parts))
+        training = untrained.training(flight=flight, rng=rng)
+        return replace(
+            self, parts=untrained.parts | {role: part.fit(training) for role, part in parts.items()}
+        )
+
+    def training(
+        self, *, flight: Flight | None = None, rng: np.random.Generator | None = None
+    ) -> Training:
+        """What the parts learn from; see `with_parts`."""
+        return Training(
+            self.histograms,
+            self.positions,
+            self.time,
+            self.area,
+            self.period_s,
+            self.parts["distance"],
+            self.dictionary,
+            flight,
+            np.random.default_rng(0) if rng is None else rng,
+        )
+
+    def changed(
+        self, choices: Mapping[str, object], *, rng: np.random.Generator | None = None
+    ) -> TextonMap:
+        """This map with the parts that `choices` name, trained on its own training set; see `train`."""
+        new = changed(self.parts, choices)
+        return self.with_parts(new, rng=rng) if new else self
+
+    def for_method(
+        self, method: str | None, *, rng: np.random.Generator | None = None
+    ) -> TextonMap:
+        """This map with the parts of another method; itself for its own, or None."""
+        if method in (None, self.method):
+            return self
+        parts = compose(method)
+        return replace(self, method=method).with_parts(parts, rng=rng)
+
+    def to_arrays(self) -> dict[str, np.ndarray]:
+        """The map as named arrays, the form in which it is stored."""
+        header = {
+            "method": self.method,
+            "parts": {
+                role: {"name": name_of(role, part), "options": part.options()}
+                for role, part in self.parts.items()
+            },
+            "provenance": self.provenance,
+        }
+        arrays = {
+            "schema": np.asarray(SCHEMA),
+            "histograms": self.histograms,
+            "positions": self.positions,
+            "time": self.time,
+            "area": np.asarray(self.area, dtype=float),
+            "period_s": np.asarray(self.period_s),
+            "header": np.frombuffer(canonical_json(header).encode(), np.uint8),
+        }
+        if self.image_shape is not None:
+            arrays["image_shape"] = np.asarray(self.image_shape, dtype=np.int64)
+        if self.dictionary is not None:
+            arrays["textons"] = self.dictionary.textons
+        for role, part in self.parts.items():
+            arrays |= {f"{role}.{name}": array for name, array in part.arrays().items()}
+        return arrays
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> TextonMap:
+        """The map that `to_arrays` described.
+
+        Raises
+        ------
+        MapError
+            It has another schema.
+        KeyError
+            An array is missing.
+        """
+        schema = int(arrays["schema"])
+        if schema > SCHEMA:
+            raise MapError(
+                f"map schema {schema} is newer than {SCHEMA}, the newest this version reads: update trexton"
+            )
+        if schema < SCHEMA:
+            raise MapError(
+                f"map schema {schema} was written by an older version, whose maps lack the training stamps: "
+                "train it again with trexton train"
+            )
+        header = json.loads(arrays["header"].tobytes())
+        return cls(
+            TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
+            arrays["histograms"],
+            arrays["positions"],
+            arrays["time"],
+            tuple(arrays["area"].tolist()),
+            tuple(arrays["image_shape"].tolist()) if "image_shape" in arrays else None,
+            float(arrays["period_s"]),
+            header["method"],
+            {role: _part(role, entry, arrays) for role, entry in header["parts"].items()},
+            header["provenance"],
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the map as ``.npz``, whole or not at all."""
+        with atomic_file(path, "wb") as stream:
+            np.savez(stream, **self.to_arrays())  # type: ignore[arg-type]
+        return Path(path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> TextonMap:
+        """Read a map.
+
+        Raises
+        ------
+        MapError
+            The file is missing, damaged, no map, or of another schema.
+        """
+        try:
+            with np.load(path, allow_pickle=False) as stored:
+                return cls.from_arrays(dict(stored))
+        except MapError as error:
+            raise MapError(f"{path}: {error}") from None
+        except FileNotFoundError:
+            raise MapError(
+                f"{path}: no such map: make one with trexton train FLIGHT -o {path}"
+            ) from None
+        except (
+            OSError,
+            ValueError,
+            KeyError,
+            EOFError,
+            TypeError,
+            AttributeError,
+            zipfile.BadZipFile,
+        ) as error:
+            raise MapError(
+                f"{path}: not a whole texton map ({error}): copy or train it again"
+            ) from None
+
+
+def _part(role: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Part:
+    mine = {
+        name.partition(".")[2]: array
+        for name, array in arrays.items()
+        if name.startswith(f"{role}.")
+    }
+    return part_class(role, entry["name"]).from_arrays(mine, **entry["options"])
+
+
+def _versions() -> dict[str, str]:
+    from trexton.records import software_versions
+
+    return software_versions()
+
+
+def full_histograms(flight: Flight, dictionary: TextonDictionary | None) -> np.ndarray:
+    """``(N, K)`` histograms of a flight: full sampling of its images, or those that it brings."""
+    if not flight.has_images:
+        return flight.histograms
+    images = progress(flight.images(), "histograms", total=len(flight))
+    return np.stack([texton_histogram(image, dictionary) for image in images])
