@@ -56,7 +56,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         )
 
     def clocked() -> StageClock:
-        return StageClock(texton_map, rng=np.random.default_rng([seed, 1]), **options)
+        return StageClock(texton_map, rng=np.random.default_rng([parameters.seed, 1]), **options)
 
     for frame in frames[:2]:  # whatever the first calls load
         localizer().step(frame)
