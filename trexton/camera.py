@@ -11,6 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 __all__ = ["Camera", "MapImage", "rotation_matrix", "transform_points"]
 
@@ -24,7 +25,7 @@ def rotation_matrix(roll: float, pitch: float, yaw: float) -> np.ndarray:
     return about_z @ about_x @ about_y
 
 
-def transform_points(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
+def transform_points(homography: np.ndarray, points: ArrayLike) -> np.ndarray:
     """Apply a ``(3, 3)`` homography to ``(N, 2)`` points."""
     points = np.asarray(points, dtype=float)
     projected = points @ homography[:, :2].T + homography[:, 2]
@@ -88,7 +89,12 @@ class MapImage:
 
     @classmethod
     def from_extent(
-        cls, image: np.ndarray, x_min: float, y_max: float, pixels_per_metre: float, mask=None
+        cls,
+        image: np.ndarray,
+        x_min: float,
+        y_max: float,
+        pixels_per_metre: float,
+        mask: np.ndarray | None = None,
     ) -> MapImage:
         """A map image that is parallel to the axes, its top left corner at (`x_min`, `y_max`)."""
         step = 1 / pixels_per_metre

@@ -114,7 +114,7 @@ def _label(
         kernels.label_rows(strip, dictionary.words, dictionary.words_bias, labels[rows], counts)
         return counts
 
-    return labels, sum(in_strips(work, len(labels), threads))
+    return labels, np.sum(in_strips(work, len(labels), threads), axis=0)
 
 
 def _label_by_products(image: np.ndarray, dictionary: TextonDictionary, labels: np.ndarray) -> None:

@@ -78,7 +78,7 @@ def detect_keypoints(
         luma = cv2.resize(luma, size, interpolation=cv2.INTER_AREA)
         mask = None if mask is None else cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
     # Without the precise upscale every keypoint lies a quarter of a pixel too far right and down.
-    sift = cv2.SIFT_create(nfeatures=limit, enable_precise_upscale=True)
+    sift = cv2.SIFT.create(nfeatures=limit, enable_precise_upscale=True)
     found, descriptors = sift.detectAndCompute(luma, mask)
     if not found:
         return Keypoints(np.empty((0, 2)), np.empty((0, 128), np.float32))
@@ -163,7 +163,8 @@ class HomographyLocalizer:
             if value < least:
                 raise ParameterError(f"{name} is {value}: expected at least {least}")
         self.map_image, self.scale, self.ratio, self.threshold = map_image, scale, ratio, threshold
-        self.keypoints, self._search = keypoints, {"checks": checks}
+        self.keypoints = keypoints
+        self._search: dict[str, bool | int | float | str] = {"checks": checks}
         mask = None if map_image.mask is None else map_image.mask.astype(np.uint8)
         luma = cv2.cvtColor(map_image.image, cv2.COLOR_BGR2GRAY)
         self._map = detect_keypoints(luma, limit=map_keypoints, mask=mask)
@@ -173,7 +174,7 @@ class HomographyLocalizer:
                 "give a sharper or larger map"
             )
         cv2.setRNGSeed(0)  # FLANN draws its split dimensions from OpenCV's generator
-        self._index = cv2.flann_Index(self._map.descriptors, {"algorithm": 1, "trees": _KD_TREES})
+        self._index = cv2.flann.Index(self._map.descriptors, {"algorithm": 1, "trees": _KD_TREES})
 
     def locate(self, image: np.ndarray) -> HomographyFix:
         """Locate one ``(H, W, 3) uint8`` Y, U, V frame on the map."""

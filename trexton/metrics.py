@@ -6,6 +6,7 @@ Nothing is aligned before it is compared: estimates and ground truth share one f
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -76,7 +77,7 @@ def summarize(
     *,
     rng: np.random.Generator,
     draws: int = 1000,
-) -> dict:
+) -> dict[str, Any]:
     """Everything that tables print about one or several runs over the same flight.
 
     Parameters
@@ -100,7 +101,11 @@ def summarize(
     """
     absolute = 100 * np.stack([absolute_errors(run, truth) for run in runs])
     missing = float((~np.isfinite(absolute).all(axis=2)).sum(axis=1).mean())
-    result: dict = {"runs": len(runs), "frames": absolute.shape[1] - missing, "missing": missing}
+    result: dict[str, Any] = {
+        "runs": len(runs),
+        "frames": absolute.shape[1] - missing,
+        "missing": missing,
+    }
     if result["frames"] == 0:
         return result
     single = [_statistics(run, 100 * diagonal) for run in absolute]

@@ -157,7 +157,7 @@ def heat_map(
         places = np.column_stack([x, np.full(len(x), place)])
         squared = np.square(places[:, None] - positions).sum(axis=2).min(axis=1)
         heat[row] = np.where(squared <= reach**2, smooth(values, positions, places, sigma), np.nan)
-    return HeatMap(heat, tuple(area))
+    return HeatMap(heat, area)
 
 
 def _centers(start: float, end: float, cell: float) -> np.ndarray:

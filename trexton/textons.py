@@ -19,6 +19,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class TextonDictionary:
 
     textons: np.ndarray
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         textons = np.asarray(self.textons)
         shape = textons.shape
         square = textons.ndim == 4 and shape[1] == shape[2] <= MAX_PATCH and shape[3] == 3
@@ -145,7 +146,7 @@ class TextonDictionary:
         method: str = "kohonen",
         images: int = 100,
         patches_per_image: int = 1000,
-        **options,
+        **options: Any,
     ) -> TextonDictionary:
         """Learn a dictionary from a flight's images or from patches.
 

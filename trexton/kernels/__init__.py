@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from trexton.errors import ParameterError
 
@@ -19,6 +19,7 @@ if (
 
 __all__ = ["BACKENDS", "compiled", "thread_count", "in_strips"]
 
+T = TypeVar("T")
 BACKENDS = ("numba", "numpy")
 
 
@@ -70,7 +71,7 @@ def thread_count(threads: int | None = None) -> int:
     return threads
 
 
-def in_strips(work: Callable[[slice], object], rows: int, threads: int | None = None) -> list:
+def in_strips(work: Callable[[slice], T], rows: int, threads: int | None = None) -> list[T]:
     """Call `work` on equal slices of `rows` rows, one a thread; kernels and products release Python's lock.
 
     Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep beside the

@@ -157,7 +157,7 @@ def label_rows(image, weights, bias, labels, counts):
             for j in range(words):
                 offsets[r * words + j] = ((y + r) % patch * 3 + j % 3) * padded + 4 * (j // 3)
         for x in range(0, columns, BLOCK):
-            _label_block(planes, x, offsets, weights, bias, out[x:])
+            _label_block(planes, x, offsets, weights, bias, out[x:])  # type: ignore[call-arg]  # numba passes the context
         for x in range(columns):
             labels[y, x] = out[x]
             counts[out[x]] += 1

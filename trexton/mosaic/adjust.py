@@ -6,11 +6,13 @@ bend the map.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from trexton.mosaic.links import Anchors, Links
 from trexton.mosaic.poses import PARAMETERS, TYPICAL, floor_jacobian, floor_points
-from trexton.mosaic.sparse import assemble, diagonal, differences, pick, solve
+from trexton.mosaic.sparse import Sparse, assemble, diagonal, differences, pick, solve
 
 __all__ = ["adjust", "link_errors"]
 
@@ -24,7 +26,12 @@ _GAIN = 1e-3  # share of the cost; a smaller gain ends a width
 
 
 def adjust(
-    poses: np.ndarray, links: Links, anchors: Anchors, focal: float, *, widths=(32.0, 8.0, 4.0, 2.0)
+    poses: np.ndarray,
+    links: Links,
+    anchors: Anchors,
+    focal: float,
+    *,
+    widths: Sequence[float] = (32.0, 8.0, 4.0, 2.0),
 ) -> np.ndarray:
     """Refine ``(N, 8)`` poses until links, anchors and level flight agree best, under a Cauchy loss.
 
@@ -83,7 +90,7 @@ class _Problem:
         held = ((self.hold @ poses.ravel() - self.expected) ** 2).sum()
         return float(width**2 * np.log1p(squared / width**2).sum() + held)
 
-    def linearized(self, poses: np.ndarray, width: float):
+    def linearized(self, poses: np.ndarray, width: float) -> tuple[Sparse, np.ndarray]:
         """The normal matrix and the gradient, the loss as iteratively reweighted squares."""
         links = self.links
         residual = _residuals(poses, links, self.focal)
@@ -108,15 +115,15 @@ class _Problem:
         return normal + self.hold.T @ self.hold, gradient.ravel() + held
 
 
-def _holds(count: int, anchors: Anchors):
+def _holds(count: int, anchors: Anchors) -> tuple[Sparse, np.ndarray]:
     """A sparse matrix and a target: ``matrix @ poses.ravel() - target`` in standard deviations."""
     from scipy import sparse
 
-    def taken(rows: np.ndarray, name: str, deviation: float):
+    def taken(rows: np.ndarray, name: str, deviation: float) -> Sparse:
         return pick(rows * _SIZE + PARAMETERS.index(name), count * _SIZE, 1 / deviation)
 
     every = np.arange(count)
-    parts = [
+    parts: list[tuple[Sparse, np.ndarray | float]] = [
         (taken(every, name, width), float(name == "z") / width) for name, width in TYPICAL.items()
     ]
     for axis, name in enumerate("xy"):

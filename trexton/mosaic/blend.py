@@ -44,7 +44,9 @@ def blend(
     map_from_world = np.linalg.inv(empty.world_from_pixel)
     feather = _feather(camera)
 
-    def place(job: tuple[int, np.ndarray, np.ndarray]):
+    def place(
+        job: tuple[int, np.ndarray, np.ndarray],
+    ) -> tuple[tuple[int, int], tuple[int, int], np.ndarray, np.ndarray]:
         row, matrix, outline = job
         corner, size = _window(transform_points(map_from_world, outline), (columns, lines))
         local = (

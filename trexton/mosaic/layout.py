@@ -7,7 +7,7 @@ import numpy as np
 from trexton.errors import MapError
 from trexton.mosaic.links import Anchors, Links
 from trexton.mosaic.poses import PARAMETERS
-from trexton.mosaic.sparse import connected, diagonal, differences, solve, steps
+from trexton.mosaic.sparse import Sparse, connected, diagonal, differences, solve, steps
 
 __all__ = ["layout"]
 
@@ -108,5 +108,5 @@ def _level_poses(place: np.ndarray, similarity: np.ndarray, focal: float) -> np.
     return poses
 
 
-def _square(matrix):
+def _square(matrix: Sparse) -> Sparse:
     return matrix.T @ matrix

@@ -10,6 +10,7 @@ import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from trexton.mosaic.poses import world_from_pixel
 from trexton.progress import progress
 
 __all__ = ["Anchors", "Links", "flight_keypoints", "spatial_links", "successive_links", "threads"]
+
+Matched = tuple[np.ndarray, np.ndarray]  # a homography and the points that agree with it
+Linked = tuple[tuple[int, int], np.ndarray, np.ndarray]  # the same with its pair of frames
 
 _LEAST_OVERLAP = 0.08  # of a frame's area
 _APART = (
@@ -92,14 +96,14 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
     # Most frames hardly move; one that does is looked for anywhere.
     still = (np.eye(3), _STILL * camera.width)
 
-    def follow(pair: tuple[int, int]):
+    def follow(pair: tuple[int, int]) -> Matched | None:
         return _match(keypoints, camera, pair, *still) or _match(keypoints, camera, pair)
 
     found = _all_links(follow, [(row, row + 1) for row in range(len(keypoints) - 1)], "linking")
     found = _steadied(found, keypoints, camera)
     chain = {first: homography for (first, _), homography, _ in found}
 
-    def leap(pair: tuple[int, int]):
+    def leap(pair: tuple[int, int]) -> Matched | None:
         predicted = np.eye(3)
         for row in range(*pair):
             if row not in chain:
@@ -111,9 +115,9 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
     return _as_links(found + _all_links(leap, pairs, "linking"), camera)
 
 
-def _steadied(found: list, keypoints: list[Keypoints], camera: Camera) -> list:
+def _steadied(found: list[Linked], keypoints: list[Keypoints], camera: Camera) -> list[Linked]:
     """The links again, those that jump: looked for where the motion before and after says they should be."""
-    center = [camera.principal_point]
+    center = np.array([camera.principal_point])
     moved = [transform_points(homography, center)[0] for _, homography, _ in found]
     shift = np.array(moved).reshape(-1, 2) - center
     result = []
@@ -148,7 +152,7 @@ def spatial_links(
     """
     matrices = [world_from_pixel(pose, camera) for pose in poses]
 
-    def revisit(pair: tuple[int, int]):
+    def revisit(pair: tuple[int, int]) -> Matched | None:
         first, second = pair
         predicted = np.linalg.solve(matrices[second], matrices[first])
         return _match(keypoints, camera, pair, predicted, reach * camera.width)
@@ -159,7 +163,7 @@ def spatial_links(
 
 
 def _spatial_pairs(
-    poses: np.ndarray, camera: Camera, count: int, known: set
+    poses: np.ndarray, camera: Camera, count: int, known: set[tuple[int, int]]
 ) -> list[tuple[int, int]]:
     """For each frame up to `count` others of other passes, by overlap, spread along the path."""
     seen = float(np.median(poses[:, 2])) / camera.focal * np.array([camera.width, camera.height])
@@ -183,11 +187,15 @@ def _spatial_pairs(
     return sorted(pairs - known)
 
 
-def _match(keypoints: list[Keypoints], camera: Camera, pair: tuple[int, int], *guess):
+def _match(
+    keypoints: list[Keypoints], camera: Camera, pair: tuple[int, int], *guess: Any
+) -> Matched | None:
     return match_frames(keypoints[pair[0]], keypoints[pair[1]], camera, *guess)
 
 
-def _all_links(match: Callable, pairs: list[tuple[int, int]], label: str) -> list:
+def _all_links(
+    match: Callable[[tuple[int, int]], Matched | None], pairs: list[tuple[int, int]], label: str
+) -> list[Linked]:
     """``(pair, homography, points)`` of every pair that `match` finds, in order."""
     from threadpoolctl import threadpool_limits
 
@@ -197,7 +205,7 @@ def _all_links(match: Callable, pairs: list[tuple[int, int]], label: str) -> lis
         return [(pair, *found) for pair, found in zip(pairs, matched) if found]
 
 
-def _as_links(found: list, camera: Camera) -> Links:
+def _as_links(found: list[Linked], camera: Camera) -> Links:
     pairs = np.array([pair for pair, _, _ in found], dtype=np.int64).reshape(-1, 2)
     points = np.array([points for _, _, points in found]).reshape(-1, 2, POINTS, 2)
     return Links(pairs, points - np.array(camera.principal_point))

@@ -33,8 +33,10 @@ def match_frames(
     source, target = _mutual_matches(first, second, predicted, reach)
     homography, inliers = find_homography(source, target, _THRESHOLD)
     share = _LEAST_SHARE_ANYWHERE if predicted is None else _LEAST_SHARE
-    if inliers.sum() < max(_LEAST_INLIERS, share * len(source)) or not _plausible(
-        homography, camera
+    if (
+        homography is None
+        or inliers.sum() < max(_LEAST_INLIERS, share * len(source))
+        or not _plausible(homography, camera)
     ):
         return None
     source, target = source[inliers], target[inliers]
@@ -43,7 +45,7 @@ def match_frames(
 
 
 def _mutual_matches(
-    first: Keypoints, second: Keypoints, predicted, reach
+    first: Keypoints, second: Keypoints, predicted: np.ndarray | None, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
     """Matches within reach that are nearest in both directions and pass the ratio test.
 

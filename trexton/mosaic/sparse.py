@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
-__all__ = ["assemble", "connected", "diagonal", "differences", "pick", "solve", "steps"]
+__all__ = ["assemble", "connected", "diagonal", "differences", "pick", "solve", "steps", "Sparse"]
+
+Sparse = Any  # one of SciPy's sparse arrays, which carry no types
 
 
 def connected(count: int, pairs: np.ndarray) -> np.ndarray:
@@ -16,14 +20,14 @@ def connected(count: int, pairs: np.ndarray) -> np.ndarray:
     return connected_components(graph, directed=False)[1]
 
 
-def diagonal(values: np.ndarray):
+def diagonal(values: np.ndarray) -> Sparse:
     """A diagonal matrix."""
     from scipy import sparse
 
     return sparse.diags_array(values)
 
 
-def differences(count: int, order: int):
+def differences(count: int, order: int) -> Sparse:
     """``(count - order, count)`` finite differences of `order` 1 or 2."""
     from scipy import sparse
 
@@ -33,7 +37,7 @@ def differences(count: int, order: int):
     return sparse.diags_array(stencil, offsets=range(order + 1), shape=(count - order, count))
 
 
-def steps(count: int, pairs: np.ndarray):
+def steps(count: int, pairs: np.ndarray) -> Sparse:
     """``(L, count)``: the second of each of the ``(L, 2)`` pairs minus the first."""
     from scipy import sparse
 
@@ -42,7 +46,7 @@ def steps(count: int, pairs: np.ndarray):
     return sparse.csr_array((values, (np.tile(rows, 2), pairs.T.ravel())), (len(pairs), count))
 
 
-def pick(columns: np.ndarray, count: int, factor: float):
+def pick(columns: np.ndarray, count: int, factor: float) -> Sparse:
     """``(len(columns), count)``: row i takes `factor` times entry ``columns[i]``."""
     from scipy import sparse
 
@@ -50,7 +54,7 @@ def pick(columns: np.ndarray, count: int, factor: float):
     return sparse.csr_array((np.full(len(columns), factor), (rows, columns)), (len(columns), count))
 
 
-def assemble(blocks: np.ndarray, pairs: np.ndarray, size: int, count: int):
+def assemble(blocks: np.ndarray, pairs: np.ndarray, size: int, count: int) -> Sparse:
     """``(L, 2 size, 2 size)`` blocks of pairs of frames, summed into ``(count size, count size)``."""
     from scipy import sparse
 
@@ -60,7 +64,7 @@ def assemble(blocks: np.ndarray, pairs: np.ndarray, size: int, count: int):
     return sparse.coo_array((blocks.ravel(), (down, across)), (count * size, count * size)).tocsc()
 
 
-def solve(matrix, vector: np.ndarray) -> np.ndarray:
+def solve(matrix: Sparse, vector: np.ndarray) -> np.ndarray:
     """The solution of a symmetric, positive definite system; `vector` may be complex."""
     from scipy.sparse.linalg import splu
 

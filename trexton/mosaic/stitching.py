@@ -126,7 +126,14 @@ def map_from_links(
     return _finished(flight, poses, links, known, camera, pixels_per_metre)
 
 
-def _finished(flight, poses, links, known, camera, pixels_per_metre) -> Mosaic:
+def _finished(
+    flight: Flight,
+    poses: np.ndarray,
+    links: Links,
+    known: Anchors,
+    camera: Camera,
+    pixels_per_metre: float | None,
+) -> Mosaic:
     """Drop the links that contradict the others, adjust once more, blend."""
     agreeing = _median_errors(poses, links, camera) < _TRUSTED
     links, rejected = links[agreeing], int((~agreeing).sum())

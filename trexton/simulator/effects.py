@@ -55,7 +55,7 @@ class Effects:
         "exposure": 0.3, "vignetting": 0.9, "noise": 25.0, "chroma_subsampling": 1.0, "jpeg": 100.0,
     }  # fmt: skip
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         for name, limit in self._LIMITS.items():
             value = getattr(self, name)
             if not 0 <= value <= limit:

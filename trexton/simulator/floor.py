@@ -66,7 +66,7 @@ class Floor:
         return _painted(layout, seed)
 
     @classmethod
-    def from_file(cls, path: str | os.PathLike, width: float) -> Floor:
+    def from_file(cls, path: str | os.PathLike[str], width: float) -> Floor:
         """A picture file as a floor `width` metres wide, its lower left corner at the origin.
 
         Where the picture is transparent (alpha 0) the floor is not mapped.

@@ -35,6 +35,9 @@ def paint_hall(rng: np.random.Generator, placements: Sequence[Placement] = HALL)
     return MapImage.from_extent(picture, 0.0, SIDE, PIXELS_PER_METRE)
 
 
+Pair = np.ndarray | tuple[float | np.floating, float | np.floating]  # x and y in metres
+
+
 class _Hall:
     """The floor while it is being painted; coordinates in metres."""
 
@@ -60,7 +63,7 @@ class _Hall:
             tone[top : top + 3] = -4.5
         speckle = grain((self.size, self.size), self.rng, (1.0, 2.5))
         light = (1 + 0.055 * tone + 0.06 * fibre + 0.02 * speckle)[..., None]
-        warm = bgr("c79a6b")[0] * light + (fibre * 3)[..., None] * np.float32([-1, 0, 1])
+        warm = bgr("c79a6b")[0] * light + (fibre * 3)[..., None] * np.array([-1, 0, 1], np.float32)
         self.picture[:] = np.clip(warm, 0, 255)
 
     def mark_lanes(self) -> None:
@@ -149,22 +152,24 @@ class _Hall:
 
     # -- brushes ------------------------------------------------------------------------------------
 
-    def _rectangle(self, center, size, turn: float) -> np.ndarray:
+    def _rectangle(self, center: Pair, size: Pair, turn: float) -> np.ndarray:
         """``(4, 2)`` pixel corners: top left, top right, bottom right, bottom left."""
         corners = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]]) * size
         axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
         return self.map.to_pixels(corners @ axes + center)
 
-    def _pixel_disc(self, center, radius: float) -> tuple[list[int], int]:
+    def _pixel_disc(self, center: Pair, radius: float) -> tuple[list[int], int]:
         return self.map.to_pixels(np.array([center]))[0].round().astype(int).tolist(), round(
             radius * PIXELS_PER_METRE
         )
 
-    def _disc(self, center, radius: float, color: np.ndarray) -> None:
+    def _disc(self, center: Pair, radius: float, color: np.ndarray) -> None:
         angle = np.linspace(0, 2 * np.pi, 90, endpoint=False)
         polygon(
             self.picture,
-            self.map.to_pixels(center + radius * np.column_stack([np.cos(angle), np.sin(angle)])),
+            self.map.to_pixels(
+                np.asarray(center) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
+            ),
             color,
         )
 
@@ -173,8 +178,9 @@ class _Hall:
         low = np.maximum(np.floor(corners.min(axis=0)).astype(int) - 2, 0)
         high = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + 3, self.size)
         height, width = picture.shape[:2]
-        source = np.float32(
-            [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
+        right, bottom = width - 0.5, height - 0.5
+        source = np.array(
+            [[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]], np.float32
         )
         matrix = cv2.getPerspectiveTransform(source, (corners - low).astype(np.float32))
         extent = tuple((high - low).tolist())
@@ -193,7 +199,7 @@ class _Hall:
         target = self.picture[low[1] : high[1], low[0] : high[0]]
         target[:] = np.rint(target * (1 - shadow))
 
-    def _lay(self, picture: np.ndarray, center, turn: float) -> None:
+    def _lay(self, picture: np.ndarray, center: Pair, turn: float) -> None:
         size = np.array(picture.shape[1::-1]) / PIXELS_PER_METRE
         corners = self._rectangle(center, size, turn)
         self._shade(corners + 5, 0.45, 6)
@@ -258,7 +264,7 @@ class _Hall:
                 self.picture, [fixed], False, bgr(color)[0].tolist(), thickness, cv2.LINE_AA, 4
             )
 
-    def _box(self, center, size, color: np.ndarray) -> None:
+    def _box(self, center: Pair, size: Pair, color: np.ndarray) -> None:
         turn = self.rng.uniform(-0.6, 0.6)
         corners = self._rectangle(center, size, turn)
         self._shade(corners + 14, 0.5, 10)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 __all__ = ["MATS", "bgr", "grain", "polygon", "PIXELS_PER_METRE"]
 
@@ -37,21 +38,23 @@ def grain(
     return total / np.sqrt(len(scales))
 
 
-def polygon(image: np.ndarray, points: np.ndarray, color: np.ndarray) -> None:
+def polygon(image: np.ndarray, points: ArrayLike, color: np.ndarray) -> None:
     """Fill the polygon of ``(N, 2)`` pixel coordinates with smooth edges."""
     fixed = np.round(np.asarray(points) * 2**_SUBPIXEL).astype(np.int32)
     cv2.fillPoly(image, [fixed], [float(c) for c in color], cv2.LINE_AA, _SUBPIXEL)
 
 
-def _disc(image: np.ndarray, center, radius: float, color, thickness: int = -1) -> None:
-    fixed = [int(round(value * 2**_SUBPIXEL)) for value in (*center, radius)]
+def _disc(
+    image: np.ndarray, center: ArrayLike, radius: float, color: np.ndarray, thickness: int = -1
+) -> None:
+    fixed = [int(round(value * 2**_SUBPIXEL)) for value in (*np.asarray(center), radius)]
     cv2.circle(
         image, fixed[:2], fixed[2], [float(c) for c in color], thickness, cv2.LINE_AA, _SUBPIXEL
     )
 
 
 def _line(
-    image: np.ndarray, points: np.ndarray, color, thickness: int, closed: bool = False
+    image: np.ndarray, points: ArrayLike, color: np.ndarray, thickness: int, closed: bool = False
 ) -> None:
     fixed = np.round(np.asarray(points) * 2**_SUBPIXEL).astype(np.int32)
     cv2.polylines(
@@ -64,12 +67,13 @@ def _plain(size: tuple[int, int], color: np.ndarray) -> np.ndarray:
 
 
 def _ring_of(
-    center, radius: float, corners: int, turn: float = 0.0, inner: float = 1.0
+    center: ArrayLike, radius: float, corners: int, turn: float = 0.0, inner: float = 1.0
 ) -> np.ndarray:
     """A regular polygon, or a star where `inner` < 1."""
     angle = turn + np.arange(2 * corners) * np.pi / corners
+    x, y = np.asarray(center, dtype=float)
     reach = radius * np.where(np.arange(2 * corners) % 2, inner, 1.0)
-    return np.column_stack([center[0] + reach * np.cos(angle), center[1] + reach * np.sin(angle)])
+    return np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
 
 
 def _scatter(size: tuple[int, int], spacing: float, rng: np.random.Generator) -> np.ndarray:
@@ -136,7 +140,9 @@ def rug(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         quarter[:depth], quarter[:, :depth] = inks[ink], inks[ink]
     for step in np.arange(22, max(height, width), 40):
         for center in ((step, 22), (22, step)):
-            polygon(quarter, _ring_of(center, 16, 4, 0, 0.5), inks[2 if step % 80 < 40 else 5])
+            polygon(
+                quarter, _ring_of(np.array(center), 16, 4, 0, 0.5), inks[2 if step % 80 < 40 else 5]
+            )
     half = np.concatenate([quarter, quarter[:, ::-1]], axis=1)
     whole = np.concatenate([half, half[::-1]], axis=0)[: size[0], : size[1]]
     knots = grain(size, rng, (2.0, 5.0))[..., None] * 9
@@ -180,7 +186,7 @@ def town(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     return mat
 
 
-def _house(mat: np.ndarray, center, roof: np.ndarray, rng: np.random.Generator) -> None:
+def _house(mat: np.ndarray, center: ArrayLike, roof: np.ndarray, rng: np.random.Generator) -> None:
     half = rng.uniform(11, 22, 2)
     turn = rng.uniform(0, np.pi)
     axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])

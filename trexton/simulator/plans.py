@@ -7,6 +7,8 @@ from itertools import chain, cycle
 
 import numpy as np
 
+Area = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in metres
+
 __all__ = ["Plan", "survey", "random_waypoints"]
 
 MARGIN = 0.3  # metres that plans keep from the area's edge
@@ -38,13 +40,13 @@ class Plan:
         )
 
 
-def _inside(area) -> tuple[np.ndarray, np.ndarray]:
+def _inside(area: Area) -> tuple[np.ndarray, np.ndarray]:
     x_min, x_max, y_min, y_max = area
     margin = min(MARGIN, (x_max - x_min) / 4, (y_max - y_min) / 4)
     return np.array([x_min, y_min]) + margin, np.array([x_max, y_max]) - margin
 
 
-def survey(area, seconds: float, speed: float) -> Iterator[np.ndarray]:
+def survey(area: Area, seconds: float, speed: float) -> Iterator[np.ndarray]:
     """A diagonal, then lanes along x and along y that cover the area in about `seconds`, without end.
 
     The diagonal comes first because the dictionary is learnt from the first frames (the first 100 in the
@@ -71,7 +73,9 @@ def _lanes(
             yield np.array([across, along] if swap else [along, across])
 
 
-def random_waypoints(area, rng: np.random.Generator, apart: float = 1.0) -> Iterator[np.ndarray]:
+def random_waypoints(
+    area: Area, rng: np.random.Generator, apart: float = 1.0
+) -> Iterator[np.ndarray]:
     """Random places without end, each at least `apart` metres (or a third of the area) from the last."""
     low, high = _inside(area)
     apart = min(apart, float((high - low).min()) / 3)

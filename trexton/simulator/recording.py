@@ -28,7 +28,7 @@ PATTERNS = {
 
 
 def record_flight(
-    path: str | os.PathLike,
+    path: str | os.PathLike[str],
     *,
     pattern: str = "survey",
     frames: int | None = None,

@@ -140,6 +140,7 @@ class Sensor:
         """A developed frame as Y, U, V, exactly as it would be read back from the file of `encode`."""
         if self._effects.jpeg:
             image = cv2.imdecode(np.frombuffer(self.encode(frame), np.uint8), cv2.IMREAD_COLOR)
+            assert image is not None  # encoded a moment ago
         else:
             image = cv2.cvtColor(frame, cv2.COLOR_YCrCb2BGR)
         swapped, ordered = cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb), np.empty_like(image)

@@ -63,9 +63,9 @@ class Simulator:
         self.camera, self.effects = camera, effects
         flight_rng, sensor_rng, self._camera_rng, self._truth_rng = rng.spawn(4)
         x_min, x_max, y_min, y_max = self.floor.area
-        start = ((x_min + x_max) / 2, (y_min + y_max) / 2) if start is None else start
+        middle = np.array([(x_min + x_max) / 2, (y_min + y_max) / 2])
         self.vehicle = Vehicle(
-            start,
+            middle if start is None else start,
             height=height,
             speed=speed,
             height_ripple=effects.height_ripple,
@@ -135,7 +135,9 @@ class Simulator:
         rows, columns = coarse.shape[:2]
         fine = cv2.resize(coarse, (columns * _NODE, rows * _NODE), interpolation=cv2.INTER_LINEAR)
         fine = fine[_NODE : _NODE + self.camera.height, _NODE : _NODE + self.camera.width]
-        return cv2.remap(texture, fine, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+        return cv2.remap(  # type: ignore[call-overload]  # OpenCV's types forget that one map may hold both
+            texture, fine, None, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
 
     def _blur(self, scene: np.ndarray, state: VehicleState) -> np.ndarray:
         """Smear along the path that the floor under the image centre takes during the exposure."""

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trexton.errors import ParameterError
 
@@ -80,12 +81,12 @@ class Vehicle:
 
     def __init__(
         self,
-        position,
+        position: ArrayLike,
         *,
         height: float = 1.0,
         speed: float = 0.5,
-        height_ripple=0.03,
-        yaw=0.03,
+        height_ripple: float = 0.03,
+        yaw: float = 0.03,
         rng: np.random.Generator,
     ):
         if not (0.2 <= height <= 10 and 0 < speed <= 3):
@@ -126,11 +127,11 @@ class Vehicle:
         self._landing = self._landed = False
         self._height = height
 
-    def teleport(self, position) -> None:
+    def teleport(self, position: ArrayLike) -> None:
         """Put the vehicle elsewhere, at rest (a kidnapping)."""
         self._xy, self._velocity = np.array(position, dtype=float), np.zeros(2)
 
-    def advance(self, seconds: float, goal=None) -> VehicleState:
+    def advance(self, seconds: float, goal: ArrayLike | None = None) -> VehicleState:
         """Fly for `seconds` towards `goal` ((2,) metres; None: brake and hover)."""
         for _ in range(round(seconds / STEP)):
             self._steps += 1
