@@ -11,6 +11,7 @@ import pytest
 from trexton.flights import Flight, write_flight
 from trexton.flights.registry import raw_files
 from trexton.progress import set_quiet
+from trexton.records import Record
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -94,3 +95,17 @@ def image_folder(tmp_path) -> Path:
         image_files=files,
     )
     return write_flight(flight, tmp_path / "pictures")
+
+
+def mocap_record(flight: str, value: float) -> Record:
+    """A record of mocap_training with everything that claims read, each entry the same value."""
+    names = ("axis_mean_cm", "p95_cm", "error_cm_x", "error_cm_y", "std_cm_x", "std_cm_y")
+    values = {
+        "filter": dict.fromkeys((*names, "axis_std_cm"), value),
+        "knn": {"p95_cm": value},
+        "drift_cm_per_min": value,
+        "estimators": {"map": value, "mean": value},
+        "model": {"first_rank_std_cm": value, "last_rank_std_cm": value},
+        "spread": {"within_two": value},
+    }
+    return Record("mocap_training", flight, {}, values)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
-from conftest import ROOT, small_flight
+from conftest import ROOT, mocap_record, small_flight
 
 from trexton.book import build_small_book
 from trexton.book import flights as book_flights
@@ -94,8 +94,7 @@ def results(tmp_path):
     flight = write_flight(small_flight(), tmp_path / "small")
     folder = tmp_path / "results" / "small"
     folder.mkdir(parents=True)
-    record = {"values": {"error": 1.25}, "parameters": {}, "timings": {}}
-    (folder / "mocap_training.json").write_text(json.dumps(record))
+    mocap_record("small", 61.0).save(folder)
     chart = '<svg xmlns="http://www.w3.org/2000/svg" width="20" height="10"><rect width="20" height="10"/></svg>'
     (folder / "mocap_training-chart.svg").write_text(chart)
     cells = [

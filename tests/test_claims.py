@@ -4,6 +4,7 @@ import json
 
 import numpy as np
 import pytest
+from conftest import mocap_record
 
 from trexton.claims import (
     VERDICTS,
@@ -227,15 +228,7 @@ def test_the_tables_keep_their_columns_apart_and_offer_filters():
 
 def test_the_ledger_is_written_from_records(tmp_path):
     for flight, value in (("a", 61.0), ("b", np.nan)):
-        names = ("axis_mean_cm", "p95_cm", "error_cm_x", "error_cm_y", "std_cm_x", "std_cm_y")
-        values = {
-            "filter": dict.fromkeys((*names, "axis_std_cm"), value),
-            "knn": {"p95_cm": value},
-            "drift_cm_per_min": value,
-            "estimators": {"map": value, "mean": value},
-            "model": {"first_rank_std_cm": value, "last_rank_std_cm": value},
-        }
-        Record("mocap_training", flight, {}, values).save(tmp_path / flight)
+        mocap_record(flight, value).save(tmp_path / flight)
     rows = write_ledger(tmp_path)
     stored = json.loads((tmp_path / "claims.json").read_text())
     entry = next(entry for entry in stored["claims"] if entry["id"] == "mocap-x")

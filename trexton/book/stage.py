@@ -12,6 +12,7 @@ import nbformat
 import yaml
 
 from trexton.book.library import MODULES, describe_module
+from trexton.book.pages import page_names, with_flight
 from trexton.book.prose import records_by_name, render
 from trexton.errors import DataError
 from trexton.experiments import EXPERIMENTS
@@ -80,7 +81,12 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
         for name in contents.good(flight):
             for path in outputs_of(contents.results / flight, name):
                 if path.suffix == ".ipynb":
-                    _copy_notebook(path, folder / flight / path.name, contents.good(flight))
+                    twins = {
+                        pair.name: f"{pair.name}/{name}"
+                        for pair in contents.pairs
+                        if flight not in ("", pair.name) and name in contents.good(pair.name)
+                    }
+                    _copy_notebook(path, folder / flight / path.name, flight, twins, contents)
                 else:
                     shutil.copyfile(path, folder / flight / path.name)
     for name, path in contents.extra.items():
@@ -92,9 +98,16 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
     (folder / "_toc.yml").write_text(yaml.safe_dump(toc, sort_keys=False), encoding="utf-8")
 
 
-def _copy_notebook(path: Path, target: Path, pages: list[str]) -> None:
-    """Copy an executed notebook; links to experiments that have no page here become plain text."""
+def _copy_notebook(
+    path: Path, target: Path, flight: str, twins: Mapping[str, str], contents: Contents
+) -> None:
+    """Copy an executed notebook, its flight in the heading.
+
+    Links to experiments that have no page here become plain text.
+    """
     notebook = nbformat.read(path, as_version=4)
+    pages = contents.good(flight)
+    with_flight(notebook, flight, twins)
 
     def link(found: re.Match) -> str:
         return found[0] if found["page"] in pages else found["text"]
@@ -121,7 +134,7 @@ def _context(contents: Contents) -> dict:
         for pair in contents.pairs
     ]  # fmt: skip
     named = {flight["name"]: flight for flight in flights}
-    return {
+    return page_names(contents.results, records) | {
         "sim": records.get("sim-survey", {}), "cyberzoo": records.get("cyberzoo", {}),
         "records": records, "flights": flights, "flight": named, "absent": dict(contents.absent),
         "modules": [text for name in MODULES if (text := describe_module(name))],
@@ -160,7 +173,7 @@ def _table_of_contents(contents: Contents, toc_file: str) -> dict:
             if "flight" in chapter:
                 names = sorted(here) if chapter["flight"] == "*" else [chapter["flight"]]
                 chapters += [
-                    {"file": f"{name}/{page}"}
+                    {"file": f"{name}/{page}", "title": _title(page)}
                     for name in names
                     if name in here
                     for page in contents.good(name)

@@ -1,0 +1,131 @@
+"""The prose of the book: it says what the records say; the paper map is complete."""
+
+from __future__ import annotations
+
+import re
+
+import nbformat
+import pytest
+from conftest import ROOT
+
+from trexton.book.found import what_we_found
+from trexton.book.pages import page_names, with_flight
+from trexton.book.paper_map import load_map, map_table
+from trexton.book.prose import records_by_name
+from trexton.claims import load_claims
+from trexton.errors import ParameterError
+from trexton.experiments import EXPERIMENTS
+from trexton.flights.names import flight_title
+from trexton.records import Record
+from trexton.runner import Outcome
+
+
+def entry(middle, low=None, high=None):
+    return {"median": middle, "low": middle if low is None else low, "high": high or middle}
+
+
+def mocap(axis, error, knn, within, wide):
+    one = {"axis_mean_cm": entry(axis, axis - 9, axis + 9), "mean_cm": entry(error)}
+    return {
+        "filter": one,
+        "knn": {"mean_cm": entry(knn)},
+        "lag": {"s": 1.5},
+        "spread": {"within_two": entry(within), "frames_wider_than_landing": wide},
+        "counts": {"test": 300},
+    }
+
+
+def choices(paper, wide):
+    label = "motion noise of 25 cm"
+    return {
+        "variants": {
+            "paper": {"mean_cm": entry(paper)},
+            "motion_25": {"mean_cm": entry(wide), "label": label},
+        }
+    }
+
+
+LANDING = {"inside": 13, "landings": 38, "perfect": {"inside": 41, "landings": 46}}
+
+
+def numbers(text):
+    return [float(each.replace(",", "")) for each in re.findall(r"-?\d[\d,]*\.?\d*", text)]
+
+
+def test_the_first_page_says_what_the_records_say():
+    records = {
+        "cyberzoo": {"mocap_training": mocap(57, 87, 33, 0.57, 1), "choices": choices(87, 58)},
+        "sim-survey": {
+            "mocap_training": mocap(68, 102, 48, 0.22, 0.5),
+            "choices": choices(99, 46),
+            "triggered_landing": LANDING,
+        },
+    }
+    accuracy, filtered, noise, spread, landing = what_we_found(records)
+    assert accuracy.page == "cyberzoo/mocap_training" and "is reproduced" in accuracy.text
+    assert numbers(accuracy.text) == [60, 57, 48, 66, 68, 59, 77]
+    assert "errs more than" in filtered.text
+    assert numbers(filtered.text) == [87, 33, 1.5, 102, 48, 1.5]
+    assert noise.page == "cyberzoo/choices" and numbers(noise.text) == [25, 58, 87, 46, 99]
+    assert "too sure" in spread.text and numbers(spread.text) == [57, 22, 60, 1.5, 600]
+    assert landing.page == "sim-survey/triggered_landing"
+    assert numbers(landing.text) == [13, 38, 4, 6, 41, 46]
+
+
+def test_other_records_give_other_verdicts():
+    records = {"sim-survey": {"mocap_training": mocap(20, 25, 40, 0.95, 9)}}
+    accuracy, filtered, spread = what_we_found(records)
+    assert "does not hold here" in accuracy.text and "real flight" not in accuracy.text
+    assert "errs less than" in filtered.text
+    assert "tells the errors" in spread.text
+    records["cyberzoo"] = {"mocap_training": mocap(58, 90, 30, 0.5, 0)}
+    accuracy, filtered, spread = what_we_found(records)
+    assert "holds in part" in accuracy.text and "now more, now less" in filtered.text
+    assert "too sure" in spread.text
+    assert what_we_found({}) == []
+
+
+def test_every_claim_stands_in_one_item_of_the_paper_map(tmp_path):
+    items = load_map()
+    assert sorted(c for item in items for c in item.claims) == sorted(c.id for c in load_claims())
+    for item in items:
+        assert item.page in EXPERIMENTS or (ROOT / "book" / f"{item.page}.md").is_file(), item.name
+    (tmp_path / "map.toml").write_text('[[item]]\nname = "a"\npage = "data"\nclaims = ["moon"]\n')
+    with pytest.raises(ParameterError, match="moon.*expected every claim of claims.toml in one"):
+        load_map(tmp_path / "map.toml")
+
+
+@pytest.fixture
+def results(tmp_path):
+    for flight, inside in (("sim-survey", 0.66), ("cyberzoo", None)):
+        rate = None if inside is None else {"median": inside, "low": 0.5, "high": 0.8}
+        values = {"inside_rate": rate, "triggered_inside_rate": rate, "outlier_mean_cm": None}
+        Record("triggered_landing", flight, {}, values | LANDING).save(tmp_path / flight)
+    return tmp_path
+
+
+def test_the_map_shows_theirs_beside_ours_with_links_to_pages_that_are_there(results):
+    outcomes = [Outcome(f, "triggered_landing", "ran", (), 1.0) for f in ("sim-survey", "cyberzoo")]
+    names = page_names(results, records_by_name(results, outcomes))
+    pages = {"sim-survey/triggered_landing"}
+    table = names["paper_map"](lambda p, t: f"{{doc}}`{t} </{p}>`" if p in pages else t)
+    row = next(line for line in table.splitlines() if line.startswith("| Triggered landing |"))
+    cells = [cell.strip() for cell in row.strip("|").split(" | ")]
+    assert cells[1] == "Triggered landing: {doc}`Virtual hall </sim-survey/triggered_landing>`"
+    assert cells[2] == "0.67; 16 cm"
+    assert "not testable here" in cells[3] and "0.66" in cells[4] and "reproduced" in cells[4]
+    assert table.splitlines()[0].count("|") == row.count("|")
+    assert names["version"] and names["found"][0].page == "cyberzoo/triggered_landing"
+    assert "Table, homography baseline" in map_table({}, lambda page, text: text)
+
+
+def test_a_page_is_named_after_its_experiment_and_flight_and_knows_its_twin():
+    cells = [nbformat.v4.new_markdown_cell("# A finding\n\nText."), nbformat.v4.new_code_cell("1")]
+    notebook = nbformat.v4.new_notebook(cells=cells)
+    with_flight(notebook, "cyberzoo", {"sim-survey": "sim-survey/x"})
+    assert notebook.cells[0].source == "# A finding: CyberZoo flight (real)\n\nText."
+    assert "{doc}`Virtual hall (simulated) </sim-survey/x>`" in notebook.cells[-1].source
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# The ledger")])
+    with_flight(notebook, "", {})
+    assert notebook.cells[0].source == "# The ledger" and len(notebook.cells) == 1
+    assert flight_title("my-flight") == "my-flight"

@@ -1,0 +1,132 @@
+"""What we found, in a few sentences for the first page; every number from the records."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from trexton.claims.rules import REPRODUCED, Quantity, near
+from trexton.paper import published
+from trexton.wording import middle, number, percent
+
+__all__ = ["PLACES", "Found", "what_we_found"]
+
+Records = Mapping[str, Mapping[str, Any]]
+# How the first page calls the two flights of the book, the real one first.
+PLACES = {"cyberzoo": "on the authors' real flight", "sim-survey": "in the virtual hall"}
+
+
+@dataclass(frozen=True)
+class Found:
+    """A sentence, and the page that shows it."""
+
+    text: str
+    page: str
+
+
+def what_we_found(records: Records) -> list[Found]:
+    """The sentences that the records at hand allow.
+
+    Parameters
+    ----------
+    records : mapping
+        Values by flight and experiment, as `trexton.book.prose.records_by_name` gives them.
+    """
+    makers = (_accuracy, _filter, _noise, _spread, _landing)
+    return [found for make in makers if (found := make(records)) is not None]
+
+
+def _on_each(
+    records: Records, experiment: str, say: Callable[[Mapping[str, Any]], str]
+) -> tuple[str, list[Mapping[str, Any]], str]:
+    """``A on the real flight and B in the virtual hall``, the values behind it, the first page."""
+    flights = [flight for flight in PLACES if experiment in records.get(flight, {})]
+    values = [records[flight][experiment] for flight in flights]
+    said = [f"{say(each)} {PLACES[flight]}" for flight, each in zip(flights, values, strict=True)]
+    return " and ".join(said), values, f"{flights[0]}/{experiment}" if flights else ""
+
+
+def _accuracy(records: Records) -> Found | None:
+    text, values, page = _on_each(
+        records, "mocap_training", lambda v: _cm(v["filter"]["axis_mean_cm"])
+    )
+    if not values:
+        return None
+    printed = 100 * published()["parameters"]["accuracy_m"]
+    errors = [each["filter"]["axis_mean_cm"] for each in values]
+    verdicts = [near(Quantity(middle(e), e["low"], e["high"]), printed, "less") for e in errors]
+    held = verdicts.count(REPRODUCED)
+    where = (
+        "is reproduced"
+        if held == len(verdicts)
+        else "holds in part"
+        if held
+        else "does not hold here"
+    )
+    return Found(f"The paper's accuracy of {number(printed)} cm an axis {where}: {text}.", page)
+
+
+def _cm(entry: Mapping[str, Any]) -> str:
+    return f"{number(middle(entry))} cm [{number(entry['low'])}, {number(entry['high'])}]"
+
+
+def _filter(records: Records) -> Found | None:
+    def say(values: Mapping[str, Any]) -> str:
+        error, knn = middle(values["filter"]["mean_cm"]), middle(values["knn"]["mean_cm"])
+        lag = number(values["lag"]["s"])
+        return f"{number(error)} cm against {number(knn)} cm, {lag} s late,"
+
+    text, values, page = _on_each(records, "mocap_training", say)
+    if not values:
+        return None
+    worse = [middle(v["filter"]["mean_cm"]) > middle(v["knn"]["mean_cm"]) for v in values]
+    says = "errs now more, now less"
+    if len(set(worse)) == 1:
+        says = "errs more" if worse[0] else "errs less"
+    text = f"Its particle filter {says} than the plain mean of its own neighbours: {text}"
+    return Found(f"{text}.", page)
+
+
+def _noise(records: Records) -> Found | None:
+    def say(values: Mapping[str, Any]) -> str:
+        paper, wide = (middle(values["variants"][k]["mean_cm"]) for k in ("paper", "motion_25"))
+        return f"{number(wide)} instead of {number(paper)} cm"
+
+    text, values, page = _on_each(records, "choices", say)
+    if not values:
+        return None
+    label = values[0]["variants"]["motion_25"]["label"]
+    return Found(f"With {label} the error is {text}.", page)
+
+
+def _spread(records: Records) -> Found | None:
+    text, values, page = _on_each(
+        records, "mocap_training", lambda v: percent(middle(v["spread"]["within_two"]))
+    )
+    if not values:
+        return None
+    wide = sum(each["spread"]["frames_wider_than_landing"] for each in values)
+    frames = sum(each["counts"]["test"] for each in values)
+    honest = all(middle(each["spread"]["within_two"]) >= 0.9 for each in values)
+    claim = "The particles' spread tells the errors" if honest else "The particles are too sure"
+    limit = published()["triggered_landing"]["spread_cm"]
+    return Found(
+        f"{claim}: of the errors, twice their spread covers {text}, and the landing threshold of "
+        f"{limit} cm holds back {number(wide)} of {number(frames)} frames.",
+        page,
+    )
+
+
+def _landing(records: Records) -> Found | None:
+    flight = next((f for f in PLACES if "triggered_landing" in records.get(f, {})), None)
+    if flight is None:
+        return None
+    values = records[flight]["triggered_landing"]
+    printed, perfect = published()["triggered_landing"], values["perfect"]
+    return Found(
+        f"{values['inside']} of {values['landings']} triggered landings end inside the zone "
+        f"{PLACES[flight]}, where the paper had {printed['inside']} of {printed['landings']} and "
+        f"the true position gives {perfect['inside']} of {perfect['landings']}.",
+        f"{flight}/triggered_landing",
+    )

@@ -1,0 +1,64 @@
+"""Names that prose may use beside the records: what was found, the paper map, the version."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from nbformat import NotebookNode
+from nbformat.v4 import new_markdown_cell
+
+from trexton.book.found import what_we_found
+from trexton.book.paper_map import map_table
+from trexton.claims import load_records
+from trexton.flights.names import flight_title
+
+__all__ = ["page_names", "with_flight"]
+
+
+def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[str, object]:
+    """``found``, ``paper_map`` (a function of ``see``) and ``version``.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of records.
+    values : mapping
+        Values by flight and experiment of the pages that the book has.
+    """
+
+    def paper_map(see: Callable[[str, str], str]) -> str:
+        records = {
+            flight: {name: each for name, each in found.items() if name in values[flight]}
+            for flight, found in load_records(results).items()
+            if flight in values
+        }
+        return map_table(records, see)
+
+    return {"found": what_we_found(values), "paper_map": paper_map, "version": version("trexton")}
+
+
+def with_flight(notebook: NotebookNode, flight: str, twins: Mapping[str, str]) -> None:
+    """End the heading of an experiment's page with its flight, and the page with its twins.
+
+    Parameters
+    ----------
+    notebook : NotebookNode
+        Changed in place.
+    twins : mapping of str to str
+        The page of the same experiment on other flights, by flight.
+    """
+    first = notebook.cells[0] if notebook.cells else None
+    if not flight or first is None or not first.source.startswith("# "):
+        return
+    heading, _, rest = first.source.partition("\n")
+    first.source = f"{heading}: {flight_title(flight)}\n{rest}"
+    links = ", ".join(f"{{doc}}`{flight_title(each)} </{page}>`" for each, page in twins.items())
+    if links:
+        notebook.cells.append(
+            new_markdown_cell(  # type: ignore[no-untyped-call]
+                f"The same on another flight: {links}."
+            )
+        )
