@@ -143,6 +143,7 @@ class Localizer:
             None if frame.ndim == 1 else frame,
             aiding=aiding,
             time=time,
+            samples=None if frame.ndim == 1 else self.samples,
             histogram=lambda: self._histogram(frame),
             neighbors=self._neighbors,
         )

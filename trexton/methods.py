@@ -21,6 +21,12 @@ METHODS: dict[str, dict[str, str]] = {
         "estimation": "map",
         "recovery": "none",
     },
+    "field": {
+        "distance": "hellinger",
+        "motion": "singer",
+        "measurement": "field",
+        "filter": "tracks",
+    },
 }
 
 

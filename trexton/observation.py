@@ -50,6 +50,8 @@ class Observation:
     aiding : Aiding, optional
     time : float, optional
         Seconds, of the frame.
+    samples : int, optional
+        Patches that were counted for the histogram; None where all were, or nobody knows.
     histogram, neighbors : callable
         Give the ``(K,)`` histogram, and the neighbours of a histogram.
     """
@@ -60,10 +62,11 @@ class Observation:
         *,
         aiding: Aiding | None = None,
         time: float | None = None,
+        samples: int | None = None,
         histogram: Callable[[], np.ndarray] | None = None,
         neighbors: Callable[[np.ndarray], Neighbors] | None = None,
     ):
-        self.frame, self.time = frame, time
+        self.frame, self.time, self.samples = frame, time, samples
         self.aiding = Aiding() if aiding is None else aiding
         self._look, self._search = histogram, neighbors
 

@@ -20,12 +20,15 @@ ROLES: dict[str, dict[str, str]] = {
     },
     "motion": {
         "random-walk": "trexton.parts.motion:RandomWalk",
+        "singer": "trexton.parts.singer:Singer",
     },
     "measurement": {
         "rank-mixture": "trexton.parts.measurement:RankMixture",
+        "field": "trexton.parts.field:Field",
     },
     "filter": {
         "particles": "trexton.parts.filters:Particles",
+        "tracks": "trexton.parts.tracks:Tracks",
     },
     "resampling": {
         "wheel": "trexton.parts.resampling:Wheel",

@@ -1,0 +1,179 @@
+"""Gaussian processes from places to features, one a feature, with one kernel, and their left-out
+blocks.
+
+Equations after Rasmussen & Williams, "Gaussian Processes for Machine Learning" (2006): (2.25) and
+(2.26) for mean and variance, Sec. 5.4.2 for predictions with a part left out. Shapes, throughout:
+`places` are ``(N, 2)`` metres, `features` ``(N, K)``, variances are relative to each feature's
+own signal variance.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+__all__ = ["Block", "Process", "blocks_in_time", "choose_length", "matern", "merge_places"]
+
+# Noise of a frame as a share of the signal variance: what the field must not try to follow.
+NOISE = 0.03
+# Lengths that are tried, as shares of the area's diagonal.
+LENGTHS = (0.35, 0.25, 0.18, 0.125, 0.09)
+LARGEST = 1600  # places a process holds; more are merged, so that its price has an end
+
+
+def matern(places: np.ndarray, others: np.ndarray, length: float) -> np.ndarray:
+    """``(N, M)`` Matern kernel with nu = 3/2 (R&W 4.17): rough enough for the edges of a floor."""
+    squared = np.square(places).sum(axis=1)[:, None] + np.square(others).sum(axis=1)
+    squared -= 2 * places @ others.T
+    distance = np.sqrt(np.maximum(squared, 0, out=squared), out=squared)
+    distance *= np.sqrt(3) / length
+    kernel: np.ndarray = (1 + distance) * np.exp(-distance)
+    return kernel
+
+
+def merge_places(
+    places: np.ndarray, features: np.ndarray, largest: int = LARGEST
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Means of the frames in the cells of a grid just coarse enough to leave at most `largest`.
+
+    Returns
+    -------
+    places : (M, 2) array
+    features : (M, K) array
+    counts : (M,) array
+        How many frames each stands for: its noise is that much smaller.
+    """
+    if len(places) <= largest:
+        return places, features, np.ones(len(places))
+    low, extent = places.min(axis=0), np.ptp(places, axis=0).max()
+    side = max(extent, 1e-9) / largest
+    while True:
+        cells = np.floor((places - low) / side).astype(np.int64)
+        _, index = np.unique(cells, axis=0, return_inverse=True)
+        index = index.ravel()
+        counts = np.bincount(index).astype(float)
+        if len(counts) <= largest:
+            break
+        side *= 1.2
+    order = np.argsort(index, kind="stable")
+    starts = np.concatenate([[0], np.cumsum(counts[:-1])]).astype(np.int64)
+    mean_places = np.add.reduceat(places[order], starts) / counts[:, None]
+    mean_features = np.add.reduceat(features[order], starts) / counts[:, None]
+    return mean_places, mean_features, counts
+
+
+@dataclass(frozen=True, eq=False)
+class Block:
+    """Rows that are predicted, and those left out for it: they, and their neighbours in time."""
+
+    rows: np.ndarray
+    left_out: np.ndarray
+
+
+def blocks_in_time(time: np.ndarray, count: int = 10, margin_s: float = 0.5) -> list[Block]:
+    """Cut a flight into `count` blocks; frames within `margin_s` of a block are left out with it.
+
+    Neighbouring frames are near-duplicates, so a block that kept them would flatter every model.
+    """
+    size = len(time)
+    edges = np.linspace(0, size, max(2, min(count, size // 3)) + 1).round().astype(int)
+    blocks = []
+    for first, last in zip(edges[:-1], edges[1:], strict=True):
+        near = (time >= time[first] - margin_s) & (time <= time[last - 1] + margin_s)
+        near[first:last] = True
+        if near.sum() > size // 2:  # a short flight cannot spare its neighbours in time
+            near[:] = False
+            near[first:last] = True
+        blocks.append(Block(np.arange(first, last), np.flatnonzero(near)))
+    return blocks
+
+
+@dataclass(frozen=True, eq=False)
+class Process:
+    """Processes of all features over one set of places.
+
+    Attributes
+    ----------
+    places : (N, 2) array
+    length : float
+        Of the kernel, metres.
+    precision : (N, N) array
+        Inverse of the kernel matrix with its noise.
+    weights : (N, K) array
+        The precision times the features.
+    """
+
+    places: np.ndarray
+    length: float
+    precision: np.ndarray
+    weights: np.ndarray
+
+    @classmethod
+    def fit(
+        cls,
+        places: np.ndarray,
+        features: np.ndarray,
+        length: float,
+        counts: np.ndarray | None = None,
+    ) -> Process:
+        """Condition the processes on features of mean zero; `counts` as of `merge_places`."""
+        matrix = matern(places, places, length)
+        matrix[np.diag_indices(len(places))] += NOISE / (1 if counts is None else counts)
+        precision = np.linalg.inv(matrix)
+        return cls(places, length, precision, precision @ features)
+
+    def predict(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """``(M, K)`` mean and ``(M,)`` variance without noise, in slices that stay small."""
+        mean = np.empty((len(places), self.weights.shape[1]))
+        variance = np.empty(len(places))
+        for first in range(0, len(places), 1024):
+            part = slice(first, first + 1024)
+            kernel = matern(places[part], self.places, self.length)
+            mean[part] = kernel @ self.weights
+            variance[part] = 1 - np.einsum("ij,ij->i", kernel @ self.precision, kernel)
+        return mean, np.maximum(variance, 0)
+
+    def residuals(self, blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
+        """``(N, K)`` errors at each place without its block; ``(N,)`` variances with noise."""
+        errors, variances = np.empty_like(self.weights), np.empty(len(self.places))
+        for block in blocks:
+            left_out = block.left_out
+            covariance = np.linalg.inv(self.precision[np.ix_(left_out, left_out)])
+            inside = np.isin(left_out, block.rows)
+            errors[block.rows] = (covariance @ self.weights[left_out])[inside]
+            variances[block.rows] = np.diag(covariance)[inside]
+        return errors, np.maximum(variances, NOISE)
+
+    def predict_without(
+        self, blocks: Sequence[Block], places: np.ndarray
+    ) -> Iterator[tuple[Block, np.ndarray, np.ndarray]]:
+        """For each block mean ``(M, K)`` and variance ``(M,)`` at `places` without it."""
+        kernel = matern(places, self.places, self.length)
+        gain = kernel @ self.precision
+        mean, variance = kernel @ self.weights, 1 - np.einsum("ij,ij->i", gain, kernel)
+        for block in blocks:
+            out = block.left_out
+            lost = gain[:, out] @ np.linalg.inv(self.precision[np.ix_(out, out)])
+            without = variance + np.einsum("ij,ij->i", lost, gain[:, out])
+            yield block, mean - lost @ self.weights[out], np.maximum(without, 0)
+
+
+def choose_length(
+    places: np.ndarray, features: np.ndarray, blocks: Sequence[Block], diagonal: float
+) -> tuple[Process, np.ndarray, np.ndarray]:
+    """The process whose left-out blocks are likeliest, with their residuals and variances.
+
+    Each feature's signal variance takes its likeliest value: only the length is left to choose.
+    """
+    best = None
+    for length in diagonal * np.array(LENGTHS):
+        process = Process.fit(places, features, float(length))
+        errors, variances = process.residuals(blocks)
+        scale = (np.square(errors) / variances[:, None]).mean(axis=0)
+        misfit = np.log(np.maximum(scale, 1e-300)).mean() + np.log(variances).mean()
+        if best is None or misfit < best[0]:
+            best = misfit, process, errors, variances
+    assert best is not None
+    return best[1], best[2], best[3]

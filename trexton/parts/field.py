@@ -1,0 +1,350 @@
+"""Measurement by a field: at which places this histogram would be seen, and how sure the field
+is there.
+
+The roots of the frequencies are taken, which makes the noise of counting alike for rare and
+frequent textons (Bartlett 1936) and distances those of Hellinger; features need not sum to one.
+Their field is learnt as Gaussian processes (`trexton.field.process`), their noise from blocks of
+the training flight that were left out. What is left of a frame at a place follows a Student
+distribution, so that one odd feature rules out no place for good.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from trexton.errors import MapError, ParameterError
+from trexton.field.process import (
+    Block,
+    Process,
+    blocks_in_time,
+    choose_length,
+    merge_places,
+)
+from trexton.observation import Observation
+from trexton.parts.base import Area, Training, learned
+from trexton.parts.measurement import MeasurementModel
+
+__all__ = ["ErrorModel", "Field", "grid_cells"]
+
+DEGREES = 6.0  # of freedom of the Student distribution
+STUDIED = (
+    800  # frames that noise, lengths and errors are learnt from; a longer flight is thinned to them
+)
+COARSE = 1200  # cells of the grid on which left-out frames are located
+# Cells times features: what a frame may cost, and how much of the processor's cache it may fill.
+LARGEST_TABLE = 600_000
+UNFLOWN = (
+    0.1  # share of the prior that does not trust the flight to stay where the training flight was
+)
+
+
+def grid_cells(area: Area, cells: int) -> tuple[np.ndarray, tuple[int, int]]:
+    """``(M, 2)`` centres of about `cells` squares, x slowest, and how many along x and y."""
+    x_min, x_max, y_min, y_max = area
+    side = np.sqrt((x_max - x_min) * (y_max - y_min) / cells)
+    nx, ny = (max(2, round((high - low) / side)) for low, high in ((x_min, x_max), (y_min, y_max)))
+    x = x_min + (np.arange(nx) + 0.5) * (x_max - x_min) / nx
+    y = y_min + (np.arange(ny) + 0.5) * (y_max - y_min) / ny
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), (nx, ny)
+
+
+@dataclass(frozen=True, eq=False)
+class ErrorModel:
+    """How single frames err: a part that stays for a while, and a part that is new in each.
+
+    Attributes
+    ----------
+    lasting, fresh : float
+        Standard deviations along one axis, metres.
+    lasts_s : float
+        Time in seconds after which the lasting part is down to 1/e.
+    """
+
+    lasting: float
+    fresh: float
+    lasts_s: float
+
+    @classmethod
+    def of(cls, errors: np.ndarray, time: np.ndarray, finest: float) -> ErrorModel:
+        """From ``(N, 2)`` errors of frames; `finest` is the least that `fresh` may be.
+
+        Outliers are shortened to three median lengths: they are the likelihood's affair.
+        """
+        length = np.hypot(*errors.T)
+        limit = max(3 * float(np.median(length)), finest)
+        errors = errors * np.minimum(1, limit / np.maximum(length, 1e-12))[:, None]
+        period = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+        variance = float(np.square(errors).mean())
+
+        def correlation(lag: int) -> float:
+            regular = np.abs(time[lag:] - time[:-lag] - lag * period) < 0.5 * period
+            if regular.sum() < 4 or variance <= 0:
+                return 0.0
+            return float((errors[lag:] * errors[:-lag])[regular].mean() / variance)
+
+        first, second = correlation(1), correlation(2)
+        if first < 0.05 or second <= 0:
+            return cls(np.sqrt(variance / 2), max(np.sqrt(variance / 2), finest), period)
+        memory = float(np.clip(second / first, 0.2, 0.98))
+        share = float(np.clip(first / memory, 0.25, 1.0))
+        fresh = max(np.sqrt(variance * (1 - share)), finest)
+        return cls(np.sqrt(variance * share), fresh, -period / np.log(memory))
+
+
+@dataclass(eq=False)
+class Field(MeasurementModel):
+    """The likelihood of a histogram over the whole floor, from processes of the training flight.
+
+    Parameters
+    ----------
+    cells : int
+        About how many squares the floor is divided into; fewer where there are many features.
+    """
+
+    cells: int = 4800
+    used: np.ndarray = learned()  # (K,) features that vary
+    center: np.ndarray = learned()  # (d,) their means
+    signal: np.ndarray = learned()  # (d,) their variances over the floor
+    noise: np.ndarray = learned()  # (d, d) their covariance from frame to frame
+    mean: np.ndarray = learned()  # (M, d) the field at the cells, less the centre
+    variance: np.ndarray = learned()  # (M,) its variance there, as a share of the signal
+    prior: np.ndarray = learned()  # (M,) log of where the training flight was
+    area: np.ndarray = learned()  # (4,)
+    errors: np.ndarray = learned()  # (3,) an ErrorModel
+    expected: np.ndarray = (
+        learned()
+    )  # (2,) expected error in metres at no variance, and a root of it
+
+    def check(self) -> None:
+        if not 16 <= self.cells <= 1_000_000:
+            raise ParameterError(f"{self.cells} cells were asked for: expected 16 to 1000000")
+
+    def fit(self, training: Training) -> Self:
+        """Learn field, noise and errors.
+
+        Raises
+        ------
+        MapError
+            All histograms are alike.
+        """
+        roots = np.sqrt(np.maximum(training.histograms, 0))
+        used = np.ptp(roots, axis=0) > 1e-6
+        if not used.any():
+            raise MapError(
+                f"all {len(roots)} training histograms are alike: no place can be told from "
+                "another, record a flight over a floor with some pattern"
+            )
+        features, places = roots[:, used], training.positions
+        center = features.mean(axis=0)
+        study = _Study.of(places, features - center, training.time)
+        merged, values, counts = merge_places(places, features - center)
+        process = Process.fit(merged, values, study.process.length, counts)
+        cells = min(self.cells, max(16, LARGEST_TABLE // features.shape[1]))
+        centers, _ = grid_cells(training.area, cells)
+        mean, variance = process.predict(centers)
+        errors, expected = study.errors(training.area)
+        return self.with_learned(
+            used=used,
+            center=center,
+            signal=study.signal,
+            noise=study.noise,
+            mean=mean.astype(np.float32),
+            variance=variance,
+            prior=_flown(centers, merged, process.length, counts),
+            area=np.array(training.area, dtype=float),
+            errors=np.array([errors.lasting, errors.fresh, errors.lasts_s]),
+            expected=expected,
+        )
+
+    def prepare(self) -> None:
+        """Raise `MapError` for arrays that do not fit each other."""
+        d, count = len(self.center), len(self.variance)
+        shapes = {
+            "signal": (d,), "noise": (d, d), "mean": (count, d), "prior": (count,),
+            "area": (4,), "errors": (3,), "expected": (2,),
+        }  # fmt: skip
+        for name, shape in shapes.items():
+            array = getattr(self, name)
+            if array.shape != shape or not np.isfinite(array).all():
+                raise MapError(f"the field's {name} has shape {array.shape}: expected {shape}")
+        wanted = min(self.cells, max(16, LARGEST_TABLE // d))
+        self.centers, self.shape = grid_cells(tuple(self.area.tolist()), wanted)
+        if len(self.centers) != count or self.used.sum() != d:
+            raise MapError(f"the field has {count} cells and {d} features that fit no grid")
+        self._tables: dict[int | None, _Table] = {}
+
+    @cached_property
+    def error_model(self) -> ErrorModel:
+        """How single frames err."""
+        return ErrorModel(*self.errors.tolist())
+
+    @property
+    def cell(self) -> float:
+        """Side of a cell in metres."""
+        x_min, x_max, y_min, y_max = self.area
+        return float(np.sqrt((x_max - x_min) * (y_max - y_min) / len(self.centers)))
+
+    def look(self, observation: Observation) -> None:
+        observation.histogram  # noqa: B018  drawn before the filter draws
+
+    def over_cells(self, observation: Observation) -> np.ndarray:
+        """``(M,)`` log of likelihood times prior at the centres of the cells, less a constant."""
+        samples = observation.samples
+        if samples not in self._tables:
+            table = _Table.of(self.mean, self.variance, self.signal, self.noise, samples)
+            self._tables[samples] = table
+        roots = np.sqrt(np.maximum(observation.histogram[self.used], 0)) - self.center
+        found: np.ndarray = self._tables[samples].log_likelihood(roots) + self.prior
+        return found
+
+    def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
+        grid = self.over_cells(observation).reshape(self.shape)
+        return _bilinear(grid, self.area, places)
+
+    def expected_error(self, places: np.ndarray) -> np.ndarray:
+        """``(M,)`` metres by which a single frame is expected to err at `places` ``(M, 2)``."""
+        variance = _bilinear(self.variance.reshape(self.shape), self.area, places)
+        expected: np.ndarray = self.expected[0] + self.expected[1] * np.sqrt(variance)
+        return expected
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """The field's likelihood at every cell, arranged so that a frame costs one product.
+
+    Noise is white and the signal's covariance diagonal in the basis `whiten`, so the squared
+    distance at a cell is the sum over features of (y - m)^2 / (1 + v s): linear in y^2 and y.
+    """
+
+    whiten: np.ndarray
+    weights: np.ndarray
+    constant: np.ndarray
+    log_norm: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        mean: np.ndarray,
+        variance: np.ndarray,
+        signal: np.ndarray,
+        noise: np.ndarray,
+        samples: int | None,
+    ) -> _Table:
+        counted = 0.0 if samples is None else 0.25 / samples  # variance of the root of a frequency
+        lengths, axes = np.linalg.eigh(noise + counted * np.eye(len(noise)))
+        white = axes / np.sqrt(np.maximum(lengths, lengths[-1] * 1e-9 + 1e-12))
+        strength, turn = np.linalg.eigh(white.T @ (signal[:, None] * white))
+        whiten = white @ turn
+        total = 1 + variance[:, None] * np.maximum(strength, 0)
+        centers = mean @ whiten
+        weights = np.hstack([1 / total, -2 * centers / total]).astype(np.float32)
+        constant = (np.square(centers) / total).sum(axis=1)
+        return cls(whiten, weights, constant, -0.5 * np.log(total).sum(axis=1))
+
+    def log_likelihood(self, features: np.ndarray) -> np.ndarray:
+        """``(M,)`` for features ``(d,)``, or ``(n, M)`` for ``(n, d)``, up to a constant."""
+        white = features @ self.whiten
+        both = np.concatenate([white * white, white], axis=-1).astype(np.float32)
+        squared = np.maximum(both @ self.weights.T + self.constant, 0)
+        half = 0.5 * (DEGREES + features.shape[-1])
+        found: np.ndarray = self.log_norm - half * np.log1p(squared / DEGREES)
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Study:
+    """What left-out blocks teach: length, signal and noise of the features, errors of frames."""
+
+    places: np.ndarray
+    features: np.ndarray
+    time: np.ndarray
+    blocks: list[Block]
+    process: Process
+    signal: np.ndarray
+    noise: np.ndarray
+
+    @classmethod
+    def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray) -> _Study:
+        step = -(-len(places) // STUDIED)
+        places, features, time = places[::step], features[::step], time[::step]
+        diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
+        blocks = blocks_in_time(time)
+        process, errors, variances = choose_length(places, features, blocks, diagonal)
+        signal = (np.square(errors) / variances[:, None]).mean(axis=0)
+        return cls(places, features, time, blocks, process, signal, _noise(errors, variances))
+
+    def errors(self, area: Area) -> tuple[ErrorModel, np.ndarray]:
+        """How left-out frames err, and how that grows with the field's variance at their places."""
+        centers, _ = grid_cells(area, COARSE)
+        errors, variances = np.empty_like(self.places), np.empty(len(self.places))
+        for block, mean, variance in self.process.predict_without(self.blocks, centers):
+            table = _Table.of(mean, variance, self.signal, self.noise, None)
+            kept = np.setdiff1d(np.arange(len(self.places)), block.left_out)
+            prior = _flown(centers, self.places[kept], self.process.length)
+            found = table.log_likelihood(self.features[block.rows]) + prior
+            found = np.exp(found - found.max(axis=1, keepdims=True))
+            found /= found.sum(axis=1, keepdims=True)
+            errors[block.rows] = found @ centers - self.places[block.rows]
+            near = np.square(self.places[block.rows][:, None] - centers).sum(axis=2).argmin(axis=1)
+            variances[block.rows] = variance[near]
+        finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
+        return ErrorModel.of(errors, self.time, finest), _growth(errors, variances)
+
+
+def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
+    """``(d, d)`` covariance where the field is known best, shrunk towards its diagonal."""
+    count, d = errors.shape
+    best = np.argsort(variances, kind="stable")[: max(count // 2, min(count, 2 * d))]
+    covariance = errors[best].T @ errors[best] / len(best)
+    shrink = max(0.1, d / (d + len(best)))
+    diagonal = np.diag(covariance)
+    floor = 1e-3 * diagonal.mean() + 1e-12  # a feature that never erred here will elsewhere
+    shrunk: np.ndarray = (1 - shrink) * covariance + np.diag(shrink * diagonal + floor)
+    return shrunk
+
+
+def _flown(
+    centers: np.ndarray, places: np.ndarray, length: float, counts: np.ndarray | None = None
+) -> np.ndarray:
+    """``(M,)`` log density of the flown path over uniform, smoothed over length / 3."""
+    weights = np.ones(len(places)) if counts is None else counts
+    density = np.empty(len(centers))
+    for first in range(0, len(centers), 1024):
+        part = centers[first : first + 1024]
+        squared = np.square(part[:, None] - places).sum(axis=2)
+        density[first : first + 1024] = np.exp(-4.5 * squared / length**2) @ weights
+    mean = density.mean()
+    if not mean > 0:
+        return np.zeros(len(centers))
+    relative: np.ndarray = np.log((1 - UNFLOWN) * density / mean + UNFLOWN)
+    return relative
+
+
+def _growth(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
+    """``(2,)`` non-negative a and b of |error| = a + b sqrt(variance), by least squares."""
+    length, root = np.hypot(*errors.T), np.sqrt(np.maximum(variances, 0))
+    if np.ptp(root) < 1e-9:
+        return np.array([length.mean(), 0.0])
+    slope, start = np.polyfit(root, length, 1)
+    if slope < 0:
+        return np.array([length.mean(), 0.0])
+    if start < 0:
+        return np.array([0.0, (length @ root) / (root @ root)])
+    return np.array([start, slope])
+
+
+def _bilinear(grid: np.ndarray, area: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """``(M,)`` values of a grid ``(nx, ny)`` over the area, constant beyond its outer centres."""
+    places = np.asarray(places, dtype=float)
+    count = np.array(grid.shape)
+    low, high = area[::2], area[1::2]
+    at = np.clip((places - low) / (high - low) * count - 0.5, 0, count - 1)
+    first = np.minimum(at.astype(np.int64), count - 2)
+    (u, v), (i, j) = (at - first).T, first.T
+    result: np.ndarray = (1 - u) * ((1 - v) * grid[i, j] + v * grid[i, j + 1])
+    result += u * ((1 - v) * grid[i + 1, j] + v * grid[i + 1, j + 1])
+    return result

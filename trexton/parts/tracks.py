@@ -1,0 +1,228 @@
+"""A filter of a few tracks: Kalman filters over a likelihood on a grid, each an answer to where
+the vehicle is.
+
+A track predicts a Gaussian; times the likelihood over the cells it gives a posterior, whose mean
+and covariance go back into the track (assumed density filtering; Maybeck, "Stochastic Models,
+Estimation and Control", vol. 2, 1982, Sec. 12.7). What the errors of neighbouring frames share is
+a state of its own, so that a second look at the same place is not taken for a second opinion. A
+track's weight is the evidence of its predictions; where a frame speaks for another place a track
+is born there, so a wrong start or a kidnapping is a matter of evidence as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from trexton.errors import ParameterError
+from trexton.estimate import Estimate
+from trexton.observation import Observation
+from trexton.parts.base import Area
+from trexton.parts.field import Field
+from trexton.parts.filters import Filter
+from trexton.parts.singer import Singer
+
+if TYPE_CHECKING:
+    from trexton.localizer import TextonMap
+
+__all__ = ["TrackFilter", "Tracks"]
+
+MISSED = 1e-3  # share of frames that say nothing about the place, whatever they look like
+BORN = 1e-3  # chance a frame that the vehicle is elsewhere than its tracks
+FAR = 25.0  # log likelihoods this far below the best count as none
+APART = 5.0  # cells between the beginnings of two tracks
+SHARE = 0.02  # of a frame's likelihood that a place must hold for a track to begin there
+
+
+@dataclass(eq=False)
+class Tracks(Filter):
+    """The filter of method ``field``.
+
+    Parameters
+    ----------
+    tracks : int
+        How many are kept at most.
+    """
+
+    tracks: int = 5
+
+    def check(self) -> None:
+        if not 1 <= self.tracks <= 100:
+            raise ParameterError(f"{self.tracks} tracks were asked for: expected 1 to 100")
+
+    def open(
+        self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
+    ) -> TrackFilter:
+        """A filter that knows nothing yet.
+
+        Raises
+        ------
+        ParameterError
+            Motion or measurement is none that it can take.
+        """
+        for role, kind in (("motion", Singer), ("measurement", Field)):
+            if not isinstance(parts[role], kind):
+                raise ParameterError(
+                    f"filter 'tracks' was given {type(parts[role]).__name__} for {role}: "
+                    f"it needs {kind.__name__}"
+                )
+        return TrackFilter(parts["motion"], parts["measurement"], texton_map.area, self.tracks)
+
+
+class TrackFilter:
+    """`Tracks` in flight.
+
+    Parameters
+    ----------
+    motion : Singer
+    measurement : Field
+    area : (x_min, x_max, y_min, y_max)
+    tracks : int
+
+    Attributes
+    ----------
+    states : (T, 8) array
+        Of each track, best first: position, velocity, acceleration, lasting error.
+    covariances : (T, 8, 8) array
+    weights : (T,) array
+        Summing to one.
+    """
+
+    def __init__(self, motion: Singer, measurement: Field, area: Area, tracks: int = 5):
+        self.motion, self.measurement, self.area, self.tracks = motion, measurement, area, tracks
+        errors = measurement.error_model
+        memory = np.exp(-float(motion.period_s) / errors.lasts_s)
+        self._transition = np.diag([0.0] * 6 + [memory] * 2)
+        self._transition[:6, :6] = motion.transition
+        self._noise = np.diag([0.0] * 6 + [errors.lasting**2 * (1 - memory**2)] * 2)
+        self._noise[:6, :6] = motion.noise
+        self._rest = np.diag([*motion.rest, errors.lasting**2, errors.lasting**2])
+        self._seen = np.zeros((2, 8))  # what a frame sees: the position and the lasting error
+        self._seen[:, :2] = self._seen[:, 6:] = np.eye(2)
+        self._fresh = errors.fresh**2 * np.eye(2)
+        self._grain = measurement.cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
+        x_min, x_max, y_min, y_max = area
+        self._log_area = np.log((x_max - x_min) * (y_max - y_min))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget where the vehicle was."""
+        self.states, self.covariances = np.empty((0, 8)), np.empty((0, 8, 8))
+        self.weights = np.empty(0)
+        self._missed = 0
+
+    def step(self, observation: Observation | None) -> None:
+        """Advance one frame; None where nothing was observed: predict only."""
+        if observation is None:
+            self._predict()
+            return
+        found = self.measurement.over_cells(observation)
+        peak = found.max()
+        kept = np.flatnonzero(found > peak - FAR)
+        cells, shares = self.measurement.centers[kept], np.exp(found[kept] - peak)
+        shares /= shares.sum()
+        self._predict()
+        begun = len(self.states) > 0
+        log_weights, looked_at = self._correct(cells, shares)
+        places = self._births(cells, shares, looked_at)
+        if places:
+            chance = np.log(BORN) if begun else 0.0
+            states, covariances, masses = (np.array(column) for column in zip(*places, strict=True))
+            self.states = np.concatenate([self.states, states])
+            self.covariances = np.concatenate([self.covariances, covariances])
+            log_weights = np.concatenate([log_weights, np.log(masses) + chance])
+        self._keep(log_weights)
+
+    def _predict(self) -> None:
+        self.states = self.states @ self._transition.T
+        self.covariances = self._transition @ self.covariances @ self._transition.T + self._noise
+
+    def _correct(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Log weights of the tracks after the frame, ``(T, 2)`` places where they saw it."""
+        if not len(self.states):
+            return np.empty(0), np.empty((0, 2))
+        gain = self.covariances @ self._seen.T
+        spread = self._seen @ gain + self._fresh
+        precision = np.linalg.inv(spread)
+        expected = self.states @ self._seen.T
+        offset = cells - expected[:, None]
+        squared = np.einsum("tmi,tij,tmj->tm", offset, precision, offset, optimize=True)
+        joint = shares * np.exp(-0.5 * squared)
+        mass = joint.sum(axis=1)
+        norm = self._log_area - np.log(2 * np.pi) + 0.5 * np.log(np.linalg.det(precision))
+        evidence = mass * np.exp(norm)  # against a place drawn from the whole area
+        log_weights = np.log(self.weights) + np.log(evidence + MISSED)
+        hit = evidence > MISSED
+        self._missed = 0 if hit[0] else self._missed + 1
+        joint /= np.where(mass > 0, mass, 1)[:, None]
+        mean = np.where(hit[:, None], joint @ cells, expected)
+        offset = cells - mean[:, None]
+        after = np.einsum("tm,tmi,tmj->tij", joint, offset, offset, optimize=True) + self._grain
+        after = np.where(hit[:, None, None], after, spread)
+        gain = gain @ precision
+        turned = gain.transpose(0, 2, 1)
+        self.states = self.states + np.einsum("tij,tj->ti", gain, mean - expected)
+        covariances = self.covariances - gain @ (spread - after) @ turned
+        self.covariances = (covariances + covariances.transpose(0, 2, 1)) / 2
+        return log_weights, mean
+
+    def _births(
+        self, cells: np.ndarray, shares: np.ndarray, looked_at: np.ndarray
+    ) -> list[tuple[np.ndarray, np.ndarray, float]]:
+        """States, covariances, shares of tracks that begin at the frame's likeliest places."""
+        born, left = [], shares.copy()
+        apart = APART * self.measurement.cell
+        for _ in range(2):
+            best = int(left.argmax())
+            near = np.hypot(*(cells - cells[best]).T) < 2 * apart
+            mass = float(left[near].sum())
+            if mass < SHARE:
+                break
+            part = left[near] / mass
+            left[near] = 0
+            mean = part @ cells[near]
+            if len(looked_at) and np.hypot(*(looked_at - mean).T).min() < apart:
+                continue
+            offset = cells[near] - mean
+            covariance = self._rest.copy()
+            covariance[:2, :2] = (offset.T * part) @ offset + self._grain + self._fresh
+            # The place is where the frame was seen: the position is that less the lasting error.
+            covariance[:2, :2] += self._rest[6:, 6:]
+            covariance[:2, 6:] = covariance[6:, :2] = -self._rest[6:, 6:]
+            born.append((np.concatenate([mean, np.zeros(6)]), covariance, mass))
+        return born
+
+    def _keep(self, log_weights: np.ndarray) -> None:
+        """The best tracks that say different things, weights summing to one."""
+        kept: list[int] = []
+        apart, speed = 0.25 * APART * self.measurement.cell, 0.5 * float(self.motion.speed)
+        for track in np.argsort(-log_weights, kind="stable"):
+            if len(kept) == self.tracks:
+                break
+            offset = self.states[kept] - self.states[track]
+            far = np.hypot(offset[:, 0], offset[:, 1]) > apart
+            if (far | (np.hypot(offset[:, 2], offset[:, 3]) > speed)).all():
+                kept.append(int(track))
+        weights = np.exp(log_weights[kept] - log_weights[kept[0]])
+        rows = np.array(kept)[weights > 1e-6]
+        weights = weights[weights > 1e-6]
+        if rows[0] != 0:
+            self._missed = 0
+        self.states, self.covariances = self.states[rows], self.covariances[rows]
+        self.weights = weights / weights.sum()
+
+    def estimate(self) -> Estimate:
+        """Position of the best track, and the covariance of all about it."""
+        if not len(self.states):
+            x_min, x_max, y_min, y_max = self.area
+            middle = np.array([x_min + x_max, y_min + y_max]) / 2
+            wide = np.diag([(x_max - x_min) ** 2, (y_max - y_min) ** 2]) / 12
+            return Estimate(middle, wide, lost=True, observed=False)
+        offset = self.states[:, :2] - self.states[0, :2]
+        covariance = np.einsum("t,tij->ij", self.weights, self.covariances[:, :2, :2])
+        covariance = covariance + np.einsum("t,ti,tj->ij", self.weights, offset, offset)
+        lost = bool(self.weights[0] < 0.5 or self._missed >= 3)
+        return Estimate(self.states[0, :2].copy(), covariance, lost=lost)
