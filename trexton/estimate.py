@@ -50,7 +50,8 @@ class Estimate:
     weights : (M,) array or None
         Of these particles, before resampling.
     measurement : Measurement or None
-        What this frame alone says of the position; None where it says nothing, or nobody knows how well.
+        What this frame alone says of the position; None where it says nothing, or nobody knows how
+        well.
     """
 
     position: np.ndarray
@@ -66,16 +67,19 @@ class Estimate:
     @property
     def spread(self) -> np.ndarray:
         """``(2,)`` standard deviations in metres, the paper's uncertainty."""
-        return np.sqrt(np.diagonal(self.covariance))
+        spread: np.ndarray = np.sqrt(np.diagonal(self.covariance))
+        return spread
 
     @property
     def about_position(self) -> np.ndarray:
         """``(2, 2)`` second moment of the belief about `position`, square metres.
 
-        A point estimate that is a particle is not the mean: a receiver that takes it for the centre must be
+        A point estimate that is a particle is not the mean: a receiver that takes it for the centre
+        must be
         told the spread about it, which is larger by the outer product of their difference.
         """
         if self.particles is None or self.weights is None:
             return self.covariance
         offset = self.weights @ self.particles - self.position
-        return self.covariance + np.outer(offset, offset)
+        moment: np.ndarray = self.covariance + np.outer(offset, offset)
+        return moment

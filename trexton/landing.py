@@ -1,10 +1,12 @@
-"""Land where the position says so: the zone and its trigger (paper, Analysis, "Triggered Landing")."""
+"""Land where the position says so: zone and trigger (paper, Analysis, "Triggered Landing")."""
 
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trexton.errors import ParameterError
+from trexton.estimate import Estimate
 
 __all__ = ["LandingZone"]
 
@@ -29,7 +31,13 @@ class LandingZone:
         A value is not finite or not positive.
     """
 
-    def __init__(self, center, radius: float = 0.6, spread=0.6, consecutive: int = 1):
+    def __init__(
+        self,
+        center: ArrayLike,
+        radius: float = 0.6,
+        spread: ArrayLike = 0.6,
+        consecutive: int = 1,
+    ):
         self.center = np.array(center, dtype=float)
         self.radius = float(radius)
         self.spread = (
@@ -40,13 +48,14 @@ class LandingZone:
         self.consecutive = consecutive
         if self.center.shape != (2,) or not np.isfinite(self.center).all():
             raise ParameterError(
-                f"the landing zone's centre is {center}: expected finite x and y in metres"
+                f"the landing zone's centre is {center!r}: expected finite x and y in metres"
             )
         if not (
             0 < self.radius < np.inf and (self.spread > 0).all() and np.isfinite(self.spread).all()
         ):
             raise ParameterError(
-                f"the landing zone has radius {radius} m and spread {spread} m: expected positive numbers"
+                f"the landing zone has radius {radius} m and spread {spread!r} m: "
+                "expected positive numbers"
             )
         if consecutive < 1:
             raise ParameterError(
@@ -58,13 +67,15 @@ class LandingZone:
         """Whether the ``(2,)`` position lies within the circle."""
         return bool(np.hypot(*(np.asarray(position) - self.center)) < self.radius)
 
-    def accepts(self, estimate) -> bool:
-        """Whether this estimate alone permits a landing: inside, sure, not lost, from a frame that came."""
+    def accepts(self, estimate: Estimate) -> bool:
+        """Whether this estimate alone permits a landing: inside, sure, not lost, from a frame that
+        came.
+        """
         sure = bool((np.asarray(estimate.spread) < self.spread).all())
         return self.contains(estimate.position) and sure and estimate.observed and not estimate.lost
 
-    def update(self, estimate) -> bool:
-        """Take the next `trexton.localizer.Estimate`; True once enough in a row permit a landing."""
+    def update(self, estimate: Estimate) -> bool:
+        """Take the next `trexton.estimate.Estimate`; True once enough in a row permit a landing."""
         self._row = self._row + 1 if self.accepts(estimate) else 0
         return self._row >= self.consecutive
 

@@ -22,7 +22,8 @@ __all__ = ["Estimate", "Localizer", "TextonMap"]
 
 
 class Localizer:
-    """Composes the parts of a method: the same object is evaluated in the notebooks and flown on board.
+    """Composes the parts of a method: the same object is evaluated in the notebooks and flown on
+    board.
 
     Parameters
     ----------
@@ -38,7 +39,8 @@ class Localizer:
     nearest : NearestHistograms, optional
         Another search than over the map's own histograms.
     mark : callable, optional
-        Called with ``"histogram"``, ``"neighbors"``, ``"filter"`` and ``"estimate"`` as each is done.
+        Called with ``"histogram"``, ``"neighbors"``, ``"filter"`` and ``"estimate"`` as each is
+        done.
     rng : numpy.random.Generator
     **choices
         ``role``: a part, or its name; ``role.option``: a value. See `trexton.methods`.
@@ -97,7 +99,8 @@ class Localizer:
         self.filter.reset()
 
     def observe(self, frame: np.ndarray) -> np.ndarray:
-        """``(K,)`` histogram of a frame, which is an ``(H, W, 3) uint8`` image or already a histogram.
+        """``(K,)`` histogram of a frame, which is an ``(H, W, 3) uint8`` image or already a
+        histogram.
 
         Raises
         ------
@@ -133,7 +136,8 @@ class Localizer:
         self._mark("estimate")
         if observation is None:
             return replace(estimate, observed=False)
-        return replace(estimate, observed=True, **observation.seen)
+        histogram, neighbors = observation.seen
+        return replace(estimate, observed=True, histogram=histogram, neighbors=neighbors)
 
     def _observation(
         self, frame: np.ndarray, aiding: Aiding | None, time: float | None
@@ -160,8 +164,8 @@ class Localizer:
         check_image(frame)
         if self.map.dictionary is None or self.map.image_shape is None:
             raise MapError(
-                "an image was given, but this map was trained from histograms only and holds no textons: "
-                "give histograms, or train on a flight with images"
+                "an image was given, but this map was trained from histograms only "
+                "and holds no textons: give histograms, or train on a flight with images"
             )
         if frame.shape[:2] != self.map.image_shape:
             rows, columns = self.map.image_shape
@@ -171,12 +175,13 @@ class Localizer:
             )
 
     def _histogram(self, frame: np.ndarray) -> np.ndarray:
-        if frame.ndim == 1:
+        dictionary = self.map.dictionary
+        if dictionary is None or frame.ndim == 1:
             return frame
         if self.samples is None:
-            histogram = texton_histogram(frame, self.map.dictionary)
+            histogram = texton_histogram(frame, dictionary)
         else:
-            histogram = sampled_histogram(frame, self.map.dictionary, self.samples, rng=self.rng)
+            histogram = sampled_histogram(frame, dictionary, self.samples, rng=self.rng)
         self._mark("histogram")
         return histogram
 

@@ -1,9 +1,13 @@
-"""The k most similar training histograms and where they were taken (Methods, "k-Nearest Neighbors").
+"""The k most similar training histograms and where they were taken (Methods, "k-Nearest
+Neighbors").
 
-Exact; equal distances rank by index. Euclidean distance, between the histograms or what another distance makes of
+Exact; equal distances rank by index. Euclidean distance, between the histograms or what another
+distance makes of
 them. Few histograms are searched by brute force in
-NumPy, many through a tree of bounding boxes, with the same arithmetic in the end and therefore the same bits.
-(SciPy's k-d tree spends more on a call than a whole search takes here, and leaves the order of equals open.)
+NumPy, many through a tree of bounding boxes, with the same arithmetic in the end and therefore the
+same bits.
+(SciPy's k-d tree spends more on a call than a whole search takes here, and leaves the order of
+equals open.)
 """
 
 from __future__ import annotations
@@ -24,8 +28,10 @@ if TYPE_CHECKING:
 __all__ = ["BoxTree", "NearestHistograms", "Neighbors", "neighbors_in_flight"]
 
 METHODS = ("brute", "tree")
-# Histograms from which the tree is worth it: where numba is loaded already, and where it is not. The onboard
-# program with the paper's 800 starts without numba, at ten microseconds more a frame; the bits are equal.
+# Histograms from which the tree is worth it: where numba is loaded already, and where it is not.
+# The onboard
+# program with the paper's 800 starts without numba, at ten microseconds more a frame; the bits are
+# equal.
 TREE_FROM, TREE_FROM_COLD = 100, 1000
 LEAF = 32  # rows in a leaf, at most
 SPREAD = 64  # rows that show how wide a node is
@@ -66,7 +72,8 @@ class NearestHistograms:
     distance : Distance, optional
         Euclidean unless given.
     backend : {"numba", "numpy"} or None
-        None takes numba where it is installed. NumPy always searches by brute force; the bits are the same.
+        None takes numba where it is installed. NumPy always searches by brute force; the bits are
+        the same.
 
     Raises
     ------
@@ -124,7 +131,8 @@ class NearestHistograms:
         size = histogram @ histogram if histogram.shape == self._shape else np.nan
         if not size < np.inf:
             raise MapError(
-                f"expected a finite histogram of {self._shape[0]} textons, found shape {histogram.shape}: "
+                f"expected a finite histogram of {self._shape[0]} textons, "
+                f"found shape {histogram.shape}: "
                 "use the dictionary that the map was trained with"
             )
         if self.distance is not None:
@@ -147,7 +155,8 @@ def neighbors_in_flight(
     k: int,
     excluded_s: float,
 ) -> np.ndarray:
-    """``(N, k)`` rows of the nearest histograms of each frame, itself and its neighbours in time left out.
+    """``(N, k)`` rows of the nearest histograms of each frame, itself and its neighbours in time
+    left out.
 
     Parameters
     ----------
@@ -171,8 +180,9 @@ def neighbors_in_flight(
     )
     if (len(rows) - (last - first)).min() < k:
         raise MapError(
-            f"{len(time)} training frames over {time[-1] - time[0]:.1f} s leave fewer than {k} neighbours "
-            f"outside {excluded_s} s of each: record a longer flight or ask for fewer neighbours"
+            f"{len(time)} training frames over {time[-1] - time[0]:.1f} s leave fewer than {k} "
+            f"neighbours outside {excluded_s} s of each: "
+            "record a longer flight or ask for fewer neighbours"
         )
     result = np.empty((len(rows), k), dtype=np.int64)
     for row in progress(rows, "neighbours", len(rows)) if len(rows) > 10_000 else rows:
@@ -190,7 +200,9 @@ class _Columns:
         self.half, self.largest = 0.5 * squared, squared.max()
 
     def nearest(self, query: np.ndarray, size: float, k: int) -> tuple[np.ndarray, np.ndarray]:
-        """The k nearest rows and their squared distances; `size` is the squared length of the query."""
+        """The k nearest rows and their squared distances; `size` is the squared length of the
+        query.
+        """
         closeness = self.half - query @ self.columns  # half the squared distance, less a constant
         margin = _ROUNDING * (size + self.largest)
         if k < len(closeness):
@@ -217,12 +229,14 @@ class _Columns:
 
 @dataclass(frozen=True, eq=False)
 class BoxTree:
-    """A complete binary tree of bounding boxes: a node splits its rows at the median of its widest feature.
+    """A complete binary tree of bounding boxes: a node splits its rows at the median of its widest
+    feature.
 
     Attributes
     ----------
     low, high : (2 L - 1, K) arrays
-        Corners of the box of each node; node i has the children 2 i + 1 and 2 i + 2, the last L nodes are
+        Corners of the box of each node; node i has the children 2 i + 1 and 2 i + 2, the last L
+        nodes are
         leaves.
     leaves : (L, K, S) array
         The S rows of each leaf, transposed; infinite where there is none.

@@ -85,6 +85,6 @@ class Observation:
         return self._search(self.histogram)
 
     @property
-    def seen(self) -> dict[str, np.ndarray | Neighbors | None]:
-        """``histogram`` and ``neighbors`` as far as they were asked for."""
-        return {name: self.__dict__.get(name) for name in ("histogram", "neighbors")}
+    def seen(self) -> tuple[np.ndarray | None, Neighbors | None]:
+        """Histogram and neighbours as far as they were asked for."""
+        return self.__dict__.get("histogram"), self.__dict__.get("neighbors")

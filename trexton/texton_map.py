@@ -1,4 +1,6 @@
-"""The texton map, which training produces: the training set, and what the parts of a method learned from it."""
+"""The texton map, which training produces: the training set, and what the parts of a method learned
+from it.
+"""
 
 from __future__ import annotations
 
@@ -66,7 +68,7 @@ class TextonMap:
 
     @property
     def neighbors(self) -> int:
-        """k: how many neighbours the measurement model was trained for; 5 where it asks for none."""
+        """k: neighbours that the measurement model was trained for; 5 where it asks for none."""
         return int(getattr(self.parts.get("measurement"), "neighbors", 5))
 
     @classmethod
@@ -101,7 +103,8 @@ class TextonMap:
         positions : (N, 2) array, optional
             Use these instead of the flight's ground truth; frames with NaN do not train.
         **choices
-            ``role``: a part, or its name; ``role.option``: a value. They replace what the method says.
+            ``role``: a part, or its name; ``role.option``: a value. They replace what the method
+            says.
 
         Raises
         ------
@@ -117,7 +120,8 @@ class TextonMap:
         given = flight.position if positions is None else np.asarray(positions, dtype=float)
         if given.shape != (len(flight), 2):
             raise ParameterError(
-                f"positions have shape {given.shape}: expected ({len(flight)}, 2), one for each frame"
+                f"positions have shape {given.shape}: "
+                f"expected ({len(flight)}, 2), one for each frame"
             )
         known = np.isfinite(given).all(axis=1)
         if known.sum() < 3:
@@ -196,7 +200,9 @@ class TextonMap:
     def changed(
         self, choices: Mapping[str, object], *, rng: np.random.Generator | None = None
     ) -> TextonMap:
-        """This map with the parts that `choices` name, trained on its own training set; see `train`."""
+        """This map with the parts that `choices` name, trained on its own training set; see
+        `train`.
+        """
         new = changed(self.parts, choices)
         return self.with_parts(new, rng=rng) if new else self
 
@@ -250,11 +256,13 @@ class TextonMap:
         schema = int(arrays["schema"])
         if schema > SCHEMA:
             raise MapError(
-                f"map schema {schema} is newer than {SCHEMA}, the newest this version reads: update trexton"
+                f"map schema {schema} is newer than {SCHEMA}, "
+                "the newest this version reads: update trexton"
             )
         if schema < SCHEMA:
             raise MapError(
-                f"map schema {schema} was written by an older version, whose maps lack the training stamps: "
+                f"map schema {schema} was written by an older version, "
+                "whose maps lack the training stamps: "
                 "train it again with trexton train"
             )
         header = json.loads(arrays["header"].tobytes())
@@ -326,7 +334,11 @@ def _versions() -> dict[str, str]:
 
 def full_histograms(flight: Flight, dictionary: TextonDictionary | None) -> np.ndarray:
     """``(N, K)`` histograms of a flight: full sampling of its images, or those that it brings."""
-    if not flight.has_images:
+    if dictionary is None or not flight.has_images:
+        if flight.histograms is None:
+            raise MapError(
+                f"flight {flight.name!r} has no histograms: give a dictionary to count by"
+            )
         return flight.histograms
     images = progress(flight.images(), "histograms", total=len(flight))
     return np.stack([texton_histogram(image, dictionary) for image in images])

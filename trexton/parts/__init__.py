@@ -12,7 +12,8 @@ from trexton.parts.base import Part
 
 __all__ = ["ROLES", "make", "name_of"]
 
-# role: {name: where the class is}. Loaded when asked for, so that a heavy part costs nothing where it does not fly.
+# role: {name: where the class is}. Loaded when asked for, so that a heavy part costs nothing where
+# it does not fly.
 ROLES: dict[str, dict[str, str]] = {
     "distance": {
         "euclidean": "trexton.parts.distances:Euclidean",

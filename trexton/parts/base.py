@@ -82,7 +82,8 @@ def learned() -> Any:
 class Part:
     """One part of a method. Its fields are its options; those made by `learned` are what it learns.
 
-    A subclass is a dataclass that overrides `fit` if it learns, `prepare` if it makes something of what it
+    A subclass is a dataclass that overrides `fit` if it learns, `prepare` if it makes something of
+    what it
     learned, and `check` for the ranges of its options.
     """
 
@@ -96,7 +97,7 @@ class Part:
         """Make what flight needs of the learned arrays, and refuse arrays that fit no flight."""
 
     def fit(self, training: Training) -> Self:
-        """The part as it has learned from a training set; itself where there is nothing to learn."""
+        """The part as it learned from a training set; itself where there is nothing to learn."""
         return self
 
     def with_learned(self, **arrays: np.ndarray) -> Self:

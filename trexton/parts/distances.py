@@ -1,4 +1,5 @@
-"""Distances between histograms: each maps them to a space in which plain Euclidean distance is that distance.
+"""Distances between histograms: each maps them to a space in which plain Euclidean distance is that
+distance.
 
 So one search, brute force or tree, serves them all, and training measures as flight does.
 """
@@ -36,4 +37,5 @@ class Hellinger(Distance):
     """Between square roots of the frequencies: counting noise becomes alike in all textons."""
 
     def features(self, histograms: np.ndarray) -> np.ndarray:
-        return np.sqrt(np.maximum(histograms, 0) / 2)
+        roots: np.ndarray = np.sqrt(np.maximum(histograms, 0) / 2)
+        return roots

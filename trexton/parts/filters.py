@@ -1,6 +1,7 @@
 """How a belief is kept over time. The paper keeps particles (Sec. Filtering, Alg. 2).
 
-Shapes, throughout: states are ``(M, D)``, positions ``(M, 2)`` metres; weights ``(M,)``, summing to one; covariances
+Shapes, throughout: states are ``(M, D)``, positions ``(M, 2)`` metres; weights ``(M,)``, summing to
+one; covariances
 ``(2, 2)``, square metres. Likelihoods are kept as logarithms.
 """
 
@@ -29,7 +30,8 @@ if TYPE_CHECKING:
 __all__ = ["Filter", "ParticleFilter", "Particles", "RunningFilter"]
 
 MOST_PARTICLES = 1_000_000
-# Below this the plain weights would all be zero in double precision: no particle explains the measurement.
+# Below this the plain weights would all be zero in double precision: no particle explains the
+# measurement.
 _VANISHED = np.log(np.finfo(float).tiny)
 
 

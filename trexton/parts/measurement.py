@@ -14,10 +14,13 @@ from trexton.parts.motion import whitener
 
 __all__ = ["EXCLUDED_SECONDS", "MeasurementModel", "RankMixture", "rank_covariances"]
 
-# Frames closer in time than this see nearly the same floor: as neighbours they would flatter the map. With half a
-# second the k-NN errs on the training flight about as much as on a fresh flight of the virtual room.
+# Frames closer in time than this see nearly the same floor: as neighbours they would flatter the
+# map. With half a
+# second the k-NN errs on the training flight about as much as on a fresh flight of the virtual
+# room.
 EXCLUDED_SECONDS = 0.5
-# A centimetre: keeps a covariance of identical deviations invertible without mattering for any other.
+# A centimetre: keeps a covariance of identical deviations invertible without mattering for any
+# other.
 _FLOOR_VARIANCE = 1e-4
 
 
@@ -26,7 +29,7 @@ class MeasurementModel(Part):
     """Base of all measurement models."""
 
     def look(self, observation: Observation) -> None:
-        """Compute of the observation what `log_likelihood` will need, before the filter moves on."""
+        """Compute of the observation what `log_likelihood` needs, before the filter moves on."""
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
         """``(M,)`` log likelihood of the observation at ``(M, 2)`` places in metres."""
@@ -106,7 +109,8 @@ class RankMixture(MeasurementModel):
     @property
     def deviations(self) -> np.ndarray:
         """``(k, 2)`` standard deviations of the ranks along the axes, metres."""
-        return np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+        found: np.ndarray = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+        return found
 
     def look(self, observation: Observation) -> None:
         observation.neighbors  # noqa: B018  drawn before the filter draws
@@ -137,7 +141,9 @@ class RankMixture(MeasurementModel):
 
 
 def rank_covariances(positions: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """``(k, 2, 2)`` Sigma^[j] = Var(T - P_j) for each neighbour rank j (Sec. Filtering), square metres."""
+    """``(k, 2, 2)`` Sigma^[j] = Var(T - P_j) for each neighbour rank j (Sec. Filtering), square
+    metres.
+    """
     deviation = positions[:, None, :] - positions[rows]
     return np.stack(
         [np.cov(rank.T) + _FLOOR_VARIANCE * np.eye(2) for rank in deviation.transpose(1, 0, 2)]

@@ -20,7 +20,8 @@ __all__ = ["MotionModel", "RandomWalk", "process_covariance", "uniform_places"]
 _PAIRS = 2**16
 _WORTH_THREADS = 64  # blocks of pairs; fewer are done before a thread has started
 _MINUS_HALF = np.array([-0.5, -0.5])
-# Particles further apart than this log density count as this far: denormal numbers would take ten times as long.
+# Particles further apart than this log density count as this far: denormal numbers would take ten
+# times as long.
 _FAR = -500.0
 
 
@@ -37,7 +38,7 @@ class MotionModel(Part):
         raise NotImplementedError
 
     def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        """``(M,)`` log of sum_j p(x_i | x_j a frame before) w_j, up to a constant that all share."""
+        """``(M,)`` log of sum_j p(x_i | x_j a frame before) w_j, up to a shared constant."""
         raise NotImplementedError
 
     def position(self, states: np.ndarray) -> np.ndarray:
@@ -45,18 +46,20 @@ class MotionModel(Part):
         raise NotImplementedError
 
     def growth(self, dt: float) -> np.ndarray:
-        """``(2, 2)`` square metres: how much a position's covariance grows in `dt` seconds unseen."""
+        """``(2, 2)`` square metres that `dt` seconds unseen add to a position's covariance."""
         raise NotImplementedError
 
 
 @dataclass(eq=False)
 class RandomWalk(MotionModel):
-    """x_t = x_{t-1} + N(0, Sigma_process), with no velocity and no control input (paper, Sec. Filtering).
+    """x_t = x_{t-1} + N(0, Sigma_process), with no velocity and no control input (paper, Sec.
+    Filtering).
 
     Parameters
     ----------
     sigma : float, optional
-        Standard deviation in metres a frame along both axes, instead of what the training flight shows.
+        Standard deviation in metres a frame along both axes, instead of what the training flight
+        shows.
     """
 
     sigma: float | None = None
@@ -72,7 +75,7 @@ class RandomWalk(MotionModel):
     @classmethod
     def of(cls, covariance: np.ndarray, period_s: float = 1.0) -> Self:
         """The walk of a given ``(2, 2)`` covariance from frame to frame, square metres."""
-        return cls().with_learned(covariance=covariance, period_s=np.float64(period_s))
+        return cls().with_learned(covariance=covariance, period_s=np.asarray(period_s))
 
     def fit(self, training: Training) -> Self:
         found = (
@@ -80,7 +83,7 @@ class RandomWalk(MotionModel):
             if self.sigma is None
             else np.eye(2) * self.sigma**2
         )
-        return self.with_learned(covariance=found, period_s=np.float64(training.period_s))
+        return self.with_learned(covariance=found, period_s=np.asarray(training.period_s))
 
     def prepare(self) -> None:
         if not (self.period_s.shape == () and 0 < self.period_s < np.inf):
@@ -139,9 +142,11 @@ class RandomWalk(MotionModel):
 
 
 def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:
-    """``(2, 2)`` Sigma_process, the covariance of the forward differences T_t - T_{t-1} (Sec. Filtering).
+    """``(2, 2)`` Sigma_process, the covariance of the forward differences T_t - T_{t-1} (Sec.
+    Filtering).
 
-    Pairs with a gap of more than one and a half periods between them say nothing about one step and are left
+    Pairs with a gap of more than one and a half periods between them say nothing about one step and
+    are left
     out.
 
     Raises

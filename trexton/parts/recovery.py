@@ -1,4 +1,5 @@
-"""Recovery from being carried away: augmented Monte Carlo localization (Thrun, Burgard & Fox 2005, Sec. 8.3.3).
+"""Recovery from being carried away: augmented Monte Carlo localization (Thrun, Burgard & Fox 2005,
+Sec. 8.3.3).
 
 Not part of the paper's filter, which cannot leave a place where its particles have gathered.
 """
@@ -40,7 +41,8 @@ class NoRecovery(Recovery):
 
 @dataclass(eq=False)
 class Augmented(Recovery):
-    """Inject random particles when the short-term likelihood of the measurements falls below the long-term one.
+    """Inject random particles when the short-term likelihood of the measurements falls below the
+    long-term one.
 
     Parameters
     ----------
@@ -76,7 +78,8 @@ class Augmented(Recovery):
     def update(self, log_mean_likelihood: float) -> bool:
         likelihood = float(np.exp(log_mean_likelihood))
         self._seen += 1
-        # Plain means until enough frames were seen, or the first one, with particles everywhere, would weigh too much.
+        # Plain means until enough frames were seen, or the first one, with particles everywhere,
+        # would weigh too much.
         self._slow_mean += max(self.slow, 1 / self._seen) * (likelihood - self._slow_mean)
         self._fast_mean += max(self.fast, 1 / self._seen) * (likelihood - self._fast_mean)
         return self.fitness < self.lost_below

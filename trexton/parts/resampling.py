@@ -24,7 +24,8 @@ class Resampling(Part):
 class Wheel(Resampling):
     """The resampling wheel the paper cites.
 
-    The wheel starts at a random particle and advances by U(0, 2 max w) between draws. Walking it costs
+    The wheel starts at a random particle and advances by U(0, 2 max w) between draws. Walking it
+    costs
     max w / mean w steps a particle; a search in the cumulated weights finds the same particles.
     """
 
@@ -34,7 +35,8 @@ class Wheel(Resampling):
         travelled = rng.random(len(weights)).cumsum() * (2 * weights.max())
         places = travelled + (ends[start] - weights[start])
         places -= np.floor(places / ends[-1]) * ends[-1]
-        return np.minimum(ends.searchsorted(places, side="left"), len(weights) - 1)
+        drawn: np.ndarray = np.minimum(ends.searchsorted(places, side="left"), len(weights) - 1)
+        return drawn
 
 
 @dataclass(eq=False)
@@ -45,4 +47,5 @@ class Systematic(Resampling):
         count = len(weights)
         ends = weights.cumsum()
         places = (np.arange(count) + rng.random()) / count * ends[-1]
-        return np.minimum(ends.searchsorted(places, side="right"), count - 1)
+        drawn: np.ndarray = np.minimum(ends.searchsorted(places, side="right"), count - 1)
+        return drawn
