@@ -10,6 +10,7 @@ from trexton.experiments import kidnapping
 from trexton.experiments.kidnapping import Trial
 from trexton.figures import kidnapping as figures
 from trexton.flights import Flight
+from trexton.streams import stream
 
 
 def wandering_flight(name: str, seed: int, frames: int = 240) -> Flight:
@@ -116,7 +117,7 @@ def test_trials_are_what_the_localizer_gives(flights):
         particles=50,
         seed=3,
     )
-    localizer = Localizer(texton_map, rng=np.random.default_rng([3, 1]))
+    localizer = Localizer(texton_map, rng=stream(3, "kidnappings", 0))
     rows = [*range(30, 60), *range(150, 180)]
     errors = [
         np.hypot(*(localizer.step(flights[1].histograms[row]).position - flights[1].position[row]))

@@ -13,6 +13,7 @@ from trexton.files import canonical_json
 from trexton.images import bgr_from_yuv
 from trexton.localizer import Localizer
 from trexton.records import Record
+from trexton.streams import stream
 
 OPTIONS = {"samples": 60, "textons": 6, "particles": 15, "neighbors": 3}
 
@@ -44,7 +45,7 @@ def test_patches_are_those_of_the_histogram(record):
 def test_shows_what_the_localizer_did(record, pair):
     train, test = pair
     texton_map = trained_map(train, textons=6, neighbors=3)
-    localizer = Localizer(texton_map, samples=60, particles=15, rng=np.random.default_rng([1, 1]))
+    localizer = Localizer(texton_map, samples=60, particles=15, rng=stream(1, "flight", 0))
     row = record.values["frame"] - 100
     for image in frames_of(test)[: row + 1]:
         estimate = localizer.step(image)
@@ -64,7 +65,7 @@ def test_typical_frame_has_the_median_error(record, pair):
         trained_map(train, textons=6, neighbors=3),
         samples=60,
         particles=15,
-        rng=np.random.default_rng([1, 1]),
+        rng=stream(1, "flight", 0),
     )
     errors = 100 * np.linalg.norm(fly(localizer, frames_of(test)).estimate - test.position, axis=1)
     assert (errors < record.values["error_cm"]).sum() == (len(errors) - 1) // 2

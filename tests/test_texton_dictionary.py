@@ -13,6 +13,7 @@ from trexton.figures import texton_dictionary as figures
 from trexton.files import canonical_json
 from trexton.images import bgr_from_yuv
 from trexton.records import Record
+from trexton.streams import stream
 
 OPTIONS = {"textons": 6, "images": 10, "patches_per_image": 200, "cells": 4}
 
@@ -58,7 +59,7 @@ def test_the_labelled_frame_shows_mean_colours(flights, record):
     from trexton.textons import TextonDictionary
 
     dictionary = TextonDictionary.learn(
-        flights[0], 6, rng=np.random.default_rng([1, 0]), images=10, patches_per_image=200
+        flights[0], 6, rng=stream(1, "training"), images=10, patches_per_image=200
     )
     assert np.array_equal(strip, bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1)))
     image = flights[1].image(0)

@@ -26,7 +26,7 @@ def neighbors(scene: Scene, quick: bool) -> Iterator[Row]:
     from scipy.spatial import cKDTree
     from sklearn.neighbors import NearestNeighbors
 
-    rng = scene.rng(20)
+    rng = scene.rng("stored")
     for count in (800, 10_000, 100_000) if quick else (800, 10_000, 100_000, 1_000_000):
         table, queries = crowd(scene.histograms, count, rng), crowd(scene.histograms, 200, rng)
         nearest, tree = NearestHistograms(table, np.zeros((count, 2)), _K), cKDTree(table)
@@ -55,8 +55,8 @@ def filter_step(scene: Scene, quick: bool) -> Iterator[Row]:
     motion, mixture = scene.map.parts["motion"], scene.map.parts["measurement"]
     precision = np.linalg.inv(motion.growth(scene.map.period_s))
     for count, target, threads in ((50, 50e-6, 1), (500, 0.4e-3, 1), (5000, 30e-3, 2)):
-        rng = scene.rng(21)
-        filter_ = ParticleFilter(motion, mixture, scene.map.area, count, rng=scene.rng(22))
+        rng = scene.rng("measurements")
+        filter_ = ParticleFilter(motion, mixture, scene.map.area, count, rng=scene.rng("filter"))
         seen = cycle(observations(2.5 + 0.4 * rng.standard_normal((100, _K, 2))))
 
         def ours():
@@ -106,7 +106,7 @@ def _map_by_sums(particles, log_likelihood, previous, weights, precision) -> np.
 def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
     """Image in, estimate out at the paper's defaults, against the sum of its stages; then many frames."""
     whole, frames = scene.localizer(), scene.views[0]
-    parts = StageClock(scene.map, rng=scene.rng(4))
+    parts = StageClock(scene.map, rng=scene.rng("flight"))
     turn = iter(np.tile(np.arange(len(frames)), 100_000))
     contestants = {
         "frame": lambda: whole.step(frames[next(turn)]),

@@ -28,7 +28,7 @@ def growth(scene: Scene, quick: bool) -> Iterator[Row]:
         ("stored histograms, in turn", (1000, 10_000, 100_000), _stored("brute")),
     ):
         sizes = sizes[:-1] if quick else sizes
-        rng = scene.rng(30)
+        rng = scene.rng("growth")
         with limited_threads(1):
             contestants = {size: make(scene, size, rng) for size in sizes}
             times = interleave(contestants, 0.1 if quick else 0.4, 5)
@@ -66,7 +66,7 @@ def _samples(scene: Scene, count: int, rng) -> Callable:
 def _particles(scene: Scene, count: int, rng) -> Callable:
     parts = scene.map.parts
     filter_ = ParticleFilter(parts["motion"], parts["measurement"], scene.map.area, count, rng=rng)
-    seen = cycle(observations(2.5 + 0.4 * scene.rng(31).standard_normal((100, 5, 2))))
+    seen = cycle(observations(2.5 + 0.4 * scene.rng("measurements").standard_normal((100, 5, 2))))
 
     def step():
         filter_.step(next(seen))

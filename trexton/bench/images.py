@@ -25,7 +25,7 @@ def operations(shape: tuple[int, ...], n_textons: int, patch: int) -> float:
 
 def full_histogram(scene: Scene, quick: bool) -> Iterator[Row]:
     """Every patch of a frame labelled: the compiled kernel and NumPy against sgemm and SciPy."""
-    image, dictionary, rng = scene.frame, scene.dictionary, scene.rng(10)
+    image, dictionary, rng = scene.frame, scene.dictionary, scene.rng("full sampling")
     square = rng.random((_GEMM, _GEMM), dtype=np.float32)
     share = operations(image.shape, dictionary.n_textons, dictionary.patch) / (2.0 * _GEMM**3)
     for threads in (1, 2):
@@ -58,7 +58,7 @@ def sampled(scene: Scene, quick: bool) -> Iterator[Row]:
     """400 samples of a frame against SciPy on gathered patches."""
     from scipy.spatial.distance import cdist
 
-    image, dictionary, rng = scene.frame, scene.dictionary, scene.rng(11)
+    image, dictionary, rng = scene.frame, scene.dictionary, scene.rng("samples")
     textons = dictionary.textons.reshape(dictionary.n_textons, -1).astype(float)
 
     def by_cdist():

@@ -14,6 +14,7 @@ from trexton.observation import Observation
 from trexton.parts.measurement import RankMixture
 from trexton.parts.motion import RandomWalk
 from trexton.simulator import Simulator
+from trexton.streams import stream
 from trexton.textons import TextonDictionary
 
 __all__ = ["Scene", "crowd", "observations"]
@@ -52,13 +53,13 @@ class Scene:
     def __init__(self, seed: int = 1):
         self.seed = seed
 
-    def rng(self, stream: int) -> np.random.Generator:
-        return np.random.default_rng([self.seed, stream])
+    def rng(self, name: str) -> np.random.Generator:
+        return stream(self.seed, name)
 
     @cached_property
     def simulator(self) -> Simulator:
         """All effects on, at the paper's height and image size."""
-        return Simulator(start=np.array([0.5, 0.5]), rng=self.rng(0))
+        return Simulator(start=np.array([0.5, 0.5]), rng=self.rng("views"))
 
     @cached_property
     def views(self) -> tuple[list[np.ndarray], np.ndarray]:
@@ -80,7 +81,7 @@ class Scene:
         from trexton.patches import draw_patches
 
         return TextonDictionary.learn(
-            draw_patches(self.views[0], 6, 1000, self.rng(1)), rng=self.rng(2)
+            draw_patches(self.views[0], 6, 1000, self.rng("patches")), rng=self.rng("textons")
         )
 
     @cached_property
@@ -91,7 +92,7 @@ class Scene:
     @cached_property
     def map(self) -> TextonMap:
         """A map of 800 histograms."""
-        rng = self.rng(3)
+        rng = self.rng("map")
         spread = np.eye(2) * np.linspace(0.3, 0.5, 5)[:, None, None] ** 2
         return TextonMap(
             dictionary=self.dictionary,
@@ -110,4 +111,4 @@ class Scene:
         )
 
     def localizer(self, **options) -> Localizer:
-        return Localizer(self.map, rng=self.rng(4), **options)
+        return Localizer(self.map, rng=self.rng("flight"), **options)

@@ -36,11 +36,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    import numpy as np
-
     from trexton.flights import read_flight
     from trexton.localizer import TextonMap
     from trexton.methods import parse_choices
+    from trexton.streams import stream
 
     flight = read_flight(arguments.flight)
     flight = flight.part("train") if "train" in flight.split else flight
@@ -51,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
         patch=arguments.patch,
         neighbors=arguments.neighbors,
         # The stream that experiments train with, so that equal seeds give equal maps.
-        rng=np.random.default_rng([arguments.seed, 0]),
+        rng=stream(arguments.seed, "training"),
         **parse_choices(arguments.choices),
     )
     path = texton_map.save(arguments.output)

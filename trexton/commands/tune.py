@@ -23,15 +23,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    import numpy as np
-
     from trexton.localizer import TextonMap
     from trexton.records import Record
+    from trexton.streams import stream
     from trexton.tuning import tune
 
     texton_map = TextonMap.load(arguments.map)
     record = Record.load(_record_file(arguments.record, texton_map))
-    rng = np.random.default_rng(arguments.seed)
+    rng = stream(arguments.seed, "tuning")
     best = tune(texton_map, record, arguments.rate, headroom=arguments.headroom, rng=rng)
     period_ms = 1000 / arguments.rate
     patches = "every patch" if best.samples is None else f"{best.samples} samples"

@@ -18,6 +18,7 @@ from trexton.histograms import sampled_histogram
 from trexton.localizer import TextonMap
 from trexton.metrics import summarize
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.textons import TextonDictionary
 from trexton.wording import apart, interval, number
 
@@ -84,7 +85,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             seed=parameters.seed,
             **common | variant.options,
         )
-        rng = np.random.default_rng([parameters.seed, 10_000])
+        rng = stream(parameters.seed, "intervals")
         summary = summarize([run.estimate for run in runs], test.position, test.diagonal, rng=rng)
         variants[variant.key] = {"label": variant.label, "group": variant.group} | {
             key: summary[key] for key in _STATISTICS
@@ -161,7 +162,7 @@ def _variants(
         {"estimation": "highest-weight"},
     )
     if test.has_images and train.has_images:
-        rng = np.random.default_rng([seed, 20_000])
+        rng = stream(seed, "samples")
         drawn = np.array(
             [sampled_histogram(frame, texton_map.dictionary, samples, rng=rng) for frame in frames]
         )
@@ -193,7 +194,7 @@ def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:
     """The map of a dictionary learned as the flight code did, from the cache if it was made before."""
 
     def compute():
-        rng = np.random.default_rng([seed, 0])
+        rng = stream(seed, "training")
         dictionary = TextonDictionary.learn(train, rng=rng, method="winner-take-all")
         return TextonMap.train(
             train, neighbors=neighbors, rng=rng, dictionary=dictionary

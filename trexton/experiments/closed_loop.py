@@ -13,6 +13,7 @@ from trexton.executor import spread
 from trexton.landing import LandingZone
 from trexton.localizer import Estimate, Localizer, TextonMap
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
+from trexton.streams import stream
 
 __all__ = ["Attempt", "Mission", "fly_all", "fly_attempt"]
 
@@ -78,7 +79,7 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
 
     `perfect` puts the true position in the localizer's place: what remains is what landing itself costs.
     """
-    rng = np.random.default_rng([mission.seed, 1 + number])
+    rng = stream(mission.seed, "landings", number)
     zone_rng, plan_rng, simulator_rng, localizer_rng = rng.spawn(4)
     zone = LandingZone(
         zone_rng.uniform(*mission.places), mission.radius, mission.spread, mission.consecutive

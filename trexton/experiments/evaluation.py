@@ -20,6 +20,7 @@ from trexton.metrics import (
     summarize,
 )
 from trexton.records import software_versions
+from trexton.streams import stream
 
 __all__ = [
     "Track",
@@ -57,7 +58,7 @@ def trained_map(
         inputs["positions"] = [[float(value).hex() for value in row] for row in positions]
 
     def compute():
-        rng = np.random.default_rng([seed, 0])
+        rng = stream(seed, "training")
         options = {
             "n_textons": textons,
             "patch": patch,
@@ -108,11 +109,17 @@ def fly(localizer: Localizer, frames: Sequence[np.ndarray]) -> Track:
 
 
 def tracks(
-    texton_map: TextonMap, frames: Sequence[np.ndarray], *, repeats: int, seed: int, **options
+    texton_map: TextonMap,
+    frames: Sequence[np.ndarray],
+    *,
+    repeats: int,
+    seed: int,
+    first: int = 0,
+    **options,
 ) -> list[Track]:
-    """`repeats` independent runs; run i draws from the generator seeded with (seed, 1 + i)."""
+    """`repeats` independent runs; run i draws from stream ``"flight", first + i``."""
     return [
-        fly(Localizer(texton_map, rng=np.random.default_rng([seed, 1 + i]), **options), frames)
+        fly(Localizer(texton_map, rng=stream(seed, "flight", first + i), **options), frames)
         for i in range(repeats)
     ]
 
@@ -146,7 +153,7 @@ def evaluate(
     series : dict
         Time, truth, estimate, spread, k-NN mean of the typical run, the one of median mean error.
     """
-    rng = np.random.default_rng([seed, 10_000])
+    rng = stream(seed, "intervals")
 
     def summary(estimates):
         return summarize(estimates, test.position, test.diagonal, rng=rng)

@@ -18,6 +18,7 @@ from trexton.experiments.stitched import (
 from trexton.flights.flight import Flight
 from trexton.metrics import summarize
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.wording import interval, middle, number
 
 __all__ = ["finding", "Parameters", "run"]
@@ -49,7 +50,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     located = locate_all(maps, test) | {
         "half": locate_all({"mosaic": mosaic}, test, scale=0.5)["mosaic"]
     }
-    rng = np.random.default_rng([parameters.seed, 0])
+    rng = stream(parameters.seed, "intervals")
     values = {
         name: summarize([each.position], test.position, test.diagonal, rng=rng)
         | _counts(each, test)

@@ -20,6 +20,7 @@ from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
 from trexton.metrics import absolute_errors, summarize
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.wording import middle, number
 
 __all__ = ["filtered_positions", "finding", "Parameters", "run"]
@@ -67,7 +68,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     if "drifting" in found:
         sources["drifting"] = found["drifting"].position
     frames = frames_of(test)
-    rng = np.random.default_rng([parameters.seed, 0])
+    rng = stream(parameters.seed, "intervals")
     values: dict = {"failures": int((~located.found).sum())}
     series: dict = {}
     step_s = []

@@ -22,6 +22,7 @@ from trexton.metrics import wilson_interval
 from trexton.onboard.fix import LOST_SHARE, about_position, ignorance
 from trexton.progress import progress
 from trexton.records import Record
+from trexton.streams import stream
 
 __all__ = ["filter_trials", "finding", "Parameters", "run", "Trial"]
 
@@ -82,13 +83,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
     )
     histograms = _histograms(
-        test, texton_map, parameters.samples, np.random.default_rng([parameters.seed, 20_000])
+        test, texton_map, parameters.samples, stream(parameters.seed, "samples")
     )
     period = float(np.median(np.diff(test.time)))
     patience = min(round(parameters.patience_s / period), len(test) // 3)
-    plan = _plan(
-        test, parameters.kidnappings, patience, np.random.default_rng([parameters.seed, 20_001])
-    )
+    plan = _plan(test, parameters.kidnappings, patience, stream(parameters.seed, "plan"))
     values, series = (
         {},
         {"time_s": np.arange(patience) * period, "shares": SHARES, "area_m": test.area},
@@ -159,7 +158,7 @@ def filter_trials(
     for number, (taken, carried) in enumerate(
         progress(plan, f"kidnappings, recovery {recovery}", len(plan))
     ):
-        rng = np.random.default_rng([seed, 1 + number])
+        rng = stream(seed, "kidnappings", number)
         localizer = Localizer(texton_map, particles=particles, recovery=recovery, rng=rng)
         rows = np.r_[taken - patience : taken, carried : carried + patience]
         estimates = [localizer.step(histograms[row]) for row in rows]

@@ -14,6 +14,7 @@ from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import absolute_errors, block_rows
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.suitability import cosine_similarity, heat_map, ideal_similarity, local_losses, smooth
 from trexton.wording import interval
 
@@ -106,7 +107,7 @@ def _similarity(
     rows = _evenly(len(histograms))
     alike, place = cosine_similarity(histograms[rows]), positions[rows]
     distance = np.hypot(*(place[:, None] - place).transpose(2, 0, 1))
-    rng = np.random.default_rng([seed, 1])
+    rng = stream(seed, "similarity")
     values = {
         "lowest": alike.min(),
         "mean": alike.mean(),
@@ -144,12 +145,12 @@ def _sweep(
             "sigma_m": value,
             "global_loss": losses.mean(),
             "agreement": pearson(alike[upper], ideal[upper]),
-            "prediction": rank_correlation(losses, errors, rng=np.random.default_rng([seed, 2])),
-            "same_order": rank_correlation(losses, default, rng=np.random.default_rng([seed, 3])),
+            "prediction": rank_correlation(losses, errors, rng=stream(seed, "prediction")),
+            "same_order": rank_correlation(losses, default, rng=stream(seed, "same order")),
         })  # fmt: skip
     half, double = (local_losses(histograms, positions, factor * sigma) for factor in (0.5, 2))
     return sweep, {
-        "rank_correlation": rank_correlation(half, double, rng=np.random.default_rng([seed, 4])),
+        "rank_correlation": rank_correlation(half, double, rng=stream(seed, "sigma")),
         "best_agreement_m": max(sweep, key=lambda row: row["agreement"])["sigma_m"],
         "half_sigma_loss": half.mean(),
         "double_sigma_loss": double.mean(),
@@ -167,7 +168,7 @@ def _prediction(
     crowding = ideal_similarity(positions, positions, sigma).mean(axis=1)
 
     def correlation(a, b):
-        return rank_correlation(a, b, rng=np.random.default_rng([seed, 5]))
+        return rank_correlation(a, b, rng=stream(seed, "parts"))
 
     values = {
         "correlation": correlation(losses, errors),
@@ -182,14 +183,12 @@ def _unseen(
 ) -> tuple[dict, dict]:
     """The same on another flight: the smoothed loss of each place against the errors made there."""
     expected = smooth(losses, texton_map.positions, test.position, sigma)
-    track = fly(
-        Localizer(texton_map, rng=np.random.default_rng([seed, 6]), **options), frames_of(test)
-    )
+    track = fly(Localizer(texton_map, rng=stream(seed, "flight"), **options), frames_of(test))
     errors = {
         "test_knn": _euclidean(track.knn, test.position),
         "test_filter": _euclidean(track.estimate, test.position),
     }
-    rng = np.random.default_rng([seed, 7])
+    rng = stream(seed, "unseen")
     values = {name: rank_correlation(expected, wrong, rng=rng) for name, wrong in errors.items()}
     return values, {name: _grouped(expected, wrong, seed) for name, wrong in errors.items()}
 
@@ -199,7 +198,7 @@ def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict]:
     order = np.argsort(losses, kind="stable")
     group = np.empty(len(order), dtype=np.int64)
     group[order] = np.arange(len(order)) * GROUPS // len(order)
-    rng = np.random.default_rng([seed, 8])
+    rng = stream(seed, "groups")
 
     def means(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
         with np.errstate(invalid="ignore"):

@@ -21,6 +21,7 @@ from trexton.localizer import TextonMap
 from trexton.metrics import absolute_errors, block_rows, summarize
 from trexton.parts import ROLES
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.wording import interval, middle, number, percent, times
 
 __all__ = ["finding", "Parameters", "run"]
@@ -65,7 +66,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     rank_std_cm = 100 * texton_map.parts["measurement"].deviations
     process = texton_map.parts["motion"].growth(texton_map.period_s)
     values |= {
-        "drift_cm_per_min": drift(runs, test, rng=np.random.default_rng([parameters.seed, 10_001])),
+        "drift_cm_per_min": drift(runs, test, rng=stream(parameters.seed, "drift")),
         "estimators": _estimators(texton_map, frames, test, runs, parameters.seed, options),
         "counts": {
             "train": len(texton_map.positions),
@@ -74,7 +75,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "textons": texton_map.histograms.shape[1],
             "lost": np.mean([run.lost.sum() for run in runs]),
         },
-        "spread": _spread(runs, test, np.random.default_rng([parameters.seed, 10_003])),
+        "spread": _spread(runs, test, stream(parameters.seed, "spread")),
         "lag": _lag(runs, test),
         "applies": {"sampling": test.has_images, "dictionary": train.has_images},
         "model": {
@@ -109,7 +110,7 @@ def _estimators(
                 texton_map, frames, repeats=len(runs), seed=seed, **options | {"estimation": name}
             )
         )
-        rng = np.random.default_rng([seed, 10_002])
+        rng = stream(seed, "estimators")
         result[name] = summarize(
             [run.estimate for run in others], test.position, test.diagonal, rng=rng
         )["mean_cm"]

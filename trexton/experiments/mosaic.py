@@ -11,6 +11,7 @@ from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.stitched import floor_residual, picture_of, stitched_map
 from trexton.flights.flight import Flight
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.wording import number
 
 __all__ = ["finding", "Parameters", "run"]
@@ -56,7 +57,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     if train.floor is not None:
         truth, deviation = floor_residual(mosaic.map, train.floor)
         values["residual_cm"] = _spread(100 * np.hypot(*deviation.T)) | {"matches": len(truth)}
-        rows = np.random.default_rng([parameters.seed, 0]).permutation(len(truth))[:_ARROWS]
+        rows = stream(parameters.seed, "arrows").permutation(len(truth))[:_ARROWS]
         series |= {"residual_at_m": truth[rows], "residual_m": deviation[rows]}
     return parameters.record(
         train,

@@ -17,6 +17,7 @@ from trexton.metrics import absolute_errors
 from trexton.patches import gather_patches, sample_positions
 from trexton.progress import progress
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.textons import TextonDictionary
 from trexton.wording import number
 
@@ -49,7 +50,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     texton_map = trained_map(
         train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
     )
-    rng = np.random.default_rng([parameters.seed, 1])
+    rng = stream(parameters.seed, "flight", 0)
     localizer = Localizer(
         texton_map, samples=parameters.samples, particles=parameters.particles, rng=rng
     )

@@ -12,6 +12,7 @@ from trexton.bench.clock import Row, interleave, limited_threads
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.flights.flight import Flight
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.wording import number
 
 __all__ = ["finding", "Parameters", "run"]
@@ -46,7 +47,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     start = time.perf_counter()
     rows = list(measure(quick=parameters.quick, seed=parameters.seed))
     with limited_threads(1):
-        roofs = _roofs(np.random.default_rng([parameters.seed, 50]))
+        roofs = _roofs(stream(parameters.seed, "roofs"))
     return parameters.record(
         train,
         test,

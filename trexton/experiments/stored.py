@@ -11,6 +11,7 @@ from trexton.experiments.evaluation import fly
 from trexton.localizer import Localizer, TextonMap
 from trexton.neighbors import NearestHistograms
 from trexton.progress import progress
+from trexton.streams import stream
 
 __all__ = ["multiplied", "time_stored"]
 
@@ -48,11 +49,9 @@ def time_stored(
     ends : dict
         What the claims need of the shortest and the longest.
     """
-    crowd, origin = multiplied(
-        texton_map.histograms, most, rng=np.random.default_rng([seed, 20_000])
-    )
+    crowd, origin = multiplied(texton_map.histograms, most, rng=stream(seed, "stored"))
     rng, options = (
-        np.random.default_rng([seed, 20_001]),
+        stream(seed, "queries"),
         {"samples": samples, "particles": particles},
     )
 

@@ -15,6 +15,7 @@ from trexton.histograms import label_image
 from trexton.images import bgr_from_yuv
 from trexton.patches import draw_patches, position_grid
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.textons import METHODS, Learning, TextonDictionary, learn_textons
 from trexton.wording import number
 
@@ -45,7 +46,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     learned = {}
     for method in METHODS:
-        rng = np.random.default_rng([parameters.seed, 0])  # the stream that maps are trained with
+        rng = stream(parameters.seed, "training")  # the stream that maps are trained with
         patches = draw_patches(
             islice(train.images(), parameters.images), 6, parameters.patches_per_image, rng
         )

@@ -18,6 +18,7 @@ from trexton.localizer import Localizer
 from trexton.patches import position_grid
 from trexton.progress import progress
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.wording import number, percent, times
 
 __all__ = ["finding", "Parameters", "run"]
@@ -51,12 +52,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
     def localizer(**changes) -> Localizer:
-        return Localizer(
-            texton_map, rng=np.random.default_rng([parameters.seed, 1]), **options | changes
-        )
+        return Localizer(texton_map, rng=stream(parameters.seed, "flight", 0), **options | changes)
 
     def clocked() -> StageClock:
-        return StageClock(texton_map, rng=np.random.default_rng([parameters.seed, 1]), **options)
+        return StageClock(texton_map, rng=stream(parameters.seed, "flight", 0), **options)
 
     for frame in frames[:2]:  # whatever the first calls load
         localizer().step(frame)

@@ -20,6 +20,7 @@ from trexton.metrics import absolute_errors, block_rows, summarize
 from trexton.patches import position_grid
 from trexton.progress import progress
 from trexton.records import Record
+from trexton.streams import stream
 from trexton.wording import interval, middle, number
 
 __all__ = ["finding", "Parameters", "retrained", "run"]
@@ -149,7 +150,7 @@ class _Bench:
         self.map, self.train, self.test = texton_map, train, test
         self.defaults, self.repeats, self.seed = defaults, repeats, seed
         self.frames = frames_of(test)
-        warm = Localizer(texton_map, rng=np.random.default_rng(seed))
+        warm = Localizer(texton_map, rng=stream(seed, "warm-up"))
         warm.step(self.frames[0])  # the first call loads what later ones need
 
     @cached_property
@@ -201,7 +202,7 @@ class _Bench:
 
     def summary(self, estimates: list[np.ndarray]) -> dict:
         """Statistics of several runs over the test flight."""
-        rng = np.random.default_rng([self.seed, 10_000])
+        rng = stream(self.seed, "intervals")
         return summarize(estimates, self.test.position, self.test.diagonal, rng=rng, draws=300)
 
     def _runs(self, setting: dict, repeats: int) -> list[Track]:
@@ -218,9 +219,7 @@ class _Bench:
 
     def _full_times(self) -> list[np.ndarray]:
         options = {key: self.defaults[key] for key in ("particles", "neighbors")}
-        localizer = Localizer(
-            self.wide, samples=None, rng=np.random.default_rng(self.seed), **options
-        )
+        localizer = Localizer(self.wide, samples=None, rng=stream(self.seed, "warm-up"), **options)
         return [fly(localizer, self.frames[:_TIMED_FULL]).step_s]
 
     def _patches(self, setting: dict) -> dict:
@@ -245,12 +244,10 @@ def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict, dict]:
             sweep.runs[value] for value in (bench.defaults[name], sweep.rows[-1][name])
         )
         key = "plateau_gain" if name == "samples" else "particles_plateau_gain"
-        values[key] = _gain(
-            default, last, bench.test, rng=np.random.default_rng([bench.seed, 10_003])
-        )
+        values[key] = _gain(default, last, bench.test, rng=stream(bench.seed, "gain"))
         errors += [row["error_cm_x"]["median"] for row in sweep.rows]
         rates += [clock["frequency_hz"]["median"] for clock in sweep.clocks]
-    rng = np.random.default_rng([bench.seed, 10_004])
+    rng = stream(bench.seed, "correlation")
     timings["error_frequency_correlation"] = rank_correlation(errors, rates, rng=rng, block=1)
     return values, timings
 

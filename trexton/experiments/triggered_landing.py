@@ -15,6 +15,7 @@ from trexton.landing import LandingZone
 from trexton.metrics import wilson_interval
 from trexton.records import Record
 from trexton.simulator import Floor
+from trexton.streams import stream
 from trexton.wording import number, percent
 
 __all__ = ["finding", "Parameters", "run", "summarize_attempts"]
@@ -139,7 +140,7 @@ def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict:
         "triggered_inside_rate": _rate(triggered_inside, len(done)),
         "outliers": len(outliers),
         "outliers_cm": outliers,
-        "outlier_mean_cm": _mean(outliers, np.random.default_rng([mission.seed, 10_000])),
+        "outlier_mean_cm": _mean(outliers, stream(mission.seed, "intervals")),
         "first_flights": {
             "attempts": len(attempts[:PAPER_LANDINGS]),
             "landings": len(first),

@@ -12,6 +12,7 @@ from trexton.histograms import sampled_histogram
 from trexton.localizer import TextonMap
 from trexton.metrics import absolute_errors, summarize
 from trexton.progress import progress
+from trexton.streams import stream
 
 __all__ = ["search_settings"]
 
@@ -31,7 +32,8 @@ def search_settings(
     frames, full : sequence
         The test frames, and their histograms of full sampling.
     samples : int
-        Tried beside full sampling, on flights with images. Runs of different particles and neighbours share
+        Tried beside full sampling, on flights with images. Runs of different particles and
+        neighbours share
         their random samples, which are drawn once for each run.
 
     Returns
@@ -39,21 +41,23 @@ def search_settings(
     grid : list of dict
         Every setting with its mean absolute error over both axes.
     best : dict
-        ``best_error_cm``, the lowest of the grid: chosen on the flight it is measured on, a little too good;
-        ``best_setting``; ``best``, all its statistics; ``best_held_out_cm``, chosen on one half of the flight
+        ``best_error_cm``, the lowest of the grid: chosen on the flight it is measured on, a little
+        too good;
+        ``best_setting``; ``best``, all its statistics; ``best_held_out_cm``, chosen on one half of
+        the flight
         and measured on the other, both ways.
     """
     flights = {None: [full] * max(3, repeats // 3)}
     if test.has_images:
-        rngs = [np.random.default_rng([seed, 30_000 + i]) for i in range(len(flights[None]))]
+        rngs = [stream(seed, "samples", i) for i in range(len(flights[None]))]
         flights = {samples: [_sampled(frames, texton_map, samples, rng) for rng in rngs]} | flights
     counts = [k for k in NEIGHBORS if k <= texton_map.neighbors]
     grid, summaries, errors = [], [], []
     for (drawn, flown), m, k in progress(
         list(product(flights.items(), PARTICLES, counts)), "settings"
     ):
-        estimates = [_fly(texton_map, one, seed + i, m, k) for i, one in enumerate(flown)]
-        rng = np.random.default_rng([seed, 30_100])
+        estimates = [_fly(texton_map, one, seed, i, m, k) for i, one in enumerate(flown)]
+        rng = stream(seed, "intervals")
         summary = summarize(estimates, test.position, test.diagonal, rng=rng, draws=400)
         summaries.append(summary)
         grid.append(
@@ -82,16 +86,17 @@ def _sampled(
 
 
 def _fly(
-    texton_map: TextonMap, histograms, seed: int, particles: int, neighbors: int
+    texton_map: TextonMap, histograms, seed: int, number: int, particles: int, neighbors: int
 ) -> np.ndarray:
-    (run,) = tracks(
-        texton_map, histograms, repeats=1, seed=seed, particles=particles, neighbors=neighbors
-    )
+    options = {"particles": particles, "neighbors": neighbors}
+    (run,) = tracks(texton_map, histograms, repeats=1, seed=seed, first=number, **options)
     return run.estimate
 
 
 def _held_out(errors: np.ndarray) -> float:
-    """Mean over both halves of the flight of the error under the setting that is best on the other half."""
+    """Mean over both halves of the flight of the error under the setting that is best on the other
+    half.
+    """
     first, second = np.array_split(errors, 2, axis=1)
     chosen = [
         mine[other.mean(axis=1).argmin()].mean()

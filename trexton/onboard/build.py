@@ -5,8 +5,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from trexton.errors import ParameterError
 from trexton.landing import LandingZone
 from trexton.localizer import Localizer, TextonMap
@@ -18,6 +16,7 @@ from trexton.onboard.sinks import Guard, SinkOptions, open_sink
 from trexton.onboard.sinks.json_lines import JsonLines
 from trexton.onboard.sources import SourceOptions, open_source
 from trexton.onboard.tally import Tally
+from trexton.streams import stream
 
 __all__ = ["Settings", "build"]
 
@@ -128,7 +127,7 @@ def build(settings: Settings) -> Onboard:
         particles=settings.particles,
         **choices | parse_choices(settings.choices),
         # The stream of the first run in the experiments: equal seeds, equal estimates.
-        rng=np.random.default_rng([settings.seed, 1]),
+        rng=stream(settings.seed, "flight", 0),
     )
     tally = Tally()
     source = open_source(

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from trexton.errors import ParameterError
 from trexton.onboard.sources.base import Frame, Source, SourceOptions
 from trexton.onboard.sources.pacing import Paced
+from trexton.streams import stream
 
 __all__ = ["SimulatorSource", "make", "matches"]
 
@@ -42,7 +41,7 @@ class SimulatorSource(Source):
     def __init__(self, seed: int = 1):
         from trexton.simulator import Floor, Plan, Simulator, random_waypoints
 
-        plan_rng, simulator_rng = np.random.default_rng([seed, 5]).spawn(2)
+        plan_rng, simulator_rng = stream(seed, "simulator").spawn(2)
         floor = Floor.hall()
         self._plan = Plan(random_waypoints(floor.area, plan_rng))
         self.simulator = Simulator(floor, start=self._plan.start, speed=0.6, rng=simulator_rng)

@@ -1,0 +1,40 @@
+"""Random numbers by name: every draw belongs to a stream, and no two streams meet."""
+
+from __future__ import annotations
+
+import hashlib
+
+import numpy as np
+
+from trexton.errors import ParameterError
+
+__all__ = ["MOST_SEED", "stream"]
+
+MOST_SEED = 2**32 - 1
+
+
+def stream(seed: int, name: str, *index: int) -> np.random.Generator:
+    """A generator that depends on the seed, the stream's name, and the place in a series, on
+    nothing else.
+
+    Parameters
+    ----------
+    seed : int
+        From 0 to `MOST_SEED`.
+    name : str
+        What is drawn, such as ``"landings"``.
+    index : int
+        Which of many, counted from 0.
+
+    Raises
+    ------
+    ParameterError
+        The seed or an index is out of range.
+    """
+    if not 0 <= seed <= MOST_SEED:
+        raise ParameterError(f"the seed is {seed}: expected 0 to {MOST_SEED}")
+    if min(index, default=0) < 0:
+        raise ParameterError(f"stream {name!r} has index {index}: expected 0 or more")
+    word = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
+    key = (word & 0xFFFFFFFF, word >> 32, *(int(each) for each in index))
+    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=key))
