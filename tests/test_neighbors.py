@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from trexton.errors import MapError, ParameterError
-from trexton.neighbors import NearestHistograms
+from trexton.neighbors import NearestHistograms, neighbors_in_flight
 
 
 def plain_neighbors(histograms, histogram, k):
@@ -99,3 +99,26 @@ def test_bad_input_is_one_clear_error(rng):
         NearestHistograms(histograms, positions).query(np.ones(5) / 5)
     with pytest.raises(MapError, match="finite histogram"):
         NearestHistograms(histograms, positions).query(np.array([1, np.nan, 0, 0]))
+
+
+@pytest.mark.parametrize("excluded_s, nearest_allowed", [(0.0, 1), (0.1, 2), (0.25, 3)])
+def test_only_the_excluded_seconds_are_excluded(excluded_s, nearest_allowed):
+    """The frame before looks most alike; it may be a neighbour unless its time is excluded."""
+    phase = np.arange(40) / 40
+    histograms, time = np.column_stack([phase, 1 - phase]), np.arange(40) * 0.1
+    nearest = NearestHistograms(histograms, np.zeros((40, 2)))
+    rows = neighbors_in_flight(nearest, histograms, time, 2, excluded_s)
+    steps = np.abs(rows - np.arange(40)[:, None])
+    assert steps.min() == nearest_allowed and (steps[5:-5] == nearest_allowed).all()
+
+
+def test_tree_and_brute_force_learn_the_same_neighbours(rng):
+    histograms, time = rng.dirichlet(np.ones(8), 400), np.arange(400) * 0.08
+    found = [
+        neighbors_in_flight(
+            NearestHistograms(histograms, np.zeros((400, 2)), method=method),
+            histograms, time, 5, 0.5,
+        )
+        for method in ("brute", "tree")
+    ]  # fmt: skip
+    np.testing.assert_array_equal(*found)

@@ -165,7 +165,7 @@ def neighbors_in_flight(
     time : (N,) array
         Seconds, rising.
     excluded_s : float
-        Frames at most so far away in time are left out, and the frames before and after always.
+        Frames at most so far away in time are left out; at 0 only the frame itself.
 
     Raises
     ------
@@ -173,19 +173,16 @@ def neighbors_in_flight(
         Some frame has fewer than k others outside the excluded time.
     """
     reach = excluded_s + 1e-9  # stamps are multiples of a period
-    rows = np.arange(len(time))
-    first = np.minimum(np.searchsorted(time, time - reach, side="left"), np.maximum(rows - 1, 0))
-    last = np.maximum(
-        np.searchsorted(time, time + reach, side="right"), np.minimum(rows + 2, len(rows))
-    )
-    if (len(rows) - (last - first)).min() < k:
+    first = np.searchsorted(time, time - reach, side="left")
+    last = np.searchsorted(time, time + reach, side="right")
+    if (len(time) - (last - first)).min() < k:
         raise MapError(
             f"{len(time)} training frames over {time[-1] - time[0]:.1f} s leave fewer than {k} "
             f"neighbours outside {excluded_s} s of each: "
             "record a longer flight or ask for fewer neighbours"
         )
-    result = np.empty((len(rows), k), dtype=np.int64)
-    for row in progress(rows, "neighbours", len(rows)) if len(rows) > 10_000 else rows:
+    result = np.empty((len(time), k), dtype=np.int64)
+    for row in progress(range(len(time)), "neighbours", len(time)):
         found = nearest.query(histograms[row], k + last[row] - first[row]).index
         result[row] = found[(found < first[row]) | (found >= last[row])][:k]
     return result

@@ -115,7 +115,7 @@ def _variants(
     yield _Variant(
         "near_in_time",
         "measurement",
-        "ranks learned with neighbours in time allowed",
+        "ranks learned with all other frames allowed as neighbours",
         changed,
         frames,
     )
