@@ -111,7 +111,7 @@ class TestReplayEquality:
         flight_folder = write_flight(flight, tmp_path / "flight")
         texton_map = histogram_map(flight)
         path = texton_map.save(tmp_path / "map.npz")
-        notebook = Localizer(texton_map, recovery="augmented", rng=stream(7, "flight", 0))
+        notebook = Localizer(texton_map, rng=stream(7, "flight", 0))
         expected = [notebook.step(histogram) for histogram in flight.part("test").histograms]
         command = [
             sys.executable, "-m", "trexton.cli", "onboard", str(path), "--camera", f"{flight_folder}#test", "--seed", "7",

@@ -21,11 +21,6 @@ _GENERAL = {
     "samples": ("--samples", "N", "patches drawn a frame, 0 for all"),
     "method": ("--method", "NAME", "another method than the map was trained for"),
     "particles": ("--particles", "N", "particles of the filter (default 50)"),
-    "recovery": (
-        "--recovery",
-        None,
-        "random particles when the frames stop fitting; none is the paper's filter",
-    ),
     "seed": ("--seed", "N", "of everything that is drawn"),
     "pace": (
         "--pace",
@@ -48,7 +43,6 @@ _LANDING = {
     "consecutive": ("--consecutive", "N", "estimates in a row that must agree"),
 }
 _CHOICES = {
-    "recovery": ("augmented", "none"),
     "pace": ("fast", "stamps"),
     "autopilot": ("px4", "ardupilot"),
 }
@@ -83,7 +77,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
     parser.add_argument(
         "--set", dest="choices", action="append", default=[], metavar="ROLE[.OPTION]=VALUE",
-        help="another part, or an option of one, repeatable: motion.sigma=0.2",
+        help="another part, or an option of one, repeatable: recovery=augmented",
     )  # fmt: skip
     kinds = f"KIND or KIND:ADDRESS, repeatable; kinds: {', '.join(SINKS)} (default json)"
     parser.add_argument(

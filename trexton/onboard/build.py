@@ -33,7 +33,7 @@ class Settings:
         See `trexton.onboard.sources`.
     outputs : tuple of str
         See `trexton.onboard.sinks`.
-    samples, particles, recovery, method, seed
+    samples, particles, method, seed
         See `trexton.localizer.Localizer`; 0 samples stand for every patch.
     choices : tuple of str
         ``role=part`` and ``role.option=value``; see `trexton.methods`.
@@ -66,7 +66,6 @@ class Settings:
     outputs: tuple[str, ...] = ()
     samples: int = 400
     particles: int | None = None
-    recovery: str = "augmented"
     method: str | None = None
     choices: tuple[str, ...] = ()
     seed: int = 1
@@ -119,13 +118,12 @@ def build(settings: Settings) -> Onboard:
         A setting does not fit, the map cannot be read, a file cannot be made, or an extra is not installed.
     """
     texton_map = TextonMap.load(settings.map)
-    choices: dict[str, object] = {"recovery": settings.recovery}
     localizer = Localizer(
         texton_map,
         settings.method,
         samples=settings.samples or None,
         particles=settings.particles,
-        **choices | parse_choices(settings.choices),
+        **parse_choices(settings.choices),
         # The stream of the first run in the experiments: equal seeds, equal estimates.
         rng=stream(settings.seed, "flight", 0),
     )
