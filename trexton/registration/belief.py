@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 __all__ = ["CellBelief"]
 
 _ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is ever ruled out for good
 _NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
 Window = tuple[slice, slice]
+Array = NDArray[Any]
 
 
 class CellBelief:
@@ -100,13 +104,32 @@ class CellBelief:
             left[around] = 0
         return found
 
-    def scale(self, row: int, column: int, radius: int, factor: float) -> None:
-        """Multiply what lies around a cell."""
-        self.mass[
-            :,
-            max(0, row - radius) : row + radius + 1,
-            max(0, column - radius) : column + radius + 1,
-        ] *= factor
+    def around(self, place: Array, radius: int) -> float:
+        """The belief within `radius` cells of a place (column, row)."""
+        return float(self.mass[self._box(place, radius)].sum())
+
+    def scale(self, place: Array, radius: int, factor: float) -> None:
+        """Multiply what lies within `radius` cells of a place (column, row)."""
+        self.mass[self._box(place, radius)] *= factor
+
+    def sharpen(self, place: Array, peak: Array, radius: int) -> None:
+        """Gather what lies within `radius` cells of `peak` about `place`, now known to a cell."""
+        box = self._box(peak, radius)
+        held = self.mass[box].sum(axis=(1, 2))
+        self.mass[box] = 0
+        rows, columns = np.indices(self.allowed.shape, sparse=True)
+        near = np.exp(-((columns - place[0]) ** 2 + (rows - place[1]) ** 2)) * self.allowed
+        total = float(near.sum())
+        if total > 0:
+            self.mass += (held / total)[:, None, None] * near.astype(np.float32)
+
+    def _box(self, place: Array, radius: int) -> tuple[slice, slice, slice]:
+        column, row = (int(round(float(each))) for each in place)
+        return (
+            slice(None),
+            slice(max(0, row - radius), max(0, row + radius + 1)),
+            slice(max(0, column - radius), max(0, column + radius + 1)),
+        )
 
     def normalize(self) -> None:
         total = float(self.mass.sum())

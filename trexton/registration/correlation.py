@@ -13,6 +13,7 @@ __all__ = ["CoarseMatcher"]
 _TURN = np.radians(6.0)  # headings closer than half of this share a footprint
 _GROWTH = 0.06  # heights closer than half of this share do so, too
 _INSET = 0.94  # of the frame: what is left inside it under a few degrees of tilt
+_BAND, _SOFT = 9.0, 0.6  # cells: a change slower than the one, faster than the other, is left out
 _FEWEST = 0.25  # of a footprint that must lie on the map
 
 
@@ -33,9 +34,8 @@ class CoarseMatcher:
 
     def __init__(self, ground: Ground, camera: Camera):
         self.ground, self.camera = ground, camera
-        mean = float(ground.luma[ground.mask > 0].mean())
         self._mask = ground.mask
-        self._luma = (ground.luma - mean) * ground.mask
+        self._luma = _band(ground.luma, ground.mask, 1.0)
         self._squared = self._luma**2
         self._footprints: dict[tuple[int, int], tuple[np.ndarray, ...]] = {}
 
@@ -72,10 +72,13 @@ class CoarseMatcher:
                 [0, 0, 1],
             ]
         )
+        pixels = cell * self.camera.focal / pose[2]
         template = cv2.warpPerspective(
-            frame, place @ world, shape.shape[::-1], borderMode=cv2.BORDER_REPLICATE
+            _band(frame.astype(np.float32), None, pixels),
+            place @ world,
+            shape.shape[::-1],
+            borderMode=cv2.BORDER_REPLICATE,
         )
-        template = template.astype(np.float32)
         template = (template - template[shape > 0].mean()) * shape
         rows, columns = window
         around = (
@@ -125,3 +128,21 @@ class CoarseMatcher:
                 ),
             )
         return self._footprints[key]
+
+
+def _band(image: np.ndarray, mask: np.ndarray | None, cell: float) -> np.ndarray:
+    """What of an image lies between a cell of `cell` pixels and `_BAND` cells; 0 where the mask is.
+
+    Slower changes are the light's as often as the floor's, faster ones fall between the cells.
+    """
+    if mask is None:
+        slow = cv2.blur(image, (_odd(_BAND * cell),) * 2)
+        return cv2.GaussianBlur(image - slow, (0, 0), _SOFT * cell)
+    size = (_odd(_BAND * cell),) * 2
+    slow = cv2.blur(image * mask, size) / np.maximum(cv2.blur(mask, size), 1e-3)
+    soft = cv2.GaussianBlur((image - slow) * mask, (0, 0), _SOFT * cell)
+    return soft * mask
+
+
+def _odd(length: float) -> int:
+    return 2 * round(length / 2) + 1

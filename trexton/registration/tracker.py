@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from trexton.camera import Camera, MapImage, transform_points
 from trexton.errors import ParameterError
@@ -15,14 +17,22 @@ from trexton.registration.belief import CellBelief
 from trexton.registration.correlation import CoarseMatcher
 from trexton.registration.ground import Ground
 
+Array = NDArray[Any]
+
 __all__ = ["FloorFix", "FloorTracker", "Trust"]
 
 _FRAME = 80  # pixels that a shrunken frame is wide
 _COARSE = 24  # cells that a frame's footprint is wide
-_HEADINGS = 36
+_ALL_HEADINGS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 _MARGIN = 3  # cells searched around what is believed
 _SURE = 0.15  # certainty of the odometry from which it is believed
-_MODE = 5  # cells around a peak that count as one place
+_JUMP = 2.0  # cells a frame by which a motion may differ from the one before
+_KNOWN, _ROUGH, _UNKNOWN = 0.5, 0.6, 2.0  # cells: what a step adds to the belief's width
+_MODE = 2  # cells around a peak that count as one place
+_PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a frame aligned at
+_HELD = 0.9  # belief from which a place is the place
+_NEAR_HEADINGS = np.radians([-10.0, 0.0, 10.0])
+_PATIENCE = 6  # frames that a lost camera is thought not to have turned far
 _TILT, _HEIGHT = (
     0.07,
     0.1,
@@ -46,8 +56,8 @@ class Trust:
         Variances are the alignment's times `scale` plus `floor` square metres.
     """
 
-    coarse: float = 20.0
-    fine: float = 20.0
+    coarse: float = 8.0
+    fine: float = 15.0
     least: float = 0.4
     scale: float = 4.0
     floor: float = 4e-6
@@ -98,6 +108,11 @@ class FloorTracker:
     trust : Trust
     attitude_sigma, height_sigma : float
         Standard deviations of the attitude (radians) and the height (metres) that `step` is given.
+
+    Raises
+    ------
+    ParameterError
+        The height is not positive.
     """
 
     def __init__(
@@ -106,34 +121,37 @@ class FloorTracker:
         camera: Camera,
         height: float,
         *,
-        trust: Trust = Trust(),
-        attitude_sigma: float = np.radians(0.4),
+        trust: Trust | None = None,
+        attitude_sigma: float = 0.007,
         height_sigma: float = 0.02,
     ):
         if not (np.isfinite(height) and height > 0):
             raise ParameterError(f"the usual height is {height} m: expected a number above 0")
-        self.height, self.trust = float(height), trust
+        self.height, self.trust = float(height), trust or Trust()
         self.attitude_sigma, self.height_sigma = attitude_sigma, height_sigma
         self.odometry = VisualOdometry(camera, width=min(_FRAME, camera.width))
         self.camera = self.odometry.camera
         footprint = self.height * camera.width / camera.focal
-        self.coarse = CoarseMatcher(
-            Ground.from_map(picture, footprint / _COARSE, 0.6 * footprint), self.camera
-        )
+        ground = Ground.from_map(picture, footprint / _COARSE, 0.6 * footprint)
+        self.coarse = CoarseMatcher(ground, self.camera)
         self.aligner = Aligner(Ground.from_map(picture, footprint / self.camera.width), self.camera)
-        self.belief = CellBelief(_near(self.coarse.ground, 0.3 * footprint))
+        self.belief = CellBelief(_near(ground, 0.3 * footprint))
         self.reset()
 
     def reset(self) -> None:
         """Forget where the vehicle was."""
-        self._pose: np.ndarray | None = None
         self.odometry.reset()
-        self._searching = True
-        self._fresh = True
-        self._last = FloorFix(np.full(6, np.nan), np.full((2, 2), np.inf), 0.0, 0.0, True, False)
+        self._pose: Array | None = None  # of the last frame, if it was found
+        self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
+        self._missed = _PATIENCE  # frames since the floor was last seen where it should be
+        self._last: FloorFix | None = None
 
     def step(
-        self, image: np.ndarray | None, *, attitude=None, height: float | None = None
+        self,
+        image: np.ndarray | None,
+        *,
+        attitude: ArrayLike | None = None,
+        height: float | None = None,
     ) -> FloorFix:
         """Locate one frame.
 
@@ -145,42 +163,41 @@ class FloorTracker:
             Roll, pitch, yaw in radians as the autopilot measured them.
         height : float, optional
             Metres above the floor, measured.
+
+        Raises
+        ------
+        ImageError
+            The frame is not of the camera's size.
         """
         if image is None:
-            return self._predicted()
+            return self._without_frame()
         frame = self.odometry.shrunken(image)
-        if self._fresh:
-            self.belief.reset(
-                np.linspace(-np.pi, np.pi, _HEADINGS, endpoint=False)
-                if attitude is None
-                else [attitude[2]]
-            )
-        prior, deviation = self._prior(attitude, height)
-        if attitude is not None:
-            self.belief.headings = np.full(len(self.belief.headings), attitude[2])
-        moved, sure = self.odometry.shift(frame)
-        self._predict(moved, sure > _SURE, prior)
-        self._weigh(frame, prior, everywhere=self._searching)
-        fix = self._best(frame, prior, deviation, moved, attitude is None)
-        if fix.lost and not self._searching:
-            # What it followed is not there: look everywhere, at once.
-            if attitude is None:
-                self.belief.reset(np.linspace(-np.pi, np.pi, _HEADINGS, endpoint=False))
-            self._weigh(frame, prior, everywhere=True)
-            fix = self._best(frame, prior, deviation, None, attitude is None)
-        self._searching = fix.lost
-        self._pose = None if fix.lost else fix.pose
-        self._fresh, self._last = False, fix
+        seen = _Seen(
+            frame, *self._prior(attitude, height), *self.odometry.shift(frame), attitude is not None
+        )
+        if self._last is None:
+            self.belief.reset(self._headings(seen))
+        elif seen.turned:
+            self.belief.headings[:] = seen.prior[5]
+        moved = self._predict(seen)
+        self._weigh(seen, everywhere=self._missed > 0)
+        fix = self._settle(seen, self._candidates(seen, moved))
+        if fix.score < self.trust.least and self._missed == 0:
+            self.belief.reset(self._headings(seen))
+            self._weigh(seen, everywhere=True)
+            fix = self._settle(seen, self._candidates(seen, None))
+        self._remember(fix)
+        if fix.score < self.trust.least and self._missed == _PATIENCE and not seen.turned:
+            self.belief.reset(_ALL_HEADINGS)
         return fix
 
-    # -- parts of a step ------------------------------------------------------------------------------
+    # -- parts of a step ---------------------------------------------------------------------------
 
-    def _prior(self, attitude, height) -> tuple[np.ndarray, np.ndarray]:
-        """Expected pose without a place, and standard deviations."""
+    def _prior(self, attitude: ArrayLike | None, height: float | None) -> tuple[Array, Array]:
+        """The pose expected at x = y = 0, and its standard deviations."""
         prior = np.array([0, 0, self.height, 0, 0, 0.0])
-        deviation = np.array(
-            [np.inf, np.inf, _HEIGHT * self.height, _TILT, _TILT, np.pi / _HEADINGS]
-        )
+        rough = (np.inf, np.inf, _HEIGHT * self.height, _TILT, _TILT, np.pi / len(_ALL_HEADINGS))
+        deviation = np.array(rough)
         if self._pose is not None:
             prior[[2, 5]] = self._pose[[2, 5]]
             deviation[[2, 5]] = _BETWEEN * (self._pose[2], 1)
@@ -190,98 +207,148 @@ class FloorTracker:
             prior[2], deviation[2] = height, self.height_sigma
         return prior, deviation
 
-    def _predict(self, moved: np.ndarray, sharp: bool, prior: np.ndarray) -> None:
-        metres = moved * prior[2] / self.camera.focal
-        cell = self.coarse.ground.cell
-        sine, cosine = np.sin(self.belief.headings), np.cos(self.belief.headings)
-        right, up = cosine * metres[0] - sine * metres[1], sine * metres[0] + cosine * metres[1]
-        self.belief.move(np.column_stack([right, -up]) / cell, 0.5 if sharp else 2.0)
+    def _headings(self, seen: _Seen) -> Array:
+        """Headings to search: the measured one, those near the last one, or all."""
+        if seen.turned:
+            return seen.prior[5:].copy()
+        if self._pose is not None:
+            return np.asarray(self._pose[5] + _NEAR_HEADINGS)
+        return _ALL_HEADINGS
 
-    def _weigh(self, frame: np.ndarray, prior: np.ndarray, everywhere: bool) -> None:
+    def _predict(self, seen: _Seen) -> Array:
+        """Move the belief; returns the ``(2,)`` cells (column, row) that the last pose moved by."""
+        cell = self.coarse.ground.cell
+        right, up = seen.moved * seen.prior[2] / self.camera.focal / cell
+
+        def turned(heading: Array) -> Array:
+            sine, cosine = np.sin(heading), np.cos(heading)
+            return np.stack([cosine * right - sine * up, -sine * right - cosine * up], axis=-1)
+
+        shift, sigma = turned(self.belief.headings), _KNOWN
+        if self._velocity is not None and self._pose is not None:
+            step = turned(self._pose[5])
+            if seen.sure < _SURE or np.hypot(*(step - self._velocity)) > _JUMP:
+                shift, sigma = np.tile(self._velocity, (len(shift), 1)), _ROUGH
+        elif seen.sure < _SURE:
+            sigma = _UNKNOWN
+        self.belief.move(shift, sigma)
+        return np.asarray(shift[0])
+
+    def _weigh(self, seen: _Seen, everywhere: bool) -> None:
+        """Multiply the belief by how well the frame fits, everywhere or where it is not negligible."""
         rows, columns = self.belief.allowed.shape
         window = (slice(0, rows), slice(0, columns)) if everywhere else self.belief.support(_MARGIN)
         fits = []
         for heading in self.belief.headings:
-            pose = np.array([*prior[:5], heading])
-            correlation, overlap = self.coarse.response(frame, pose, window)
+            pose = np.array([*seen.prior[:5], heading])
+            correlation, overlap = self.coarse.response(seen.frame, pose, window)
             fits.append(_log_likelihood(correlation, self.trust.coarse * overlap))
         self.belief.weigh(np.array(fits), window)
         self.belief.drop_headings()
 
-    def _best(self, frame, prior, deviation, moved, free_heading: bool) -> FloorFix:
-        """Align at the most likely places and take the best of them."""
-        modes = self.belief.modes(3, _MODE, 0.02)
-        found = []
-        for heading, row, column, held in modes:
-            start = self._start(prior, heading, row, column, moved)
-            spread = deviation.copy()
-            expected = start.copy()
-            expected[3:5] = prior[3:5]
-            aligned = self._aligned(frame, start, expected, spread)
-            found.append((aligned, held, row, column))
-        gains = [_log_likelihood(np.array(each[0].score), self.trust.fine) for each in found]
-        for (_, _, row, column), gain in zip(found, gains, strict=True):
-            self.belief.scale(row, column, _MODE, float(np.exp(gain - max(gains))))
-        self.belief.normalize()
-        weights = [
-            held * np.exp(gain - max(gains))
-            for (_, held, _, _), gain in zip(found, gains, strict=True)
-        ]
-        best = int(np.argmax(weights))
-        aligned, _, row, column = found[best]
-        others = max(0.0, 1 - sum(each[1] for each in found))
-        held = weights[best] / (sum(weights) + others)
-        if free_heading and aligned.score > self.trust.least:
-            nearest = int(np.argmin(abs(_wrapped(self.belief.headings - aligned.pose[5]))))
-            self.belief.headings[nearest] = aligned.pose[5]
-        lost = held < 0.9 or aligned.score < self.trust.least
-        return FloorFix(
-            aligned.pose, self._covariance(aligned, lost), aligned.score, held, lost, True
-        )
-
-    def _start(self, prior, heading: int, row: int, column: int, moved) -> np.ndarray:
-        """The pose whose image centre lies on this cell, or the last one moved on, if it agrees."""
-        start = prior.copy()
-        start[5] = self.belief.headings[heading]
-        cell = self.coarse.ground
-        place = cell.to_world([column, row])
+    def _candidates(self, seen: _Seen, moved: Array | None) -> list[_Candidate]:
+        """Align the frame at the most likely places, and at the place where the last pose moved to."""
+        starts = []
+        for heading, row, column, held in self.belief.modes(_PLACES, _MODE, _SHARE):
+            starts.append((np.array([column, row]), self.belief.headings[heading], held))
         if self._pose is not None and moved is not None:
-            last = self._pose.copy()
-            metres = moved * last[2] / self.camera.focal
-            sine, cosine = np.sin(last[5]), np.cos(last[5])
-            center = self._center(last) + [
-                cosine * metres[0] - sine * metres[1],
-                sine * metres[0] + cosine * metres[1],
-            ]
-            if np.hypot(*(center - place)) < 2.5 * cell.cell:
-                place = center
-        start[:2] += place - self._center(start)
-        return start
+            followed = self.coarse.ground.to_cells(self._center(self._pose)) + moved
+            apart = [np.hypot(*(place - followed)) for place, _, _ in starts]
+            nearest = int(np.argmin(apart))
+            if apart[nearest] < _MODE + 0.5:
+                starts[nearest] = (followed, seen.prior[5], starts[nearest][2])
+            else:
+                starts.append((followed, seen.prior[5], self.belief.around(followed, _MODE)))
+        found = []
+        for place, heading, held in starts:
+            start = np.array([*seen.prior[:5], heading])
+            start[:2] = self.coarse.ground.to_world(place) - self._center(start)
+            expected = np.array([*start[:3], *seen.prior[3:5], start[5]])
+            aligned = self.aligner.align(seen.frame, start, expected, seen.deviation)
+            found.append(_Candidate(place, held, aligned))
+        return found
 
-    def _center(self, pose: np.ndarray) -> np.ndarray:
+    def _settle(self, seen: _Seen, found: list[_Candidate]) -> FloorFix:
+        """Weigh the candidates by how well they fit once aligned, and take the best."""
+        gains = _log_likelihood(np.array([each.aligned.score for each in found]), self.trust.fine)
+        factors = np.exp(gains - gains.max())
+        weights = factors * [each.held for each in found]
+        for each, factor in zip(found, factors, strict=True):
+            self.belief.scale(each.place, _MODE, float(factor))
+        best = found[int(np.argmax(weights))].aligned
+        others = max(0.0, 1 - sum(each.held for each in found))
+        held = float(weights.max() / (weights.sum() + others))
+        if best.score >= self.trust.least:
+            place = self.coarse.ground.to_cells(self._center(best.pose))
+            self.belief.sharpen(place, found[int(np.argmax(weights))].place, _MODE)
+            if not seen.turned:
+                nearest = int(np.argmin(abs(_wrapped(self.belief.headings - best.pose[5]))))
+                self.belief.headings[nearest] = best.pose[5]
+        self.belief.normalize()
+        lost = held < _HELD or best.score < self.trust.least
+        return FloorFix(best.pose, self._covariance(best, lost), best.score, held, lost, True)
+
+    def _remember(self, fix: FloorFix) -> None:
+        last, self._last = self._pose, fix
+        if fix.score < self.trust.least:
+            self._velocity, self._missed = None, self._missed + 1
+            if self._missed >= _PATIENCE:
+                self._pose = None
+            return
+        self._velocity = None
+        if last is not None and self._missed == 0:
+            moved = self._center(fix.pose) - self._center(last)
+            cells = moved / self.coarse.ground.cell * (1, -1)
+            self._velocity = cells if np.hypot(*cells) < _COARSE / 4 else None
+        self._pose, self._missed = fix.pose, 0
+
+    def _center(self, pose: Array) -> Array:
         """The floor point that the image centre shows."""
-        return transform_points(
-            self.camera.world_from_pixel(pose[:3], pose[3:]), [self.camera.principal_point]
-        )[0]
+        world = self.camera.world_from_pixel(pose[:3], pose[3:])
+        return np.asarray(transform_points(world, np.array([self.camera.principal_point]))[0])
 
-    def _aligned(self, frame, start, expected, deviation) -> Alignment:
-        return self.aligner.align(frame, start, expected, deviation)
-
-    def _covariance(self, aligned: Alignment, lost: bool) -> np.ndarray:
+    def _covariance(self, aligned: Alignment, lost: bool) -> Array:
         if lost:
             return self.belief.moments()[1] * self.coarse.ground.cell**2
         return self.trust.scale * aligned.covariance[:2, :2] + self.trust.floor * np.eye(2)
 
-    def _predicted(self) -> FloorFix:
-        """Without a frame the belief only widens."""
-        self.belief.move(np.zeros((len(self.belief.headings), 2)), 2.0)
+    def _without_frame(self) -> FloorFix:
+        """The belief moves on as it did, and widens."""
         self.odometry.reset()
         last = self._last
-        step = (2 * self.coarse.ground.cell) ** 2 * np.eye(2)
-        self._last = FloorFix(
-            last.pose, last.covariance + step, last.score, last.held, last.lost, False
-        )
+        if last is None:
+            self._last = FloorFix(np.full(6, np.nan), np.diag([np.inf, np.inf]), 0, 0, True, False)
+            self.belief.reset(_ALL_HEADINGS)
+            return self._last
+        cells = np.zeros(2) if self._velocity is None else self._velocity
+        self.belief.move(np.tile(cells, (len(self.belief.headings), 1)), _UNKNOWN)
+        moved = np.array([*(cells * (1, -1)), 0, 0, 0, 0]) * self.coarse.ground.cell
+        if self._pose is not None:
+            self._pose = self._pose + moved
+        wider = last.covariance + (_UNKNOWN * self.coarse.ground.cell) ** 2 * np.eye(2)
+        self._last = replace(last, pose=last.pose + moved, covariance=wider, observed=False)
         return self._last
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """A shrunken frame, the prior of its pose, the view's motion, and whether attitude is known."""
+
+    frame: Array
+    prior: Array
+    deviation: Array
+    moved: Array
+    sure: float
+    turned: bool
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidate:
+    """A place in cells (column, row), the belief in it, and the frame aligned there."""
+
+    place: Array
+    held: float
+    aligned: Alignment
 
 
 def _near(ground: Ground, reach: float) -> np.ndarray:
