@@ -27,6 +27,12 @@ METHODS: dict[str, dict[str, str]] = {
         "measurement": "field",
         "filter": "tracks",
     },
+    "fine": {
+        "distance": "euclidean",
+        "motion": "random-walk",
+        "measurement": "rank-mixture",
+        "filter": "registration",
+    },
 }
 
 

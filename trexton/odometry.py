@@ -1,8 +1,8 @@
 """How far the camera moved from one frame to the next: phase correlation of shrunken frames.
 
 Needs no map. The shift between two frames is found for the whole image at once (Kuglin and Hines,
-"The phase correlation image alignment method", 1975), so that only turning between frames and a floor
-without texture disturb it; light does not.
+"The phase correlation image alignment method", 1975), so that only turning between frames and a
+floor without texture disturb it; light does not.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class VisualOdometry:
         return shrink(image if image.ndim == 2 else cv2.extractChannel(image, 0), self.factor)
 
     def shift(self, frame: np.ndarray) -> tuple[NDArray[np.float64], float]:
-        """Shrunken pixels (right, up) that the view moved by since the frame before, and the certainty.
+        """Shrunken pixels (right, up) that the view moved by since the frame before; the certainty.
 
         The first frame moved by nothing, with a certainty of 0.
         """
@@ -155,5 +155,7 @@ class VisualOdometry:
     def _aim(self, height: float, attitude: NDArray[np.float64]) -> NDArray[np.float64]:
         """From the point below the camera to the floor point in the middle of the image."""
         world = self.camera.world_from_pixel(np.array([0.0, 0.0, height]), attitude)
-        aim: NDArray[np.float64] = transform_points(world, [self.camera.principal_point])[0]
+        aim: NDArray[np.float64] = transform_points(world, np.array([self.camera.principal_point]))[
+            0
+        ]
         return aim

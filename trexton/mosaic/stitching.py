@@ -15,7 +15,7 @@ from trexton.mosaic.layout import layout
 from trexton.mosaic.links import Anchors, Links, flight_keypoints, spatial_links, successive_links
 from trexton.mosaic.sparse import connected
 
-__all__ = ["Mosaic", "map_from_links", "stitch"]
+__all__ = ["Mosaic", "camera_of", "map_from_links", "stitch"]
 
 # Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked for.
 _REACHES = (0.2, 0.05)
@@ -95,7 +95,7 @@ def stitch(
     _check_least(anchors=(anchors, 3), neighbors=(neighbors, 0), keypoints=(keypoints, 12))
     if not 0 < scale <= 1:
         raise ParameterError(f"scale is {scale}: expected a number above 0 and up to 1")
-    camera = _camera_of(flight, camera)
+    camera = camera_of(flight, camera)
     described = flight_keypoints(flight, scale=scale, limit=keypoints)
     links = successive_links(described, camera)
     known = _choose_anchors(flight, links, anchors)
@@ -120,7 +120,7 @@ def map_from_links(
     With links along the path only and few anchors it drifts, as a map does that never notices a place again.
     """
     _check_least(anchors=(anchors, 3))
-    camera = _camera_of(flight, camera)
+    camera = camera_of(flight, camera)
     known = _choose_anchors(flight, links, anchors)
     poses = adjust(layout(len(flight), links, known, camera.focal), links, known, camera.focal)
     return _finished(flight, poses, links, known, camera, pixels_per_metre)
@@ -157,7 +157,8 @@ def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarra
     return np.median(link_errors(poses, links, camera.focal), axis=1)
 
 
-def _camera_of(flight: Flight, camera: Camera | None) -> Camera:
+def camera_of(flight: Flight, camera: Camera | None = None) -> Camera:
+    """The camera of a flight, or one of usual focal length; `FlightError` if it takes other images."""
     height, width = flight.image(0).shape[:2]
     camera = camera or flight.camera or Camera(width, height, _FOCAL * width)
     if (camera.width, camera.height) != (width, height):

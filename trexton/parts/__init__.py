@@ -30,6 +30,7 @@ ROLES: dict[str, dict[str, str]] = {
     "filter": {
         "particles": "trexton.parts.filters:Particles",
         "tracks": "trexton.parts.tracks:Tracks",
+        "registration": "trexton.parts.registration:Registration",
     },
     "resampling": {
         "wheel": "trexton.parts.resampling:Wheel",

@@ -1,4 +1,4 @@
-"""The camera's pose to a fraction of a pixel: the view expected there, optical flow, least squares."""
+"""The camera's pose to a fraction of a pixel: an expected view, optical flow, least squares."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from trexton.registration.ground import Ground
 __all__ = ["Aligner", "Alignment"]
 
 _SPACING = 7  # pixels between points
-_LK = {"winSize": (11, 11), "maxLevel": 1, "criteria": (3, 10, 0.02)}
+_WINDOW, _LEVELS, _STOP = (11, 11), 1, (3, 10, 0.02)  # of the optical flow (Lucas and Kanade)
 _FAR = 2.0  # pixels of flow from which the expected view is made anew
 _LOCAL = (15, 15)  # pixels over which contrast is normalised: light and vignetting change slower
 _HUBER = 1.5  # standard deviations from which a point counts less
@@ -32,8 +32,7 @@ class Alignment:
     covariance : (6, 6) array
         From the curvature at the solution, points taken as independent.
     score : float
-        Correlation of the frame with the view expected at the pose's last linearisation; 0 where too few
-        points were found.
+        Correlation of the frame with the view expected at the pose; 0 where too few points were found.
     noise : float
         Standard deviation of a point in pixels, robust.
     flow : float
@@ -106,12 +105,24 @@ class Aligner:
             found = replace(found, score=_score(seen, flattened(picture, mask), mask))
         return found
 
-    def _once(self, seen, start, expected, deviation) -> Alignment:
+    def _once(
+        self, seen: np.ndarray, start: np.ndarray, expected: np.ndarray, deviation: np.ndarray
+    ) -> Alignment:
+        """One view, one flow, one solution."""
         picture, mask = self.view(start)
         known = flattened(picture, mask)
-        moved, status, _ = cv2.calcOpticalFlowPyrLK(seen, known, self._points, None, **_LK)
+        moved, status, _ = cv2.calcOpticalFlowPyrLK(
+            seen,
+            known,
+            self._points,
+            self._points.copy(),
+            winSize=_WINDOW,
+            maxLevel=_LEVELS,
+            criteria=_STOP,
+        )
+        moved = np.asarray(moved, np.float32)
         inside = np.clip(np.rint(moved).astype(int), 0, np.array(mask.shape[::-1]) - 1)
-        good = (status.ravel() > 0) & (mask[inside[:, 1], inside[:, 0]] > 0)
+        good = (np.asarray(status).ravel() > 0) & (mask[inside[:, 1], inside[:, 0]] > 0)
         columns, rows = self._points.astype(int).T
         good &= mask[rows, columns] > 0
         if good.sum() < _FEWEST:
@@ -121,7 +132,18 @@ class Aligner:
         pose, covariance, noise = self._solve(self._rays[good], floor, start, expected, deviation)
         return Alignment(pose, covariance, 0.0, noise, flow)
 
-    def _solve(self, rays, floor, pose, expected, deviation):
+    def _solve(
+        self,
+        rays: np.ndarray,
+        floor: np.ndarray,
+        pose: np.ndarray,
+        expected: np.ndarray,
+        deviation: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """The pose whose `rays` meet the floor at `floor`, its covariance, a point's noise in pixels.
+
+        Gauss-Newton over what is expected of the pose, points weighed by Huber's function.
+        """
         information = np.diag(1 / np.square(deviation))
         for _ in range(2):
             residual, jacobian = _linearised(pose, rays, floor)
@@ -145,7 +167,7 @@ class Aligner:
 def _linearised(
     pose: np.ndarray, rays: np.ndarray, floor: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where the rays should meet the floor minus where they do, ``(N, 2)``, and the Jacobian of the latter."""
+    """Where rays should meet the floor minus where they do, ``(N, 2)``, and the latter's Jacobian."""
     turned = rays @ rotation_matrix(*pose[3:]).T
     x, y, z = turned.T
     height = pose[2]
@@ -154,7 +176,7 @@ def _linearised(
     jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1
     jacobian[:, :, 2] = -turned[:, :2] / z[:, None]
     sine, cosine = np.sin(pose[5]), np.cos(pose[5])
-    # Axes of roll, pitch and yaw; tilt is small, so that roll turns about the heading's forward axis.
+    # Axes of roll, pitch and yaw; tilt is small, so that roll turns about the forward axis.
     for column, axis in ((3, (-sine, cosine, 0)), (4, (cosine, sine, 0)), (5, (0, 0, 1))):
         a, b, c = axis
         dx, dy, dz = b * z - c * y, c * x - a * z, a * y - b * x
@@ -164,7 +186,7 @@ def _linearised(
 
 
 def flattened(image: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
-    """The image with equal contrast everywhere, ``uint8``: neither gain nor vignetting moves the flow."""
+    """The image with equal contrast everywhere, ``uint8``: gain and vignetting move no flow."""
     values = image.astype(np.float32)
     mean = cv2.blur(values, _LOCAL)
     spread = np.sqrt(np.maximum(cv2.blur(values * values, _LOCAL) - mean * mean, 0)) + 4

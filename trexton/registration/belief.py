@@ -1,4 +1,4 @@
-"""A belief over the cells of a floor: moved by what the camera saw move, weighed by how well a frame fits."""
+"""A belief over the cells of a floor: moved as the view moved, weighed by how well a frame fits."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["CellBelief"]
-
 _ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is ever ruled out for good
 _NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
+__all__ = ["CellBelief", "Window"]
+
 Window = tuple[slice, slice]
 Array = NDArray[Any]
 
@@ -53,22 +53,17 @@ class CellBelief:
     def support(self, margin: int) -> Window:
         """The smallest window that holds what is not negligible, with `margin` cells around."""
         peak = self.mass.max(axis=0)
-        rows, columns = (
-            np.flatnonzero(
-                peak.max(axis=axis)
-                > max(_NEGLIGIBLE * peak.max(), 3 * _ANYWHERE * self._even.max())
-            )
-            for axis in (1, 0)
-        )
-        if not len(rows):
-            return slice(0, peak.shape[0]), slice(0, peak.shape[1])
-        return tuple(
-            slice(max(0, int(found[0]) - margin), min(length, int(found[-1]) + margin + 1))
-            for found, length in ((rows, peak.shape[0]), (columns, peak.shape[1]))
-        )
+        least = max(_NEGLIGIBLE * float(peak.max()), 3 * _ANYWHERE * float(self._even.max()))
+
+        def spanned(profile: Array) -> slice:
+            found = np.flatnonzero(profile > least)
+            first, last = (found[0], found[-1]) if len(found) else (0, len(profile))
+            return slice(max(0, int(first) - margin), min(len(profile), int(last) + margin + 1))
+
+        return spanned(peak.max(axis=1)), spanned(peak.max(axis=0))
 
     def weigh(self, log_likelihood: np.ndarray, window: Window) -> None:
-        """Multiply by ``(K, rows, columns)`` likelihoods inside `window`; nothing remains outside."""
+        """Multiply by ``(K, rows, columns)`` likelihoods in `window`; nothing remains outside."""
         inside = self.mass[(slice(None), *window)] * np.exp(log_likelihood - log_likelihood.max())
         self.mass[:] = 0
         self.mass[(slice(None), *window)] = inside
@@ -85,11 +80,12 @@ class CellBelief:
         self.headings, self.mass = self.headings[keep], self.mass[keep]
 
     def modes(self, count: int, radius: int, share: float) -> list[tuple[int, int, int, float]]:
-        """Up to `count` peaks (heading, row, column) at least `radius` cells apart, with the belief around each.
+        """Up to `count` peaks (heading, row, column, belief around), more than `radius` cells apart.
 
-        Only those that hold at least `share` of the belief, the first whatever it holds.
+        Only those that hold at least `share` of the belief, and the first whatever it holds.
         """
-        left, found = self.mass.sum(axis=0), []
+        left = self.mass.sum(axis=0)
+        found: list[tuple[int, int, int, float]] = []
         for _ in range(count):
             row, column = np.unravel_index(int(np.argmax(left)), left.shape)
             around = (
@@ -117,8 +113,9 @@ class CellBelief:
         box = self._box(peak, radius)
         held = self.mass[box].sum(axis=(1, 2))
         self.mass[box] = 0
-        rows, columns = np.indices(self.allowed.shape, sparse=True)
-        near = np.exp(-((columns - place[0]) ** 2 + (rows - place[1]) ** 2)) * self.allowed
+        rows, columns = (np.arange(length) for length in self.allowed.shape)
+        rows = rows[:, None]
+        near = np.exp(-3 * ((columns - place[0]) ** 2 + (rows - place[1]) ** 2)) * self.allowed
         total = float(near.sum())
         if total > 0:
             self.mass += (held / total)[:, None, None] * near.astype(np.float32)

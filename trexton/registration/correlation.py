@@ -1,6 +1,8 @@
-"""Where on the floor a frame may lie: normalised cross-correlation at a coarse resolution, masks respected."""
+"""Where on the floor a frame may lie: coarse normalised cross-correlation, masks respected."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import cv2
 import numpy as np
@@ -20,9 +22,9 @@ _FEWEST = 0.25  # of a footprint that must lie on the map
 class CoarseMatcher:
     """Correlates the footprint of a frame with the whole floor or a part of it.
 
-    Each place is compared by the pixels that are both in the frame and on the map (Padfield, "Masked object
-    registration in the Fourier domain", 2012). What depends on the map and on the footprint's shape alone
-    is kept for each heading and height that comes by.
+    Each place is compared by the pixels that are both in the frame and on the map (Padfield, "Masked
+    object registration in the Fourier domain", 2012). What depends on the map and on the footprint's
+    shape alone is kept for each heading and height that comes by.
 
     Parameters
     ----------
@@ -56,8 +58,8 @@ class CoarseMatcher:
         Returns
         -------
         correlation, overlap : (rows, columns) float32 arrays
-            -1 to 1, and the share of the footprint that is mapped there; the correlation is 0 where it is
-            less than a quarter.
+            -1 to 1, and the share of the footprint that is mapped there; the correlation is 0 where
+            that is less than a quarter.
         """
         window = window or (slice(0, self._mask.shape[0]), slice(0, self._mask.shape[1]))
         shape, count, total, squares = self._footprint(pose[2], pose[5])
@@ -85,15 +87,17 @@ class CoarseMatcher:
             slice(rows.start, rows.stop + 2 * half),
             slice(columns.start, columns.stop + 2 * half),
         )
-        padded = lambda image: cv2.copyMakeBorder(
-            image, half, half, half, half, cv2.BORDER_CONSTANT
-        )[around]
+
+        def padded(image: np.ndarray) -> np.ndarray:
+            border = cv2.copyMakeBorder(image, half, half, half, half, cv2.BORDER_CONSTANT)
+            return np.ascontiguousarray(border[around])
+
         n, map_sum, map_squares = count[window], total[window], squares[window]
         crossed = cv2.matchTemplate(padded(self._luma), template, cv2.TM_CCORR)
         mask = padded(self._mask)
-        if mask.all():
-            own_sum, own_squares = np.float32(template.sum()), np.float32((template**2).sum())
-        else:
+        own_sum: Any = template.sum()
+        own_squares: Any = (template**2).sum()
+        if not mask.all():
             own_sum = cv2.matchTemplate(mask, template, cv2.TM_CCORR)
             own_squares = cv2.matchTemplate(mask, template**2, cv2.TM_CCORR)
         safe = np.maximum(n, 1)
@@ -107,7 +111,7 @@ class CoarseMatcher:
         return np.where(overlap < _FEWEST, 0, correlation), overlap
 
     def _footprint(self, height: float, yaw: float) -> tuple[np.ndarray, ...]:
-        """The footprint's shape in cells, and the map's count, sum and squares under it at each cell."""
+        """The footprint's shape in cells; the map's count, sum and squares under it at each cell."""
         key = (
             round(yaw % (2 * np.pi) / _TURN) % round(2 * np.pi / _TURN),
             round(np.log(height) / _GROWTH),

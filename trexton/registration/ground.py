@@ -1,4 +1,4 @@
-"""The floor as the registration sees it: luma in square cells, parallel to the axes, and what of it is mapped."""
+"""The floor as the registration sees it: luma in square cells, north up, and what is mapped."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Ground:
 
     @classmethod
     def from_map(cls, picture: MapImage, cell: float, margin: float = 0.0) -> Ground:
-        """Resample a map image to cells of `cell` metres, with `margin` metres of unmapped floor around.
+        """Resample a map image to cells of `cell` metres, `margin` metres of unmapped floor around.
 
         Raises
         ------
@@ -46,11 +46,21 @@ class Ground:
         """
         rows, columns = picture.image.shape[:2]
         corners = picture.to_world(
-            [[-0.5, -0.5], [columns - 0.5, -0.5], [columns - 0.5, rows - 0.5], [-0.5, rows - 0.5]]
+            np.array(
+                [
+                    [-0.5, -0.5],
+                    [columns - 0.5, -0.5],
+                    [columns - 0.5, rows - 0.5],
+                    [-0.5, rows - 0.5],
+                ]
+            )
         )
         low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
         width, height = (int(count) for count in np.maximum(np.ceil((high - low) / cell), 1))
-        luma = cv2.cvtColor(picture.image, cv2.COLOR_BGR2GRAY).astype(np.float32)
+        grey = picture.image
+        if grey.ndim == 3:
+            grey = cv2.cvtColor(grey, cv2.COLOR_BGR2GRAY)
+        luma = grey.astype(np.float32)
         known = np.ones_like(luma) if picture.mask is None else picture.mask.astype(np.float32)
         corner = np.array([low[0] + cell / 2, high[1] - cell / 2])
         to_cell = np.array(

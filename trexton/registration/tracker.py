@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,21 +14,23 @@ from trexton.camera import Camera, MapImage, transform_points
 from trexton.errors import ParameterError
 from trexton.odometry import VisualOdometry
 from trexton.registration.alignment import Aligner, Alignment
-from trexton.registration.belief import CellBelief
+from trexton.registration.belief import CellBelief, Window
+from trexton.registration.calibration import FloorFix, Trust
 from trexton.registration.correlation import CoarseMatcher
 from trexton.registration.ground import Ground
 
 Array = NDArray[Any]
 
-__all__ = ["FloorFix", "FloorTracker", "Trust"]
+__all__ = ["FloorTracker", "fine_cell"]
 
 _FRAME = 80  # pixels that a shrunken frame is wide
 _COARSE = 24  # cells that a frame's footprint is wide
+_LARGE = 60_000  # cells of a floor that is searched at once
 _ALL_HEADINGS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 _MARGIN = 3  # cells searched around what is believed
 _SURE = 0.15  # certainty of the odometry from which it is believed
 _JUMP = 2.0  # cells a frame by which a motion may differ from the one before
-_KNOWN, _ROUGH, _UNKNOWN = 0.5, 0.6, 2.0  # cells: what a step adds to the belief's width
+_KNOWN, _ROUGH, _UNKNOWN = 0.4, 0.5, 2.0  # cells: what a step adds to the belief's width
 _MODE = 2  # cells around a peak that count as one place
 _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a frame aligned at
 _HELD = 0.9  # belief from which a place is the place
@@ -42,58 +45,9 @@ _BETWEEN = np.array(
 )  # share of the height, rad: height and heading from frame to frame
 
 
-@dataclass(frozen=True)
-class Trust:
-    """How much a frame's fit says; learnt from a flight with `trexton.registration.calibration.calibrate`.
-
-    Attributes
-    ----------
-    coarse, fine : float
-        Independent pixels that a correlation of the coarse and of the fine images is worth.
-    least : float
-        Fine correlation below which a frame is not where it seems to be.
-    scale, floor : float
-        Variances are the alignment's times `scale` plus `floor` square metres.
-    """
-
-    coarse: float = 8.0
-    fine: float = 15.0
-    least: float = 0.4
-    scale: float = 4.0
-    floor: float = 4e-6
-
-
-@dataclass(frozen=True, eq=False)
-class FloorFix:
-    """What one frame gives.
-
-    Attributes
-    ----------
-    pose : (6,) array
-        x, y, z in metres, roll, pitch, yaw in radians.
-    covariance : (2, 2) array
-        Of x and y.
-    score : float
-        Correlation of the frame with the floor at this pose.
-    held : float
-        Share of the belief at this place.
-    lost : bool
-        The pose must not be trusted.
-    observed : bool
-        False where no frame came.
-    """
-
-    pose: np.ndarray
-    covariance: np.ndarray
-    score: float
-    held: float
-    lost: bool
-    observed: bool
-
-    @property
-    def position(self) -> np.ndarray:
-        """``(2,)`` x, y in metres."""
-        return self.pose[:2]
+def fine_cell(camera: Camera, height: float) -> float:
+    """Side in metres of the cells of the fine picture: what a pixel of a shrunken frame sees."""
+    return height * camera.width / camera.focal / min(_FRAME, camera.width)
 
 
 class FloorTracker:
@@ -131,10 +85,11 @@ class FloorTracker:
         self.attitude_sigma, self.height_sigma = attitude_sigma, height_sigma
         self.odometry = VisualOdometry(camera, width=min(_FRAME, camera.width))
         self.camera = self.odometry.camera
-        footprint = self.height * camera.width / camera.focal
+        cell = fine_cell(camera, self.height)
+        footprint = cell * self.camera.width
         ground = Ground.from_map(picture, footprint / _COARSE, 0.6 * footprint)
         self.coarse = CoarseMatcher(ground, self.camera)
-        self.aligner = Aligner(Ground.from_map(picture, footprint / self.camera.width), self.camera)
+        self.aligner = Aligner(Ground.from_map(picture, cell), self.camera)
         self.belief = CellBelief(_near(ground, 0.3 * footprint))
         self.reset()
 
@@ -152,6 +107,7 @@ class FloorTracker:
         *,
         attitude: ArrayLike | None = None,
         height: float | None = None,
+        places: Callable[[], Array] | None = None,
     ) -> FloorFix:
         """Locate one frame.
 
@@ -160,9 +116,12 @@ class FloorTracker:
         image : (H, W, 3) or (H, W) uint8 array or None
             Y, U, V, or luma alone; None for a frame that did not come.
         attitude : (3,) array, optional
-            Roll, pitch, yaw in radians as the autopilot measured them.
+            Roll, pitch, yaw in radians as the autopilot measured them; NaN for what it does not know.
         height : float, optional
             Metres above the floor, measured.
+        places : callable, optional
+            Gives ``(k, 2)`` positions in metres where the vehicle may be. Asked when it must be looked
+            for on a floor too large to be searched at each frame.
 
         Raises
         ------
@@ -173,18 +132,21 @@ class FloorTracker:
             return self._without_frame()
         frame = self.odometry.shrunken(image)
         seen = _Seen(
-            frame, *self._prior(attitude, height), *self.odometry.shift(frame), attitude is not None
+            frame,
+            *self._prior(attitude, height),
+            *self.odometry.shift(frame),
+            _knows_heading(attitude),
         )
         if self._last is None:
             self.belief.reset(self._headings(seen))
         elif seen.turned:
             self.belief.headings[:] = seen.prior[5]
         moved = self._predict(seen)
-        self._weigh(seen, everywhere=self._missed > 0)
+        self._weigh(seen, self._region(places) if self._missed else self.belief.support(_MARGIN))
         fix = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least and self._missed == 0:
             self.belief.reset(self._headings(seen))
-            self._weigh(seen, everywhere=True)
+            self._weigh(seen, self._region(places))
             fix = self._settle(seen, self._candidates(seen, None))
         self._remember(fix)
         if fix.score < self.trust.least and self._missed == _PATIENCE and not seen.turned:
@@ -202,7 +164,9 @@ class FloorTracker:
             prior[[2, 5]] = self._pose[[2, 5]]
             deviation[[2, 5]] = _BETWEEN * (self._pose[2], 1)
         if attitude is not None:
-            prior[3:], deviation[3:] = attitude, self.attitude_sigma
+            measured = np.asarray(attitude, dtype=float)
+            known = np.isfinite(measured)
+            prior[3:][known], deviation[3:][known] = measured[known], self.attitude_sigma
         if height is not None:
             prior[2], deviation[2] = height, self.height_sigma
         return prior, deviation
@@ -234,15 +198,29 @@ class FloorTracker:
         self.belief.move(shift, sigma)
         return np.asarray(shift[0])
 
-    def _weigh(self, seen: _Seen, everywhere: bool) -> None:
-        """Multiply the belief by how well the frame fits, everywhere or where it is not negligible."""
+    def _region(self, places: Callable[[], Array] | None) -> Window:
+        """Where to look for a vehicle that may be anywhere: near `places` if the floor is large.
+
+        Every other frame all of it is searched nevertheless, as the places may be wrong.
+        """
         rows, columns = self.belief.allowed.shape
-        window = (slice(0, rows), slice(0, columns)) if everywhere else self.belief.support(_MARGIN)
+        whole = (slice(0, rows), slice(0, columns))
+        if places is None or rows * columns <= _LARGE or self._missed % 2 == 0:
+            return whole
+        cells = self.coarse.ground.to_cells(places())
+        low, high = np.floor(cells.min(axis=0)) - _COARSE, np.ceil(cells.max(axis=0)) + _COARSE
+        (left, top), (right, bottom) = np.maximum(low, 0).astype(int), high.astype(int) + 1
+        window = slice(int(top), min(rows, int(bottom))), slice(int(left), min(columns, int(right)))
+        empty = window[0].stop <= window[0].start or window[1].stop <= window[1].start
+        return whole if empty else window
+
+    def _weigh(self, seen: _Seen, window: Window) -> None:
+        """Multiply the belief by how well the frame fits inside a window."""
         fits = []
         for heading in self.belief.headings:
             pose = np.array([*seen.prior[:5], heading])
             correlation, overlap = self.coarse.response(seen.frame, pose, window)
-            fits.append(_log_likelihood(correlation, self.trust.coarse * overlap))
+            fits.append(self.trust.gain(correlation, self.trust.coarse * overlap))
         self.belief.weigh(np.array(fits), window)
         self.belief.drop_headings()
 
@@ -270,7 +248,7 @@ class FloorTracker:
 
     def _settle(self, seen: _Seen, found: list[_Candidate]) -> FloorFix:
         """Weigh the candidates by how well they fit once aligned, and take the best."""
-        gains = _log_likelihood(np.array([each.aligned.score for each in found]), self.trust.fine)
+        gains = self.trust.gain(np.array([each.aligned.score for each in found]), self.trust.fine)
         factors = np.exp(gains - gains.max())
         weights = factors * [each.held for each in found]
         for each, factor in zip(found, factors, strict=True):
@@ -310,7 +288,7 @@ class FloorTracker:
     def _covariance(self, aligned: Alignment, lost: bool) -> Array:
         if lost:
             return self.belief.moments()[1] * self.coarse.ground.cell**2
-        return self.trust.scale * aligned.covariance[:2, :2] + self.trust.floor * np.eye(2)
+        return self.trust.covariance(aligned.covariance)
 
     def _without_frame(self) -> FloorFix:
         """The belief moves on as it did, and widens."""
@@ -357,13 +335,8 @@ def _near(ground: Ground, reach: float) -> np.ndarray:
     return cv2.dilate(ground.mask, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)) > 0
 
 
-def _log_likelihood(correlation: np.ndarray, pixels) -> np.ndarray:
-    """How much likelier a frame is where it correlates so, against where it does not at all.
-
-    The likelihood of Gaussian noise, the image's gain, offset and noise at their most likely values; `pixels`
-    is the number of independent ones.
-    """
-    return -0.5 * pixels * np.log1p(-np.square(np.clip(correlation, 0, 0.995)))
+def _knows_heading(attitude: ArrayLike | None) -> bool:
+    return attitude is not None and bool(np.isfinite(np.asarray(attitude, dtype=float)[2]))
 
 
 def _wrapped(angle: np.ndarray) -> np.ndarray:

@@ -1,0 +1,215 @@
+"""Coarse to fine as a filter: it looks at the frame itself and at a picture of the floor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from trexton.camera import Camera, MapImage
+from trexton.errors import MapError, ParameterError
+from trexton.estimate import Estimate, Measurement
+from trexton.observation import Aiding, Observation
+from trexton.parts.base import Training, learned
+from trexton.parts.filters import Filter
+from trexton.registration.calibration import FloorFix, Trust, learn_trust
+from trexton.registration.ground import Ground
+from trexton.registration.tracker import FloorTracker, fine_cell
+
+if TYPE_CHECKING:
+    from trexton.flights.flight import Flight
+    from trexton.localizer import TextonMap
+
+__all__ = ["Registration", "RunningRegistration"]
+
+PICTURES = ("auto", "surveyed", "stitched")
+_LEARN = 400  # training frames, at most, that trust is learned from
+
+
+@dataclass(eq=False)
+class Registration(Filter):
+    """Finds each frame on a picture of the floor.
+
+    Parameters
+    ----------
+    picture : {"auto", "surveyed", "stitched"}
+        The training flight's picture of the floor, a mosaic of its frames, or the former if there is one.
+    attitude_sigma, height_sigma : float
+        Standard deviations of the autopilot's attitude (radians) and height (metres), where they come.
+    """
+
+    picture: str = "auto"
+    attitude_sigma: float = 0.007
+    height_sigma: float = 0.02
+    floor: Any = learned()  # (H, W) uint8 luma, north up
+    mapped: Any = learned()  # (H, W) uint8, 1 where the floor is mapped
+    place: Any = learned()  # x, y of the top left cell's centre, side of a cell
+    camera: Any = (
+        learned()
+    )  # width, height, focal length, principal point, usual height above the floor
+    trust: Any = learned()  # the fields of `Trust`
+
+    def check(self) -> None:
+        if self.picture not in PICTURES:
+            raise ParameterError(
+                f"picture is {self.picture!r}: expected one of {', '.join(PICTURES)}"
+            )
+        for name in ("attitude_sigma", "height_sigma"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ParameterError(f"{name} is {value}: expected a number above 0")
+
+    def prepare(self) -> None:
+        if (
+            self.floor.ndim != 2
+            or self.floor.shape != self.mapped.shape
+            or self.camera.shape != (6,)
+        ):
+            raise MapError(
+                f"a picture of the floor of shape {self.floor.shape}, its mask {self.mapped.shape}, a "
+                f"camera of {self.camera.size} numbers: expected (H, W) twice, and 6"
+            )
+
+    def fit(self, training: Training) -> Self:
+        """Take or stitch the picture of the floor, and learn from the frames how far to trust it.
+
+        Raises
+        ------
+        MapError
+            There are no frames, or the camera or its height are not known.
+        """
+        flight = training.flight
+        if flight is None or not flight.has_images:
+            raise MapError(
+                "coarse to fine looks at images, and this training set has none: "
+                "train on a flight with images"
+            )
+        picture, camera, height = _surroundings(flight, self.picture)
+        ground = Ground.from_map(picture, fine_cell(camera, height))
+        lens = (camera.width, camera.height, camera.focal, *camera.principal_point, height)
+        fitted = self.with_learned(
+            floor=np.clip(np.rint(ground.luma), 0, 255).astype(np.uint8),
+            mapped=ground.mask.astype(np.uint8),
+            place=np.array([*ground.corner, ground.cell]),
+            camera=np.array(lens, dtype=float),
+            trust=_stored(Trust()),
+        )
+        fixes = fitted._try(flight, training.rng)
+        trust = learn_trust(fixes, training.positions[: len(fixes)], height, Trust())
+        return fitted.with_learned(trust=_stored(trust))
+
+    def _try(self, flight: Flight, rng: np.random.Generator) -> list[FloorFix]:
+        """Fixes of the first frames, attitude as noisy as it will be in flight, if it is known."""
+        tracker, fixes = self.tracker(), []
+        for row in range(min(_LEARN, len(flight))):
+            attitude = None
+            if flight.attitude is not None:
+                attitude = flight.attitude[row] + self.attitude_sigma * rng.standard_normal(3)
+            fixes.append(tracker.step(flight.image(row), attitude=attitude))
+        return fixes
+
+    def tracker(self) -> FloorTracker:
+        """A tracker on the learned picture, which knows nothing yet."""
+        x, y, cell = self.place
+        world = np.array([[cell, 0, x], [0, -cell, y], [0, 0, 1]])
+        width, height, focal, *center, above = self.camera.tolist()
+        return FloorTracker(
+            MapImage(self.floor, world, self.mapped > 0),
+            Camera(int(width), int(height), focal, (center[0], center[1])),
+            above,
+            trust=Trust(*self.trust.tolist()),
+            attitude_sigma=self.attitude_sigma,
+            height_sigma=self.height_sigma,
+        )
+
+    def open(
+        self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
+    ) -> RunningRegistration:
+        if self.floor is None:
+            raise MapError("coarse to fine has no picture of the floor: train the map for it")
+        return RunningRegistration(self.tracker(), texton_map.area)
+
+
+class RunningRegistration:
+    """A `FloorTracker` in flight.
+
+    Parameters
+    ----------
+    tracker : FloorTracker
+    area : (x_min, x_max, y_min, y_max)
+        Its middle is the estimate as long as nothing was seen.
+    """
+
+    def __init__(self, tracker: FloorTracker, area: tuple[float, float, float, float]):
+        self.tracker = tracker
+        x_min, x_max, y_min, y_max = area
+        sides = np.array([x_max - x_min, y_max - y_min])
+        self._nothing = Estimate(
+            np.array([(x_min + x_max) / 2, (y_min + y_max) / 2]), np.diag(sides**2 / 12), lost=True
+        )
+        self._fix: FloorFix | None = None
+
+    def reset(self) -> None:
+        """Forget where the vehicle was."""
+        self.tracker.reset()
+        self._fix = None
+
+    def step(self, observation: Observation | None) -> FloorFix:
+        """Advance one frame; None where nothing was observed."""
+        if observation is None:
+            self._fix = self.tracker.step(None)
+            return self._fix
+        if observation.frame is None:
+            raise MapError("coarse to fine looks at images, and was given a histogram: give frames")
+        aiding = observation.aiding
+        self._fix = self.tracker.step(
+            observation.frame,
+            attitude=_attitude(aiding),
+            height=aiding.height,
+            places=lambda: observation.neighbors.position,
+        )
+        return self._fix
+
+    def estimate(self) -> Estimate:
+        """The latest fix; it is a measurement for others unless the vehicle is lost."""
+        fix = self._fix
+        if fix is None or not np.isfinite(fix.position).all():
+            return self._nothing
+        found = Measurement(fix.position, fix.covariance) if fix.observed and not fix.lost else None
+        return Estimate(
+            fix.position, fix.covariance, lost=fix.lost, observed=fix.observed, measurement=found
+        )
+
+
+def _attitude(aiding: Aiding) -> np.ndarray | None:
+    """Roll, pitch and yaw, NaN for what is not known; None where nothing is."""
+    known = (aiding.roll, aiding.pitch, aiding.yaw)
+    if all(angle is None for angle in known):
+        return None
+    return np.array([np.nan if angle is None else angle for angle in known])
+
+
+def _stored(trust: Trust) -> np.ndarray:
+    return np.array([trust.coarse, trust.fine, trust.least, trust.scale, trust.floor])
+
+
+def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, Camera, float]:
+    """The picture of the floor, the camera, and its usual height."""
+    if wanted == "surveyed" and flight.floor is None:
+        raise MapError(
+            f"flight {flight.name!r} has no picture of its floor: name one in flight.toml, or stitch it"
+        )
+    if flight.floor is not None and wanted != "stitched":
+        if flight.camera is None or flight.height is None:
+            raise MapError(
+                f"flight {flight.name!r} lacks its camera or heights, without which its frames cannot be "
+                "laid on a picture: add them to the flight, or stitch the picture"
+            )
+        return flight.floor, flight.camera, float(np.median(flight.height))
+    from trexton.mosaic.stitching import camera_of, stitch  # SciPy: on the ground only
+
+    mosaic = stitch(flight)
+    height = float(np.median(mosaic.poses[mosaic.used, 2]))
+    return mosaic.map, camera_of(flight), height
