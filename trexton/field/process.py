@@ -18,8 +18,8 @@ __all__ = ["Block", "Process", "blocks_in_time", "choose_length", "matern", "mer
 
 # Noise of a frame as a share of the signal variance: what the field must not try to follow.
 NOISE = 0.03
-# Lengths that are tried, as shares of the area's diagonal.
-LENGTHS = (0.35, 0.25, 0.18, 0.125, 0.09)
+# Lengths that are tried, as shares of the diagonal of what was flown over.
+LENGTHS = (0.03, 0.045, 0.07, 0.1, 0.15)
 LARGEST = 1600  # places a process holds; more are merged, so that its price has an end
 
 
@@ -72,13 +72,15 @@ class Block:
     left_out: np.ndarray
 
 
-def blocks_in_time(time: np.ndarray, count: int = 10, margin_s: float = 0.5) -> list[Block]:
-    """Cut a flight into `count` blocks; frames within `margin_s` of a block are left out with it.
+def blocks_in_time(time: np.ndarray, block_s: float = 1.0, margin_s: float = 0.5) -> list[Block]:
+    """Cut a flight into blocks of about `block_s`, at most a hundred of them.
 
-    Neighbouring frames are near-duplicates, so a block that kept them would flatter every model.
+    Frames within `margin_s` of a block are left out with it: neighbouring frames are near-duplicates,
+    and a block that kept them would flatter every model.
     """
     size = len(time)
-    edges = np.linspace(0, size, max(2, min(count, size // 3)) + 1).round().astype(int)
+    wanted = np.ceil((time[-1] - time[0]) / block_s)
+    edges = np.linspace(0, size, int(np.clip(wanted, 2, min(100, size))) + 1).round().astype(int)
     blocks = []
     for first, last in zip(edges[:-1], edges[1:], strict=True):
         near = (time >= time[first] - margin_s) & (time <= time[last - 1] + margin_s)
@@ -172,7 +174,7 @@ def choose_length(
         process = Process.fit(places, features, float(length))
         errors, variances = process.residuals(blocks)
         scale = (np.square(errors) / variances[:, None]).mean(axis=0)
-        misfit = np.log(np.maximum(scale, 1e-300)).mean() + np.log(variances).mean()
+        misfit = float(np.log(np.maximum(scale, 1e-300)).mean() + np.log(variances).mean())
         if best is None or misfit < best[0]:
             best = misfit, process, errors, variances
     assert best is not None

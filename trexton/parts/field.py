@@ -10,7 +10,7 @@ distribution, so that one odd feature rules out no place for good.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
@@ -18,7 +18,6 @@ import numpy as np
 
 from trexton.errors import MapError, ParameterError
 from trexton.field.process import (
-    Block,
     Process,
     blocks_in_time,
     choose_length,
@@ -31,15 +30,11 @@ from trexton.parts.measurement import MeasurementModel
 __all__ = ["ErrorModel", "Field", "grid_cells"]
 
 DEGREES = 6.0  # of freedom of the Student distribution
-STUDIED = (
-    800  # frames that noise, lengths and errors are learnt from; a longer flight is thinned to them
-)
+STUDIED = 800  # frames that noise, length and errors are learnt from; longer flights are thinned
 COARSE = 1200  # cells of the grid on which left-out frames are located
 # Cells times features: what a frame may cost, and how much of the processor's cache it may fill.
 LARGEST_TABLE = 600_000
-UNFLOWN = (
-    0.1  # share of the prior that does not trust the flight to stay where the training flight was
-)
+UNFLOWN = 0.1  # share of the prior that does not expect the vehicle where it was in training
 
 
 def grid_cells(area: Area, cells: int) -> tuple[np.ndarray, tuple[int, int]]:
@@ -140,13 +135,12 @@ class Field(MeasurementModel):
             )
         features, places = roots[:, used], training.positions
         center = features.mean(axis=0)
-        study = _Study.of(places, features - center, training.time)
+        study = _Study.of(places, features - center, training.time, training.area)
         merged, values, counts = merge_places(places, features - center)
-        process = Process.fit(merged, values, study.process.length, counts)
+        process = Process.fit(merged, values, study.length, counts)
         cells = min(self.cells, max(16, LARGEST_TABLE // features.shape[1]))
         centers, _ = grid_cells(training.area, cells)
         mean, variance = process.predict(centers)
-        errors, expected = study.errors(training.area)
         return self.with_learned(
             used=used,
             center=center,
@@ -154,10 +148,10 @@ class Field(MeasurementModel):
             noise=study.noise,
             mean=mean.astype(np.float32),
             variance=variance,
-            prior=_flown(centers, merged, process.length, counts),
+            prior=_relative(_bumps(centers, merged, process.length) @ counts),
             area=np.array(training.area, dtype=float),
-            errors=np.array([errors.lasting, errors.fresh, errors.lasts_s]),
-            expected=expected,
+            errors=np.array([study.model.lasting, study.model.fresh, study.model.lasts_s]),
+            expected=study.expected,
         )
 
     def prepare(self) -> None:
@@ -175,7 +169,7 @@ class Field(MeasurementModel):
         self.centers, self.shape = grid_cells(tuple(self.area.tolist()), wanted)
         if len(self.centers) != count or self.used.sum() != d:
             raise MapError(f"the field has {count} cells and {d} features that fit no grid")
-        self._tables: dict[int | None, _Table] = {}
+        self._tables: dict[int | None, tuple[np.ndarray, _Table]] = {}
 
     @cached_property
     def error_model(self) -> ErrorModel:
@@ -195,10 +189,12 @@ class Field(MeasurementModel):
         """``(M,)`` log of likelihood times prior at the centres of the cells, less a constant."""
         samples = observation.samples
         if samples not in self._tables:
-            table = _Table.of(self.mean, self.variance, self.signal, self.noise, samples)
-            self._tables[samples] = table
+            basis = _Basis.of(self.signal, self.noise, samples)
+            table = _Table.of(self.mean @ basis.whiten, self.variance, basis.strength)
+            self._tables[samples] = basis.whiten, table
+        whiten, table = self._tables[samples]
         roots = np.sqrt(np.maximum(observation.histogram[self.used], 0)) - self.center
-        found: np.ndarray = self._tables[samples].log_likelihood(roots) + self.prior
+        found: np.ndarray = table.log_likelihood(roots @ whiten) + self.prior
         return found
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
@@ -213,42 +209,51 @@ class Field(MeasurementModel):
 
 
 @dataclass(frozen=True, eq=False)
-class _Table:
-    """The field's likelihood at every cell, arranged so that a frame costs one product.
+class _Basis:
+    """Axes of the features in which noise is white and the signal's covariance diagonal.
 
-    Noise is white and the signal's covariance diagonal in the basis `whiten`, so the squared
-    distance at a cell is the sum over features of (y - m)^2 / (1 + v s): linear in y^2 and y.
+    Attributes
+    ----------
+    whiten : (d, d) array
+        Features times this are in the basis.
+    strength : (d,) array
+        Variances of the signal along the axes, of the noise 1.
     """
 
     whiten: np.ndarray
+    strength: np.ndarray
+
+    @classmethod
+    def of(cls, signal: np.ndarray, noise: np.ndarray, samples: int | None) -> _Basis:
+        counted = 0.0 if samples is None else 0.25 / samples  # variance of the root of a frequency
+        lengths, axes = np.linalg.eigh(noise + counted * np.eye(len(noise)))
+        white = axes / np.sqrt(np.maximum(lengths, lengths[-1] * 1e-9 + 1e-12))
+        strength, turn = np.linalg.eigh(white.T @ (signal[:, None] * white))
+        return cls(white @ turn, np.maximum(strength, 0))
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """The field's likelihood at every cell, arranged so that a frame costs one product.
+
+    In the basis the squared distance at a cell is the sum over features of (y - m)^2 / (1 + v s),
+    which is linear in y^2 and y.
+    """
+
     weights: np.ndarray
     constant: np.ndarray
     log_norm: np.ndarray
 
     @classmethod
-    def of(
-        cls,
-        mean: np.ndarray,
-        variance: np.ndarray,
-        signal: np.ndarray,
-        noise: np.ndarray,
-        samples: int | None,
-    ) -> _Table:
-        counted = 0.0 if samples is None else 0.25 / samples  # variance of the root of a frequency
-        lengths, axes = np.linalg.eigh(noise + counted * np.eye(len(noise)))
-        white = axes / np.sqrt(np.maximum(lengths, lengths[-1] * 1e-9 + 1e-12))
-        strength, turn = np.linalg.eigh(white.T @ (signal[:, None] * white))
-        whiten = white @ turn
-        total = 1 + variance[:, None] * np.maximum(strength, 0)
-        centers = mean @ whiten
-        weights = np.hstack([1 / total, -2 * centers / total]).astype(np.float32)
-        constant = (np.square(centers) / total).sum(axis=1)
-        return cls(whiten, weights, constant, -0.5 * np.log(total).sum(axis=1))
+    def of(cls, mean: np.ndarray, variance: np.ndarray, strength: np.ndarray) -> _Table:
+        total = 1 + variance[:, None] * strength
+        weights = np.hstack([1 / total, -2 * mean / total]).astype(np.float32)
+        constant = (np.square(mean) / total).sum(axis=1)
+        return cls(weights, constant, -0.5 * np.log(total).sum(axis=1))
 
     def log_likelihood(self, features: np.ndarray) -> np.ndarray:
         """``(M,)`` for features ``(d,)``, or ``(n, M)`` for ``(n, d)``, up to a constant."""
-        white = features @ self.whiten
-        both = np.concatenate([white * white, white], axis=-1).astype(np.float32)
+        both = np.concatenate([features * features, features], axis=-1).astype(np.float32)
         squared = np.maximum(both @ self.weights.T + self.constant, 0)
         half = 0.5 * (DEGREES + features.shape[-1])
         found: np.ndarray = self.log_norm - half * np.log1p(squared / DEGREES)
@@ -257,42 +262,54 @@ class _Table:
 
 @dataclass(frozen=True, eq=False)
 class _Study:
-    """What left-out blocks teach: length, signal and noise of the features, errors of frames."""
+    """What left-out blocks teach: the kernel's length, signal and noise of the features, and errors.
 
-    places: np.ndarray
-    features: np.ndarray
-    time: np.ndarray
-    blocks: list[Block]
-    process: Process
+    Attributes
+    ----------
+    length : float
+        Metres.
+    signal : (d,) array
+    noise : (d, d) array
+    model : ErrorModel
+    expected : (2,) array
+        See `Field.expected_error`.
+    """
+
+    length: float
     signal: np.ndarray
     noise: np.ndarray
+    model: ErrorModel
+    expected: np.ndarray
 
     @classmethod
-    def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray) -> _Study:
+    def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area) -> _Study:
+        """Study a flight; `features` ``(N, d)`` have mean zero."""
         step = -(-len(places) // STUDIED)
         places, features, time = places[::step], features[::step], time[::step]
         diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
         blocks = blocks_in_time(time)
-        process, errors, variances = choose_length(places, features, blocks, diagonal)
-        signal = (np.square(errors) / variances[:, None]).mean(axis=0)
-        return cls(places, features, time, blocks, process, signal, _noise(errors, variances))
-
-    def errors(self, area: Area) -> tuple[ErrorModel, np.ndarray]:
-        """How left-out frames err, and how that grows with the field's variance at their places."""
+        process, residuals, uncertain = choose_length(places, features, blocks, diagonal)
+        signal = (np.square(residuals) / uncertain[:, None]).mean(axis=0)
+        noise = _noise(residuals, uncertain)
+        basis = _Basis.of(signal, noise, None)
+        process = replace(process, weights=process.weights @ basis.whiten)
+        features = features @ basis.whiten
         centers, _ = grid_cells(area, COARSE)
-        errors, variances = np.empty_like(self.places), np.empty(len(self.places))
-        for block, mean, variance in self.process.predict_without(self.blocks, centers):
-            table = _Table.of(mean, variance, self.signal, self.noise, None)
-            kept = np.setdiff1d(np.arange(len(self.places)), block.left_out)
-            prior = _flown(centers, self.places[kept], self.process.length)
-            found = table.log_likelihood(self.features[block.rows]) + prior
+        errors, variances = np.empty_like(places), np.empty(len(places))
+        density = _bumps(centers, places, process.length)
+        for block, mean, variance in process.predict_without(blocks, centers):
+            rows, out = block.rows, block.left_out
+            prior = _relative(density.sum(axis=1) - density[:, out].sum(axis=1))
+            table = _Table.of(mean, variance, basis.strength)
+            found = table.log_likelihood(features[rows]) + prior
             found = np.exp(found - found.max(axis=1, keepdims=True))
             found /= found.sum(axis=1, keepdims=True)
-            errors[block.rows] = found @ centers - self.places[block.rows]
-            near = np.square(self.places[block.rows][:, None] - centers).sum(axis=2).argmin(axis=1)
-            variances[block.rows] = variance[near]
+            errors[rows] = found @ centers - places[rows]
+            near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
+            variances[rows] = variance[near]
         finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
-        return ErrorModel.of(errors, self.time, finest), _growth(errors, variances)
+        model = ErrorModel.of(errors, time, finest)
+        return cls(process.length, signal, noise, model, _growth(errors, variances))
 
 
 def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
@@ -307,20 +324,16 @@ def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
     return shrunk
 
 
-def _flown(
-    centers: np.ndarray, places: np.ndarray, length: float, counts: np.ndarray | None = None
-) -> np.ndarray:
-    """``(M,)`` log density of the flown path over uniform, smoothed over length / 3."""
-    weights = np.ones(len(places)) if counts is None else counts
-    density = np.empty(len(centers))
-    for first in range(0, len(centers), 1024):
-        part = centers[first : first + 1024]
-        squared = np.square(part[:, None] - places).sum(axis=2)
-        density[first : first + 1024] = np.exp(-4.5 * squared / length**2) @ weights
-    mean = density.mean()
-    if not mean > 0:
-        return np.zeros(len(centers))
-    relative: np.ndarray = np.log((1 - UNFLOWN) * density / mean + UNFLOWN)
+def _bumps(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:
+    """``(M, N)`` Gaussian bumps around the places, a third of the length wide."""
+    squared = np.square(centers).sum(axis=1)[:, None] + np.square(places).sum(axis=1)
+    bumps: np.ndarray = np.exp(-4.5 / length**2 * (squared - 2 * centers @ places.T))
+    return bumps
+
+
+def _relative(density: np.ndarray) -> np.ndarray:
+    """``(M,)`` log of a density over the uniform one, part of which is mixed in."""
+    relative: np.ndarray = np.log((1 - UNFLOWN) * density / density.mean() + UNFLOWN)
     return relative
 
 

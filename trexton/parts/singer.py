@@ -14,6 +14,8 @@ from trexton.parts.motion import MotionModel, uniform_places
 
 __all__ = ["Singer"]
 
+# Vehicles hover and dash: their accelerations are rarer and larger than normal ones of equal variance.
+AGILITY = 2.0
 REACH = 2  # frames before and after, that give a velocity and an acceleration
 
 
@@ -33,7 +35,7 @@ class Singer(MotionModel):
         speed, acceleration, lasts_s = _moments(training.positions, training.time)
         return self.with_learned(
             speed=np.asarray(speed),
-            acceleration=np.asarray(acceleration),
+            acceleration=np.asarray(AGILITY * acceleration),
             lasts_s=np.asarray(lasts_s),
             period_s=np.asarray(training.period_s),
         )
@@ -69,7 +71,8 @@ class Singer(MotionModel):
     def rest(self) -> np.ndarray:
         """``(6,)`` variances of a state of which only the position is known."""
         speed, acceleration = float(self.speed) ** 2, float(self.acceleration) ** 2
-        return np.array([0, 0, speed, speed, acceleration, acceleration])
+        rest: np.ndarray = np.array([0, 0, speed, speed, acceleration, acceleration])
+        return rest
 
     def start(self, rng: np.random.Generator, area: Area, count: int) -> np.ndarray:
         states = rng.standard_normal((count, 6)) * np.sqrt(self.rest)

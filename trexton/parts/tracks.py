@@ -149,7 +149,7 @@ class TrackFilter:
         precision = np.linalg.inv(spread)
         expected = self.states @ self._seen.T
         offset = cells - expected[:, None]
-        squared = np.einsum("tmi,tij,tmj->tm", offset, precision, offset, optimize=True)
+        squared = np.einsum("tmi,tmi->tm", offset @ precision, offset)
         joint = shares * np.exp(-0.5 * squared)
         mass = joint.sum(axis=1)
         norm = self._log_area - np.log(2 * np.pi) + 0.5 * np.log(np.linalg.det(precision))
@@ -160,7 +160,7 @@ class TrackFilter:
         joint /= np.where(mass > 0, mass, 1)[:, None]
         mean = np.where(hit[:, None], joint @ cells, expected)
         offset = cells - mean[:, None]
-        after = np.einsum("tm,tmi,tmj->tij", joint, offset, offset, optimize=True) + self._grain
+        after = (offset * joint[..., None]).transpose(0, 2, 1) @ offset + self._grain
         after = np.where(hit[:, None, None], after, spread)
         gain = gain @ precision
         turned = gain.transpose(0, 2, 1)
