@@ -200,3 +200,9 @@ def test_other_positions_may_train_and_frames_without_one_do_not():
 def test_bad_options_are_refused(texton_map, options):
     with pytest.raises(ParameterError):
         Localizer(texton_map, rng=np.random.default_rng(0), **options)
+
+
+@pytest.mark.parametrize("options", [{"n_textons": 0}, {"n_textons": 257}, {"patch": 0}])
+def test_dictionaries_that_cannot_be_are_refused_before_anything_is_read(options):
+    with pytest.raises(ParameterError, match="expected 1 to 256 textons"):
+        TextonMap.train(small_flight(), rng=np.random.default_rng(0), **options)

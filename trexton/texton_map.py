@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 import os
-import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,11 +17,12 @@ from trexton.errors import MapError, ParameterError
 from trexton.files import atomic_file, canonical_json
 from trexton.flights.flight import Flight
 from trexton.histograms import texton_histogram
+from trexton.map_files import DAMAGE, check_map, read_arrays
 from trexton.methods import changed, compose
 from trexton.parts import name_of, part_class
 from trexton.parts.base import Area, Part, Training
 from trexton.progress import progress
-from trexton.textons import TextonDictionary
+from trexton.textons import MAX_TEXTONS, TextonDictionary
 
 __all__ = ["TextonMap", "full_histograms"]
 
@@ -115,6 +115,11 @@ class TextonMap:
         """
         if neighbors is not None:
             choices["measurement.neighbors"] = neighbors
+        if not (1 <= n_textons <= MAX_TEXTONS and patch >= 1):
+            raise ParameterError(
+                f"{n_textons} textons of {patch} pixels were asked for: "
+                f"expected 1 to {MAX_TEXTONS} textons of at least one pixel"
+            )
         parts = compose(method)
         parts |= changed(parts, choices)
         given = flight.position if positions is None else np.asarray(positions, dtype=float)
@@ -249,7 +254,7 @@ class TextonMap:
         Raises
         ------
         MapError
-            It has another schema.
+            It has another schema, or values that no training gives.
         KeyError
             An array is missing.
         """
@@ -266,7 +271,7 @@ class TextonMap:
                 "train it again with trexton train"
             )
         header = json.loads(arrays["header"].tobytes())
-        return cls(
+        whole = cls(
             TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
             arrays["histograms"],
             arrays["positions"],
@@ -278,6 +283,8 @@ class TextonMap:
             {role: _part(role, entry, arrays) for role, entry in header["parts"].items()},
             header["provenance"],
         )
+        check_map(whole)
+        return whole
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the map as ``.npz``, whole or not at all."""
@@ -295,23 +302,14 @@ class TextonMap:
             The file is missing, damaged, no map, or of another schema.
         """
         try:
-            with np.load(path, allow_pickle=False) as stored:
-                return cls.from_arrays(dict(stored))
-        except MapError as error:
+            return cls.from_arrays(read_arrays(path))
+        except (MapError, ParameterError) as error:
             raise MapError(f"{path}: {error}") from None
         except FileNotFoundError:
             raise MapError(
                 f"{path}: no such map: make one with trexton train FLIGHT -o {path}"
             ) from None
-        except (
-            OSError,
-            ValueError,
-            KeyError,
-            EOFError,
-            TypeError,
-            AttributeError,
-            zipfile.BadZipFile,
-        ) as error:
+        except DAMAGE as error:
             raise MapError(
                 f"{path}: not a whole texton map ({error}): copy or train it again"
             ) from None
@@ -323,7 +321,9 @@ def _part(role: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray])
         for name, array in arrays.items()
         if name.startswith(f"{role}.")
     }
-    return part_class(role, entry["name"]).from_arrays(mine, **entry["options"])
+    kind = part_class(role, entry["name"], imports=False)
+    options = {key: kind.option(key, value) for key, value in entry["options"].items()}
+    return kind.from_arrays(mine, **options)
 
 
 def _versions() -> dict[str, str]:

@@ -5,6 +5,7 @@ A part of one's own needs no entry: ``"package.module:Class"`` names it as well.
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 
 from trexton.errors import ParameterError
@@ -48,8 +49,11 @@ ROLES: dict[str, dict[str, str]] = {
 }
 
 
-def part_class(role: str, name: str) -> type[Part]:
+def part_class(role: str, name: str, *, imports: bool = True) -> type[Part]:
     """The class of the part called `name`, an entry of `ROLES` or ``"module:Class"``.
+
+    Without `imports` a module that is neither in the table nor imported already is refused: what
+    a file says must not decide which code runs.
 
     Raises
     ------
@@ -59,6 +63,8 @@ def part_class(role: str, name: str) -> type[Part]:
     if role not in ROLES:
         raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
     module, colon, attribute = ROLES[role].get(name, name).partition(":")
+    if not imports and name not in ROLES[role] and module not in sys.modules:
+        raise ParameterError(f"{role} {name!r} is not in the library: import {module!r} first")
     try:
         found = getattr(import_module(module), attribute) if colon else None
     except (ImportError, AttributeError, ValueError) as error:

@@ -1,0 +1,156 @@
+"""A map's file is not trusted: values and sizes are checked, and it decides no code that runs."""
+
+import json
+import os
+import zipfile
+
+import numpy as np
+import pytest
+from small_room import histogram_flight
+from test_methods import OWN
+
+from trexton.errors import MapError
+from trexton.localizer import TextonMap
+from trexton.textons import TextonDictionary
+
+
+@pytest.fixture(scope="module")
+def texton_map():
+    return TextonMap.train(histogram_flight("hall", frames=80), rng=np.random.default_rng(1))
+
+
+def stored(path, texton_map, **changes):
+    """The map's file with some arrays replaced (None: left out)."""
+    arrays = texton_map.to_arrays() | changes
+    np.savez(path, **{name: array for name, array in arrays.items() if array is not None})
+    return path
+
+
+def with_value(array, value):
+    changed = np.array(array)
+    changed.flat[0] = value
+    return changed
+
+
+def header(texton_map, **changes):
+    found = json.loads(texton_map.to_arrays()["header"].tobytes())
+    return np.frombuffer(json.dumps(found | changes).encode(), np.uint8)
+
+
+BAD = {
+    "nan": lambda m: {"histograms": with_value(m.histograms, np.nan)},
+    "negative": lambda m: {"histograms": with_value(m.histograms, -0.1)},
+    "complex": lambda m: {"histograms": m.histograms.astype(complex)},
+    "flat": lambda m: {"histograms": m.histograms.ravel()},
+    "none": lambda m: {"histograms": m.histograms[:0]},
+    "too few positions": lambda m: {"positions": m.positions[1:]},
+    "infinite position": lambda m: {"positions": with_value(m.positions, np.inf)},
+    "time runs back": lambda m: {"time": m.time[::-1]},
+    "no area": lambda m: {"area": np.zeros(4)},
+    "half an area": lambda m: {"area": np.zeros(3)},
+    "nan area": lambda m: {"area": np.array([0, np.nan, 0, 1])},
+    "period nan": lambda m: {"period_s": np.float64(np.nan)},
+    "period zero": lambda m: {"period_s": np.float64(0)},
+    "period many": lambda m: {"period_s": np.ones(3)},
+    "three rows": lambda m: {"image_shape": np.array([4, 4, 4])},
+    "no rows": lambda m: {"image_shape": np.array([0, 4])},
+    "textons": lambda m: {
+        "textons": np.zeros((3, 2, 2, 3), np.uint8), "image_shape": np.array([8, 8])
+    },
+    "textons, no shape": lambda m: {"textons": np.zeros((5, 2, 2, 3), np.uint8)},
+    "motion nan": lambda m: {"motion.covariance": np.full((2, 2), np.nan)},
+    "motion period": lambda m: {"motion.period_s": np.float64(-1)},
+    "ranks": lambda m: {"measurement.covariances": np.zeros((5, 2, 2))},
+    "rank count": lambda m: {"measurement.covariances": np.ones((3, 2, 2))},
+    "foreign array": lambda m: {"motion.speed": np.ones(2)},
+    "no time": lambda m: {"time": None},
+    "no parts": lambda m: {"header": header(m, parts={})},
+    "parts wrong": lambda m: {"header": header(m, parts=[1])},
+    "no header": lambda m: {"header": np.zeros(5, np.uint8)},
+    "old": lambda m: {"schema": np.int64(1)},
+    "unknown role": lambda m: {
+        "header": header(m, parts={"colour": {"name": "red", "options": {}}})
+    },
+    "odd option": lambda m: {
+        "header": header(m, parts={"filter": {"name": "particles", "options": {"particles": "x"}}})
+    },
+    "too many particles": lambda m: {
+        "header": header(
+            m, parts={"filter": {"name": "particles", "options": {"particles": 100_000_000}}}
+        )
+    },
+    "foreign code": lambda m: {
+        "header": header(m, parts={"distance": {"name": "antigravity:Fly", "options": {}}})
+    },
+    "deep": lambda m: {"header": np.frombuffer(b"[" * 100_000, np.uint8)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_what_no_training_gives_is_one_sentence(kind, texton_map, tmp_path):
+    path = stored(tmp_path / "map.npz", texton_map, **BAD[kind](texton_map))
+    with pytest.raises(MapError, match=r"map\.npz: "):
+        TextonMap.load(path)
+
+
+def test_whole_maps_load(texton_map, tmp_path):
+    stored(tmp_path / "map.npz", texton_map)
+    again = TextonMap.load(tmp_path / "map.npz")
+    for name, array in texton_map.to_arrays().items():
+        np.testing.assert_array_equal(again.to_arrays()[name], array)
+
+
+def test_neighbours_are_no_more_than_frames(texton_map, tmp_path):
+    few = {"histograms": texton_map.histograms[:4], "positions": texton_map.positions[:4]}
+    path = stored(tmp_path / "map.npz", texton_map, time=texton_map.time[:4], **few)
+    with pytest.raises(MapError, match="neighbours are at most 4"):
+        TextonMap.load(path)
+
+
+def test_a_file_does_not_decide_which_code_runs(texton_map, tmp_path):
+    own = texton_map.changed({"distance": OWN})
+    assert (
+        type(TextonMap.load(own.save(tmp_path / "own.npz")).parts["distance"]).__name__ == "Cosine"
+    )
+    parts = {"distance": {"name": "this:Zen", "options": {}}}
+    path = stored(tmp_path / "map.npz", texton_map, header=header(texton_map, parts=parts))
+    with pytest.raises(MapError, match="import 'this' first"):
+        TextonMap.load(path)
+
+
+def test_files_that_would_unpack_to_more_are_refused(texton_map, tmp_path):
+    path = tmp_path / "map.npz"
+    np.savez_compressed(path, **texton_map.to_arrays() | {"histograms": np.zeros((10**6, 20))})
+    with pytest.raises(MapError, match="would unpack"):
+        TextonMap.load(path)
+    stored(path, texton_map)
+    with zipfile.ZipFile(path) as archive:
+        members = {name: archive.read(name) for name in archive.namelist()}
+    whole = b"'shape': (80, 2), "
+    assert whole in members["positions.npy"]
+    members["positions.npy"] = members["positions.npy"].replace(whole, b"'shape': (8000, 2),")
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    with pytest.raises(MapError):
+        TextonMap.load(path)
+    members["positions.npy"] = b"\x93NUMPY\x03\x00" + members["positions.npy"][8:]
+    with zipfile.ZipFile(path, "w") as archive:
+        for name, content in members.items():
+            archive.writestr(name, content)
+    with pytest.raises(MapError, match="format"):
+        TextonMap.load(path)
+
+
+def test_pipes_and_folders_are_refused_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(MapError, match="not a regular file"):
+            TextonMap.load(path)
+
+
+def test_a_dictionary_needs_images_to_fit(texton_map, tmp_path):
+    textons = np.zeros((5, 2, 2, 3), np.uint8)
+    path = stored(tmp_path / "map.npz", texton_map, textons=textons, image_shape=np.array([24, 32]))
+    loaded = TextonMap.load(path)
+    assert isinstance(loaded.dictionary, TextonDictionary) and loaded.image_shape == (24, 32)

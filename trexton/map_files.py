@@ -1,0 +1,150 @@
+"""Reading a map's file without trusting it: sizes first, then every value that flight needs."""
+
+from __future__ import annotations
+
+import os
+import zipfile
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+import numpy as np
+
+from trexton.errors import MapError
+
+if TYPE_CHECKING:
+    from trexton.texton_map import TextonMap
+
+__all__ = ["DAMAGE", "check_map", "read_arrays"]
+
+MOST_BYTES = 2**32
+# What a damaged file makes NumPy, zip and JSON raise.
+DAMAGE = (
+    OSError,
+    ValueError,
+    KeyError,
+    IndexError,
+    EOFError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    MemoryError,
+    NotImplementedError,
+    RecursionError,
+    SyntaxError,
+    zipfile.BadZipFile,
+)
+
+
+def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """The named arrays of a ``.npz`` file that `TextonMap.save` wrote.
+
+    Raises
+    ------
+    MapError
+        It is no regular file, too large, or would unpack to more than it holds.
+    OSError, ValueError, zipfile.BadZipFile
+        It is missing or damaged.
+    """
+    if Path(path).exists() and not Path(path).is_file():
+        raise MapError("not a regular file: give a texton map (.npz)")
+    size = os.stat(path).st_size
+    if size > MOST_BYTES:
+        raise MapError(f"{size} bytes: expected at most {MOST_BYTES}")
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist():
+            # Maps are stored as they are; what unpacks to more was not written by this library.
+            if member.compress_type != zipfile.ZIP_STORED or member.file_size > size:
+                raise MapError(
+                    f"{member.filename} would unpack to {member.file_size} bytes "
+                    f"in a file of {size}: "
+                    "expected a map as trexton train writes it"
+                )
+            with archive.open(member) as stream:
+                _check_header(stream, member)
+    with np.load(path, allow_pickle=False) as stored:
+        return dict(stored)
+
+
+def _check_header(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
+    """Refuse an array whose header promises more than its bytes."""
+    version = np.lib.format.read_magic(stream)
+    read = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    if version not in read:
+        raise MapError(f"{member.filename} has the array format {version}: expected 1.0 or 2.0")
+    shape, _, kind = read[version](stream)
+    count = 1
+    for length in shape:
+        count *= int(length)
+    if kind.hasobject or count * kind.itemsize > member.file_size:
+        raise MapError(
+            f"{member.filename} promises {shape} of {kind} in {member.file_size} bytes: "
+            "copy or train it again"
+        )
+
+
+def check_map(texton_map: TextonMap) -> None:
+    """Refuse a map with values that no training gives.
+
+    Raises
+    ------
+    MapError
+        The first thing that is wrong.
+    """
+    histograms, positions, time = texton_map.histograms, texton_map.positions, texton_map.time
+    _expect(
+        _real(histograms) and histograms.ndim == 2 and histograms.shape[0] > 0,
+        "histograms are finite (N, K) numbers",
+        histograms,
+    )
+    _expect(bool((histograms >= 0).all()), "histograms are not negative", histograms)
+    count, width = histograms.shape
+    _expect(
+        _real(positions) and positions.shape == (count, 2),
+        f"positions are finite ({count}, 2) metres",
+        positions,
+    )
+    _expect(
+        _real(time) and time.shape == (count,) and bool((np.diff(time) > 0).all()),
+        f"stamps are {count} rising seconds",
+        time,
+    )
+    x_min, x_max, y_min, y_max = (float(value) for value in texton_map.area)
+    _expect(
+        bool(np.isfinite(texton_map.area).all()) and x_min < x_max and y_min < y_max,
+        "the area is x_min < x_max, y_min < y_max in metres",
+        texton_map.area,
+    )
+    _expect(0 < texton_map.period_s < np.inf, "the period is positive", texton_map.period_s)
+    if texton_map.image_shape is not None:
+        shape = texton_map.image_shape
+        _expect(
+            len(shape) == 2 and all(isinstance(n, int) and 0 < n < 2**16 for n in shape),
+            "the images have (rows, columns)",
+            shape,
+        )
+    if texton_map.dictionary is not None:
+        textons = len(texton_map.dictionary.textons)
+        _expect(textons == width, f"{width} textons go with {width} columns", textons)
+        _expect(texton_map.image_shape is not None, "images have a shape", None)
+    _expect(
+        isinstance(texton_map.method, str) and {"distance", "filter"} <= set(texton_map.parts),
+        "a method has at least a distance and a filter",
+        sorted(texton_map.parts),
+    )
+    neighbors = texton_map.neighbors
+    if "measurement" in texton_map.parts:
+        _expect(neighbors <= count, f"neighbours are at most {count}", neighbors)
+
+
+def _real(array: np.ndarray) -> bool:
+    return array.dtype.kind == "f" and bool(np.isfinite(array).all())
+
+
+def _expect(true: bool, what: str, found: object) -> None:
+    if not true:
+        if isinstance(found, np.ndarray):
+            found = f"{found.dtype} of shape {found.shape}"
+        raise MapError(f"in a map {what}, found {found}: copy or train it again")
