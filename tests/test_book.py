@@ -20,11 +20,12 @@ from trexton.book import flights as book_flights
 from trexton.book.audit import audit
 from trexton.book.flights import prepare_flights
 from trexton.book.library import MODULES, describe_module
-from trexton.book.prose import Tree, render
+from trexton.book.prose import render
 from trexton.book.stage import Contents, stage
 from trexton.errors import DataError, TrextonError
 from trexton.flights import read_flight, write_flight
 from trexton.runner import FlightPair, Outcome
+from trexton.wording import Tree
 
 BUILT = ROOT / "book" / "_build" / "html"
 

@@ -61,7 +61,7 @@ def test_the_variants_differ_from_the_paper_and_repeat_with_the_seed(record):
     same = {
         key for key, variant in record.values["variants"].items() if variant["mean_cm"] == paper
     }
-    assert same <= {"paper", "near_in_time", "trace"}
+    assert same <= {"paper", "near_in_time", "trace_removed"}
 
 
 def test_the_figure_shows_the_numbers_of_the_record(record):

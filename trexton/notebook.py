@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from IPython.display import HTML, SVG
+from IPython.display import HTML, SVG, Markdown
 from matplotlib.figure import Figure
 
 from trexton.cache import repository_root
@@ -25,6 +25,7 @@ from trexton.flights import Flight, read_flight
 from trexton.options import Options
 from trexton.paper import look_up, published
 from trexton.records import Record
+from trexton.wording import Tree, template_environment
 
 __all__ = ["Given", "Page", "claims_table", "given", "ledger", "show_table"]
 
@@ -110,8 +111,21 @@ class Page:
 
     def finding(self) -> HTML:
         """What the experiment found on this flight, in one sentence made from the record."""
-        module = importlib.import_module(f"trexton.experiments.{self.record.experiment}")
+        module = importlib.import_module(type(self.given.parameters).__module__)
         return HTML(f'<p class="finding">{escape(module.finding(self.record))}</p>')
+
+    def say(self, text: str) -> Markdown:
+        """A paragraph with its numbers and its verdicts from the record.
+
+        Parameters
+        ----------
+        text : str
+            A template as in the book's prose: values of the record by name, ``timings``,
+            ``parameters`` and ``counts``, as in ``{{ filter.mean_cm | span }} cm``.
+        """
+        names = {"timings": self.record.timings, "parameters": self.record.parameters}
+        template = template_environment().from_string(text.strip())
+        return Markdown(template.render(Tree(self.record.values | names)))
 
     def claims(self) -> HTML:
         """What the paper claims of this experiment, and the verdicts of this flight."""

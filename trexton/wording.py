@@ -2,10 +2,26 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["apart", "interval", "middle", "number", "percent", "times"]
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+__all__ = [
+    "Tree",
+    "apart",
+    "fixed",
+    "interval",
+    "middle",
+    "number",
+    "percent",
+    "span",
+    "template_environment",
+    "text",
+    "times",
+]
 
 
 def number(value: float) -> str:
@@ -45,3 +61,59 @@ def times(ratio: float) -> str:
 def apart(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
     """Whether two intervals do not overlap."""
     return bool(a["high"] < b["low"] or b["high"] < a["low"])
+
+
+class Tree(dict[str, Any]):
+    """Nested values of a record; a name is always an entry, even where dict has a method of that name."""
+
+    def __init__(self, values: Mapping[str, Any]):
+        super().__init__(
+            {
+                key: Tree(value) if isinstance(value, Mapping) else value
+                for key, value in values.items()
+            }
+        )
+
+    def __getattribute__(self, name: str) -> Any:
+        if not name.startswith("_") and name in self:
+            return self[name]
+        return super().__getattribute__(name)
+
+
+def fixed(value: float, digits: int = 0) -> str:
+    """A number with so many decimals and thousands apart."""
+    return f"{value:,.{digits}f}"
+
+
+def span(entry: Mapping[str, Any], digits: int = 0) -> str:
+    """The median (or value) of an entry with its interval in brackets."""
+    middle = entry["median"] if "median" in entry else entry["value"]
+    return (
+        f"{fixed(middle, digits)} [{fixed(entry['low'], digits)}, {fixed(entry['high'], digits)}]"
+    )
+
+
+def text(words: str) -> str:
+    """Words from a flight's header, with everything that Markdown would take for markup made harmless."""
+    return re.sub(r"([^\w\s.,;:'()/-])", r"\\\1", " ".join(str(words).split()))
+
+
+def template_environment() -> Environment:
+    """Templates for prose: a name that is not there is an error; ``{{ x | fixed }}`` and kin.
+
+    ``{#`` would swallow attributes of MyST, so comments get marks of their own.
+    """
+    import jinja2
+
+    environment = jinja2.Environment(
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        comment_start_string="{##",
+        comment_end_string="##}",
+        autoescape=False,
+    )
+    filters = {"fixed": fixed, "span": span, "text": text, "number": number, "percent": percent}
+    environment.filters |= filters
+    return environment

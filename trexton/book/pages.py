@@ -14,12 +14,13 @@ from trexton.book.found import what_we_found
 from trexton.book.paper_map import map_table
 from trexton.claims import load_records
 from trexton.flights.names import flight_title
+from trexton.parts.measurement import EXCLUDED_SECONDS
 
 __all__ = ["page_names", "with_flight"]
 
 
 def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[str, object]:
-    """``found``, ``paper_map`` (a function of ``see``) and ``version``.
+    """``found``, ``paper_map`` (a function of ``see``), ``version``, ``excluded_s``.
 
     Parameters
     ----------
@@ -37,7 +38,12 @@ def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[s
         }
         return map_table(records, see)
 
-    return {"found": what_we_found(values), "paper_map": paper_map, "version": version("trexton")}
+    return {
+        "found": what_we_found(values),
+        "paper_map": paper_map,
+        "version": version("trexton"),
+        "excluded_s": EXCLUDED_SECONDS,
+    }
 
 
 def with_flight(notebook: NotebookNode, flight: str, twins: Mapping[str, str]) -> None:

@@ -7,32 +7,15 @@ stands in ``{% if %}``.
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 
 import jinja2
 
 from trexton.errors import DataError
 from trexton.paper import published
+from trexton.wording import Tree, template_environment
 
 __all__ = ["records_by_name", "render"]
-
-
-class Tree(dict):
-    """Nested values of a record; a name is always an entry, even where dict has a method of that name."""
-
-    def __init__(self, values: dict):
-        super().__init__(
-            {
-                key: Tree(value) if isinstance(value, dict) else value
-                for key, value in values.items()
-            }
-        )
-
-    def __getattribute__(self, name: str):
-        if not name.startswith("_") and name in self:
-            return self[name]
-        return super().__getattribute__(name)
 
 
 def records_by_name(results: Path, outcomes) -> dict[str, Tree]:
@@ -49,24 +32,6 @@ def records_by_name(results: Path, outcomes) -> dict[str, Tree]:
             }
             found.setdefault(outcome.flight, {})[outcome.experiment] = values
     return {flight: Tree(experiments) for flight, experiments in found.items()}
-
-
-def fixed(value: float, digits: int = 0) -> str:
-    """A number with so many decimals and thousands apart."""
-    return f"{value:,.{digits}f}"
-
-
-def span(entry: dict, digits: int = 0) -> str:
-    """The median (or value) of an entry with its interval in brackets."""
-    middle = entry["median"] if "median" in entry else entry["value"]
-    return (
-        f"{fixed(middle, digits)} [{fixed(entry['low'], digits)}, {fixed(entry['high'], digits)}]"
-    )
-
-
-def text(words: str) -> str:
-    """Words from a flight's header, with everything that Markdown would take for markup made harmless."""
-    return re.sub(r"([^\w\s.,;:'()/-])", r"\\\1", " ".join(str(words).split()))
 
 
 def render(path: Path, context: dict, pages: set[str], pictures: dict[str, str]) -> str:
@@ -90,12 +55,7 @@ def render(path: Path, context: dict, pages: set[str], pictures: dict[str, str])
     def see(page: str, text: str) -> str:
         return f"{{doc}}`{text} </{page}>`" if page in pages else text
 
-    # "{#" would swallow attributes of MyST, so comments get marks of their own.
-    environment = jinja2.Environment(
-        undefined=jinja2.StrictUndefined, keep_trailing_newline=True, trim_blocks=True, lstrip_blocks=True,
-        comment_start_string="{##", comment_end_string="##}", autoescape=False,
-    )  # fmt: skip
-    environment.filters |= {"fixed": fixed, "span": span, "text": text}
+    environment = template_environment()
     try:
         template = environment.from_string(path.read_text(encoding="utf-8"))
         return template.render(

@@ -9,6 +9,8 @@ import numpy as np
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.evaluation import floor_picture
 from trexton.experiments.stitched import (
+    FEWEST_ANCHORS,
+    SAME_PASS_FRAMES,
     Located,
     floor_residual,
     homography_maps,
@@ -56,6 +58,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         | _counts(each, test)
         for name, each in located.items()
     }
+    if "drifting" in maps:
+        values["drift"] = {"linked_frames": SAME_PASS_FRAMES, "anchors": FEWEST_ANCHORS}
     for name in ("mosaic", "drifting"):
         if name in maps and train.floor is not None:
             _, deviation = floor_residual(maps[name], train.floor)

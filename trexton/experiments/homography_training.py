@@ -69,7 +69,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         sources["drifting"] = found["drifting"].position
     frames = frames_of(test)
     rng = stream(parameters.seed, "intervals")
-    values: dict = {"failures": int((~located.found).sum())}
+    values: dict = {
+        "failures": int((~located.found).sum()),
+        "remedy_uses": {
+            "median_frames": MEDIAN_FRAMES,
+            "outlier_cm": 100 * OUTLIER_M,
+            "smoothing_frames": SMOOTHING_FRAMES,
+        },
+    }
     series: dict = {}
     step_s = []
     for name, positions in sources.items():

@@ -19,7 +19,9 @@ from trexton.mosaic import Links, Mosaic, map_from_links, stitch
 from trexton.progress import progress
 
 __all__ = [
+    "FEWEST_ANCHORS",
     "Located",
+    "SAME_PASS_FRAMES",
     "drifting_map",
     "floor_residual",
     "homography_maps",
@@ -29,8 +31,8 @@ __all__ = [
 ]
 
 _PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are stored as they are
-_SAME_PASS = 12  # frames: links between frames that are further apart notice a place again
-_FEWEST_ANCHORS = 3
+SAME_PASS_FRAMES = 12  # frames: links between frames that are further apart notice a place again
+FEWEST_ANCHORS = 3
 # Matches of two pictures of a floor that deviate so much otherwise than so many around them are mismatches.
 _MISMATCH, _AROUND = 0.1, 15  # metres, matches
 
@@ -46,14 +48,14 @@ def drifting_map(train: Flight, anchors: int = 12) -> Mosaic:
     inputs = {
         "flight": train.data_hash,
         "anchors": anchors,
-        "apart": _SAME_PASS,
-        "placed": _FEWEST_ANCHORS,
+        "apart": SAME_PASS_FRAMES,
+        "placed": FEWEST_ANCHORS,
     }
 
     def compute() -> Mosaic:
         links = stitched_map(train, anchors).links
-        along = np.diff(links.pairs, axis=1).ravel() <= _SAME_PASS
-        return map_from_links(train, links[along], anchors=_FEWEST_ANCHORS)
+        along = np.diff(links.pairs, axis=1).ravel() <= SAME_PASS_FRAMES
+        return map_from_links(train, links[along], anchors=FEWEST_ANCHORS)
 
     return _kept("drifting-mosaic", inputs, compute)
 

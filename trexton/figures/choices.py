@@ -21,7 +21,9 @@ def costs(record: Record) -> Figure:
             plot.plot(
                 [error["low"], error["high"]], [row, row], color=color, linewidth=2.2, alpha=0.55
             )
-            plot.plot(error["median"], row, "o", color=color, markersize=5)
+            code = variant.get("flight_code", False)
+            face = color if code or variant["group"] == "paper" else "white"
+            plot.plot(error["median"], row, "o", color=color, markerfacecolor=face, markersize=5)
         plot.axvline(
             variants[0]["mean_cm"]["median"],
             color=COLORS["estimate"],

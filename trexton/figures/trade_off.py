@@ -83,7 +83,7 @@ def stored(record: Record) -> Figure:
     count = [row["stored"] for row in clocks]
     lines = (
         ("brute", "every histogram in turn", COLORS["estimate"], "o"),
-        ("tree", "k-d tree", COLORS["accent"], "s"),
+        ("tree", "tree of boxes", COLORS["accent"], "s"),
     )
     with canvas(size=(6.4, 4.0)) as (figure, axes):
         plot = axes[0, 0]

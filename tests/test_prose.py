@@ -1,0 +1,142 @@
+"""What prose shows is run: Python as it stands, commands through the parser."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from itertools import islice
+from time import perf_counter
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from conftest import ROOT
+
+import trexton
+from trexton.camera import Camera
+from trexton.cli import COMMANDS, build_parser
+from trexton.experiments import EXPERIMENTS, LEDGER
+from trexton.histograms import sampled_histogram
+from trexton.homography import HomographyLocalizer
+from trexton.landing import LandingZone
+from trexton.mosaic import stitch
+from trexton.observation import Observation
+from trexton.simulator import Floor, Light, Simulator, record_flight
+from trexton.suitability import heat_map, local_losses
+from trexton.textons import draw_patches, learn_textons
+from trexton.wording import template_environment
+
+PAGES = [
+    ROOT / "README.md",
+    *sorted((ROOT / "book").glob("*.md")),
+    *sorted((ROOT / "notebooks").glob("*.md")),
+]
+
+
+def blocks(page, language):
+    """The text of every code block of a language, directives (``{code-cell}``) not among them."""
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(), re.M | re.S)
+
+
+PYTHON = [
+    pytest.param(text, id=f"{page.stem}-{number}")
+    for page in PAGES
+    for number, text in enumerate(blocks(page, "python"))
+]
+
+
+@pytest.fixture(scope="module")
+def names(tmp_path_factory):
+    """What a reader of any page has at hand: a small flight in its usual place, a map, imports."""
+    folder = tmp_path_factory.mktemp("clone")
+    hall = cv2.resize(Floor.hall().picture.image, (1280, 1280), interpolation=cv2.INTER_AREA)
+    cv2.imwrite(str(folder / "hall.png"), hall)
+    floor = Floor.from_file(folder / "hall.png", 5.0)
+    flight = record_flight(
+        folder / "data" / "flights" / "sim-survey",
+        frames=40,
+        every=2,
+        floor=floor,
+        camera=Camera(width=640, height=480, focal=520.0),
+    )
+    texton_map = trexton.TextonMap.train(flight, n_textons=8, rng=np.random.default_rng(0))
+    localizer = trexton.Localizer(
+        texton_map, samples=100, particles=50, rng=np.random.default_rng(0)
+    )
+    image = flight.image(3)
+    localizer.step(image)
+    center = np.array([2.5, 2.5])
+    return {
+        "folder": folder, "np": np, "islice": islice, "perf_counter": perf_counter,
+        **{name: getattr(trexton, name) for name in trexton.__all__ if not name.startswith("_")},
+        "draw_patches": draw_patches, "learn_textons": learn_textons, "stitch": stitch,
+        "sampled_histogram": sampled_histogram, "local_losses": local_losses, "heat_map": heat_map,
+        "HomographyLocalizer": HomographyLocalizer, "LandingZone": LandingZone,
+        "Simulator": Simulator, "Light": Light, "Observation": Observation,
+        "flight": flight, "train": flight, "test": flight, "texton_map": texton_map, "floor": floor,
+        "image": image, "frame": image, "camera": [image, flight.image(4)],
+        "mosaic": SimpleNamespace(map=flight.floor), "center": center,
+        "plan": SimpleNamespace(goal=lambda position: center),
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("code", PYTHON)
+def test_python_runs_as_printed(code, names, monkeypatch):
+    monkeypatch.chdir(names["folder"])
+    rng = np.random.default_rng(1)
+    localizer = trexton.Localizer(names["texton_map"], samples=100, particles=50, rng=rng)
+    localizer.step(names["image"])
+    if "localizer.locate" in code:
+        localizer = HomographyLocalizer(names["flight"].floor)
+    exec(compile(code, "page", "exec"), names | {"rng": rng, "localizer": localizer})
+
+
+def commands(page):
+    """Every ``trexton`` command line of a page: of shell blocks, and code within sentences."""
+    text = re.sub(r"{%.*?%}", "", page.read_text())
+    lines = [
+        line.partition(" #")[0]
+        for block in re.findall(r"^```(?:bash|sh|console)\n(.*?)^```", text, re.M | re.S)
+        for line in block.replace("\\\n", " ").splitlines()
+    ]
+    prose = re.sub(r"^```.*?^```", "", text, flags=re.M | re.S)
+    lines += [" ".join(code.split()) for code in re.findall(r"`(trexton [^`]+)`", prose)]
+    return [line.strip() for line in lines if line.strip().startswith("trexton ")]
+
+
+COMMAND_LINES = sorted({line for page in PAGES for line in commands(page)})
+
+
+@pytest.mark.parametrize("line", COMMAND_LINES)
+def test_commands_are_ones_that_the_program_takes(line, capsys):
+    words = shlex.split(line)[1:]
+    assert words[0] in COMMANDS or words[0].startswith("-"), line
+    if words[1:] or words[0] in ("book", "bench"):
+        try:
+            build_parser(words[0]).parse_args(words)
+        except SystemExit as stop:
+            assert stop.code == 0, f"{line}: {capsys.readouterr().err.splitlines()[-1]}"
+
+
+def test_make_is_asked_only_for_what_it_knows():
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M))
+    for page in PAGES:
+        for name in re.findall(r"`(?:[A-Z_]+=\S+ )?make ([a-z-]+)[^`]*`", page.read_text()):
+            assert name in targets, f"{page.name}: make {name}"
+
+
+def test_templates_of_the_notebooks_are_well_formed_and_their_claims_are_not_typed():
+    environment = template_environment()
+    for name in EXPERIMENTS.keys() - {LEDGER}:
+        text = (ROOT / "notebooks" / f"{name}.md").read_text()
+        for template in re.findall(r'page\.say\(r"""\n(.*?)"""', text, re.S):
+            environment.parse(template)
+        assert text.count("page.say(") == len(re.findall(r'page\.say\(r"""\n.*?"""', text, re.S))
+
+
+def test_the_pages_of_the_book_link_to_pages_that_exist():
+    known = {page.stem for page in PAGES} | set(EXPERIMENTS)
+    for page in PAGES:
+        for target in re.findall(r"see\(\"([\w/-]+\w)\"", page.read_text()):
+            assert target.rpartition("/")[2] in known, f"{page.name}: {target}"
