@@ -5,8 +5,10 @@ import re
 
 import pytest
 from conftest import ROOT
+from jinja2 import UndefinedError
 
 from trexton.experiments import EXPERIMENTS, LEDGER
+from trexton.notebook import Given, Page
 from trexton.records import Record
 from trexton.wording import apart, interval, number, percent, times
 
@@ -177,3 +179,16 @@ def test_numbers_as_words():
     assert interval(entry(1, 0.5, 2)) == "1 [0.5, 2]"
     assert apart(entry(1, 0, 2), entry(4, 3, 5)) and not apart(entry(1, 0, 3), entry(4, 3, 5))
     assert not re.search(r"\d\.\d{4}", interval(entry(0.123456, 0.1, 0.2), "cm"))
+
+
+def test_a_page_says_what_its_record_says(tmp_path):
+    values = {"filter": {"mean_cm": entry(102, 85, 122)}, "pages": 3}
+    record = Record("mocap_training", "f", {"samples": 400}, values, timings={"step_s": 0.5})
+    parameters = importlib.import_module("trexton.experiments.mocap_training").Parameters()
+    page = Page(record, Given("f", None, str(tmp_path), parameters))
+    text = "{{ filter.mean_cm | span }} of {{ parameters.samples }}, {{ timings.step_s }}, {{ x }}"
+    assert page.say(text, x=7).data == "102 [85, 122] of 400, 0.5, 7"
+    with pytest.raises(UndefinedError, match="moon"):
+        page.say("{{ moon }}")
+    record.values.update(mocap(102, 48.4, 68, 0.234))
+    assert page.finding().data.startswith('<p class="finding">The paper&#x27;s filter errs by')

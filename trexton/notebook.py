@@ -114,18 +114,20 @@ class Page:
         module = importlib.import_module(type(self.given.parameters).__module__)
         return HTML(f'<p class="finding">{escape(module.finding(self.record))}</p>')
 
-    def say(self, text: str) -> Markdown:
+    def say(self, text: str, **more: object) -> Markdown:
         """A paragraph with its numbers and its verdicts from the record.
 
         Parameters
         ----------
         text : str
             A template as in the book's prose: values of the record by name, ``timings``,
-            ``parameters`` and ``counts``, as in ``{{ filter.mean_cm | span }} cm``.
+            ``parameters``, as in ``{{ filter.mean_cm | span }} cm``.
+        **more
+            Further names for the template.
         """
         names = {"timings": self.record.timings, "parameters": self.record.parameters}
         template = template_environment().from_string(text.strip())
-        return Markdown(template.render(Tree(self.record.values | names)))
+        return Markdown(template.render(Tree(self.record.values | names | more)))
 
     def claims(self) -> HTML:
         """What the paper claims of this experiment, and the verdicts of this flight."""
