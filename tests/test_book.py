@@ -24,8 +24,8 @@ from trexton.book.prose import render
 from trexton.book.stage import Contents, stage
 from trexton.errors import DataError, TrextonError
 from trexton.flights import read_flight, write_flight
-from trexton.runner import FlightPair, Outcome
 from trexton.wording import Tree
+from trexton.workflow import FlightPair, Outcome
 
 BUILT = ROOT / "book" / "_build" / "html"
 

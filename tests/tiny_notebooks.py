@@ -1,4 +1,4 @@
-"""Notebooks small enough for tests of the runner."""
+"""Notebooks small enough for tests of the workflow."""
 
 from __future__ import annotations
 
@@ -34,17 +34,18 @@ out = "results"
 factor, rate, label = 2, 0.5, "a"
 """
 
-# Counts its runs in a file beside the results, so that a test can tell reuse from repetition.
+# Counts its runs in a file beside the notebook, so that a test can tell reuse from repetition.
 BODY = """import json
 from pathlib import Path
 from trexton.flights import read_flight
 
 data = read_flight(flight)
 folder = Path(out) / data.name
+folder.mkdir(parents=True, exist_ok=True)
 record = {"values": {"frames": factor * len(data), "label": label}, "timings": {}}
 (folder / "NAME.json").write_text(json.dumps(record))
 (folder / "NAME-chart.svg").write_text("<svg/>")
-with open(Path(out) / "NAME.runs", "a") as runs:
+with open("HERE/NAME.runs", "a") as runs:
     runs.write("x")
 """
 
@@ -54,5 +55,5 @@ FAILING = "fresh = 1 / 0  # the fault\n"
 def write_notebook(folder: Path, name: str, body: str = BODY, parameters: str = PARAMETERS) -> Path:
     folder.mkdir(exist_ok=True)
     path = folder / f"{name}.md"
-    path.write_text(HEAD % (parameters, body.replace("NAME", name)))
+    path.write_text(HEAD % (parameters, body.replace("NAME", name).replace("HERE", str(folder))))
     return path

@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from trexton.errors import DataError
 from trexton.files import atomic_file, digest
 from trexton.records import software_versions
 
-__all__ = ["cache_folder", "cached", "code_hashes", "repository_root"]
+__all__ = ["cache_folder", "cached", "code_hashes", "repository_root", "shipped"]
 
 _ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")
 
@@ -27,6 +28,21 @@ def repository_root() -> Path | None:
     """The clone this package runs from, or None for an installed package."""
     root = Path(__file__).resolve().parent.parent
     return root if (root / "pyproject.toml").is_file() and (root / "notebooks").is_dir() else None
+
+
+def shipped(name: str) -> Path:
+    """A folder of the repository that also travels with an installed package: ``notebooks``, ...
+
+    Raises
+    ------
+    DataError
+        It is in neither place.
+    """
+    root = repository_root()
+    place = (root or Path(__file__).resolve().parent / "_shipped") / name
+    if not place.is_dir():
+        raise DataError(f"{place} is missing: install trexton again, or work in a whole clone")
+    return place
 
 
 def cache_folder() -> Path:

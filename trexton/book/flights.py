@@ -13,7 +13,7 @@ from trexton.flights import Flight, read_flight
 from trexton.flights.registry import fetch, raw_files
 from trexton.progress import say
 from trexton.records import software_versions
-from trexton.runner import FlightPair
+from trexton.workflow import FlightPair
 
 __all__ = ["REAL", "SIMULATED", "Prepared", "prepare_flights"]
 

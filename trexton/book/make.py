@@ -19,8 +19,7 @@ from trexton.cache import code_hashes, repository_root
 from trexton.errors import TrextonError
 from trexton.files import atomic_file, digest
 from trexton.progress import say
-from trexton.runner import FlightPair, Outcome, run_experiments
-from trexton.runner.stamps import outputs_of
+from trexton.workflow import FlightPair, Outcome, outputs_of, run_experiments
 
 _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "sphinx-mathjax-offline")
 

@@ -16,8 +16,7 @@ from trexton.book.pages import page_names, with_flight
 from trexton.book.prose import records_by_name, render
 from trexton.errors import DataError
 from trexton.experiments import EXPERIMENTS
-from trexton.runner import FlightPair, Outcome
-from trexton.runner.stamps import outputs_of
+from trexton.workflow import FlightPair, Outcome, outputs_of
 
 __all__ = ["Contents", "stage"]
 

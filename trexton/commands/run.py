@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from trexton.errors import ParameterError
-from trexton.runner import FlightPair, Outcome, run_experiments
+from trexton.workflow import FlightPair, Outcome, run_experiments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -51,7 +51,7 @@ class FlightPair:
         return both if self.test_flight is None else both | {"test": self.test.data_hash}
 
     def parameters(self, out: Path) -> dict[str, str | None]:
-        """What the runner gives to a notebook."""
+        """What the workflow gives to a notebook."""
         return {"flight": self.flight, "test_flight": self.test_flight, "out": str(out)}
 
     def obstacle(self, experiment: Experiment) -> str | None:

@@ -4,10 +4,28 @@ from __future__ import annotations
 
 import sys
 import threading
+from dataclasses import dataclass
+from typing import Any
 
 from trexton.progress import is_quiet, say
 
-__all__ = ["Display"]
+__all__ = ["Display", "Outcome"]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of an experiment on a flight: ``ran``, ``reused``, ``skipped`` or ``failed``, and why."""
+
+    flight: str
+    experiment: str
+    status: str
+    reasons: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        where = f"{self.flight}/{self.experiment}" if self.flight else self.experiment
+        took = f" ({self.seconds:.1f} s)" if self.status in ("ran", "failed") else ""
+        return f"{self.status:<8}{where}{took}"
 
 
 class Display:
@@ -16,7 +34,7 @@ class Display:
     def __init__(self, total: int):
         self._running: dict[int, str] = {}
         self._lock = threading.Lock()
-        self._bar = None
+        self._bar: Any = None
         if total and not is_quiet() and sys.stderr.isatty():
             from tqdm import tqdm
 
@@ -27,7 +45,7 @@ class Display:
     def __enter__(self) -> Display:
         return self
 
-    def __exit__(self, *_) -> None:
+    def __exit__(self, *_: object) -> None:
         if self._bar is not None:
             self._bar.close()
 
@@ -41,7 +59,7 @@ class Display:
             if self._bar is not None:
                 self._bar.set_postfix_str(", ".join(self._running.values()))
 
-    def finished(self, outcome) -> None:
+    def finished(self, outcome: Outcome) -> None:
         """Tell of one experiment."""
         with self._lock:
             if self._bar is None:

@@ -1,54 +1,73 @@
-"""A text notebook as the runner sees it: what it imports, and its hash."""
+"""Text notebooks as the workflow sees them: what they import, and their hash."""
 
 from __future__ import annotations
 
 import ast
 import hashlib
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 import jupytext
 
 import trexton
-from trexton.cache import code_hashes
+from trexton.cache import code_hashes, shipped
 from trexton.errors import TrextonError
+from trexton.experiments import Experiment
+from trexton.workflow.made import made_notebook
 
-__all__ = ["GIVEN", "Notebook"]
+__all__ = ["GIVEN", "Notebook", "find_notebooks"]
 
-# The runner fills these in; nobody sets them by hand.
+# The workflow fills these in; nobody sets them by hand.
 GIVEN = ("flight", "test_flight", "out")
 # The registry of experiments changes no result: a new line in it must not run everything again.
 _NOT_AN_INPUT = ("trexton.experiments", "trexton")
 
 
+def find_notebooks(
+    folder: str | os.PathLike[str] | None, experiments: Mapping[str, Experiment]
+) -> dict[str, Notebook]:
+    """The notebook of each experiment, in the order of the registry.
+
+    It is ``<name>.md`` of the folder (this package's own by default); an experiment without one has
+    the notebook that its module makes: see `made_notebook`.
+    """
+    place = shipped("notebooks") if folder is None else Path(folder)
+    found = {}
+    for name, experiment in experiments.items():
+        path = place / f"{name}.md"
+        if path.is_file():
+            found[name] = Notebook(name, str(path), path.read_text(encoding="utf-8"))
+        elif text := made_notebook(name, experiment):
+            found[name] = Notebook(name, f"the notebook of {name}", text)
+    return found
+
+
 @dataclass(frozen=True)
 class Notebook:
-    """``<name>.md`` (MyST text notebook) and what can be known of it without running it."""
+    """A MyST text notebook and what can be known of it without running it."""
 
-    path: Path
-
-    @property
-    def name(self) -> str:
-        return self.path.stem
-
-    @cached_property
-    def text(self) -> str:
-        return self.path.read_text(encoding="utf-8")
+    name: str
+    source: str
+    text: str
 
     @property
     def text_hash(self) -> str:
+        """SHA-256 of the text."""
         return hashlib.sha256(self.text.encode()).hexdigest()
 
     @cached_property
-    def content(self):
+    def content(self) -> Any:
         """The notebook as nbformat cells."""
         try:
             return jupytext.reads(self.text, fmt="md:myst")
         except Exception as error:  # jupytext raises whatever its parsers do
             raise TrextonError(
-                f"{self.path}: not a MyST notebook ({error}): correct its cells"
+                f"{self.source}: not a MyST notebook ({error}): correct its cells"
             ) from None
 
     @cached_property

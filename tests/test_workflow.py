@@ -1,4 +1,4 @@
-"""The runner: parameters checked, results reused only while true, failures named, nothing half-written."""
+"""The workflow: parameters checked, results reused only while true, failures named, nothing half-written."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -19,9 +20,9 @@ from trexton import cli
 from trexton.errors import FlightError, ParameterError, TrextonError
 from trexton.experiments import Experiment
 from trexton.flights import read_flight
-from trexton.runner import FlightPair, run_experiments
-from trexton.runner.notebooks import Notebook
-from trexton.runner.processes import Crew
+from trexton.workflow import FlightPair, run_experiments
+from trexton.workflow.execution import Done
+from trexton.workflow.notebooks import Notebook
 
 
 @pytest.fixture
@@ -45,7 +46,7 @@ def house(tmp_path, flight_folder):
             return {outcome.experiment: outcome for outcome in outcomes}
 
         def runs(self, name):
-            file = self.out / f"{name}.runs"
+            file = self.notebooks / f"{name}.runs"
             return len(file.read_text()) if file.exists() else 0
 
         def record(self, name):
@@ -60,27 +61,35 @@ def house(tmp_path, flight_folder):
 def without_kernels(monkeypatch):
     """The cells run in this process: seconds faster where a test is about what runs, not how."""
 
-    class Direct(Crew):
-        def run(self, job, threads, moved):
-            cells = [
-                cell.source
-                for cell in Notebook(Path(job["notebook"])).content.cells
-                if cell.cell_type == "code"
-            ]
-            output = Path(job["output"])
-            output.parent.mkdir(parents=True, exist_ok=True)
-            names = {}
+    def direct(job, report):
+        cells = [
+            cell.source
+            for cell in Notebook(job.name, job.source, job.text).content.cells
+            if cell.cell_type == "code"
+        ]
+        names = {}
+        with tempfile.TemporaryDirectory() as folder:
+            for name, content in job.records.items():
+                (Path(folder) / name).parent.mkdir(exist_ok=True)
+                (Path(folder) / name).write_bytes(content)
             try:
                 exec(cells[0], names)
-                names |= job["parameters"]
+                names |= {**job.parameters, "out": folder}
                 exec("\n".join(cells[1:]), names)
             except Exception as error:
-                Path(job["failed"]).write_text("partial")
-                return {"error": repr(error), "seconds": 0.0}
-            output.write_text("executed")
-            return {"error": None, "seconds": 0.0}
+                return Done(error=repr(error), partial=b"partial")
+            left = (Path(folder) / job.subfolder).glob(f"{job.name}[.-]*")
+            files = {path.name: path.read_bytes() for path in left}
+        return Done(files | {f"{job.name}.ipynb": b"executed"})
 
-    monkeypatch.setattr("trexton.runner.schedule.Crew", Direct)
+    monkeypatch.setattr("trexton.workflow.execution.execute", direct)
+
+
+LEDGER = """import json
+from pathlib import Path
+found = sorted(str(p.relative_to(out)) for p in Path(out).glob('*/*.json'))
+(Path(out) / 'ledger.json').write_text(json.dumps({'values': found, 'timings': {}}))
+"""
 
 
 def statuses(outcomes):
@@ -152,7 +161,7 @@ def test_the_executed_notebook_holds_its_parameters_and_nothing_of_the_clock(hou
         ({"factor": "true"}, "parameter factor is True: expected int"),
         ({"factor": "none"}, "parameter factor is None: expected int"),
         ({"rate": "fast"}, "parameter rate is 'fast': expected float or None"),
-        ({"flight": "x"}, "parameter 'flight' is given by the runner"),
+        ({"flight": "x"}, "parameter 'flight' is given by the workflow"),
     ],
 )
 def test_unknown_parameters_and_wrong_types_are_errors(house, settings, message):
@@ -185,14 +194,38 @@ def test_a_failing_notebook_names_its_cell_and_the_others_go_on(house):
     assert "dead.md: DeadKernelError" in outcomes["dead"].reasons[0]
 
 
-def test_a_result_that_no_longer_can_be_made_does_not_linger(without_kernels, house):
+def test_the_last_good_result_stays_until_its_successor_is_whole(without_kernels, house):
     house.run()
+    good = {path.name: path.read_bytes() for path in (house.out / "small").iterdir()}
     write_notebook(house.notebooks, "first", FAILING)
     assert statuses(house.run()) == {"first": "failed", "second": "skipped"}
-    assert sorted(path.name for path in (house.out / "small").iterdir()) == ["first.failed.ipynb"]
+    kept = {path.name: path.read_bytes() for path in (house.out / "small").iterdir()}
+    assert kept == good | {"first.failed.ipynb": b"partial"}
     write_notebook(house.notebooks, "first")
-    assert statuses(house.run()) == {"first": "ran", "second": "ran"}
+    assert statuses(house.run()) == {"first": "reused", "second": "reused"}
+    house.run(settings={"first.factor": 5})
     assert not (house.out / "small" / "first.failed.ipynb").exists()
+
+
+def test_what_a_new_run_no_longer_makes_is_gone(without_kernels, house):
+    house.run(only=["first"])
+    without = BODY.replace('(folder / "NAME-chart.svg").write_text("<svg/>")', "")
+    write_notebook(house.notebooks, "first", without)
+    assert house.run(only=["first"])["first"].status == "ran"
+    assert sorted(path.name for path in (house.out / "small").iterdir()) == [
+        "first.ipynb",
+        "first.json",
+    ]
+
+
+def test_stale_results_are_not_shown_to_whoever_looks_at_all(without_kernels, house):
+    write_notebook(house.notebooks, "ledger", LEDGER, 'out = "results"')
+    house.experiments = {"ledger": Experiment("Ledger", every_flight=True)} | house.experiments
+    house.run()
+    write_notebook(house.notebooks, "first", FAILING)
+    assert statuses(house.run()) == {"first": "failed", "second": "skipped", "ledger": "ran"}
+    assert (house.out / "small" / "first.json").exists()
+    assert json.loads((house.out / "ledger.json").read_text())["values"] == []
 
 
 def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_folder):
@@ -228,12 +261,7 @@ def test_a_flight_without_splits_needs_a_second_one(house, image_folder):
 
 
 def test_the_ledger_runs_once_over_the_records_of_every_flight(without_kernels, house):
-    body = (
-        "import json\nfrom pathlib import Path\n"
-        "found = sorted(str(p.relative_to(out)) for p in Path(out).glob('*/*.json'))\n"
-        "(Path(out) / 'ledger.json').write_text(json.dumps({'values': found, 'timings': {}}))"
-    )
-    write_notebook(house.notebooks, "ledger", body, 'out = "results"')
+    write_notebook(house.notebooks, "ledger", LEDGER, 'out = "results"')
     house.experiments = {"ledger": Experiment("Ledger", every_flight=True)} | house.experiments
     assert house.run()["ledger"].status == "ran"
     assert json.loads((house.out / "ledger.json").read_text())["values"] == [
@@ -281,7 +309,7 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     write_notebook(house.notebooks, "first", body)
     script = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "from trexton.experiments import Experiment; from trexton.runner import *\n"
+        "from trexton.experiments import Experiment; from trexton.workflow import *\n"
         "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3],\n"
         "                experiments={'first': Experiment('F', module='tiny_experiment')})"
     )
@@ -298,14 +326,12 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     runner.send_signal(signal.SIGKILL)
     runner.wait()
     wait_for(lambda: not alive(int(kernel)))
-    wait_for(
-        lambda: not list((house.out / "small").glob(".first.*"))
-    )  # the worker has kept what there was
-    assert not list((house.out / ".stamps").rglob("*.json"))
+    assert not (house.out / "small" / "first.json").exists()
 
     write_notebook(house.notebooks, "first")
     house.experiments = {"first": Experiment("First", module="tiny_experiment")}
     assert house.run()["first"].reasons == ("no finished run",)
+    assert not list((house.out / ".engine").glob(".work.*"))
     assert sorted(path.name for path in (house.out / "small").iterdir()) == [
         "first-chart.svg",
         "first.ipynb",
@@ -314,8 +340,8 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
 
 
 def test_two_runs_do_not_write_to_one_folder(without_kernels, house):
-    (house.out / ".stamps").mkdir(parents=True)
-    with open(house.out / ".stamps" / "lock", "w") as lock:
+    (house.out / ".engine").mkdir(parents=True)
+    with open(house.out / ".engine" / "writer", "w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         with pytest.raises(TrextonError, match="another run is writing to"):
             house.run()

@@ -1,0 +1,73 @@
+"""A notebook without running it: its parameters, the code it reaches; and what changed between two runs, in words."""
+
+from __future__ import annotations
+
+import json
+
+from conftest import ROOT
+from tiny_notebooks import write_notebook
+
+from trexton.experiments import EXPERIMENTS
+from trexton.workflow.facts import Fact, reasons
+from trexton.workflow.notebooks import Notebook, find_notebooks
+
+
+def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
+    body = "from trexton import TextonMap\nfrom trexton.experiments import mocap_training\nimport numpy"
+    code = read(write_notebook(tmp_path, "deep", body)).code
+    assert {
+        "trexton.localizer",
+        "trexton.parts.filters",
+        "trexton.experiments.mocap_training",
+        "trexton.files",
+    } <= code.keys()
+    assert "trexton.experiments" not in code  # the registry: a new line in it changes no result
+
+
+def test_changes_are_told_in_words(tmp_path):
+    old = {
+        "parameters": {"n": "1", "gone": "2"},
+        "code": {"trexton.x": "1", "trexton.y": "1"},
+        "data": {"train": "1"},
+        "versions": {"numpy": "2.0"},
+        "notebook": {"text": "a"},
+        "record small/first": {"small/first": "1"},
+    }
+    new = {
+        "parameters": {"n": "2"},
+        "code": {"trexton.x": "2", "trexton.z": "1"},
+        "data": {"train": "1", "test": "2"},
+        "versions": {"numpy": "2.1"},
+        "paper": {"claims.toml": "1"},
+        "notebook": {"text": "b"},
+        "record small/first": {"small/first": "2"},
+    }
+    before = {name: json.dumps(entries) for name, entries in old.items()}
+    facts = [Fact(name, "task", lambda entries=entries: entries) for name, entries in new.items()]
+    assert reasons(facts, before, tmp_path, "second") == [
+        "parameter gone 2 -> absent",
+        "parameter n 1 -> 2",
+        "module trexton.x changed",
+        "module trexton.y is gone",
+        "module trexton.z is new",
+        "data of the flight test is new",
+        "version of numpy 2.0 -> 2.1",
+        "file data/paper/claims.toml is new",
+        "the notebook's text changed",
+        "record small/first changed",
+    ]
+
+
+def test_every_registered_experiment_has_a_notebook_and_every_dependency_exists():
+    notebooks = find_notebooks(None, EXPERIMENTS)
+    assert notebooks.keys() == EXPERIMENTS.keys()
+    for name, experiment in EXPERIMENTS.items():
+        assert set(experiment.after) <= EXPERIMENTS.keys()
+        assert notebooks[name].code
+        assert experiment.every_flight or "given.parameters" in notebooks[name].text
+        assert experiment.parameters(name)() == experiment.parameters(name).parse({})
+    assert {path.stem for path in (ROOT / "notebooks").glob("*.md")} <= EXPERIMENTS.keys()
+
+
+def read(path):
+    return Notebook(path.stem, str(path), path.read_text())

@@ -1,0 +1,108 @@
+"""Where notebooks run: kernels of this machine, or the workers of a Dask cluster."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from trexton.cache import code_hashes
+from trexton.errors import ParameterError
+from trexton.executor import connect
+from trexton.files import digest
+from trexton.records import software_versions
+from trexton.workflow import execution
+from trexton.workflow.execution import Done, Job
+
+__all__ = ["Workers", "default_jobs", "workers"]
+
+_MEMORY_PER_JOB = 2 * 2**30
+Report = Callable[[int, int], None]
+
+
+@dataclass(frozen=True)
+class Workers:
+    """Runs jobs, so many at once; `stop` ends what is running."""
+
+    jobs: int
+    run: Callable[[Job, Report], Done]
+    stop: Callable[[], None]
+
+    def threads(self, alone: bool) -> int | None:
+        """The threads of a kernel: a share, or all where it is alone."""
+        return None if alone else max(1, _cores() // self.jobs)
+
+
+@contextmanager
+def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
+    """This machine's, or those of the cluster at that address.
+
+    Raises
+    ------
+    ParameterError
+        No scheduler answers, it has no workers, or a worker has another version of this package.
+    """
+    if cluster is None:
+        yield Workers(max(1, jobs or default_jobs()), execution.execute, execution.stop_all)
+        return
+    client = connect(cluster)
+    try:
+        found = client.run(_fingerprint)
+        if not found:
+            raise ParameterError(f"{cluster} has no workers: start some with dask worker {cluster}")
+        if strange := [name for name, print_ in found.items() if print_ != _fingerprint()]:
+            raise ParameterError(
+                f"the worker {strange[0]} has another version of trexton or of what it stands on: "
+                "its results would differ; give all workers this environment"
+            )
+
+        def run(job: Job, report: Report) -> Done:
+            del report  # cells are counted where they run
+            done: Done = client.submit(_seceded, replace(job, cluster=cluster), pure=False).result()
+            return done
+
+        def stop() -> None:
+            if client.status == "running":
+                client.run(execution.stop_all)
+                client.close()
+
+        yield Workers(max(1, jobs or len(found)), run, stop)
+    finally:
+        client.close()
+
+
+def _seceded(job: Job) -> Done:
+    """Leave the worker's slot to what the notebook spreads: it mostly waits for its kernel."""
+    from distributed import secede
+
+    secede()
+    return execution.execute(job)
+
+
+def _fingerprint() -> str:
+    modules: dict[str, str] = {}
+    for name in ("trexton.experiments", "trexton.localizer", "trexton.workflow.execution"):
+        modules |= code_hashes(name)
+    return digest(modules, software_versions())
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def default_jobs() -> int:
+    """As many notebooks at once as there are processors and memory for."""
+    return max(1, min(_cores(), _available_memory() // _MEMORY_PER_JOB))
+
+
+def _available_memory() -> int:
+    """Bytes that programs can still take, what the system only caches included."""
+    try:
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        return next(
+            int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable")
+        )
+    except (OSError, StopIteration):
+        return _cores() * _MEMORY_PER_JOB  # not Linux: go by the processors
