@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from subprocess import DEVNULL
 from typing import Any
 
 from trexton.executor import CLUSTER, PROCESSES
@@ -232,7 +233,7 @@ def _register_engine() -> None:
             manager = client.create_kernel_manager()
             _running.add(manager)
             try:
-                return client.execute(env=environment, cwd=folder)
+                return client.execute(env=environment, cwd=folder, stderr=DEVNULL)
             finally:
                 _running.discard(manager)
 
