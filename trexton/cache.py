@@ -55,35 +55,34 @@ def cache_folder() -> Path:
 
 @lru_cache
 def code_hashes(module: str) -> dict[str, str]:
-    """SHA-256 of the source of `module` and of every module of this package that it imports, however deep.
-
-    Modules named in tables, as ``"trexton.module:name"``, count as imported.
-    """
+    """SHA-256 of the source of `module` and of every module of this package that it imports, however deep."""
     hashes: dict[str, str] = {}
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        if name in hashes or (spec := find_spec(name)) is None or spec.origin is None:
-            continue
-        source = Path(spec.origin).read_bytes()
-        hashes[name] = hashlib.sha256(source).hexdigest()
-        for node in ast.walk(ast.parse(source)):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            if isinstance(node, ast.Constant) and isinstance(node.value, str):
-                names = [node.value.partition(":")[0]] if _ADDRESS.fullmatch(node.value) else []
-            if isinstance(node, ast.ImportFrom) and node.module and not node.level:
-                names = [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
-            waiting += [
-                name for name in names if name.split(".")[0] == "trexton" and _is_module(name)
-            ]
+        if name not in hashes and (found := _hash_and_imports(name)):
+            hashes[name], imported = found
+            waiting += imported
     return dict(sorted(hashes.items()))
 
 
-def _is_module(name: str) -> bool:
+@lru_cache
+def _hash_and_imports(module: str) -> tuple[str, list[str]] | None:
+    """Of one module, read once a process; None for what is no module of this package."""
     try:
-        return find_spec(name) is not None
+        spec = find_spec(module) if module.split(".")[0] == "trexton" else None
     except ModuleNotFoundError:
-        return False
+        spec = None
+    if spec is None or spec.origin is None:
+        return None
+    source = Path(spec.origin).read_bytes()
+    names: list[str] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+    return hashlib.sha256(source).hexdigest(), names
 
 
 def cached(
