@@ -7,7 +7,6 @@ import re
 import nbformat
 import pytest
 from conftest import ROOT
-from trexton.runner import Outcome
 
 from trexton.book.found import what_we_found
 from trexton.book.pages import page_names, with_flight
@@ -18,6 +17,7 @@ from trexton.errors import ParameterError
 from trexton.experiments import EXPERIMENTS
 from trexton.flights.names import flight_title
 from trexton.records import Record
+from trexton.workflow import Outcome
 
 
 def entry(middle, low=None, high=None):
