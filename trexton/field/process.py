@@ -75,8 +75,8 @@ class Block:
 def blocks_in_time(time: np.ndarray, block_s: float = 1.0, margin_s: float = 0.5) -> list[Block]:
     """Cut a flight into blocks of about `block_s`, at most a hundred of them.
 
-    Frames within `margin_s` of a block are left out with it: neighbouring frames are near-duplicates,
-    and a block that kept them would flatter every model.
+    Frames within `margin_s` of a block are left out with it: neighbouring frames are
+    near-duplicates, and a block that kept them would flatter every model.
     """
     size = len(time)
     wanted = np.ceil((time[-1] - time[0]) / block_s)

@@ -110,9 +110,7 @@ class Field(MeasurementModel):
     prior: np.ndarray = learned()  # (M,) log of where the training flight was
     area: np.ndarray = learned()  # (4,)
     errors: np.ndarray = learned()  # (3,) an ErrorModel
-    expected: np.ndarray = (
-        learned()
-    )  # (2,) expected error in metres at no variance, and a root of it
+    expected: np.ndarray = learned()  # (2,) expected error: without variance, times its root
 
     def check(self) -> None:
         if not 16 <= self.cells <= 1_000_000:

@@ -14,7 +14,7 @@ from trexton.parts.motion import MotionModel, uniform_places
 
 __all__ = ["Singer"]
 
-# Vehicles hover and dash: their accelerations are rarer and larger than normal ones of equal variance.
+# Vehicles hover and dash: accelerations are rarer and larger than normal ones of this variance.
 AGILITY = 2.0
 REACH = 2  # frames before and after, that give a velocity and an acceleration
 
