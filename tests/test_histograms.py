@@ -178,3 +178,25 @@ def test_thread_count_follows_the_environment(monkeypatch):
     assert thread_count() == 3 and thread_count(2) == 2
     monkeypatch.setenv("OMP_NUM_THREADS", "")
     assert thread_count() >= 1
+
+
+@pytest.mark.parametrize("cells", [2, 3])
+def test_parts_of_an_image_add_up_to_the_whole(cells):
+    rng = np.random.default_rng(4)
+    dictionary, image = random_case(rng, n_textons=7, shape=(50, 61))
+    parts = texton_histogram(image, dictionary, cells=cells)
+    assert parts.shape == (7 * cells**2,)
+    whole = parts.reshape(-1, 7).sum(axis=0)
+    np.testing.assert_allclose(whole, texton_histogram(image, dictionary))
+    drawn = sampled_histogram(image, dictionary, 20000, rng=rng, cells=cells)
+    np.testing.assert_allclose(drawn, parts, atol=0.02)
+
+
+def test_the_first_part_is_the_upper_left_of_the_image():
+    image = np.zeros((46, 46, 3), dtype=np.uint8)
+    image[:23, :23] = 200
+    dictionary = TextonDictionary(
+        np.stack([np.zeros((6, 6, 3)), np.full((6, 6, 3), 200)]).astype(np.uint8)
+    )
+    parts = texton_histogram(image, dictionary, cells=2).reshape(4, 2)
+    assert parts[0, 1] > 0.2 and (parts[1:, 0] > 0.2).all()

@@ -29,6 +29,7 @@ def texton_histogram(
     dictionary: TextonDictionary,
     backend: str | None = None,
     threads: int | None = None,
+    cells: int = 1,
 ) -> np.ndarray:
     """Relative frequency of each texton over every position: full sampling (301 625 at 640x480 and 6x6).
 
@@ -40,10 +41,14 @@ def texton_histogram(
         None takes numba where it is installed; both give the same bits.
     threads : int or None
         None takes ``$OMP_NUM_THREADS``, else every processor; any number gives the same bits.
+    cells : int
+        Cut the image into cells x cells parts and count in each: a spatial histogram (Lazebnik, Schmid
+        & Ponce, "Beyond bags of features", 2006). The frequencies of all parts sum to one.
 
     Returns
     -------
-    (K,) float64 array
+    (K cells^2,) float64 array
+        Part after part, in reading order.
 
     Raises
     ------
@@ -51,7 +56,10 @@ def texton_histogram(
         Not an image, or smaller than a patch.
     """
     labels, counts = _label(image, dictionary, backend, threads)
-    return counts / labels.size
+    if cells == 1:
+        return counts / labels.size
+    rows, columns = (np.arange(length) * cells // length for length in labels.shape)
+    return _by_cell(labels, rows[:, None] * cells + columns, dictionary.n_textons, cells)
 
 
 def label_image(
@@ -68,7 +76,12 @@ def label_image(
 
 
 def sampled_histogram(
-    image: np.ndarray, dictionary: TextonDictionary, n: int = 400, *, rng: np.random.Generator
+    image: np.ndarray,
+    dictionary: TextonDictionary,
+    n: int = 400,
+    *,
+    rng: np.random.Generator,
+    cells: int = 1,
 ) -> np.ndarray:
     """Relative frequency of each texton over `n` random positions, drawn with replacement.
 
@@ -80,10 +93,12 @@ def sampled_histogram(
     n : int
         Number of samples; the error falls as 1 / sqrt(n).
     rng : numpy.random.Generator
+    cells : int
+        See `texton_histogram`.
 
     Returns
     -------
-    (K,) float64 array
+    (K cells^2,) float64 array
 
     Raises
     ------
@@ -94,7 +109,16 @@ def sampled_histogram(
     """
     positions = sample_positions(check_image(image).shape, dictionary.patch, n, rng)
     labels = dictionary.label(gather_patches(image, positions, dictionary.patch))
-    return np.bincount(labels, minlength=dictionary.n_textons) / n
+    if cells == 1:
+        return np.bincount(labels, minlength=dictionary.n_textons) / n
+    row, column = (positions * cells // position_grid(image.shape, dictionary.patch)).T
+    return _by_cell(labels, row * cells + column, dictionary.n_textons, cells)
+
+
+def _by_cell(labels: np.ndarray, cell: np.ndarray, n_textons: int, cells: int) -> np.ndarray:
+    """``(K cells^2,)`` frequencies of labels that lie in the cells of these numbers."""
+    both = cell.astype(np.int64) * n_textons + labels
+    return np.bincount(both.ravel(), minlength=n_textons * cells**2) / labels.size
 
 
 def _label(

@@ -179,9 +179,11 @@ class Localizer:
         if dictionary is None or frame.ndim == 1:
             return frame
         if self.samples is None:
-            histogram = texton_histogram(frame, dictionary)
+            histogram = texton_histogram(frame, dictionary, cells=self.map.cells)
         else:
-            histogram = sampled_histogram(frame, dictionary, self.samples, rng=self.rng)
+            histogram = sampled_histogram(
+                frame, dictionary, self.samples, rng=self.rng, cells=self.map.cells
+            )
         self._mark("histogram")
         return histogram
 

@@ -127,7 +127,12 @@ def check_map(texton_map: TextonMap) -> None:
         )
     if texton_map.dictionary is not None:
         textons = len(texton_map.dictionary.textons)
-        _expect(textons == width, f"{width} textons go with {width} columns", textons)
+        cells = texton_map.cells
+        _expect(
+            textons * cells**2 == width,
+            f"histograms have one column a texton and part of the image, here {width}",
+            textons,
+        )
         _expect(texton_map.image_shape is not None, "images have a shape", None)
     _expect(
         isinstance(texton_map.method, str) and {"distance", "filter"} <= set(texton_map.parts),

@@ -5,6 +5,7 @@ from it.
 from __future__ import annotations
 
 import json
+import math
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -38,7 +39,8 @@ class TextonMap:
     dictionary : TextonDictionary or None
         None where the flight came with histograms and no images.
     histograms : (N, K) array
-        Relative texton frequencies of the training frames, full sampling.
+        Relative texton frequencies of the training frames, full sampling; of one part of the image
+        after the other where it is cut into `cells`.
     positions : (N, 2) array
         Their positions in metres.
     time : (N,) array
@@ -67,6 +69,13 @@ class TextonMap:
     provenance: dict[str, Any] = field(default_factory=dict)
 
     @property
+    def cells(self) -> int:
+        """Into how many parts along each side an image is cut, each with a histogram of its own."""
+        if self.dictionary is None:
+            return 1
+        return math.isqrt(self.histograms.shape[1] // len(self.dictionary.textons))
+
+    @property
     def neighbors(self) -> int:
         """k: neighbours that the measurement model was trained for; 5 where it asks for none."""
         return int(getattr(self.parts.get("measurement"), "neighbors", 5))
@@ -79,6 +88,7 @@ class TextonMap:
         method: str = "paper",
         n_textons: int = 20,
         patch: int = 6,
+        cells: int = 1,
         neighbors: int | None = None,
         rng: np.random.Generator,
         dictionary: TextonDictionary | None = None,
@@ -95,6 +105,8 @@ class TextonMap:
             An entry of `trexton.methods.METHODS`.
         n_textons, patch : int
             K, and the patch's side in pixels.
+        cells : int
+            Parts of the image along each side, each with a histogram of its own; 1 in the paper.
         neighbors : int, optional
             Short for the choice ``measurement.neighbors``.
         rng : numpy.random.Generator
@@ -115,10 +127,10 @@ class TextonMap:
         """
         if neighbors is not None:
             choices["measurement.neighbors"] = neighbors
-        if not (1 <= n_textons <= MAX_TEXTONS and patch >= 1):
+        if not (1 <= n_textons <= MAX_TEXTONS and patch >= 1 and 1 <= cells <= 8):
             raise ParameterError(
-                f"{n_textons} textons of {patch} pixels were asked for: "
-                f"expected 1 to {MAX_TEXTONS} textons of at least one pixel"
+                f"{n_textons} textons of {patch} pixels in {cells} x {cells} parts were asked for: "
+                f"expected 1 to {MAX_TEXTONS} textons of at least one pixel, in 1 to 8 parts a side"
             )
         parts = compose(method)
         parts |= changed(parts, choices)
@@ -134,6 +146,11 @@ class TextonMap:
                 f"flight {flight.name!r} has {known.sum()} frames with a position: "
                 "training needs at least 3"
             )
+        if cells > 1 and not flight.has_images:
+            raise ParameterError(
+                f"flight {flight.name!r} came as histograms: there is no image to cut into "
+                f"{cells} x {cells} parts, leave cells at 1"
+            )
         if flight.has_images:
             dictionary = dictionary or TextonDictionary.learn(flight, n_textons, patch, rng=rng)
         trained, place = flight.select(known), given[known]
@@ -141,11 +158,12 @@ class TextonMap:
             "method": method,
             "n_textons": n_textons,
             "patch": patch,
+            "cells": cells,
             "positions": positions is not None,
         }
         untrained = cls(
             dictionary,
-            full_histograms(trained, dictionary),
+            full_histograms(trained, dictionary, cells),
             place,
             trained.time,
             flight.area,
@@ -332,7 +350,9 @@ def _versions() -> dict[str, str]:
     return software_versions()
 
 
-def full_histograms(flight: Flight, dictionary: TextonDictionary | None) -> np.ndarray:
+def full_histograms(
+    flight: Flight, dictionary: TextonDictionary | None, cells: int = 1
+) -> np.ndarray:
     """``(N, K)`` histograms of a flight: full sampling of its images, or those that it brings."""
     if dictionary is None or not flight.has_images:
         if flight.histograms is None:
@@ -341,4 +361,4 @@ def full_histograms(flight: Flight, dictionary: TextonDictionary | None) -> np.n
             )
         return flight.histograms
     images = progress(flight.images(), "histograms", total=len(flight))
-    return np.stack([texton_histogram(image, dictionary) for image in images])
+    return np.stack([texton_histogram(image, dictionary, cells=cells) for image in images])

@@ -21,6 +21,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--patch", type=int, default=6, help="side of a patch in pixels (default %(default)s)"
     )
     parser.add_argument(
+        "--cells", type=int, default=1,
+        help="parts of the image a side, each with a histogram (default %(default)s)",
+    )  # fmt: skip
+    parser.add_argument(
         "--method", default="paper", help="the set of parts to train (default %(default)s)"
     )
     parser.add_argument(
@@ -48,6 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         method=arguments.method,
         n_textons=arguments.textons,
         patch=arguments.patch,
+        cells=arguments.cells,
         neighbors=arguments.neighbors,
         # The stream that experiments train with, so that equal seeds give equal maps.
         rng=stream(arguments.seed, "training"),

@@ -260,7 +260,7 @@ class _Table:
 
 @dataclass(frozen=True, eq=False)
 class _Study:
-    """What left-out blocks teach: the kernel's length, signal and noise of the features, and errors.
+    """What left-out blocks teach: the kernel's length, signal and noise of features, and errors.
 
     Attributes
     ----------

@@ -1,0 +1,293 @@
+"""Method field: likelihood over the floor, its errors, the motion it flies with, the tracks on top."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_room import histogram_flight
+
+from trexton.errors import MapError, ParameterError
+from trexton.localizer import Localizer, TextonMap
+from trexton.observation import Observation
+from trexton.parts.base import Training
+from trexton.parts.distances import Hellinger
+from trexton.parts.field import ErrorModel, Field, grid_cells
+from trexton.parts.motion import RandomWalk
+from trexton.parts.singer import Singer
+from trexton.parts.tracks import TrackFilter, Tracks
+
+AREA = (0.0, 4.0, 0.0, 3.0)
+
+
+def path(count: int, start: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """A flight that covers the area, and its stamps."""
+    time = start + np.arange(count) * 0.08
+    x, y = 2 + 1.8 * np.sin(0.37 * time), 1.5 + 1.3 * np.sin(0.83 * time)
+    return np.column_stack([x, y]), time
+
+
+def look(places: np.ndarray, rng: np.random.Generator, noise: float = 0.02) -> np.ndarray:
+    """Histograms of 12 textons whose shares change over about a metre."""
+    turn = np.random.default_rng(5).normal(0, 1.6, (2, 12))
+    shares = np.exp(
+        np.sin(places @ turn + np.arange(12)) + noise * rng.normal(size=(len(places), 12))
+    )
+    return shares / shares.sum(axis=1, keepdims=True)
+
+
+def training(count: int = 500, scale: float = 1.0, **changes) -> Training:
+    rng = np.random.default_rng(2)
+    places, time = path(count)
+    area = tuple(scale * edge for edge in AREA)
+    given = Training(
+        look(places, rng), scale * places, time, area, 0.08, Hellinger(), None, None, rng
+    )
+    return replace(given, **changes)
+
+
+def observed(histogram: np.ndarray, samples: int | None = None) -> Observation:
+    return Observation(samples=samples, histogram=lambda: histogram)
+
+
+@pytest.fixture(scope="module")
+def field() -> Field:
+    return Field().fit(training())
+
+
+@pytest.fixture(scope="module")
+def motion() -> Singer:
+    return Singer().fit(training())
+
+
+@pytest.fixture(scope="module")
+def later():
+    places, _ = path(120, start=51.3)
+    return places, look(places, np.random.default_rng(9))
+
+
+def errors_of(tracker: TrackFilter, places: np.ndarray, histograms: np.ndarray) -> np.ndarray:
+    found = []
+    for histogram in histograms:
+        tracker.step(observed(histogram))
+        found.append(tracker.estimate().position)
+    return np.hypot(*(np.array(found) - places).T)
+
+
+def test_cells_fill_the_area():
+    centers, (nx, ny) = grid_cells(AREA, 1200)
+    assert len(centers) == nx * ny and abs(len(centers) - 1200) < 100
+    np.testing.assert_allclose(centers.mean(axis=0), [2, 1.5])
+
+
+def test_the_likeliest_cell_is_where_the_frame_was_taken(field, later):
+    places, histograms = later
+    best = [field.centers[field.over_cells(observed(h)).argmax()] for h in histograms]
+    assert np.median(np.hypot(*(np.array(best) - places).T)) < 0.15
+
+
+def test_likelihood_at_places_is_that_of_the_cells_between(field, later):
+    seen = observed(later[1][0])
+    grid = field.over_cells(seen)
+    np.testing.assert_allclose(field.log_likelihood(field.centers[::37], seen), grid[::37])
+    between = (field.centers[10] + field.centers[11]) / 2
+    assert field.log_likelihood(between[None], seen) == pytest.approx(grid[10:12].mean())
+
+
+def test_few_samples_are_believed_less(field, later):
+    every, few = (field.over_cells(observed(later[1][0], n)) for n in (None, 50))
+    assert np.ptp(few) < np.ptp(every)
+
+
+def test_expected_error_grows_where_nothing_was_flown(field):
+    flown, corner = path(500)[0][100:101], np.array([[0.0, 3.0]])
+    assert 0 < field.expected_error(flown)[0] < field.expected_error(corner)[0]
+
+
+def test_a_field_survives_its_arrays(field, later):
+    again = Field.from_arrays(field.arrays(), **field.options())
+    seen = observed(later[1][3])
+    np.testing.assert_array_equal(again.over_cells(seen), field.over_cells(seen))
+
+
+def test_equal_training_gives_equal_bytes(field):
+    for name, array in Field().fit(training()).arrays().items():
+        np.testing.assert_array_equal(array, field.arrays()[name])
+
+
+@pytest.mark.parametrize("name", ["noise", "mean", "prior", "used"])
+def test_arrays_that_do_not_fit_are_refused(field, name):
+    arrays = field.arrays()
+    arrays[name] = arrays[name][:-1]
+    with pytest.raises((MapError, ValueError)):
+        Field.from_arrays(arrays)
+
+
+def test_histograms_that_are_all_alike_are_refused():
+    alike = np.full((60, 5), 0.2)
+    places, time = path(60)
+    with pytest.raises(MapError, match="alike"):
+        Field().fit(training(60, histograms=alike, positions=places, time=time))
+
+
+def test_cells_out_of_range_are_refused():
+    with pytest.raises(ParameterError, match="cells"):
+        Field(cells=3)
+    with pytest.raises(ParameterError, match="tracks"):
+        Tracks(tracks=0)
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["few", "unnormalised", "constant", "repeated", "large", "gaps", "many features"],
+)
+def test_any_features_of_any_flight_will_do(change, rng):
+    count = 18 if change == "few" else 300
+    scale = 100.0 if change == "large" else 1.0
+    given = training(count, scale)
+    histograms = given.histograms
+    if change == "unnormalised":
+        given = replace(given, histograms=histograms * rng.uniform(4.4, 5.0, (count, 1)))
+    if change == "constant":
+        given = replace(given, histograms=np.hstack([histograms, np.zeros((count, 3))]))
+    if change == "repeated":
+        given = replace(given, positions=given.positions.round(1))
+    if change == "gaps":
+        given = replace(given, time=given.time + 7.0 * (np.arange(count) > 150))
+    if change == "many features":
+        given = replace(given, histograms=np.abs(histograms @ rng.normal(size=(12, 177))))
+    field, motion = Field().fit(given), Singer().fit(given)
+    tracker = TrackFilter(motion, field, given.area)
+    errors = errors_of(tracker, given.positions[:40], given.histograms[:40])
+    assert np.isfinite(errors).all()
+    assert np.median(errors) < scale * (0.8 if change == "few" else 0.3)
+
+
+def test_a_longer_flight_than_it_can_hold_is_thinned_and_merged():
+    given = training(4000)
+    field = Field(cells=400).fit(given)
+    assert field.expected_error(given.positions[:3]).max() < 0.5
+
+
+def test_errors_part_into_what_lasts_and_what_is_new(rng):
+    time = np.arange(6000) * 0.1
+    lasting = np.empty((6000, 2))
+    lasting[0] = 0
+    memory = np.exp(-0.1 / 0.5)
+    for row in range(1, 6000):
+        kick = rng.normal(0, 0.3 * np.sqrt(1 - memory**2), 2)
+        lasting[row] = memory * lasting[row - 1] + kick
+    model = ErrorModel.of(lasting + rng.normal(0, 0.1, (6000, 2)), time, 0.01)
+    assert model.lasting == pytest.approx(0.3, rel=0.2)
+    assert model.fresh == pytest.approx(0.1, rel=0.4)
+    assert model.lasts_s == pytest.approx(0.5, rel=0.3)
+
+
+def test_independent_errors_last_a_frame(rng):
+    model = ErrorModel.of(rng.normal(0, 0.2, (500, 2)), np.arange(500) * 0.1, 0.01)
+    assert model.lasts_s <= 0.11 and model.fresh > 0.1
+
+
+def test_singer_over_a_step_is_singer_over_two_halves(motion):
+    whole, noise = motion.over(0.2)
+    half, part = motion.over(0.1)
+    np.testing.assert_allclose(whole, half @ half, atol=1e-12)
+    np.testing.assert_allclose(noise, half @ part @ half.T + part, rtol=0.01, atol=1e-9)
+
+
+def test_singer_learns_the_speed_of_the_flight(motion):
+    places, time = path(500)
+    speed = np.sqrt(np.square(np.gradient(places, time, axis=0)).mean())
+    assert float(motion.speed) == pytest.approx(speed, rel=0.05)
+    assert motion.growth(1.0)[0, 0] > motion.growth(0.1)[0, 0] > 0
+
+
+def test_singer_moves_particles_as_it_says(motion, rng):
+    states = np.zeros((20000, 6))
+    states[:, 2] = 1.0
+    moved = motion.sample(states, rng)
+    np.testing.assert_allclose(motion.position(moved).mean(axis=0), [0.08, 0], atol=1e-3)
+    np.testing.assert_allclose(np.cov(moved.T), motion.noise, atol=0.05 * motion.noise.max())
+    near, far = motion.density(np.array([moved[0], states[0] + 5]), states[:1], np.ones(1))
+    assert near > far
+    started = motion.start(rng, AREA, 500)
+    assert (started[:, :2] >= 0).all() and started[:, 0].max() <= 4
+
+
+def test_singer_of_three_frames_is_finite():
+    few = training(3)
+    assert all(np.isfinite(value) for value in Singer().fit(few).arrays().values())
+
+
+def test_tracks_follow_the_vehicle(field, motion, later):
+    assert np.median(errors_of(TrackFilter(motion, field, AREA), *later)) < 0.1
+
+
+def test_before_the_first_frame_it_may_be_anywhere(field, motion):
+    tracker = TrackFilter(motion, field, AREA)
+    tracker.step(None)
+    estimate = tracker.estimate()
+    assert estimate.lost and estimate.spread[0] > 1
+
+
+def test_unseen_frames_widen_the_covariance(field, motion, later):
+    tracker = TrackFilter(motion, field, AREA)
+    errors_of(tracker, *later)
+    before = tracker.estimate().covariance
+    for _ in range(10):
+        tracker.step(None)
+    assert np.trace(tracker.estimate().covariance) > 4 * np.trace(before)
+
+
+def test_a_kidnapped_vehicle_is_found_within_a_second(field, motion, later):
+    places, histograms = later
+    far = np.hypot(*(places - places[0]).T).argmax()
+    tracker = TrackFilter(motion, field, AREA)
+    errors_of(tracker, places[:1].repeat(30, axis=0), histograms[:1].repeat(30, axis=0))
+    errors = errors_of(tracker, places[far : far + 12], histograms[far : far + 12])
+    assert errors[-1] < 0.3
+
+
+def test_after_a_reset_the_frame_alone_decides(field, motion, later):
+    places, histograms = later
+    tracker = TrackFilter(motion, field, AREA)
+    errors_of(tracker, *later)
+    far = np.hypot(*(places - places[-1]).T).argmax()
+    tracker.reset()
+    assert errors_of(tracker, places[far : far + 1], histograms[far : far + 1])[0] < 0.5
+
+
+def test_the_claimed_region_holds_the_vehicle(field, motion, later):
+    places, histograms = later
+    tracker, inside = TrackFilter(motion, field, AREA), []
+    for place, histogram in zip(places, histograms, strict=True):
+        tracker.step(observed(histogram))
+        estimate = tracker.estimate()
+        offset = place - estimate.position
+        inside.append(offset @ np.linalg.solve(estimate.covariance, offset) < 9.21)
+    assert np.mean(inside) > 0.9
+
+
+def test_tracks_refuse_parts_they_cannot_use(field):
+    parts = {"motion": RandomWalk.of(np.eye(2)), "measurement": field}
+    with pytest.raises(ParameterError, match="RandomWalk"):
+        Tracks().open(parts, None, None)
+
+
+def test_the_method_trains_flies_and_is_stored(tmp_path):
+    flight = histogram_flight("hall", frames=200)
+    texton_map = TextonMap.train(flight, method="field", rng=np.random.default_rng(1))
+    again = TextonMap.load(texton_map.save(tmp_path / "map.npz"))
+    fly = [Localizer(each, rng=np.random.default_rng(3)) for each in (texton_map, again)]
+    for histogram in flight.histograms[:20]:
+        one, other = (localizer.step(histogram) for localizer in fly)
+        np.testing.assert_array_equal(one.position, other.position)
+    assert np.hypot(*(one.position - flight.position[19])) < 0.5
+
+
+def test_a_field_measures_for_particles_too():
+    flight = histogram_flight("hall", frames=200)
+    texton_map = TextonMap.train(flight, measurement="field", rng=np.random.default_rng(1))
+    localizer = Localizer(texton_map, particles=500, rng=np.random.default_rng(3))
+    for histogram in flight.histograms[:30]:
+        estimate = localizer.step(histogram)
+    assert np.hypot(*(estimate.position - flight.position[29])) < 1.0
