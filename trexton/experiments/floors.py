@@ -1,0 +1,308 @@
+"""Which floor will do, from a picture alone: fly over it virtually, learn, and see how far off one would be.
+
+The prediction uses the training part of the virtual flight only; the error beside it is measured on a
+second flight, under another light. How well the one foretells the other is what a sweep over floors shows.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.camera import MapImage
+from trexton.errors import ParameterError
+from trexton.executor import spread
+from trexton.experiments.correlation import rank_correlation
+from trexton.experiments.evaluation import Track, fly, frames_of
+from trexton.flights.flight import Flight
+from trexton.localizer import Localizer, TextonMap
+from trexton.metrics import absolute_errors, block_rows, constant_guess
+from trexton.parts.measurement import EXCLUDED_SECONDS
+from trexton.simulator import PERIOD, Floor, record_flight
+from trexton.simulator.mats import MATS, PIXELS_PER_METRE
+from trexton.suitability import heat_map, local_losses, smooth
+
+__all__ = ["VirtualFlights", "helpful_changes", "judge_floor", "named_floor", "sweep_floors"]
+
+LANE = 0.5  # metres between the lanes of a survey that sees everything twice
+SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
+EVERY = 2  # frames: half the camera's rate, so that fewer frames cover the floor
+REACH = 0.4  # metres over which neighbouring errors are averaged
+MAT = 1.2  # side of the mat that is laid on the worst place, in metres
+
+
+@dataclass(frozen=True)
+class VirtualFlights:
+    """How a floor is flown over.
+
+    Attributes
+    ----------
+    frames : int or None
+        Of the survey; None takes as many as lanes `LANE` apart need, 200 to 2000.
+    test_frames : int
+        Of the flight on which errors are measured.
+    height : float
+        Metres above the floor.
+    seed : int
+    """
+
+    frames: int | None = None
+    test_frames: int = 200
+    height: float = 1.0
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        few = self.test_frames < 20 or (self.frames is not None and self.frames < 20)
+        if few or not 0.2 <= self.height <= 10 or self.seed < 0:
+            raise ParameterError(
+                f"{self.frames} and {self.test_frames} frames, height {self.height} m, "
+                f"seed {self.seed}: expected 20 frames or more, 0.2 to 10 m, a seed of 0 or more"
+            )
+
+    def record(self, floor: Floor, folder: Path) -> tuple[Flight, Flight]:
+        """A survey, and a flight between random places an hour later."""
+        x_min, x_max, y_min, y_max = floor.area
+        path = 2 * (x_max - x_min) * (y_max - y_min) / LANE
+        frames = self.frames or int(np.clip(path / (SURVEY_SPEED * PERIOD * EVERY), 200, 2000))
+        common: dict[str, Any] = {"floor": floor, "height": self.height, "every": EVERY}
+        return (
+            record_flight(
+                folder / "survey", pattern="survey", frames=frames, seed=self.seed, **common
+            ),
+            record_flight(
+                folder / "later", pattern="waypoints", frames=self.test_frames,
+                seed=self.seed + 1, **common,
+            ),
+        )  # fmt: skip
+
+
+def judge_floor(
+    floor: Floor,
+    *,
+    flights: VirtualFlights = VirtualFlights(),
+    methods: Sequence[str] = ("paper",),
+    sigma: float = 0.8,
+) -> dict[str, Any]:
+    """Predict how far off one would be over a floor, and measure it on a virtual flight.
+
+    Parameters
+    ----------
+    floor : Floor
+    flights : VirtualFlights
+    methods : sequence of str
+        Flown over the second flight; see `trexton.methods.METHODS`.
+    sigma : float
+        Of the paper's map loss, in metres.
+
+    Returns
+    -------
+    dict
+        ``area_m``; ``loss``, the paper's L(D); ``predicted_cm``, from the survey alone; ``measured``, for
+        ``knn`` and each method ``mean_cm``, ``low``, ``high``, ``p95_cm``; ``centre_cm``, the error of
+        always guessing the middle; ``correlation`` of predicted and measured error over the test frames;
+        ``heat``, predicted error over the floor in metres; ``worst_m``, where it is largest.
+    """
+    with TemporaryDirectory(prefix="trexton-floor-") as name:
+        train, test = flights.record(floor, Path(name))
+        frames = frames_of(test)
+        rng = np.random.default_rng([flights.seed, 0])
+        texton_map = TextonMap.train(train, rng=rng)
+        tracks = {
+            method: _flown(texton_map, train, frames, method, flights.seed) for method in methods
+        }
+    positions = texton_map.positions
+    expected = predicted_errors(texton_map)
+    heat = heat_map(expected, positions, train.area, REACH, cell=0.1)
+    drawn = np.random.default_rng([flights.seed, 10_000])
+    runs = {"knn": next(iter(tracks.values())).knn} | {
+        method: track.estimate for method, track in tracks.items()
+    }
+    centre = constant_guess(positions, len(test))
+    there = smooth(expected, positions, test.position, REACH)
+    return {
+        "area_m": floor.area,
+        "frames": {"survey": len(train), "test": len(test)},
+        "loss": local_losses(texton_map.histograms, positions, sigma).mean(),
+        "predicted_cm": 100 * expected.mean(),
+        "measured": {name: _summary(run, test, drawn) for name, run in runs.items()},
+        "centre_cm": _summary(centre, test, drawn)["mean_cm"],
+        "correlation": rank_correlation(there, _euclidean(runs["knn"], test), rng=drawn),
+        "heat": {"error_m": heat.values.round(4), "extent_m": heat.extent},
+        "worst_m": _worst(heat.values, heat.extent),
+    }
+
+
+def predicted_errors(texton_map: TextonMap) -> np.ndarray:
+    """``(N,)`` metres: how far the neighbours of each training frame lie, those near in time left out."""
+    rows = texton_map.training().neighbors(texton_map.neighbors, EXCLUDED_SECONDS)
+    guess = texton_map.positions[rows].mean(axis=1)
+    return np.hypot(*(guess - texton_map.positions).T)
+
+
+def _flown(
+    texton_map: TextonMap, train: Flight, frames: Sequence[np.ndarray], method: str, seed: int
+) -> Track:
+    rng = np.random.default_rng([seed, 0])
+    if method != texton_map.method:
+        texton_map = TextonMap.train(
+            train, method=method, dictionary=texton_map.dictionary, rng=rng
+        )
+    return fly(Localizer(texton_map, rng=np.random.default_rng([seed, 1])), frames)
+
+
+def _euclidean(estimates: np.ndarray, flight: Flight) -> np.ndarray:
+    return np.hypot(*absolute_errors(estimates, flight.position).T)
+
+
+def _summary(estimates: np.ndarray, flight: Flight, rng: np.random.Generator) -> dict[str, float]:
+    """Mean error in cm with its 95 % interval over stretches of the flight, and the 95th percentile."""
+    errors = 100 * _euclidean(estimates, flight)
+    drawn = [errors[block_rows(len(errors), rng)].mean() for _ in range(400)]
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    return {
+        "mean_cm": errors.mean(),
+        "low": low,
+        "high": high,
+        "p95_cm": np.percentile(errors, 95),
+    }
+
+
+def _worst(heat: np.ndarray, extent: Sequence[float]) -> tuple[float, float]:
+    """Centre of the cell of the largest value, metres."""
+    row, column = np.unravel_index(np.nanargmax(heat), heat.shape)
+    x_min, x_max, y_min, y_max = extent
+    rows, columns = heat.shape
+    return (
+        float(x_min + (column + 0.5) * (x_max - x_min) / columns),
+        float(y_min + (row + 0.5) * (y_max - y_min) / rows),
+    )
+
+
+def helpful_changes(
+    floor: Floor, judged: dict[str, Any], *, flights: VirtualFlights = VirtualFlights()
+) -> list[dict[str, Any]]:
+    """What could be changed, each tried on a virtual flight: the most helpful first.
+
+    A mat of one print on the worst place, one and a half times the height, twice the frames of the survey.
+
+    Returns
+    -------
+    list of dict
+        ``change`` in words, ``predicted_cm`` and ``mean_cm`` (k-NN, measured) with it, ``gain_cm``.
+    """
+    from dataclasses import replace
+
+    x, y = judged["worst_m"]
+    changes = [
+        (
+            f"a patterned mat of {MAT:g} m x {MAT:g} m at x = {x:.1f} m, y = {y:.1f} m",
+            with_mat(floor, (x, y), flights.seed),
+            flights,
+        ),
+        (
+            f"flying at {1.5 * flights.height:g} m instead of {flights.height:g} m",
+            floor,
+            replace(flights, height=1.5 * flights.height),
+        ),
+        (
+            f"a survey of {2 * judged['frames']['survey']} frames",
+            floor,
+            replace(flights, frames=2 * judged["frames"]["survey"]),
+        ),
+    ]
+    before, result = judged["measured"]["knn"]["mean_cm"], []
+    for words, changed, how in changes:
+        after = judge_floor(changed, flights=how)
+        mean = after["measured"]["knn"]["mean_cm"]
+        result.append(
+            {
+                "change": words,
+                "predicted_cm": after["predicted_cm"],
+                "mean_cm": mean,
+                "gain_cm": before - mean,
+            }
+        )
+    return sorted(result, key=lambda change: -change["gain_cm"])
+
+
+def with_mat(floor: Floor, center: tuple[float, float], seed: int) -> Floor:
+    """The floor with a mat laid at `center` in metres, its print painted from `seed`."""
+    picture = floor.picture
+    side = round(MAT * PIXELS_PER_METRE)
+    mat = MATS["bauhaus"]((side, side), np.random.default_rng([seed, 30_000]))
+    half, edge = MAT / 2, side - 0.5
+    x, y = center
+    corners = [
+        [x - half, y + half],
+        [x + half, y + half],
+        [x + half, y - half],
+        [x - half, y - half],
+    ]
+    source = np.array([[-0.5, -0.5], [edge, -0.5], [edge, edge], [-0.5, edge]], np.float32)
+    target = picture.to_pixels(np.array(corners)).astype(np.float32)
+    matrix = cv2.getPerspectiveTransform(source, target)
+    extent = picture.image.shape[1::-1]
+    laid = cv2.warpPerspective(mat, matrix, extent, flags=cv2.INTER_AREA)
+    covered = cv2.warpPerspective(np.ones((side, side), np.uint8), matrix, extent) > 0
+    image = np.where(covered[..., None], laid, picture.image)
+    mask = None if picture.mask is None else picture.mask | covered
+    return Floor(MapImage(image, picture.world_from_pixel, mask))
+
+
+def named_floor(name: str) -> Floor:
+    """A painted floor by name: a layout, a colon and a seed, as in ``moved:3``.
+
+    Raises
+    ------
+    ParameterError
+        The name is of another form, or the layout unknown.
+    """
+    found = re.fullmatch(r"([a-z]+):(\d+)", name)
+    if not found:
+        raise ParameterError(f"floor {name!r}: expected a layout and a seed, as in moved:3")
+    return Floor.painted(found[1], int(found[2]))
+
+
+def sweep_floors(
+    names: Sequence[str],
+    *,
+    flights: VirtualFlights = VirtualFlights(),
+    methods: Sequence[str] = ("paper",),
+    rng: np.random.Generator,
+) -> tuple[dict[str, Any], list[dict[str, Any]]]:
+    """Judge many painted floors: does what is predicted from a survey come true on another flight?
+
+    Returns
+    -------
+    values : dict
+        Spearman's correlations over the floors of the predicted error, and of the paper's loss, with the
+        measured error of the k-NN; ``level``, the median of |predicted / measured - 1|.
+    rows : list of dict
+        A floor each: name, predicted and measured errors in cm, loss.
+    """
+    judge = partial(_judged_by_name, flights=flights, methods=tuple(methods))
+    rows = spread(judge, names, "floors")
+    predicted, loss = (np.array([row[key] for row in rows]) for key in ("predicted_cm", "loss"))
+    measured = np.array([row["measured"]["knn"]["mean_cm"] for row in rows])
+    return {
+        "floors": len(rows),
+        "prediction": rank_correlation(predicted, measured, rng=rng, block=1),
+        "loss": rank_correlation(loss, measured, rng=rng, block=1),
+        "level": float(np.median(np.abs(predicted / measured - 1))),
+    }, rows
+
+
+def _judged_by_name(
+    name: str, *, flights: VirtualFlights, methods: tuple[str, ...]
+) -> dict[str, Any]:
+    judged = judge_floor(named_floor(name), flights=flights, methods=methods)
+    kept = ("loss", "predicted_cm", "measured", "centre_cm", "correlation")
+    return {"floor": name} | {key: judged[key] for key in kept}
