@@ -94,15 +94,13 @@ def test_atomic_writes_leave_all_or_nothing(tmp_path):
     assert target.read_text() == "old" and list(tmp_path.iterdir()) == [target]
     folder = tmp_path / "folder"
     for content in ("one", "two"):
-        with atomic_folder(folder) as temporary:
-            (temporary / content).write_text(content)
-        assert [path.name for path in folder.iterdir()] == [content]
-    with pytest.raises(RuntimeError), atomic_folder(folder) as temporary:
-        (temporary / "three").write_text("three")
+        with atomic_folder(folder, "mark") as temporary:
+            (temporary / "mark").write_text(content)
+        assert (folder / "mark").read_text() == content
+    with pytest.raises(RuntimeError), atomic_folder(folder, "mark") as temporary:
+        (temporary / "mark").write_text("three")
         raise RuntimeError
-    assert [path.name for path in folder.iterdir()] == ["two"] and len(
-        list(tmp_path.iterdir())
-    ) == 2
+    assert (folder / "mark").read_text() == "two" and len(list(tmp_path.iterdir())) == 2
 
 
 def test_digests_tell_type_and_shape_apart():

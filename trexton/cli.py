@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
+import traceback
 from importlib import import_module
+from pathlib import Path
 
 from trexton import __version__
 from trexton.errors import TrextonError
@@ -13,6 +16,8 @@ from trexton.errors import TrextonError
 COMMANDS = {
     "check": ("check", "read a flight folder and report every fault"),
     "data": ("data", "list or fetch public flights"),
+    "import": ("import_flight", "make a flight of a recording in another format"),
+    "export": ("export", "write a track as TUM, CSV or GeoJSON"),
     "simulate": ("simulate", "fly in the virtual room and record a flight"),
     "train": ("train", "make a texton map from a flight"),
     "claims": ("claims", "judge every claim of the paper by the results at hand"),
@@ -52,15 +57,42 @@ def main(argv: list[str] | None = None) -> int:
     command = import_module(f"trexton.commands.{COMMANDS[arguments.command][0]}")
     try:
         return command.run(arguments) or 0
-    except TrextonError as error:
-        print(f"trexton {arguments.command}: {error}", file=sys.stderr)
-        return 1
     except KeyboardInterrupt:
         print(f"trexton {arguments.command}: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
         sys.stderr.close()
         return 1
+    except Exception as error:  # the one place where foreign errors become sentences
+        print(f"trexton {arguments.command}: {sentence(error)}", file=sys.stderr)
+        return 1
+
+
+def sentence(error: Exception) -> str:
+    """What a person is told of an error; one that nobody thought of comes with how to report it."""
+    if isinstance(error, TrextonError):
+        return str(error)
+    if isinstance(error, OSError):
+        where = f"{error.filename}: " if error.filename else ""
+        return f"{where}{error.strerror or error}: nothing was changed, mend it and try again"
+    if isinstance(error, MemoryError):
+        return "the memory does not suffice: use fewer frames, smaller images or another machine"
+    if isinstance(error, RecursionError):
+        return "an input is nested too deeply: check the files that were given"
+    if type(error).__module__.partition(".")[0] == "cv2":
+        return f"OpenCV refused an image or a picture ({_first_line(error)}): check the files given"
+    if os.environ.get("TREXTON_DEBUG"):
+        raise error
+    frames = traceback.extract_tb(error.__traceback__)
+    where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
+    return (
+        f"unexpected {type(error).__name__}: {_first_line(error)}{where}; this is a fault of trexton: please report it with the output of the same "
+        "command under TREXTON_DEBUG=1"
+    )
+
+
+def _first_line(error: Exception) -> str:
+    return next((line.strip() for line in str(error).splitlines() if line.strip()), "no message")
 
 
 if __name__ == "__main__":

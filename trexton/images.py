@@ -6,6 +6,7 @@ The camera delivers 4:2:2 UYVY; a file is decoded by OpenCV to BGR. Both end in 
 from __future__ import annotations
 
 import os
+import stat
 from pathlib import Path
 
 import cv2
@@ -13,8 +14,18 @@ import numpy as np
 
 from trexton.errors import ImageError
 
-__all__ = ["read_image", "check_image", "yuv_from_bgr", "bgr_from_yuv", "yuv_from_uyvy"]
+__all__ = [
+    "checked_bytes",
+    "check_size",
+    "read_image",
+    "check_image",
+    "yuv_from_bgr",
+    "bgr_from_yuv",
+    "yuv_from_uyvy",
+]
 
+MOST_PIXELS = 50_000_000
+MOST_BYTES = 2**28
 # A camera's "video range" bytes: Y 16..235 and U, V 16..240 become 0..255 by a look-up, so that the result is exact.
 _LEVELS = np.arange(256, dtype=np.float64)
 _LUMA = np.clip(np.rint((_LEVELS - 16) * 255 / 219), 0, 255).astype(np.uint8)
@@ -72,7 +83,71 @@ def yuv_from_uyvy(frame: np.ndarray, full_range: bool = False) -> np.ndarray:
     return yuv
 
 
-def read_image(path: str | os.PathLike) -> np.ndarray:
+def checked_bytes(path: Path) -> bytes:
+    """The bytes of an image file that is neither a device nor larger than a camera's picture can be.
+
+    Raises
+    ------
+    ImageError
+        The file is missing, no regular file, or declares more than `MOST_PIXELS`.
+    """
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise ImageError(f"{path}: not a regular file: expected an image")
+        if status.st_size > MOST_BYTES:
+            raise ImageError(f"{path}: {status.st_size:,} bytes: expected at most {MOST_BYTES:,}")
+        data = path.read_bytes()
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror}): check the path") from None
+    width, height = declared_size(data) or (0, 0)
+    if width * height > MOST_PIXELS:
+        raise ImageError(
+            f"{path}: declares {width}x{height} pixels: expected at most {MOST_PIXELS:,}, shrink it"
+        )
+    return data
+
+
+def declared_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height that the head of a PNG, BMP or JPEG file declares; None where they are not found."""
+    if data[:8] == b"\x89PNG\r\n\x1a\n":
+        return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+    if data[:2] == b"BM":
+        width, height = (int.from_bytes(data[i : i + 4], "little", signed=True) for i in (18, 22))
+        return abs(width), abs(height)
+    place = 2
+    while data[:2] == b"\xff\xd8" and place + 9 < len(data) and data[place] == 0xFF:
+        kind, length = data[place + 1], int.from_bytes(data[place + 2 : place + 4], "big")
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+            height, width = (int.from_bytes(data[place + i : place + i + 2], "big") for i in (5, 7))
+            return width, height
+        place += 1 if kind == 0xFF else 2 + length
+    return None
+
+
+def check_size(path: Path) -> tuple[int, int]:
+    """Width and height of an image file as it will be decoded (turned as its EXIF says).
+
+    Raises
+    ------
+    ImageError
+        See `read_image`.
+    """
+    image = cv2.imdecode(
+        np.frombuffer(checked_bytes(path), np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_8
+    )
+    size = declared_size(path.read_bytes()[:65536])
+    if image is None:
+        raise ImageError(f"{path}: not an image that OpenCV can decode: copy it again")
+    if size is None:
+        whole = read_image(path)
+        return whole.shape[1], whole.shape[0]
+    # The small picture tells which way round the large one will be.
+    wide = image.shape[1] >= image.shape[0]
+    return (max(size), min(size)) if wide else (min(size), max(size))
+
+
+def read_image(path: str | os.PathLike[str]) -> np.ndarray:
     """Read an image file as ``(H, W, 3) uint8`` Y, U, V.
 
     Raises
@@ -81,10 +156,7 @@ def read_image(path: str | os.PathLike) -> np.ndarray:
         The file is missing, is no image, or ends too soon.
     """
     path = Path(path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read ({error.strerror}): check the path") from None
+    data = checked_bytes(path)
     # OpenCV fills the missing part of a truncated JPEG with grey and says nothing.
     truncated = data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]
     image = (

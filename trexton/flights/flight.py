@@ -38,7 +38,10 @@ class Flight:
         Roll, pitch, yaw in radians; see `trexton.camera`.
     image_files : tuple of Path or None
     histograms : (N, K) float64 array or None
-        Texton histograms where the source gives them.
+        Texton histograms where the source gives them, or values of other features.
+    features : str
+        What they count: ``textons``, relative frequencies that sum to one, or another word for values that need
+        not.
     area : (x_min, x_max, y_min, y_max)
         The area in which the vehicle can be, in metres.
     split : dict of str to (first, last)
@@ -56,6 +59,7 @@ class Flight:
     attitude: np.ndarray | None = None
     image_files: tuple[Path, ...] | None = None
     histograms: np.ndarray | None = None
+    features: str = "textons"
     camera: Camera | None = None
     split: dict[str, tuple[int, int]] = field(default_factory=dict)
     floor_file: Path | None = None
@@ -158,4 +162,6 @@ class Flight:
                 *self.camera.principal_point,
             ]
         )
+        if self.features != "textons":
+            scalars.append(self.features)
         return digest(scalars, camera, *arrays, *floor, *(self.image_files or ()))

@@ -25,6 +25,7 @@ _REQUIRED = ("frame", "t_s", "x_m", "y_m")
 _OPTIONAL = ("z_m", "roll_rad", "pitch_rad", "yaw_rad", "image")
 _COLUMNS = f"{','.join(_REQUIRED)} and optionally {','.join(_OPTIONAL)}"
 SUM_TOLERANCE = 0.01
+MARKER = "flight.toml"  # what makes a folder one of ours, which may be replaced
 
 
 @dataclass
@@ -71,13 +72,21 @@ def load_folder(path: Path) -> Reading:
         return reading
     histograms = None
     if (path / "histograms.csv").exists():
-        histograms = _read_histograms(path / "histograms.csv", columns["frame"], reading)
+        features = (header or {}).get("features", "textons")
+        histograms = _read_histograms(path / "histograms.csv", columns["frame"], features, reading)
     elif "image" not in columns:
         reading.faults.append(
             f"{path}: neither images nor histograms.csv found: a flight needs at least one of them"
         )
     files = _find_images(path, columns.get("image"), reading)
     _check_split(path / "flight.toml", header, columns["frame"], reading)
+    if header and "floor" in header:
+        floor = (path / header["floor"]["image"]).resolve()
+        if path.resolve() not in floor.parents:
+            reading.faults.append(
+                f"{path / 'flight.toml'}: [floor] image {header['floor']['image']!r} leads out of the "
+                "flight's folder: copy the picture into it"
+            )
     if not reading.faults and header is not None:
         reading.flight = _assemble(path, header, columns, files, histograms)
     return reading
@@ -87,8 +96,14 @@ def _find_images(path: Path, names: list[str] | None, reading: Reading) -> tuple
     if names is None:
         return None
     files = tuple(path / "images" / name for name in names)
+    inside = (path / "images").resolve()
     for row, (name, file) in enumerate(zip(names, files), start=2):
-        if name and file.is_file():
+        if name and inside not in file.resolve().parents:
+            reading.faults.append(
+                f"{path / 'frames.csv'}, row {row}: image {name!r} leads out of {path / 'images'}: "
+                "copy the file into the flight"
+            )
+        elif name and file.is_file():
             reading.image_files.append((row, file))
         else:
             found = f"image {name!r} is not in {path / 'images'}" if name else "no image is named"
@@ -122,6 +137,7 @@ def _assemble(path: Path, header: dict, columns: dict, files, histograms) -> Fli
         attitude=None if any(angle is None for angle in angles) else np.column_stack(angles),
         image_files=files,
         histograms=histograms,
+        features=header.get("features", "textons"),
         camera=camera_from_header(header["camera"]) if "camera" in header else None,
         split={key: (first, last) for key, (first, last) in header.get("split", {}).items()},
         floor_file=path / floor["image"] if floor else None,
@@ -229,7 +245,9 @@ def _check_order(path: Path, columns: dict, reading: Reading) -> None:
             )
 
 
-def _read_histograms(path: Path, frames: np.ndarray, reading: Reading) -> np.ndarray | None:
+def _read_histograms(
+    path: Path, frames: np.ndarray, features: str, reading: Reading
+) -> np.ndarray | None:
     table = _rows(path, reading)
     if table is None:
         return None
@@ -264,12 +282,15 @@ def _read_histograms(path: Path, frames: np.ndarray, reading: Reading) -> np.nda
         )
         return None
     histograms = values[:, 1:]
+    if features != "textons":
+        return histograms
     sums = histograms.sum(axis=1)
     for row in np.flatnonzero((histograms < 0).any(axis=1) | (np.abs(sums - 1) > SUM_TOLERANCE)):
         reading.faults.append(
             f"{path}, row {row + 2}: the histogram sums to {sums[row]:.4g} "
             f"(smallest entry {histograms[row].min():.4g}): "
-            f"expected relative frequencies that sum to 1 within {SUM_TOLERANCE:.0%}"
+            f"expected relative frequencies that sum to 1 within {SUM_TOLERANCE:.0%}, or "
+            'features = "..." in the header for other features'
         )
     return histograms
 
@@ -277,7 +298,7 @@ def _read_histograms(path: Path, frames: np.ndarray, reading: Reading) -> np.nda
 def write_flight(flight: Flight, path: str | os.PathLike) -> Path:
     """Write `flight` as a folder, whole or not at all; images and floor are copied as they are."""
     path = Path(path)
-    with atomic_folder(path) as folder:
+    with atomic_folder(path, MARKER) as folder:
         if flight.image_files is not None:
             (folder / "images").mkdir()
             for file in flight.image_files:

@@ -15,8 +15,19 @@ from trexton.flights.flight import Flight
 __all__ = ["FORMAT", "camera_from_header", "header_text", "read_header"]
 
 FORMAT = 1
-_KEYS = ("format", "name", "source", "licence", "area_m", "notes", "camera", "split", "floor")
-_TEXTS = ("name", "source", "licence")
+_KEYS = (
+    "format",
+    "name",
+    "source",
+    "licence",
+    "area_m",
+    "notes",
+    "features",
+    "camera",
+    "split",
+    "floor",
+)
+_TEXTS = ("name", "source", "licence", "features")
 _TABLES = {
     "camera": ("width_px", "height_px", "focal_px"),
     "floor": ("image", "world_from_pixel"),
@@ -133,6 +144,8 @@ def header_text(flight: Flight) -> str:
         f"licence = {text(flight.licence)}",
         f"area_m = {[float(value) for value in flight.area]}",
     ]
+    if flight.features != "textons":
+        lines.append(f"features = {text(flight.features)}")
     if flight.notes:
         lines.append(f"notes = [{', '.join(text(note) for note in flight.notes)}]")
     if flight.split:

@@ -11,7 +11,7 @@ from trexton.camera import Camera
 from trexton.errors import ParameterError
 from trexton.files import atomic_folder
 from trexton.flights import Flight, read_flight
-from trexton.flights.folder import write_tables
+from trexton.flights.folder import MARKER, write_tables
 from trexton.progress import progress
 from trexton.simulator.effects import Effects, Light
 from trexton.simulator.floor import Floor
@@ -84,7 +84,7 @@ def record_flight(
         start=plan.start, height=height, speed=speed, rng=simulator_rng,
     )  # fmt: skip
     path = Path(path)
-    with atomic_folder(path) as folder:
+    with atomic_folder(path, MARKER) as folder:
         (folder / "floor.png").write_bytes(floor.png())
         files, truth = _fly(simulator, plan, folder, frames, every)
         flight = Flight(

@@ -1,0 +1,311 @@
+"""Recordings in other formats become flights: each format is written here by its own tools."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+
+from trexton.errors import TrextonError
+from trexton.flights import read_flight
+from trexton.flights.importers import IMPORTERS, guess_kind, importer
+from trexton.flights.importers.recording import Track, attitude_from_quaternions, match
+from trexton.flights.importers.video import estimate_offset
+from trexton.flights.importing import import_flight
+
+START = 1_403_636_579_763_555_584  # a stamp of EuRoC's, in nanoseconds
+
+
+def picture(seed: int, size=(64, 48)) -> np.ndarray:
+    return np.random.default_rng(seed).integers(0, 256, (size[1], size[0], 3), dtype=np.uint8)
+
+
+def euroc(folder, frames=6, track="vicon0"):
+    data = folder / "mav0" / "cam0" / "data"
+    data.mkdir(parents=True)
+    stamps = [START + i * 50_000_000 for i in range(frames)]
+    rows = ["#timestamp [ns],filename"] + [f"{stamp},{stamp}.png" for stamp in stamps]
+    (data.parent / "data.csv").write_text("\n".join(rows))
+    for i, stamp in enumerate(stamps):
+        cv2.imwrite(str(data / f"{stamp}.png"), picture(i))
+    (data.parent / "sensor.yaml").write_text(
+        "%YAML:1.0\nresolution: [64, 48]\nintrinsics: [50.0, 52.0, 31.0, 23.0]\n"
+        "distortion_coefficients: [-0.28, 0.07, 0.0002, 0.00002]\n"
+    )
+    places = folder / "mav0" / track
+    places.mkdir()
+    header = "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_w, q_x, q_y, q_z"
+    half = np.sqrt(0.5)  # a quarter turn to the left
+    rows = [
+        f"{START + i * 10_000_000},{i * 0.1},{-i * 0.2},1.5,{half},0,0,{half}" for i in range(30)
+    ]
+    (places / "data.csv").write_text("\n".join([header, *rows]))
+    return folder
+
+
+def test_euroc_keeps_nanoseconds_and_turns(tmp_path):
+    flight, said = import_flight(euroc(tmp_path / "MH"), tmp_path / "out")
+    assert len(flight) == 6 and flight.camera.focal == 51
+    np.testing.assert_array_equal(flight.time, np.arange(6) * 5 / 100)
+    np.testing.assert_allclose(flight.position[:, 0], np.arange(6) * 0.5, atol=1e-12)
+    np.testing.assert_allclose(flight.attitude[:, 2], np.pi / 2)
+    assert any(str(START) in note for note in flight.notes)
+    assert any("6 of 6 frames have a position" in line for line in said)
+
+
+@pytest.mark.parametrize("track", ["mocap0", "leica0", "state_groundtruth_estimate0"])
+def test_euroc_finds_its_usual_tracks(tmp_path, track):
+    assert len(import_flight(euroc(tmp_path / "MH", track=track), tmp_path / "out")[0]) == 6
+
+
+def test_undistorting_changes_the_images_and_cropping_the_camera(tmp_path):
+    source = euroc(tmp_path / "MH")
+    mask = np.full((48, 64), 255, np.uint8)
+    mask[40:] = 0
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    plain, _ = import_flight(source, tmp_path / "plain")
+    settings = {"undistort": "own", "mask": str(tmp_path / "mask.png"), "scale": 0.5}
+    changed, said = import_flight(source, tmp_path / "changed", settings=settings)
+    assert changed.image(0).shape == (20, 32, 3) and changed.camera.focal == 25.5
+    assert plain.image(0).shape == (48, 64, 3)
+    assert "6 images of 32x20" in said
+
+
+def test_tum(tmp_path):
+    lines = [f"{1305031102.175304 + i * 0.1:.6f} rgb/{i}.png" for i in range(4)]
+    (tmp_path / "rgb.txt").write_text("# color images\n" + "\n".join(lines))
+    (tmp_path / "rgb").mkdir()
+    for i in range(4):
+        cv2.imwrite(str(tmp_path / "rgb" / f"{i}.png"), picture(i))
+    places = [f"{1305031102.0 + i * 0.05:.4f} {i} 0 1 0 0 0 1" for i in range(20)]
+    (tmp_path / "groundtruth.txt").write_text(
+        "# timestamp tx ty tz qx qy qz qw\n" + "\n".join(places)
+    )
+    flight, _ = import_flight(tmp_path, tmp_path / "out")
+    np.testing.assert_allclose(flight.position[:, 0], 3.50608 + 2 * np.arange(4), atol=1e-9)
+
+
+def test_csv_with_units_and_another_decimal_mark(tmp_path):
+    for i in range(3):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
+    rows = [f"{i},5;{100 * i},0;{-50 * i},0;90;{i}.png" for i in range(3)]
+    table = tmp_path / "log.csv"
+    table.write_bytes(
+        ("\ufefftime;east;north;heading;file\r\n" + "\r\n".join(rows) + "\r\n\r\n").encode()
+    )
+    settings = {"time": "time", "x": "east", "y": "north", "image": "file", "yaw": "heading", "degrees": "true", "unit": "cm"}  # fmt: skip
+    flight, _ = import_flight(table, tmp_path / "out", kind="csv", settings=settings)
+    np.testing.assert_allclose(flight.position, [[0, 0], [1, -0.5], [2, -1]])
+    np.testing.assert_allclose(flight.attitude[:, 2], np.pi / 2)
+
+
+def test_features_need_not_sum_to_one(tmp_path):
+    rng = np.random.default_rng(0)
+    values = rng.uniform(0, 0.3, (20, 33))
+    header = ",".join(["frame", "x", "y", *(f"f{i}" for i in range(33))])
+    rows = [",".join(map(str, (i, i / 10, 1.0, *value))) for i, value in enumerate(values)]
+    (tmp_path / "f.csv").write_text("\n".join([header, *rows]))
+    flight, _ = import_flight(tmp_path / "f.csv", tmp_path / "out", settings={"split": 0.5})
+    np.testing.assert_allclose(flight.histograms, values)
+    assert flight.features == "features" and flight.split == {"train": (0, 9), "test": (10, 19)}
+
+
+def test_photographs_with_exif(tmp_path):
+    from PIL import Image
+
+    for i in range(4):
+        image = Image.fromarray(picture(i)[..., ::-1])
+        exif = Image.Exif()
+        exif[0x0112] = 6 if i == 3 else 1
+        exif.get_ifd(0x8825).update(
+            {1: "N", 2: (52.0, 0.0, 3.6 * i), 3: "E", 4: (4.0, 22.0, 0.0), 6: 70.0}
+        )
+        exif.get_ifd(0x8769)[0x9003] = f"2024:05:01 10:00:0{i // 2}"
+        image.save(tmp_path / f"p{i}.jpg", exif=exif)
+    flight, said = import_flight(tmp_path, tmp_path / "out")
+    np.testing.assert_allclose(np.diff(flight.position[:, 1]), 111.27, atol=0.05)  # 0.001 degrees
+    assert (np.diff(flight.time) > 0).all()
+    assert any("1 images were turned" in line for line in said)
+    assert flight.image(3).shape == (48, 64, 3)
+
+
+def write_bag(path):
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    types = store.types
+    header = lambda ns: types["std_msgs/msg/Header"](  # noqa: E731
+        stamp=types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9), frame_id=""
+    )
+    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        image = writer.add_connection("/camera", "sensor_msgs/msg/Image", typestore=store)
+        odometry = writer.add_connection("/pose", "geometry_msgs/msg/PoseStamped", typestore=store)
+        for i in range(5):
+            now = START + i * 100_000_000
+            pixels = picture(i)
+            message = types["sensor_msgs/msg/Image"](
+                header=header(now), height=48, width=64, encoding="bgr8", is_bigendian=0, step=192,
+                data=pixels.reshape(-1),
+            )  # fmt: skip
+            writer.write(image, now, store.serialize_cdr(message, "sensor_msgs/msg/Image"))
+            pose = types["geometry_msgs/msg/PoseStamped"](
+                header=header(now),
+                pose=types["geometry_msgs/msg/Pose"](
+                    position=types["geometry_msgs/msg/Point"](x=float(i), y=2.0, z=1.0),
+                    orientation=types["geometry_msgs/msg/Quaternion"](x=0.0, y=0.0, z=0.0, w=1.0),
+                ),
+            )
+            writer.write(odometry, now, store.serialize_cdr(pose, "geometry_msgs/msg/PoseStamped"))
+
+
+def test_bag(tmp_path):
+    write_bag(tmp_path / "bag")
+    flight, said = import_flight(tmp_path / "bag", tmp_path / "out")
+    np.testing.assert_allclose(flight.position, [[i, 2] for i in range(5)])
+    assert "images from /camera, positions from /pose" in said
+    with pytest.raises(TrextonError, match="name one of them"):
+        import_flight(tmp_path / "bag", tmp_path / "other", settings={"image": "/nothing"})
+
+
+def write_video(folder, seconds=8.0, rate=25.0, ahead=3.0):
+    """A camera over a floor that sways; positions begin `ahead` seconds before the video."""
+    floor = cv2.GaussianBlur(
+        np.random.default_rng(5).integers(0, 256, (600, 900, 3), np.uint8), (0, 0), 3
+    )
+    floor = cv2.normalize(floor, None, 0, 255, cv2.NORM_MINMAX)
+    place = lambda t: 300 + 60 * np.sin(0.8 * t) + 25 * np.sin(2.1 * t)  # noqa: E731
+    writer = cv2.VideoWriter(
+        str(folder / "v.avi"), cv2.VideoWriter_fourcc(*"MJPG"), rate, (320, 240)
+    )
+    for i in range(int(seconds * rate)):
+        left = round(float(place(ahead + i / rate)))
+        writer.write(floor[100:340, left : left + 320])
+    writer.release()
+    times = np.arange(0, seconds + 2 * ahead, 0.02)
+    rows = [f"{t:.3f},{place(t) / 100:.6f},1.0" for t in times]
+    (folder / "positions.csv").write_text("\n".join(["t,x,y", *rows]))
+    return folder / "v.avi"
+
+
+def test_video_finds_the_offset_of_its_positions(tmp_path):
+    video = write_video(tmp_path)
+    settings = {"positions": "positions.csv", "every": 5}
+    flight, said = import_flight(video, tmp_path / "out", settings=settings)
+    offset = float(said[0].split()[2])
+    assert abs(offset - 3.0) < 0.1
+    assert len(flight) == 40 and np.isfinite(flight.position).all()
+    given, _ = import_flight(video, tmp_path / "given", settings=settings | {"offset": "3"})
+    assert np.abs(given.position - flight.position).max() < 0.1
+
+
+def test_a_video_that_does_not_move_as_the_positions_do_is_refused(tmp_path):
+    rng = np.random.default_rng(0)
+    stamps = np.arange(100) * 0.04
+    track = Track(
+        (np.arange(200) * 2e7).astype(np.int64), rng.normal(0, 1, (200, 3)).cumsum(axis=0)
+    )
+    assert estimate_offset(stamps, rng.uniform(0, 1, 100), track)[1] < 0.9
+
+
+def test_kinds_are_guessed_and_described(tmp_path):
+    assert guess_kind(euroc(tmp_path / "e")) == "euroc"
+    with pytest.raises(TrextonError, match="no such file"):
+        guess_kind(tmp_path / "nothing")
+    (tmp_path / "x.bin").write_bytes(b"1")
+    with pytest.raises(TrextonError, match="name the kind"):
+        guess_kind(tmp_path / "x.bin")
+    for kind in IMPORTERS:
+        assert all(each.meaning for each in importer(kind).Settings.declared())
+
+
+def test_an_interrupted_import_goes_on(tmp_path, monkeypatch):
+    from trexton.flights import importing
+
+    source, out = euroc(tmp_path / "e"), tmp_path / "out"
+    written, replace = [], importing.os.replace
+
+    def interrupt(first, second):
+        if len(written) == 3:
+            raise KeyboardInterrupt
+        written.append(second)
+        replace(first, second)
+
+    monkeypatch.setattr(importing.os, "replace", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        import_flight(source, out)
+    assert not out.exists()
+    monkeypatch.setattr(importing.os, "replace", replace)
+    kept = {
+        path.name: path.stat().st_mtime_ns
+        for path in (tmp_path / ".out.importing/images").iterdir()
+    }
+    flight, _ = import_flight(source, out)
+    assert len(flight) == 6 and not (tmp_path / ".out.importing").exists()
+    assert all(
+        (out / "images" / name).stat().st_mtime_ns == stamp
+        for name, stamp in kept.items()
+        if name[0] != "."
+    )
+
+
+def test_a_folder_that_is_not_a_flight_is_never_replaced(tmp_path):
+    source, out = euroc(tmp_path / "e"), tmp_path / "out"
+    out.mkdir()
+    (out / "thesis.txt").write_text("all of it")
+    with pytest.raises(TrextonError, match="may be yours"):
+        import_flight(source, out)
+    assert (out / "thesis.txt").read_text() == "all of it"
+    first, _ = import_flight(source, tmp_path / "flight")
+    with pytest.raises(TrextonError, match="--replace"):
+        import_flight(source, tmp_path / "flight")
+    import_flight(source, tmp_path / "flight", replaced=True)
+    assert read_flight(tmp_path / "flight").data_hash == first.data_hash
+
+
+def test_matching_respects_tolerance_gaps_and_the_short_way_round():
+    track = Track(
+        np.array([0, 1, 2, 5]) * 10**9,
+        np.column_stack([np.arange(4.0), np.zeros(4), np.full(4, np.nan)]),
+        np.column_stack([np.zeros(4), np.zeros(4), [3.1, -3.1, 3.1, 0]]),
+    )
+    stamps = np.array([0.0, 0.5, 2.0, 3.5, 5.4, 6.0]) * 1e9
+    found = match(stamps.astype(np.int64), track, 0.5)
+    np.testing.assert_array_equal(np.isfinite(found.position[:, 0]), [1, 1, 1, 0, 1, 0])
+    assert abs(abs(found.attitude[1, 2]) - np.pi) < 1e-6 and found.count == 4
+    with pytest.raises(TrextonError, match="give the time offset"):
+        match(np.array([10**12]), track, 0.5)
+
+
+def test_quaternions_agree_with_the_camera_model():
+    from scipy.spatial.transform import Rotation
+
+    from trexton.camera import rotation_matrix
+
+    angles = np.random.default_rng(1).uniform(-1.2, 1.2, (40, 3))
+    turned = [Rotation.from_matrix(rotation_matrix(*each)).as_quat() for each in angles]
+    np.testing.assert_allclose(attitude_from_quaternions(turned), angles, atol=1e-12)
+    with pytest.raises(TrextonError, match="no length"):
+        attitude_from_quaternions([[0, 0, 0, 0]])
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("f.csv", b"x,y,a,b,c,d\n1,2,3,4,5,nan\n"),
+        ("f.csv", b"x,y,a,b,c,d\n1,2,3\n"),
+        ("f.csv", b"\xff\xfe\x00"),
+        ("f.csv", b"x,y,a,b,c,d\n"),
+        ("v.avi", b"RIFF"),
+        ("b.bag", b"#ROSBAG V2.0\n"),
+        ("m.csv", b"t,x,y,image\n1,2,3,none.png\n"),
+        ("m.csv", b"t,x,y,image\ntoday,2,3,none.png\n"),
+    ],
+)
+def test_damaged_sources_leave_a_sentence_and_nothing_else(tmp_path, name, content):
+    (tmp_path / name).write_bytes(content)
+    kind = {"f": "features", "v": "video", "b": "bag", "m": "csv"}[name[0]]
+    settings = {"positions": "f.csv"} if kind == "video" else {}
+    with pytest.raises(TrextonError):
+        import_flight(tmp_path / name, tmp_path / "out", kind=kind, settings=settings)
+    assert not (tmp_path / "out").exists()

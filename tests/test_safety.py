@@ -1,0 +1,182 @@
+"""Nothing of a person's is lost, and no input reads, waits or eats more than it may."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import zlib
+
+import numpy as np
+import pytest
+
+from trexton.cli import main, sentence
+from trexton.errors import ImageError, TrextonError
+from trexton.files import atomic_file, atomic_folder, check_replaceable, clean_leftovers
+from trexton.flights import Flight, write_flight
+from trexton.flights.folder import load_folder
+from trexton.flights.tables import read_table, read_text
+from trexton.images import check_size, declared_size, read_image
+
+
+def flight_with_images(folder):
+    import cv2
+
+    files = []
+    for i in range(4):
+        files.append(folder / f"{i}.png")
+        cv2.imwrite(str(files[-1]), np.full((48, 64, 3), 40 * i, np.uint8))
+    return write_flight(
+        Flight("f", np.arange(4), np.arange(4) * 0.1, np.eye(4)[:, :2], (0, 1, 0, 1), image_files=tuple(files)),
+        folder / "flight",
+    )  # fmt: skip
+
+
+def test_a_file_a_foreign_folder_a_link_and_where_one_stands_are_refused(tmp_path, monkeypatch):
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "thesis.txt").write_text("mine")
+    (tmp_path / "link").symlink_to(tmp_path / "folder")
+    monkeypatch.chdir(tmp_path)
+    for name in ("file", "folder", "link", ".", ".."):
+        with pytest.raises(TrextonError), atomic_folder(tmp_path / name, "flight.toml"):
+            pytest.fail("the block must not begin")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder", "link"]
+    check_replaceable(tmp_path / "new", "flight.toml", False)
+
+
+def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
+    code = (
+        "import os, sys; from trexton.files import atomic_file, atomic_folder; from pathlib import Path\n"
+        "with atomic_folder(Path(sys.argv[1]) / 'flight', 'm') as f, atomic_file(Path(sys.argv[1]) / 'r') as s:\n"
+        "    (f / 'm').write_text('half'); s.write('half'); s.flush(); os.kill(os.getpid(), 9)\n"
+    )
+    subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False)
+    assert len(list(tmp_path.iterdir())) == 2
+    with atomic_folder(tmp_path / "flight", "m") as folder, atomic_file(tmp_path / "r") as stream:
+        (folder / "m").write_text("whole")
+        stream.write("whole")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["flight", "r"]
+
+
+def test_a_folder_moved_aside_by_a_killed_run_comes_back(tmp_path):
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    aside = tmp_path / f".flight.old-{dead.pid}.abc"
+    (aside / "was").mkdir(parents=True)
+    (aside / "was" / "m").write_text("good")
+    mine = tmp_path / f".flight.new-{os.getpid()}.abc"
+    mine.mkdir()
+    clean_leftovers(tmp_path / "flight")
+    assert (tmp_path / "flight" / "m").read_text() == "good" and mine.exists()
+
+
+@pytest.mark.parametrize("name", ["/etc/hostname", "../../outside.png", "link.png"])
+def test_images_cannot_leave_the_flights_folder(tmp_path, name):
+    flight = flight_with_images(tmp_path)
+    (tmp_path / "outside.png").write_bytes((tmp_path / "0.png").read_bytes())
+    (flight / "images" / "link.png").symlink_to(tmp_path / "outside.png")
+    table = flight / "frames.csv"
+    table.write_text(table.read_text().replace("1.png", name))
+    assert any("leads out of" in fault for fault in load_folder(flight).faults)
+
+
+def test_the_floor_picture_cannot_leave_it_either(tmp_path):
+    flight = flight_with_images(tmp_path)
+    with open(flight / "flight.toml", "a") as stream:
+        stream.write(
+            '\n[floor]\nimage = "../0.png"\nworld_from_pixel = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n'
+        )
+    assert any("leads out of" in fault for fault in load_folder(flight).faults)
+
+
+def test_pipes_and_devices_are_refused_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", tmp_path):
+        with pytest.raises(TrextonError, match="not a regular file"):
+            read_text(path)
+        with pytest.raises(ImageError, match="not a regular file"):
+            read_image(path)
+
+
+def png_of(width: int, height: int) -> bytes:
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return (
+            len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+        )
+
+    head = width.to_bytes(4, "big") + height.to_bytes(4, "big") + bytes([8, 0, 0, 0, 0])
+    rows = zlib.compress(bytes(1000))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
+
+
+def test_declared_sizes_are_checked_before_decoding(tmp_path):
+    (tmp_path / "bomb.png").write_bytes(png_of(30_000, 30_000))
+    with pytest.raises(ImageError, match="declares 30000x30000"):
+        read_image(tmp_path / "bomb.png")
+
+
+@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
+def test_sizes_are_read_from_the_head(tmp_path, suffix):
+    import cv2
+
+    data = cv2.imencode(suffix, np.zeros((40, 70, 3), np.uint8))[1].tobytes()
+    assert declared_size(data) == (70, 40)
+    (tmp_path / f"i{suffix}").write_bytes(data)
+    assert check_size(tmp_path / f"i{suffix}") == (70, 40)
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\n", b"text", b"\xff\xd8" + b"\xff" * 50]
+)
+def test_heads_that_end_too_soon_declare_nothing_large(data):
+    assert (declared_size(data) or (0, 0)) < (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(28, "No space left on device", "/out/file"), "/out/file: No space left on device"),
+        (MemoryError(), "use fewer frames"),
+        (RecursionError(), "nested too deeply"),
+        (ValueError("odd"), "please report it"),
+        (TrextonError("as it is"), "as it is"),
+    ],
+)
+def test_every_error_is_one_sentence(error, words):
+    text = sentence(error)
+    assert words in text and "\n" not in text
+
+
+def test_errors_of_opencv_are_sentences():
+    import cv2
+
+    with pytest.raises(cv2.error) as caught:
+        cv2.resize(np.zeros((0, 0), np.uint8), (3, 3))
+    assert "OpenCV refused" in sentence(caught.value)
+
+
+def test_a_read_only_folder_is_one_sentence(tmp_path, capsys, monkeypatch):
+    def full(*_, **__):
+        raise OSError(30, "Read-only file system", str(tmp_path / "x"))
+
+    monkeypatch.setattr("trexton.files.tempfile.mkdtemp", full)
+    assert main(["simulate", "--out", str(tmp_path / "x"), "--frames", "3", "--quiet"]) == 1
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a,b\n1,2\n",
+        "# a, b\n1, 2\n",
+        "a;b\r\n1,0;2,0\r\n\r\n",
+        "a\tb\n1\t2\n",
+        "a b\n1 2\n",
+        "\ufeffa,b\n1,2\n",
+    ],
+)
+def test_tables_are_read_as_people_write_them(tmp_path, text):
+    (tmp_path / "t.csv").write_bytes(text.encode())
+    table = read_table(tmp_path / "t.csv")
+    assert list(table.columns) == ["a", "b"] and table.to_numpy(float).tolist() == [[1, 2]]

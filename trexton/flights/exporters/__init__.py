@@ -1,0 +1,111 @@
+"""Flights and tracks in the formats that others read: one file each, and one line here.
+
+A module has ``write(track, stream)``, which writes a `Trajectory` as text; its first docstring line describes it.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import IO, Protocol, cast
+
+import numpy as np
+
+from trexton.errors import FlightError, ParameterError
+from trexton.files import atomic_file
+from trexton.flights.folder import read_flight
+from trexton.flights.tables import read_text
+
+__all__ = ["EXPORTERS", "Trajectory", "export", "load_trajectory"]
+
+EXPORTERS = {
+    "tum": "trexton.flights.exporters.tum",
+    "csv": "trexton.flights.exporters.table",
+    "geojson": "trexton.flights.exporters.geojson",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """A row of positions.
+
+    Attributes
+    ----------
+    name : str
+    time : (N,) array
+        Seconds.
+    position : (N, 3) array
+        Metres, z of the floor plane (0) where no height is known.
+    yaw : (N,) array
+        Radians; 0 where no heading is known.
+    """
+
+    name: str
+    time: np.ndarray
+    position: np.ndarray
+    yaw: np.ndarray
+
+
+class Exporter(Protocol):
+    """What a module of an exporter offers."""
+
+    def write(self, track: Trajectory, stream: IO[str]) -> None:
+        """Write the track as text."""
+
+
+def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
+    """The track in a Flight folder, or the truth, estimate or k-NN track in a record of an experiment.
+
+    Frames without a position are left out.
+
+    Raises
+    ------
+    FlightError
+        The source is neither, or has no such track.
+    """
+    if source.is_dir():
+        if what != "truth":
+            raise FlightError(f"{source}: a flight has no {what}: give the record of an experiment")
+        flight = read_flight(source)
+        height = np.zeros(len(flight)) if flight.height is None else flight.height
+        yaw = np.zeros(len(flight)) if flight.attitude is None else flight.attitude[:, 2]
+        return _known(flight.name, flight.time, flight.position, height, yaw)
+    try:
+        record = json.loads(read_text(source))
+        series, name = record["series"], record["flight"]
+        position = np.array(series[f"{what}_m"], dtype=float).reshape(-1, 2)
+        time = np.array(series["time_s"], dtype=float)
+        if len(time) != len(position):
+            raise ValueError(f"{len(time)} stamps, {len(position)} positions")
+    except (ValueError, KeyError, TypeError) as error:
+        raise FlightError(
+            f"{source}: no record with a track of {what} ({error!r}): give mocap_training.json or a flight"
+        ) from None
+    zero = np.zeros(len(time))
+    return _known(f"{name} {what}", time, position, zero, zero)
+
+
+def _known(
+    name: str, time: np.ndarray, position: np.ndarray, height: np.ndarray, yaw: np.ndarray
+) -> Trajectory:
+    rows = np.isfinite(position).all(axis=1)
+    place = np.column_stack([position, np.where(np.isfinite(height), height, 0.0)])
+    return Trajectory(name, time[rows], place[rows], np.where(np.isfinite(yaw), yaw, 0.0)[rows])
+
+
+def export(track: Trajectory, kind: str, path: Path) -> Path:
+    """Write the track as `kind`, an entry of `EXPORTERS`; whole or not at all.
+
+    Raises
+    ------
+    ParameterError
+        There is no such kind.
+    """
+    if kind not in EXPORTERS:
+        raise ParameterError(f"export {kind!r} is unknown: choose one of {', '.join(EXPORTERS)}")
+    module = cast(Exporter, import_module(EXPORTERS[kind]))
+    with atomic_file(path) as stream:
+        module.write(track, stream)
+    return path

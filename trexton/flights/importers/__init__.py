@@ -1,0 +1,74 @@
+"""Flights from the formats that people have: one file each, and one line here.
+
+A module declares its options (`Settings`, a dataclass of `trexton.options`), says whether a source looks like
+its own (``recognises(path)``) and reads it (``read(path, settings) -> Recording``). Command line, checks and the
+table in the documentation are made from these.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Protocol, cast
+
+from trexton.errors import ParameterError
+from trexton.flights.importers.recording import Recording
+from trexton.options import Options
+
+__all__ = ["IMPORTERS", "Importer", "guess_kind", "importer"]
+
+IMPORTERS = {
+    "euroc": "trexton.flights.importers.euroc",
+    "tum": "trexton.flights.importers.tum",
+    "video": "trexton.flights.importers.video",
+    "bag": "trexton.flights.importers.bag",
+    "photos": "trexton.flights.importers.photos",
+    "csv": "trexton.flights.importers.table",
+    "features": "trexton.flights.importers.features",
+}
+
+
+class Importer(Protocol):
+    """What a module of an importer offers; its first docstring line describes it."""
+
+    Settings: type[Options]
+
+    def recognises(self, source: Path) -> bool:
+        """Whether the source looks like this format."""
+
+    def read(self, source: Path, settings: Any) -> Recording:
+        """The recording at `source`; raises `FlightError` where it is none."""
+
+
+def importer(kind: str) -> Importer:
+    """The importer called `kind`, or ``package.module`` for one of your own.
+
+    Raises
+    ------
+    ParameterError
+        There is none of that name.
+    """
+    if kind not in IMPORTERS and "." not in kind:
+        raise ParameterError(f"import {kind!r} is unknown: choose one of {', '.join(IMPORTERS)}")
+    try:
+        module = import_module(IMPORTERS.get(kind, kind))
+    except ImportError as error:
+        raise ParameterError(f"the importer {kind!r} cannot be loaded: {error}") from None
+    return cast(Importer, module)
+
+
+def guess_kind(source: Path) -> str:
+    """The one kind that recognises `source`.
+
+    Raises
+    ------
+    ParameterError
+        None or several do.
+    """
+    if not source.exists():
+        raise ParameterError(f"{source}: no such file or folder")
+    fitting = [kind for kind in IMPORTERS if importer(kind).recognises(source)]
+    if len(fitting) == 1:
+        return fitting[0]
+    found = f"looks like {' and '.join(fitting)}" if fitting else "is of no kind that is recognised"
+    raise ParameterError(f"{source} {found}: name the kind, one of {', '.join(IMPORTERS)}")

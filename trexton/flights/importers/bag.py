@@ -1,0 +1,174 @@
+"""ROS 1 and ROS 2 bags: an image topic, and one of poses or odometry."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.errors import FlightError
+from trexton.flights.importers.recording import NANO, Recording, Track, attitude_from_quaternions
+from trexton.options import Options, option
+
+__all__ = ["Settings", "read", "recognises"]
+
+IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
+# where the pose of each kind of message is
+POSES = {
+    "geometry_msgs/msg/PoseStamped": "pose",
+    "geometry_msgs/msg/PoseWithCovarianceStamped": "pose.pose",
+    "geometry_msgs/msg/TransformStamped": "transform",
+    "nav_msgs/msg/Odometry": "pose.pose",
+}
+# encoding: channels, and the conversion to BGR (None: already)
+_ENCODINGS = {
+    "bgr8": (3, None),
+    "rgb8": (3, cv2.COLOR_RGB2BGR),
+    "mono8": (1, cv2.COLOR_GRAY2BGR),
+    "bgra8": (4, cv2.COLOR_BGRA2BGR),
+    "rgba8": (4, cv2.COLOR_RGBA2BGR),
+    "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY),
+    "uyvy": (2, cv2.COLOR_YUV2BGR_UYVY),
+    "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2),
+}
+
+
+@dataclass(frozen=True)
+class Settings(Options):
+    """What can be chosen."""
+
+    image: str = option("", "topic of the images (default: the only one)")
+    pose: str = option("", "topic of the positions (default: the only one)")
+
+
+def recognises(source: Path) -> bool:
+    return source.suffix == ".bag" or (source / "metadata.yaml").is_file()
+
+
+def read(source: Path, settings: Settings) -> Recording:
+    """The recording in a bag; images are read again when they are asked for, in order."""
+    bag = _Bag(source)
+    images, poses = bag.topic(IMAGES, settings.image), bag.topic(tuple(POSES), settings.pose)
+    stamps = np.array([stamp for stamp, _ in bag.messages(images)], dtype=np.int64)
+    rows = [(stamp, _pose(message)) for stamp, message in bag.messages(poses)]
+    times = np.array([stamp for stamp, _ in rows], dtype=np.int64)
+    values = np.array([pose for _, pose in rows], dtype=float).reshape(-1, 7)
+    order = np.argsort(times, kind="stable")
+    kept = order[np.diff(times[order], prepend=-1) > 0]
+    return Recording(
+        stamps,
+        Track(times[kept], values[kept, :3], attitude_from_quaternions(values[kept, 3:])),
+        _Pictures(bag, images).picture,
+        source=f"bag {source.name}: {images}, {poses}",
+        said=[f"images from {images}, positions from {poses}"],
+    )
+
+
+class _Bag:
+    """The messages of a bag; every fault of the reader becomes a `FlightError` that names it."""
+
+    def __init__(self, source: Path):
+        self.source = source
+        with self._open() as reader:
+            self.topics = {each.topic: str(each.msgtype) for each in reader.connections}
+
+    def _open(self) -> Any:
+        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.typesys import Stores, get_typestore
+
+        try:
+            reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
+            reader.open()
+        except (AnyReaderError, OSError, ValueError, KeyError) as error:
+            raise FlightError(
+                f"{self.source}: not a readable bag ({error}): record it again"
+            ) from None
+        return _Closing(reader)
+
+    def topic(self, types: tuple[str, ...], wanted: str) -> str:
+        fitting = [topic for topic, kind in self.topics.items() if kind in types]
+        if wanted and wanted not in fitting or len(fitting) != 1 and not wanted:
+            short = " or ".join(kind.rpartition("/")[2] for kind in types)
+            found = ", ".join(fitting) or f"none among {', '.join(self.topics) or 'no topics'}"
+            raise FlightError(f"{self.source}: topics of {short}: {found}: name one of them")
+        return wanted or fitting[0]
+
+    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
+        """Header stamp in nanoseconds, and message."""
+        with self._open() as reader:
+            chosen = [each for each in reader.connections if each.topic == topic]
+            for connection, _, data in reader.messages(chosen):
+                try:
+                    message = reader.deserialize(data, connection.msgtype)
+                except Exception as error:  # whatever a damaged message raises
+                    raise FlightError(
+                        f"{self.source}: a message of {topic} is damaged ({error}): record it again"
+                    ) from None
+                stamp = message.header.stamp
+                yield int(stamp.sec) * NANO + int(stamp.nanosec), message
+
+
+class _Closing:
+    """A reader that is open already, closed at the end of the block."""
+
+    def __init__(self, reader: Any):
+        self._reader = reader
+
+    def __enter__(self) -> Any:
+        return self._reader
+
+    def __exit__(self, *_: object) -> None:
+        self._reader.close()
+
+
+def _pose(message: Any) -> list[float]:
+    """x, y, z and the quaternion x, y, z, w."""
+    pose = message
+    for name in POSES[message.__msgtype__].split("."):
+        pose = getattr(pose, name)
+    if hasattr(pose, "translation"):
+        place, turn = pose.translation, pose.rotation
+    else:
+        place, turn = pose.position, pose.orientation
+    return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
+
+
+class _Pictures:
+    """Images by their place, read forwards; going back starts anew."""
+
+    def __init__(self, bag: _Bag, topic: str):
+        self._bag, self._topic = bag, topic
+        self._stream: Iterator[tuple[int, Any]] | None = None
+        self._next = 0
+
+    def picture(self, place: int) -> np.ndarray:
+        if self._stream is None or place < self._next:
+            self._stream, self._next = self._bag.messages(self._topic), 0
+        for _, message in self._stream:
+            self._next += 1
+            if self._next > place:
+                return self._decoded(message)
+        raise FlightError(f"{self._bag.source}: image {place} can no longer be read")
+
+    def _decoded(self, message: Any) -> np.ndarray:
+        where = f"{self._bag.source}: an image of {self._topic}"
+        if hasattr(message, "format"):
+            image = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_COLOR)
+            if image is None:
+                raise FlightError(f"{where} cannot be decoded (format {message.format!r})")
+            return image
+        if message.encoding not in _ENCODINGS:
+            known = ", ".join(_ENCODINGS)
+            raise FlightError(f"{where} is encoded as {message.encoding!r}: expected {known}")
+        channels, conversion = _ENCODINGS[message.encoding]
+        rows, columns, step = int(message.height), int(message.width), int(message.step)
+        if len(message.data) < rows * step or step < columns * channels:
+            raise FlightError(f"{where} is shorter than its {columns}x{rows} pixels")
+        lines = np.asarray(message.data, np.uint8)[: rows * step].reshape(rows, step)
+        pixels = lines[:, : columns * channels].reshape(rows, columns, channels)
+        pixels = np.ascontiguousarray(pixels)
+        return pixels if conversion is None else cv2.cvtColor(pixels, conversion)

@@ -1,0 +1,181 @@
+"""Photographs with GPS: positions from EXIF, or from a table with latitudes; local metres east and north."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trexton.errors import FlightError
+from trexton.flights.importers.recording import NANO, Recording, Track
+from trexton.flights.tables import column, read_table
+from trexton.options import Options, option
+
+__all__ = ["Settings", "local_metres", "read", "recognises"]
+
+SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
+_GPS, _DETAILS = 0x8825, 0x8769  # EXIF directories
+_TAKEN = (0x9003, 0x0132)  # when it was taken, when the file was changed
+
+
+@dataclass(frozen=True)
+class Settings(Options):
+    """What can be chosen."""
+
+    positions: str = option("", "table of file, latitude, longitude instead of EXIF")
+    file: str = option("file", "its column of file names")
+    latitude: str = option("lat", "its column of latitudes in degrees")
+    longitude: str = option("lon", "its column of longitudes in degrees")
+    altitude: str = option("alt_m", "its column of altitudes in metres, where there is one")
+    taken: str = option("time", "its column of times, where there is one")
+    ground: float = option(0.0, "altitude of the ground in metres")
+
+
+def recognises(source: Path) -> bool:
+    return source.is_dir() and not (source / "mav0").is_dir() and bool(_files(_folder(source)))
+
+
+def _folder(source: Path) -> Path:
+    return source / "images" if (source / "images").is_dir() else source
+
+
+def _files(folder: Path) -> list[Path]:
+    return sorted(
+        path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file()
+    )
+
+
+def read(source: Path, settings: Settings) -> Recording:
+    """The recording of a folder of photographs, in the order in which they were taken."""
+    files = _files(_folder(source))
+    default = source / "positions.csv"
+    if settings.positions:
+        places = _from_table(source / settings.positions, files, settings)
+    elif default.is_file():
+        places = _from_table(default, files, settings)
+    else:
+        places = {file: _from_exif(file) for file in files}
+    known = [file for file in files if places.get(file) is not None]
+    if len(known) < 3:
+        raise FlightError(
+            f"{source}: {len(known)} of {len(files)} photographs have a position: expected GPS in their "
+            "EXIF, or a table named with positions="
+        )
+    taken: dict[Path, Any] = {file: places[file] for file in known}
+    order = sorted(known, key=lambda file: (taken[file][3], file.name))
+    values = np.array([taken[file][:3] for file in order], dtype=float)
+    stamps = _increasing(np.array([taken[file][3] for file in order], dtype=np.int64))
+    place, origin = local_metres(values[:, 0], values[:, 1])
+    position = np.column_stack([place, values[:, 2] - settings.ground])
+    missing = len(files) - len(known)
+    return Recording(
+        stamps,
+        Track(stamps, position),
+        lambda row: order[row],
+        source=f"photographs of {source.name}",
+        notes=[f"x east, y north of latitude {origin[0]:.7f}, longitude {origin[1]:.7f} (WGS 84)"],
+        said=[f"{missing} photographs without a position are left out"] if missing else [],
+    )
+
+
+def local_metres(
+    latitude: np.ndarray, longitude: np.ndarray
+) -> tuple[np.ndarray, tuple[float, float]]:
+    """``(N, 2)`` metres east and north of the south-west corner, and that corner in degrees.
+
+    A transverse Mercator projection about the middle of the points; true to a millimetre over some kilometres.
+
+    Raises
+    ------
+    FlightError
+        A latitude or longitude is no angle on Earth.
+    """
+    from pyproj import Proj
+
+    good = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180)
+    if not good.all():
+        row = int(np.argmin(good))
+        raise FlightError(
+            f"position {row + 1} is {latitude[row]}, {longitude[row]}: expected degrees of latitude and longitude"
+        )
+    middle = float(np.median(latitude)), float(np.median(longitude))
+    plane = Proj(proj="tmerc", lat_0=middle[0], lon_0=middle[1], ellps="WGS84")
+    east, north = plane(longitude, latitude)
+    corner = plane(east.min(), north.min(), inverse=True)
+    metres = np.column_stack([east - east.min(), north - north.min()])
+    return metres, (float(corner[1]), float(corner[0]))
+
+
+def _from_table(
+    path: Path, files: list[Path], settings: Settings
+) -> dict[Path, tuple[float, float, float, int] | None]:
+    table = read_table(path)
+    if settings.file not in table.columns:
+        raise FlightError(
+            f"{path}: no column {settings.file!r}: it has {', '.join(map(str, table.columns))}"
+        )
+    latitude, longitude = (
+        column(path, table, name) for name in (settings.latitude, settings.longitude)
+    )
+    altitude = (
+        column(path, table, settings.altitude)
+        if settings.altitude in table.columns
+        else np.full(len(table), np.nan)
+    )
+    times = (
+        [_stamp(path, str(text)) for text in table[settings.taken]]
+        if settings.taken in table.columns
+        else [row * NANO for row in range(len(table))]
+    )
+    rows = dict(
+        zip(
+            table[settings.file].astype(str),
+            zip(latitude, longitude, altitude, times, strict=True),
+            strict=True,
+        )
+    )
+    return {file: rows.get(file.name) for file in files}
+
+
+def _from_exif(path: Path) -> tuple[float, float, float, int] | None:
+    from PIL import Image, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            exif = image.getexif()
+            gps, details = exif.get_ifd(_GPS), exif.get_ifd(_DETAILS)
+        latitude, longitude = _degrees(gps[2], gps[1], "S"), _degrees(gps[4], gps[3], "W")
+    except (KeyError, TypeError, ValueError, ZeroDivisionError, UnidentifiedImageError, OSError):
+        return None
+    altitude = float(gps[6]) * (-1 if gps.get(5) in (1, b"\x01") else 1) if 6 in gps else np.nan
+    text = next(
+        (str(table[tag]) for tag in _TAKEN for table in (details, exif) if tag in table), ""
+    )
+    return latitude, longitude, altitude, _stamp(path, text) if text else 0
+
+
+def _degrees(parts: Any, side: str, negative: str) -> float:
+    degrees, minutes, seconds = (float(part) for part in parts)
+    value = degrees + minutes / 60 + seconds / 3600
+    return -value if str(side).upper().startswith(negative) else value
+
+
+def _stamp(path: Path, text: str) -> int:
+    """Nanoseconds since 1970 of an EXIF time such as ``2013:06:04 13:37:29``, taken as UTC."""
+    try:
+        date, _, clock = text.strip().partition(" ")
+        moment = datetime.fromisoformat(f"{date.replace(':', '-')} {clock}".strip())
+        return int(moment.replace(tzinfo=timezone.utc).timestamp()) * NANO
+    except ValueError:
+        raise FlightError(f"{path}: {text!r} is no time: expected 2013:06:04 13:37:29") from None
+
+
+def _increasing(stamps: np.ndarray) -> np.ndarray:
+    """Stamps of whole seconds are shared by photographs in a burst: each comes a millisecond later."""
+    result = stamps.copy()
+    for row in range(1, len(result)):
+        result[row] = max(result[row], result[row - 1] + NANO // 1000)
+    return result

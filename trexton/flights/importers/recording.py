@@ -1,0 +1,168 @@
+"""What an importer reads: frames with their stamps, and a track of positions with its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from trexton.camera import Camera
+from trexton.errors import FlightError
+
+__all__ = ["Matched", "Recording", "Track", "attitude_from_quaternions", "match"]
+
+NANO = 1_000_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Where the vehicle was.
+
+    Attributes
+    ----------
+    time_ns : (M,) int64 array
+        On the clock of the frames, as far as the source knows.
+    position : (M, 3) array
+        Metres; z is NaN where it was not recorded.
+    attitude : (M, 3) array or None
+        Roll, pitch, yaw in radians; see `trexton.camera`.
+    """
+
+    time_ns: np.ndarray
+    position: np.ndarray
+    attitude: np.ndarray | None = None
+
+    def shifted(self, seconds: float) -> Track:
+        """The track with its clock set forward."""
+        return Track(self.time_ns + round(seconds * NANO), self.position, self.attitude)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A flight as its source has it.
+
+    Attributes
+    ----------
+    time_ns : (N,) int64 array
+        Stamps of the frames.
+    track : Track or None
+        None where the source has no positions.
+    picture : callable or None
+        ``picture(i)`` gives frame i as a path or as an ``(H, W, 3) uint8`` BGR array; None without images.
+    histograms : (N, K) array or None
+    features : str
+        What the histograms count: ``textons``, or another word for features whose values need not sum to one.
+    camera : Camera or None
+    distortion : (D,) array or None
+        Of the camera, in OpenCV's order.
+    notes : list of str
+        What a reader of the flight must know.
+    said : list of str
+        What a person is told when importing.
+    """
+
+    time_ns: np.ndarray
+    track: Track | None = None
+    picture: Callable[[int], object] | None = None
+    histograms: np.ndarray | None = None
+    features: str = "textons"
+    camera: Camera | None = None
+    distortion: np.ndarray | None = None
+    source: str = ""
+    licence: str = ""
+    notes: list[str] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class Matched:
+    """Positions of the frames: ``(N, 3)`` metres and ``(N, 3)`` radians (or None), NaN where none is near."""
+
+    position: np.ndarray
+    attitude: np.ndarray | None
+    count: int
+    largest_gap_s: float
+
+
+def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
+    """Interpolate the track at the frames; angles along the shorter way.
+
+    A frame is matched if it lies on a stamp or between two that are at most twice the tolerance apart.
+
+    Raises
+    ------
+    FlightError
+        The track's stamps do not increase, or no frame is matched.
+    """
+    stamps = track.time_ns
+    if len(stamps) == 0 or (np.diff(stamps) <= 0).any():
+        raise FlightError(
+            f"the track has {len(stamps)} stamps, not all increasing: sort it and drop repeated rows"
+        )
+    after = np.searchsorted(stamps, time_ns)
+    before = np.clip(after - (after == len(stamps)) - 1, 0, len(stamps) - 1)
+    before = np.where(stamps[np.minimum(after, len(stamps) - 1)] == time_ns, after, before)
+    before = np.minimum(before, len(stamps) - 1)
+    following = np.minimum(before + 1, len(stamps) - 1)
+    exact = stamps[before] == time_ns
+    gap = (stamps[following] - stamps[before]) / NANO
+    inside = (time_ns > stamps[0]) & (time_ns < stamps[-1]) & (gap <= 2 * tolerance_s)
+    # At the track's ends the nearest stamp serves, if it is near enough.
+    nearest_s = np.minimum(np.abs(time_ns - stamps[0]), np.abs(time_ns - stamps[-1])) / NANO
+    beyond = ~inside & ~exact & (nearest_s <= tolerance_s)
+    beyond &= (time_ns <= stamps[0]) | (time_ns >= stamps[-1])
+    share = np.clip(
+        (time_ns - stamps[before]) / np.maximum(stamps[following] - stamps[before], 1), 0, 1
+    )
+    good = exact | inside | beyond
+    if not good.any():
+        first, last = ((edge - time_ns[0]) / NANO for edge in (stamps[0], stamps[-1]))
+        raise FlightError(
+            f"no frame has a position within {tolerance_s:g} s: frames cover 0 to "
+            f"{(time_ns[-1] - time_ns[0]) / NANO:.2f} s, positions {first:.2f} to {last:.2f} s: "
+            "give the time offset of the positions, or a larger tolerance"
+        )
+    position = _between(track.position, before, following, share)
+    position[~good] = np.nan
+    attitude = None
+    if track.attitude is not None:
+        turns = np.unwrap(track.attitude, axis=0)
+        attitude = _between(turns, before, following, share)
+        attitude[~good] = np.nan
+        attitude = (attitude + np.pi) % (2 * np.pi) - np.pi
+    used = gap[good & ~exact]
+    return Matched(position, attitude, int(good.sum()), float(used.max()) if len(used) else 0.0)
+
+
+def _between(
+    values: np.ndarray, before: np.ndarray, after: np.ndarray, share: np.ndarray
+) -> np.ndarray:
+    low, high = values[before], values[after]
+    # Not low + share * (high - low): a NaN on the side that does not count must not spread.
+    mixed = np.where(share[:, None] > 0, share[:, None] * high, 0.0)
+    return np.where(share[:, None] < 1, (1 - share[:, None]) * low, 0.0) + mixed
+
+
+def attitude_from_quaternions(quaternions: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
+    """``(N, 3)`` roll, pitch, yaw as `trexton.camera` defines them, from ``(N, 4)`` x, y, z, w.
+
+    The quaternion turns body into world: Rz(yaw) Rx(pitch) Ry(roll).
+
+    Raises
+    ------
+    FlightError
+        A quaternion has no length.
+    """
+    x, y, z, w = np.asarray(quaternions, dtype=float).T
+    length = np.sqrt(x * x + y * y + z * z + w * w)
+    if not (length > 1e-6).all():
+        raise FlightError(
+            f"quaternion {int(np.flatnonzero(~(length > 1e-6))[0]) + 1} has no length: "
+            "expected x, y, z, w of length 1"
+        )
+    x, y, z, w = (part / length for part in (x, y, z, w))
+    pitch = np.arcsin(np.clip(2 * (y * z + w * x), -1, 1))
+    roll = np.arctan2(-2 * (x * z - w * y), 1 - 2 * (x * x + y * y))
+    yaw = np.arctan2(-2 * (x * y - w * z), 1 - 2 * (x * x + z * z))
+    return np.column_stack([roll, pitch, yaw])

@@ -1,0 +1,76 @@
+"""TUM trajectories: ``stamp x y z qx qy qz qw`` in seconds and metres, beside a list of images."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from pathlib import Path
+
+import numpy as np
+
+from trexton.errors import FlightError
+from trexton.flights.importers.recording import NANO, Recording, Track, attitude_from_quaternions
+from trexton.flights.tables import read_text
+from trexton.options import Options, option
+
+__all__ = ["Settings", "nanoseconds", "read", "read_trajectory", "recognises"]
+
+
+@dataclass(frozen=True)
+class Settings(Options):
+    """What can be chosen."""
+
+    images: str = option("rgb.txt", "list of stamps and image files in the folder")
+    trajectory: str = option("groundtruth.txt", "trajectory in the folder")
+
+
+def recognises(source: Path) -> bool:
+    defaults = Settings()
+    return (source / defaults.images).is_file() and (source / defaults.trajectory).is_file()
+
+
+def read(source: Path, settings: Settings) -> Recording:
+    """The recording in a folder with an image list and a trajectory."""
+    rows = _rows(source / settings.images, 2)
+    files = [source / name for _, name in rows]
+    return Recording(
+        np.array([nanoseconds(source / settings.images, stamp) for stamp, _ in rows]),
+        read_trajectory(source / settings.trajectory),
+        lambda row: files[row],
+        source="TUM folder",
+    )
+
+
+def read_trajectory(path: Path) -> Track:
+    """The track in a TUM file.
+
+    Raises
+    ------
+    FlightError
+        The file cannot be read, or a row is not eight numbers.
+    """
+    rows = _rows(path, 8)
+    try:
+        values = np.array([row[1:] for row in rows], dtype=float)
+    except ValueError as error:
+        raise FlightError(f"{path}: {error}: expected stamp x y z qx qy qz qw") from None
+    stamps = np.array([nanoseconds(path, row[0]) for row in rows], dtype=np.int64)
+    return Track(stamps, values[:, :3], attitude_from_quaternions(values[:, 3:]))
+
+
+def nanoseconds(path: Path, text: str) -> int:
+    """Seconds as text, to the nanosecond, which a float of today's Unix time would lose."""
+    try:
+        return int(Decimal(text) * NANO)
+    except (InvalidOperation, ValueError, OverflowError):
+        raise FlightError(f"{path}: {text!r} is no stamp in seconds") from None
+
+
+def _rows(path: Path, fields: int) -> list[list[str]]:
+    lines = (line.split("#")[0].split() for line in read_text(path).splitlines())
+    rows = [row for row in lines if row]
+    if not rows or any(len(row) != fields for row in rows):
+        number = next((i + 1 for i, row in enumerate(rows) if len(row) != fields), 0)
+        found = f"entry {number} has {len(rows[number - 1])} fields" if number else "no entries"
+        raise FlightError(f"{path}: {found}: expected {fields} separated by blanks")
+    return rows

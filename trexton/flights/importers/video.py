@@ -1,0 +1,185 @@
+"""A video with a table of positions; the offset between their clocks is given, or found by their motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from trexton.errors import FlightError, ParameterError
+from trexton.flights.importers import table as tables
+from trexton.flights.importers.recording import NANO, Recording, Track
+from trexton.options import Options, option
+from trexton.progress import progress
+
+__all__ = ["Settings", "estimate_offset", "read", "recognises"]
+
+SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".m4v", ".webm")
+_WIDTH = 160  # pixels of the frames whose motion is measured
+_STEP = 0.02  # seconds between the offsets that are tried
+_SURE = 0.5  # correlation from which an estimated offset is believed
+
+
+@dataclass(frozen=True)
+class Settings(Options):
+    """What can be chosen."""
+
+    positions: str = option("", "table of t, x, y beside the video (needed)")
+    time: str = option("t", "its column of stamps in seconds")
+    x: str = option("x", "its column of x")
+    y: str = option("y", "its column of y")
+    z: str = option("", "its column of the height above the floor")
+    yaw: str = option("", "its column of the heading in radians")
+    unit: str = option("m", "unit of the positions", choices=tuple(tables.LENGTHS))
+    offset: str = option(
+        "estimate", "stamp of the first frame on the table's clock in s, or estimate"
+    )
+    every: int = option(1, "keep every n-th frame", low=1)
+
+
+def recognises(source: Path) -> bool:
+    return source.is_file() and source.suffix.lower() in SUFFIXES
+
+
+def read(source: Path, settings: Settings) -> Recording:
+    """The recording of a video; frames are decoded again when they are asked for, in order."""
+    if not settings.positions:
+        raise ParameterError(f"{source}: a video has no positions: name a table, positions=FILE")
+    chosen = tables.Settings(
+        time=settings.time, x=settings.x, y=settings.y, z=settings.z, yaw=settings.yaw,
+        unit=settings.unit,
+    )  # fmt: skip
+    track = tables.read_track(source.parent / settings.positions, chosen)
+    stamps, motion = _scan(source)
+    if settings.offset == "estimate":
+        offset, correlation = estimate_offset(stamps, motion, track)
+        said = (
+            f"time offset {offset:.2f} s, estimated from the motion (correlation {correlation:.2f})"
+        )
+        if correlation < _SURE:
+            raise FlightError(
+                f"{source}: {said}: not sure enough, the images do not move as the positions do: "
+                "give it, offset=SECONDS"
+            )
+    else:
+        try:
+            offset = float(settings.offset)
+        except ValueError:
+            raise ParameterError(
+                f"offset {settings.offset!r}: expected seconds, or estimate"
+            ) from None
+        said = f"time offset {offset:g} s, as given"
+    chosen_rows = np.arange(0, len(stamps), settings.every)
+    return Recording(
+        np.rint(stamps[chosen_rows] * NANO).astype(np.int64),
+        track.shifted(-offset),
+        _Decoder(source, chosen_rows).picture,
+        source=f"video {source.name}",
+        said=[said],
+    )
+
+
+def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tuple[float, float]:
+    """The stamp of the first frame on the track's clock, and the correlation that speaks for it.
+
+    Parameters
+    ----------
+    stamps : (N,) array
+        Of the frames, seconds from the first.
+    motion : (N,) array
+        Image motion before each frame in pixels a second.
+    track : Track
+
+    Raises
+    ------
+    FlightError
+        The track is shorter than two seconds, or does not move.
+    """
+    time = (track.time_ns - track.time_ns[0]) / NANO
+    if len(time) < 10 or time[-1] < 2 or len(stamps) < 10:
+        raise FlightError(
+            f"{len(stamps)} frames and positions over {time[-1]:.1f} s are too few to find the time "
+            "offset: give it, offset=SECONDS"
+        )
+    grid = np.arange(0, time[-1], _STEP)
+    path = np.column_stack([np.interp(grid, time, track.position[:, i]) for i in (0, 1)])
+    speed = _smooth(np.hypot(*np.gradient(path, _STEP, axis=0).T))
+    frames = np.arange(0, stamps[-1], _STEP)
+    seen = _smooth(np.interp(frames, stamps, motion))
+    if not (np.ptp(speed) > 0 and np.ptp(seen) > 0):
+        raise FlightError("nothing moves in the images or in the positions: give offset=SECONDS")
+    shorter = min(len(speed), len(seen))
+    best = (0.0, -1.0)
+    # The clocks may start apart by as much as leaves half of the shorter recording in common.
+    for shift in range(shorter // 2 - len(seen), len(speed) - shorter // 2):
+        low, high = max(0, shift), min(len(speed), shift + len(seen))
+        a, b = speed[low:high], seen[low - shift : high - shift]
+        spread = a.std() * b.std()
+        value = float(((a - a.mean()) * (b - b.mean())).mean() / spread) if spread > 0 else -1.0
+        if value > best[1]:
+            best = (shift * _STEP + track.time_ns[0] / NANO, value)
+    return best
+
+
+def _smooth(values: np.ndarray, seconds: float = 0.3) -> np.ndarray:
+    width = max(1, round(seconds / _STEP))
+    return np.convolve(values, np.full(width, 1 / width), mode="same")
+
+
+def _scan(source: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Stamps of all frames in seconds from the first, and how fast the image moves before each."""
+    stamps: list[float] = []
+    motion = [0.0]
+    before: np.ndarray | None = None
+    for stamp, frame in progress(_frames(source), "video"):
+        scale = _WIDTH / frame.shape[1]
+        small = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float32)
+        if before is not None:
+            (dx, dy), _ = cv2.phaseCorrelate(before, grey)
+            motion.append(float(np.hypot(dx, dy)) / scale / max(stamp - stamps[-1], 1e-3))
+        stamps.append(stamp)
+        before = grey
+    if len(stamps) < 3:
+        raise FlightError(f"{source}: {len(stamps)} frames could be decoded: expected a video")
+    return np.array(stamps) - stamps[0], np.array(motion)
+
+
+def _frames(source: Path) -> Iterator[tuple[float, np.ndarray]]:
+    """Stamp in seconds and BGR of each frame; where stamps are missing, by the stated rate."""
+    capture = cv2.VideoCapture(str(source))
+    try:
+        rate = capture.get(cv2.CAP_PROP_FPS) or 25.0
+        last, number = -1.0, 0
+        while True:
+            good, frame = capture.read()
+            if not good:
+                return
+            stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
+            stamp = stamp if stamp > last else last + 1 / rate if number else 0.0
+            yield stamp, frame
+            last, number = stamp, number + 1
+    finally:
+        capture.release()
+
+
+class _Decoder:
+    """Frames of a video by their place among `rows`, decoded forwards; going back starts anew."""
+
+    def __init__(self, source: Path, rows: np.ndarray):
+        self._source, self._rows = source, rows
+        self._stream: Iterator[tuple[float, np.ndarray]] | None = None
+        self._next = 0
+
+    def picture(self, place: int) -> np.ndarray:
+        wanted = int(self._rows[place])
+        if self._stream is None or wanted < self._next:
+            self._stream, self._next = _frames(self._source), 0
+        for _, frame in self._stream:
+            self._next += 1
+            if self._next > wanted:
+                return frame
+        raise FlightError(f"{self._source}: frame {wanted} can no longer be decoded")

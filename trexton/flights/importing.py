@@ -1,0 +1,346 @@
+"""From a recording to a Flight folder: positions matched, images brought to one size, written whole, resumable."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from trexton.camera import Camera
+from trexton.errors import FlightError, ImageError, ParameterError
+from trexton.files import check_replaceable, digest, replace_folder
+from trexton.flights.flight import Flight
+from trexton.flights.folder import MARKER, read_flight, write_tables
+from trexton.flights.importers import guess_kind, importer
+from trexton.flights.importers.recording import NANO, Recording, match
+from trexton.images import check_size, checked_bytes
+from trexton.options import Options, option
+from trexton.progress import progress, say
+
+__all__ = ["Common", "import_flight"]
+
+QUALITY = 95  # of JPEG files that are written anew
+_ASPECT = 0.02  # relative difference of aspect up to which an image is scaled to the others' size
+
+
+@dataclass(frozen=True)
+class Common(Options):
+    """What can be chosen whatever the source."""
+
+    tolerance: float = option(0.1, "seconds between a frame and a position", low=0)
+    offset: float = option(0.0, "seconds to add to the stamps of the positions")
+    scale: float = option(1.0, "size of the images written, as a share", low=0.01, high=1)
+    undistort: str = option("", "calibration to undistort by: a file of OpenCV or EuRoC, or own")
+    mask: str = option("", "picture that is black where the vehicle itself is seen")
+    split: float = option(0.0, "share of the frames for training, the rest for test", low=0, high=1)
+    name: str = option("", "name of the flight (default: of the folder written)")
+
+
+def import_flight(
+    source: str | os.PathLike[str],
+    out: str | os.PathLike[str],
+    *,
+    kind: str | None = None,
+    settings: dict[str, object] | None = None,
+    replaced: bool = False,
+) -> tuple[Flight, list[str]]:
+    """Import a recording as a Flight folder.
+
+    An import that was interrupted leaves its images in a hidden folder beside `out`; the same import goes on
+    from there.
+
+    Parameters
+    ----------
+    source, out : path
+    kind : str, optional
+        An entry of `IMPORTERS`; guessed unless given.
+    settings : dict, optional
+        Of `Common` and of the importer, as values or text.
+    replaced : bool
+        A Flight folder at `out` may be replaced.
+
+    Returns
+    -------
+    flight : Flight
+    said : list of str
+        What was matched, and what to know.
+
+    Raises
+    ------
+    TrextonError
+        The source is not of this kind, no frame has a position, or images do not fit together.
+    """
+    source, out = Path(source), Path(out)
+    check_replaceable(out, MARKER, replaced)
+    kind = kind or guess_kind(source)
+    module = importer(kind)
+    given = dict(settings or {})
+    names = {each.name for each in Common.declared()}
+    # A video has an offset of its own, which may be estimated.
+    names -= {each.name for each in module.Settings.declared()}
+    common = Common.parse({key: given.pop(key) for key in list(given) if key in names})
+    chosen = module.Settings.parse(given, f"import {kind}")
+    recording = module.read(source, chosen)
+    recording, said = _ordered(recording)
+    work = out.parent / f".{out.name}.importing"
+    key = digest(kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns)
+    _prepare(work, key)
+    camera, files = recording.camera, None
+    if recording.picture is not None:
+        files, camera, words = _write_images(recording, common, source, work / "images")
+        said += words
+    flight, words = _flight(recording, common, camera, files, common.name or out.name)
+    write_tables(flight, work)
+    (work / "key").unlink()
+    replace_folder(work, out)
+    return read_flight(out), recording.said + said + words
+
+
+def _prepare(work: Path, key: str) -> None:
+    """The folder of an import that goes on, or an empty one."""
+    stamp = work / "key"
+    if not (stamp.is_file() and stamp.read_text(encoding="utf-8") == key):
+        shutil.rmtree(work, ignore_errors=True)
+        (work / "images").mkdir(parents=True)
+        stamp.write_text(key, encoding="utf-8")
+    else:
+        (work / "images").mkdir(exist_ok=True)
+        say(f"going on with {len(list((work / 'images').iterdir()))} images that are there already")
+
+
+def _ordered(recording: Recording) -> tuple[Recording, list[str]]:
+    """The recording with its frames in time order, frames of one stamp dropped."""
+    stamps = recording.time_ns
+    if not len(stamps):
+        raise FlightError("the source has no frames: check its path and topics")
+    order = np.argsort(stamps, kind="stable")
+    order = order[np.diff(stamps[order], prepend=stamps[order[0]] - 1) > 0]
+    if np.array_equal(order, np.arange(len(stamps))):
+        return recording, []
+    picture = recording.picture
+    dropped = len(stamps) - len(order)
+    return replace(
+        recording,
+        time_ns=stamps[order],
+        picture=None if picture is None else lambda row: picture(int(order[row])),
+        histograms=None if recording.histograms is None else recording.histograms[order],
+    ), [f"frames put in order of their stamps, {dropped} of repeated stamps dropped"]
+
+
+def _flight(
+    recording: Recording,
+    common: Common,
+    camera: Camera | None,
+    files: tuple[Path, ...] | None,
+    name: str,
+) -> tuple[Flight, list[str]]:
+    """The flight, and what matching its positions gave."""
+    count = len(recording.time_ns)
+    position, attitude, said = np.full((count, 3), np.nan), None, ["no positions in the source"]
+    if recording.track is not None:
+        found = match(recording.time_ns, recording.track.shifted(common.offset), common.tolerance)
+        position, attitude = found.position, found.attitude
+        said = [
+            f"{found.count} of {count} frames have a position, "
+            f"largest gap between positions used {found.largest_gap_s:.3f} s"
+        ]
+    height = position[:, 2] if np.isfinite(position[:, 2]).any() else None
+    known = position[np.isfinite(position[:, :2]).all(axis=1), :2]
+    low, high = (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(2), np.ones(2))
+    margin = 0.02 * (high - low) + 0.01
+    (x_min, y_min), (x_max, y_max) = low - margin, high + margin
+    first = int(recording.time_ns[0])
+    last = round(common.split * count) - 1
+    split = {"train": (0, last), "test": (last + 1, count - 1)} if 0 <= last < count - 1 else {}
+    return Flight(
+        name=name,
+        frame=np.arange(count),
+        time=(recording.time_ns - first) / NANO,
+        position=position[:, :2],
+        area=(float(x_min), float(x_max), float(y_min), float(y_max)),
+        height=height,
+        attitude=attitude,
+        image_files=files,
+        histograms=recording.histograms,
+        features=recording.features,
+        camera=camera,
+        split=split,
+        source=recording.source,
+        licence=recording.licence,
+        notes=(f"time zero is stamp {first} ns of the source", *recording.notes),
+    ), said
+
+
+def _write_images(
+    recording: Recording, common: Common, source: Path, folder: Path
+) -> tuple[tuple[Path, ...], Camera | None, list[str]]:
+    """Write every image that is not there yet; all of one size."""
+    assert recording.picture is not None
+    count = len(recording.time_ns)
+    change = _Change.of(recording, common, source, count)
+    files, turned, scaled = [], 0, 0
+    for row in progress(range(count), "images", count):
+        suffix = change.suffix(recording.picture(row)) if change.keeps else ".jpg"
+        file = folder / f"{row:06d}{suffix}"
+        files.append(file)
+        if file.is_file():
+            continue
+        data, was_turned, was_scaled = change.apply(recording.picture(row), row)
+        turned, scaled = turned + was_turned, scaled + was_scaled
+        part = folder / f".{file.name}.part"
+        part.write_bytes(data)
+        os.replace(part, file)
+    said = [f"{count} images of {change.size[0]}x{change.size[1]}"]
+    if turned or scaled:
+        said.append(f"{turned} images were turned upright, {scaled} scaled to the size of most")
+    return tuple(files), change.camera(recording.camera), said
+
+
+@dataclass(frozen=True, eq=False)
+class _Change:
+    """What is done to each image: undistorted, cropped to what the mask leaves, scaled.
+
+    `size` is width and height of the images written, `full` those before cropping and scaling.
+    """
+
+    full: tuple[int, int]
+    size: tuple[int, int]
+    crop: tuple[int, int, int, int]
+    maps: tuple[np.ndarray, np.ndarray] | None
+    keeps: bool
+
+    @classmethod
+    def of(cls, recording: Recording, common: Common, source: Path, count: int) -> _Change:
+        assert recording.picture is not None
+        full = _usual_size([recording.picture(row) for row in _sampled(recording, count)])
+        maps = None
+        if common.undistort:
+            matrix, distortion = _calibration(common.undistort, recording, source, full)
+            maps = cv2.initUndistortRectifyMap(
+                matrix, distortion, np.eye(3), matrix, full, cv2.CV_32FC1
+            )
+        crop = _free_rectangle(common.mask, full) if common.mask else (0, 0, *full)
+        size = (round(crop[2] * common.scale), round(crop[3] * common.scale))
+        return cls(full, size, crop, maps, maps is None and size == full)
+
+    def suffix(self, picture: object) -> str:
+        known = isinstance(picture, Path) and picture.suffix.lower() in (".jpg", ".jpeg", ".png")
+        return picture.suffix.lower() if known and isinstance(picture, Path) else ".jpg"
+
+    def camera(self, camera: Camera | None) -> Camera | None:
+        """The camera of the images as they are written."""
+        if camera is None or (camera.width, camera.height) != self.full:
+            return None
+        x, y, width, height = self.crop
+        scale = self.size[0] / width
+        center = tuple(
+            (value - start + 0.5) * scale - 0.5
+            for value, start in zip(camera.principal_point, (x, y), strict=True)
+        )
+        return Camera(*self.size, camera.focal * scale, (center[0], center[1]))
+
+    def apply(self, picture: object, row: int) -> tuple[bytes, bool, bool]:
+        """The bytes of the image file, and whether it was turned and scaled to the size of most."""
+        image = _pixels(picture)
+        size = (image.shape[1], image.shape[0])
+        turned = size != self.full and size[::-1] == self.full
+        if turned:
+            image = cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE)
+        scaled = image.shape[1::-1] != self.full
+        if scaled:
+            aspect = image.shape[1] / image.shape[0] * self.full[1] / self.full[0]
+            if abs(aspect - 1) > _ASPECT:
+                raise FlightError(
+                    f"image {row} is {size[0]}x{size[1]} where most are {self.full[0]}x{self.full[1]}, "
+                    "of another shape: leave it out"
+                )
+            image = cv2.resize(image, self.full, interpolation=cv2.INTER_AREA)
+        if self.keeps and not turned and not scaled and isinstance(picture, Path):
+            if self.suffix(picture) == picture.suffix.lower():
+                return picture.read_bytes(), False, False
+        if self.maps is not None:
+            image = cv2.remap(image, *self.maps, cv2.INTER_LINEAR)
+        x, y, width, height = self.crop
+        image = image[y : y + height, x : x + width]
+        if image.shape[1::-1] != self.size:
+            image = cv2.resize(image, self.size, interpolation=cv2.INTER_AREA)
+        suffix = self.suffix(picture) if self.keeps else ".jpg"
+        return (
+            cv2.imencode(suffix, image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes(),
+            turned,
+            scaled,
+        )
+
+
+def _sampled(recording: Recording, count: int) -> range:
+    """Rows whose sizes are looked at: all of files, the first of what must be decoded."""
+    assert recording.picture is not None
+    return range(count) if isinstance(recording.picture(0), Path) else range(1)
+
+
+def _usual_size(pictures: list[object]) -> tuple[int, int]:
+    """The commonest width and height, read from the files' heads."""
+    sizes: Counter[tuple[int, int]] = Counter()
+    for picture in pictures:
+        if isinstance(picture, Path):
+            sizes[check_size(picture)] += 1
+        else:
+            assert isinstance(picture, np.ndarray)
+            sizes[picture.shape[1], picture.shape[0]] += 1
+    return sizes.most_common(1)[0][0]
+
+
+def _pixels(picture: object) -> np.ndarray:
+    if not isinstance(picture, Path):
+        assert isinstance(picture, np.ndarray)
+        return picture
+    image = cv2.imdecode(np.frombuffer(checked_bytes(picture), np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ImageError(f"{picture}: not an image that OpenCV can decode: copy it again")
+    return image
+
+
+def _calibration(
+    name: str, recording: Recording, source: Path, size: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Camera matrix and distortion: of the source itself (`own`), an EuRoC ``sensor.yaml``, or OpenCV's file."""
+    camera, distortion = recording.camera, recording.distortion
+    if name != "own":
+        from trexton.flights.importers.calibration import read_calibration
+
+        camera, distortion = read_calibration(Path(name))
+    if camera is None or distortion is None:
+        raise ParameterError(f"undistort {name!r}: no calibration with distortion in {source}")
+    if (camera.width, camera.height) != size:
+        raise ParameterError(
+            f"the calibration is for {camera.width}x{camera.height}, the images are {size[0]}x{size[1]}"
+        )
+    x, y = camera.principal_point
+    return np.array([[camera.focal, 0, x], [0, camera.focal, y], [0, 0, 1]]), distortion
+
+
+def _free_rectangle(name: str, size: tuple[int, int]) -> tuple[int, int, int, int]:
+    """x, y, width and height of the largest upright rectangle without a black pixel of the mask."""
+    mask = cv2.imread(name, cv2.IMREAD_GRAYSCALE)
+    if mask is None or mask.shape[1::-1] != size:
+        raise ParameterError(f"mask {name}: expected a picture of {size[0]}x{size[1]} pixels")
+    heights, best = np.zeros(size[0], int), (0, 0, 0, 0)
+    for row, free in enumerate(mask > 0):
+        heights = np.where(free, heights + 1, 0)
+        stack: list[int] = []
+        for place in range(size[0] + 1):
+            height = heights[place] if place < size[0] else 0
+            while stack and heights[stack[-1]] >= height:
+                tall = int(heights[stack.pop()])
+                left = stack[-1] + 1 if stack else 0
+                if tall * (place - left) > best[2] * best[3]:
+                    best = (left, row - tall + 1, place - left, tall)
+            stack.append(place)
+    if best[2] * best[3] < 0.1 * size[0] * size[1]:
+        raise ParameterError(f"mask {name}: no free rectangle of a tenth of the image is left")
+    return best
