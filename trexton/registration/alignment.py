@@ -12,11 +12,12 @@ from trexton.registration.ground import Ground
 
 __all__ = ["Aligner", "Alignment"]
 
-_SPACING = 7  # pixels between points
+_SPACING = 8  # pixels between points
 _WINDOW, _LEVELS, _STOP = (11, 11), 1, (3, 10, 0.02)  # of the optical flow (Lucas and Kanade)
 _FAR = 2.0  # pixels of flow from which the expected view is made anew
 _LOCAL = (15, 15)  # pixels over which contrast is normalised: light and vignetting change slower
 _HUBER = 1.5  # standard deviations from which a point counts less
+_STRAIGHT = 0.01  # rad: after a smaller change of tilt the equations are as good as linear
 _FEWEST = 8  # points
 _MEDIAN = 1.1774  # of the length of a plane vector with unit standard deviations
 
@@ -68,9 +69,9 @@ class Aligner:
         rays = (self._points - center) / camera.focal
         self._rays = np.column_stack([rays[:, 0], -rays[:, 1], -np.ones(len(rays))])
 
-    def view(self, pose: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """What a camera at `pose` sees, ``(h, w) uint8``, and a mask of what of it is mapped."""
-        matrix = self.ground.from_world @ self.camera.world_from_pixel(pose[:3], pose[3:])
+    def view(self, world_from_pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """What the camera sees from there, ``(h, w) uint8``, and a mask of what of it is mapped."""
+        matrix = self.ground.from_world @ world_from_pixel
         size, flags = (
             (self.camera.width, self.camera.height),
             cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
@@ -101,15 +102,19 @@ class Aligner:
                 break
             found = self._once(seen, found.pose, expected, deviation)
         if found.flow < np.inf:
-            picture, mask = self.view(found.pose)
+            picture, mask = self.view(self._world(found.pose))
             found = replace(found, score=_score(seen, flattened(picture, mask), mask))
         return found
+
+    def _world(self, pose: np.ndarray) -> np.ndarray:
+        return self.camera.world_from_pixel(pose[:3], pose[3:])
 
     def _once(
         self, seen: np.ndarray, start: np.ndarray, expected: np.ndarray, deviation: np.ndarray
     ) -> Alignment:
         """One view, one flow, one solution."""
-        picture, mask = self.view(start)
+        world = self._world(start)
+        picture, mask = self.view(world)
         known = flattened(picture, mask)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
             seen,
@@ -127,8 +132,8 @@ class Aligner:
         good &= mask[rows, columns] > 0
         if good.sum() < _FEWEST:
             return Alignment(start, np.full((6, 6), np.inf), 0.0, np.inf, np.inf)
-        floor = transform_points(self.camera.world_from_pixel(start[:3], start[3:]), moved[good])
-        flow = float(np.median(np.hypot(*(moved - self._points)[good].T)))
+        floor = transform_points(world, moved[good])
+        flow = _middle(np.hypot(*(moved - self._points)[good].T))
         pose, covariance, noise = self._solve(self._rays[good], floor, start, expected, deviation)
         return Alignment(pose, covariance, 0.0, noise, flow)
 
@@ -151,8 +156,7 @@ class Aligner:
             change, left = np.zeros(6), residual
             for _ in range(2):
                 length = np.sqrt(left[:, 0] ** 2 + left[:, 1] ** 2)
-                middle = float(np.partition(length, len(length) // 2)[len(length) // 2])
-                noise = max(middle / _MEDIAN, 1e-4 * pose[2])
+                noise = max(_middle(length) / _MEDIAN, 1e-4 * pose[2])
                 weight = np.minimum(1, _HUBER * noise / np.maximum(length, 1e-9))
                 weight[length > 6 * noise] = 0
                 weighted = jacobian * np.repeat(weight / noise**2, 2)[:, None]
@@ -161,7 +165,14 @@ class Aligner:
                 change = np.linalg.solve(hessian, gradient)
                 left = residual - (jacobian @ change).reshape(-1, 2)
             pose = pose + change
+            if np.abs(change[3:5]).max() < _STRAIGHT:
+                break
         return pose, np.linalg.inv(hessian), noise * self.camera.focal / pose[2]
+
+
+def _middle(values: np.ndarray) -> float:
+    """The median, quickly."""
+    return float(np.partition(values, len(values) // 2)[len(values) // 2])
 
 
 def _linearised(

@@ -12,6 +12,7 @@ _ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is eve
 _NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
 __all__ = ["CellBelief", "Window"]
 
+_SHARP = 0.4  # cells: how well a place is known once a frame was aligned there
 Window = tuple[slice, slice]
 Array = NDArray[Any]
 
@@ -32,10 +33,13 @@ class CellBelief:
         self.headings = np.zeros(1)
         self.mass = self._even[None].copy()
 
-    def reset(self, headings: np.ndarray) -> None:
-        """Anywhere, under any of these headings (radians)."""
-        self.headings = np.asarray(headings, dtype=float)
-        self.mass = np.repeat(self._even[None] / len(headings), len(headings), axis=0)
+    def reset(self, headings: Array, kept: float = 0.0) -> None:
+        """Anywhere under any of these headings (radians), but for a share `kept` as it was."""
+        before, self.headings = self.mass.sum(axis=0), np.asarray(headings, dtype=float)
+        even = self._even
+        if kept > 0:
+            even = (1 - kept) * even + kept / float(before.sum()) * before
+        self.mass = np.repeat(even[None] / len(headings), len(headings), axis=0)
 
     def move(self, cells: np.ndarray, sigma: float) -> None:
         """Shift by ``(K, 2)`` (columns, rows), one row a heading, and widen by `sigma` cells."""
@@ -75,6 +79,8 @@ class CellBelief:
 
     def drop_headings(self, share: float = 1e-4) -> None:
         """Forget headings that hold less than `share` of the belief."""
+        if len(self.headings) == 1:
+            return
         held = self.mass.sum(axis=(1, 2))
         keep = held > share * held.sum()
         self.headings, self.mass = self.headings[keep], self.mass[keep]
@@ -110,23 +116,22 @@ class CellBelief:
 
     def sharpen(self, place: Array, peak: Array, radius: int) -> None:
         """Gather what lies within `radius` cells of `peak` about `place`, now known to a cell."""
-        box = self._box(peak, radius)
-        held = self.mass[box].sum(axis=(1, 2))
-        self.mass[box] = 0
-        rows, columns = (np.arange(length) for length in self.allowed.shape)
-        rows = rows[:, None]
-        near = np.exp(-3 * ((columns - place[0]) ** 2 + (rows - place[1]) ** 2)) * self.allowed
+        held = self.mass[self._box(peak, radius)].sum(axis=(1, 2))
+        self.mass[self._box(peak, radius)] = 0
+        box = self._box(place, radius)
+        rows, columns = (np.arange(each.start, each.stop) for each in box[1:])
+        squared = (columns - place[0]) ** 2 + (rows[:, None] - place[1]) ** 2
+        near = np.exp(-squared / (2 * _SHARP**2)) * self.allowed[box[1:]]
         total = float(near.sum())
         if total > 0:
-            self.mass += (held / total)[:, None, None] * near.astype(np.float32)
+            self.mass[box] += (held / total)[:, None, None] * near.astype(np.float32)
 
     def _box(self, place: Array, radius: int) -> tuple[slice, slice, slice]:
         column, row = (int(round(float(each))) for each in place)
-        return (
-            slice(None),
-            slice(max(0, row - radius), max(0, row + radius + 1)),
-            slice(max(0, column - radius), max(0, column + radius + 1)),
-        )
+        height, width = self.allowed.shape
+        top, left = min(max(0, row - radius), height), min(max(0, column - radius), width)
+        bottom, right = max(top, row + radius + 1), max(left, column + radius + 1)
+        return slice(None), slice(top, min(bottom, height)), slice(left, min(right, width))
 
     def normalize(self) -> None:
         total = float(self.mass.sum())

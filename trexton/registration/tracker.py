@@ -35,7 +35,9 @@ _MODE = 2  # cells around a peak that count as one place
 _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a frame aligned at
 _HELD = 0.9  # belief from which a place is the place
 _NEAR_HEADINGS = np.radians([-10.0, 0.0, 10.0])
-_PATIENCE = 6  # frames that a lost camera is thought not to have turned far
+_PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
+_DRIFT = 0.15  # cells a frame: odometry's error
+_KEPT = 0.9  # of the belief, when the floor is not where it should be
 _TILT, _HEIGHT = (
     0.07,
     0.1,
@@ -97,6 +99,9 @@ class FloorTracker:
         """Forget where the vehicle was."""
         self.odometry.reset()
         self._pose: Array | None = None  # of the last frame, if it was found
+        self._aimed = self._before = np.zeros(
+            2
+        )  # floor points in the image centre, then and before
         self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
         self._missed = _PATIENCE  # frames since the floor was last seen where it should be
         self._last: FloorFix | None = None
@@ -145,12 +150,12 @@ class FloorTracker:
         self._weigh(seen, self._region(places) if self._missed else self.belief.support(_MARGIN))
         fix = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least and self._missed == 0:
-            self.belief.reset(self._headings(seen))
+            self.belief.reset(self._headings(seen), kept=_KEPT)
             self._weigh(seen, self._region(places))
-            fix = self._settle(seen, self._candidates(seen, None))
+            fix = self._settle(seen, self._candidates(seen, moved))
+        if fix.score < self.trust.least:
+            return self._coast(fix, moved, seen)
         self._remember(fix)
-        if fix.score < self.trust.least and self._missed == _PATIENCE and not seen.turned:
-            self.belief.reset(_ALL_HEADINGS)
         return fix
 
     # -- parts of a step ---------------------------------------------------------------------------
@@ -224,25 +229,30 @@ class FloorTracker:
         self.belief.weigh(np.array(fits), window)
         self.belief.drop_headings()
 
-    def _candidates(self, seen: _Seen, moved: Array | None) -> list[_Candidate]:
+    def _candidates(self, seen: _Seen, moved: Array) -> list[_Candidate]:
         """Align the frame at the most likely places, and at the place where the last pose moved to."""
-        starts = []
+        starts, continued = [], -1
         for heading, row, column, held in self.belief.modes(_PLACES, _MODE, _SHARE):
             starts.append((np.array([column, row]), self.belief.headings[heading], held))
-        if self._pose is not None and moved is not None:
-            followed = self.coarse.ground.to_cells(self._center(self._pose)) + moved
+        if self._pose is not None:
+            followed = self.coarse.ground.to_cells(self._aimed) + moved
             apart = [np.hypot(*(place - followed)) for place, _, _ in starts]
             nearest = int(np.argmin(apart))
             if apart[nearest] < _MODE + 0.5:
                 starts[nearest] = (followed, seen.prior[5], starts[nearest][2])
             else:
+                nearest = len(starts)
                 starts.append((followed, seen.prior[5], self.belief.around(followed, _MODE)))
+            continued = nearest
         found = []
-        for place, heading, held in starts:
+        for index, (place, heading, held) in enumerate(starts):
             start = np.array([*seen.prior[:5], heading])
             start[:2] = self.coarse.ground.to_world(place) - self._center(start)
             expected = np.array([*start[:3], *seen.prior[3:5], start[5]])
-            aligned = self.aligner.align(seen.frame, start, expected, seen.deviation)
+            deviation = seen.deviation
+            if index == continued:
+                deviation = np.array([*[_KNOWN * self.coarse.ground.cell] * 2, *seen.deviation[2:]])
+            aligned = self.aligner.align(seen.frame, start, expected, deviation)
             found.append(_Candidate(place, held, aligned))
         return found
 
@@ -257,7 +267,8 @@ class FloorTracker:
         others = max(0.0, 1 - sum(each.held for each in found))
         held = float(weights.max() / (weights.sum() + others))
         if best.score >= self.trust.least:
-            place = self.coarse.ground.to_cells(self._center(best.pose))
+            self._before, self._aimed = self._aimed, self._center(best.pose)
+            place = self.coarse.ground.to_cells(self._aimed)
             self.belief.sharpen(place, found[int(np.argmax(weights))].place, _MODE)
             if not seen.turned:
                 nearest = int(np.argmin(abs(_wrapped(self.belief.headings - best.pose[5]))))
@@ -266,19 +277,35 @@ class FloorTracker:
         lost = held < _HELD or best.score < self.trust.least
         return FloorFix(best.pose, self._covariance(best, lost), best.score, held, lost, True)
 
+    def _coast(self, fix: FloorFix, moved: Array, seen: _Seen) -> FloorFix:
+        """The floor was not recognized: move the last pose on by odometry for a while."""
+        self._missed = min(self._missed + 1, _PATIENCE)
+        if self._pose is None or self._missed == _PATIENCE or self._last is None:
+            if self._pose is not None and not seen.turned:
+                self.belief.reset(_ALL_HEADINGS)
+            self._pose = self._velocity = None
+            self._last = replace(fix, lost=True)
+            return self._last
+        cell = self.coarse.ground.cell
+        self._move(moved * (1, -1) * cell)
+        wider = self._last.covariance + (_DRIFT * cell) ** 2 * np.eye(2)
+        unsure = self._last.lost or seen.sure < _SURE
+        self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
+        return self._last
+
     def _remember(self, fix: FloorFix) -> None:
         last, self._last = self._pose, fix
-        if fix.score < self.trust.least:
-            self._velocity, self._missed = None, self._missed + 1
-            if self._missed >= _PATIENCE:
-                self._pose = None
-            return
         self._velocity = None
         if last is not None and self._missed == 0:
-            moved = self._center(fix.pose) - self._center(last)
-            cells = moved / self.coarse.ground.cell * (1, -1)
+            cells = (self._aimed - self._before) / self.coarse.ground.cell * (1, -1)
             self._velocity = cells if np.hypot(*cells) < _COARSE / 4 else None
         self._pose, self._missed = fix.pose, 0
+
+    def _move(self, metres: Array) -> None:
+        """Move the last pose on."""
+        if self._pose is not None:
+            self._pose = np.concatenate([self._pose[:2] + metres, self._pose[2:]])
+            self._aimed = self._aimed + metres
 
     def _center(self, pose: Array) -> Array:
         """The floor point that the image centre shows."""
@@ -301,8 +328,7 @@ class FloorTracker:
         cells = np.zeros(2) if self._velocity is None else self._velocity
         self.belief.move(np.tile(cells, (len(self.belief.headings), 1)), _UNKNOWN)
         moved = np.array([*(cells * (1, -1)), 0, 0, 0, 0]) * self.coarse.ground.cell
-        if self._pose is not None:
-            self._pose = self._pose + moved
+        self._move(moved[:2])
         wider = last.covariance + (_UNKNOWN * self.coarse.ground.cell) ** 2 * np.eye(2)
         self._last = replace(last, pose=last.pose + moved, covariance=wider, observed=False)
         return self._last

@@ -1,0 +1,106 @@
+"""Method ``fine``: trained from a flight, stored in the map, flown by the localizer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trexton.camera import Camera
+from trexton.errors import MapError, ParameterError
+from trexton.localizer import Localizer, TextonMap
+from trexton.observation import Aiding
+from trexton.parts.registration import Registration
+from trexton.simulator import Effects, record_flight
+
+CAMERA = Camera(160, 120, 130.0)
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("flights")
+    common = {"camera": CAMERA, "effects": Effects().without("jpeg")}
+    train = record_flight(folder / "train", frames=110, speed=1.0, every=3, **common)
+    test = record_flight(folder / "test", pattern="waypoints", frames=30, **common)
+    return train, test
+
+
+@pytest.fixture(scope="module")
+def fine(flights) -> TextonMap:
+    return TextonMap.train(flights[0], method="fine", n_textons=6, rng=np.random.default_rng(1))
+
+
+def flown(texton_map: TextonMap, flight, **options):
+    localizer = Localizer(texton_map, rng=np.random.default_rng(2), **options)
+    estimates = []
+    for row in range(len(flight)):
+        roll, pitch, yaw = flight.attitude[row]
+        aiding = Aiding(roll=roll, pitch=pitch, yaw=yaw, height=flight.height[row])
+        estimates.append(localizer.step(flight.image(row), aiding=aiding))
+    return estimates
+
+
+def test_the_map_flies_as_it_was_trained_and_as_it_was_read_back(fine, flights, tmp_path):
+    test = flights[1]
+    estimates = flown(fine, test)
+    error = np.hypot(*(np.array([each.position for each in estimates]) - test.position).T)
+    assert error[5:].max() < 0.04 and error[5:].mean() < 0.015
+    assert not any(each.lost for each in estimates[5:])
+    last = estimates[-1]
+    assert last.measurement is not None and (last.measurement.position == last.position).all()
+    again = flown(TextonMap.load(fine.save(tmp_path / "map.npz")), test)
+    assert all((a.position == b.position).all() for a, b in zip(estimates, again, strict=True))
+
+
+def test_regions_hold_about_what_they_claim(fine, flights):
+    test = flights[1]
+    distances = [
+        (error := each.position - place) @ np.linalg.solve(each.covariance, error)
+        for each, place in zip(flown(fine, test)[5:], test.position[5:], strict=True)
+    ]
+    assert 0.6 < np.mean(np.array(distances) < 4.605) <= 1
+    assert 0.1 < np.mean(distances) / 2 < 3
+
+
+def test_a_stitched_picture_serves_as_well(flights):
+    train, test = flights
+    bare = replace(train, floor_file=None)
+    texton_map = TextonMap.train(bare, method="fine", n_textons=6, rng=np.random.default_rng(1))
+    error = [
+        np.hypot(*(e.position - p))
+        for e, p in zip(flown(texton_map, test), test.position, strict=True)
+    ]
+    assert np.median(error[5:]) < 0.06
+
+
+def test_before_and_without_frames_there_is_an_honest_answer(fine):
+    localizer = Localizer(fine, rng=np.random.default_rng(2))
+    nothing = localizer.step(None)
+    assert nothing.lost and nothing.position == pytest.approx([2.5, 2.5])
+    assert nothing.spread[0] > 1 and nothing.measurement is None
+    localizer.step(np.full((120, 160, 3), 128, np.uint8))
+    localizer.reset()
+    assert localizer.step(None).lost
+
+
+def test_what_it_lacks_is_named(fine, flights):
+    train, _ = flights
+    localizer = Localizer(fine, rng=np.random.default_rng(2))
+    with pytest.raises(MapError, match="given a histogram"):
+        localizer.step(fine.histograms[0])
+    with pytest.raises(MapError, match="train on a flight with images"):
+        fine.with_parts({"filter": Registration()})
+    with pytest.raises(MapError, match="no picture of its floor"):
+        bare = replace(train, floor_file=None)
+        fine.with_parts({"filter": Registration(picture="surveyed")}, flight=bare)
+    with pytest.raises(MapError, match="lacks its camera or heights"):
+        fine.with_parts({"filter": Registration()}, flight=replace(train, height=None))
+    with pytest.raises(MapError, match="train the map for it"):
+        Registration().open({}, fine, np.random.default_rng(0))
+    with pytest.raises(MapError, match=r"a camera of 2 numbers"):
+        fine.parts["filter"].with_learned(camera=np.zeros(2))
+    with pytest.raises(ParameterError, match="auto, surveyed, stitched"):
+        Registration(picture="painted")
+    with pytest.raises(ParameterError, match="height_sigma"):
+        Registration(height_sigma=0.0)

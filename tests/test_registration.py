@@ -1,0 +1,305 @@
+"""Registration on a picture of the floor: correlation, belief, alignment, the tracker, its trust."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+
+from trexton.camera import Camera, MapImage, transform_points
+from trexton.errors import ImageError, MapError, ParameterError
+from trexton.odometry import shrink, shrunken_camera
+from trexton.registration import FloorFix, FloorTracker, Trust
+from trexton.registration.alignment import Aligner
+from trexton.registration.belief import CellBelief
+from trexton.registration.calibration import learn_trust
+from trexton.registration.correlation import CoarseMatcher
+from trexton.registration.ground import Ground
+from trexton.registration.tracker import fine_cell
+from trexton.simulator import Effects, Floor, Simulator
+
+CAMERA = Camera(320, 240, 260.0)
+SMALL = shrunken_camera(CAMERA, 4)
+
+
+@cache
+def floor() -> MapImage:
+    return Floor.hall().picture
+
+
+@cache
+def flight(frames: int = 40, layout: str = "hall", heading: float = 0.0):
+    """Frames, true positions and attitudes of a short flight."""
+    effects = Effects().without("jpeg")
+    room = Simulator(
+        Floor.painted(layout, 4), camera=CAMERA, effects=effects, rng=np.random.default_rng(5)
+    )
+    rows = []
+    for _ in range(frames):
+        state = room.step(np.array([4.0, 3.4]))
+        rows.append((room.render(), state.position, state.attitude))
+    return rows
+
+
+def view(pose: np.ndarray) -> np.ndarray:
+    """The floor's luma as a perfect shrunken camera sees it."""
+    world = CAMERA.world_from_pixel(pose[:3], pose[3:])
+    matrix = np.linalg.inv(floor().world_from_pixel) @ world
+    luma = cv2.cvtColor(floor().image, cv2.COLOR_BGR2GRAY)
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    return shrink(cv2.warpPerspective(luma, matrix, (320, 240), flags=flags, borderValue=145), 4)
+
+
+def errors(tracker: FloorTracker, rows, known: bool) -> tuple[np.ndarray, list[FloorFix]]:
+    rng = np.random.default_rng(1)
+    fixes = []
+    for frame, _, attitude in rows:
+        measured = attitude + 0.005 * rng.standard_normal(3) if known else None
+        fixes.append(tracker.step(frame, attitude=measured))
+    truth = np.array([position[:2] for _, position, _ in rows])
+    return np.hypot(*(np.array([fix.position for fix in fixes]) - truth).T), fixes
+
+
+# -- ground -------------------------------------------------------------------------------------------
+
+
+def test_cells_show_the_floor_where_it_lies():
+    image = np.zeros((80, 120, 3), np.uint8)
+    image[20:30, 90:100] = 200
+    mask = np.ones((80, 120), bool)
+    mask[:, :30] = False
+    ground = Ground.from_map(MapImage.from_extent(image, 1.0, 3.0, 100, mask), 0.05, margin=0.2)
+    column, row = ground.to_cells([[1.95, 2.75]])[0].round().astype(int)
+    assert ground.luma[row, column] == pytest.approx(200, abs=2)
+    assert np.allclose(ground.to_world(ground.to_cells([[1.3, 2.4]])), [[1.3, 2.4]])
+    assert np.allclose(
+        transform_points(ground.from_world, [[1.3, 2.4]]), ground.to_cells([[1.3, 2.4]])
+    )
+    assert ground.mask.sum() == pytest.approx(90 * 80 / 25, rel=0.1)  # neither margin nor mask
+
+
+def test_a_picture_without_anything_mapped_is_refused():
+    image = MapImage.from_extent(
+        np.zeros((20, 20, 3), np.uint8), 0, 1, 20, np.zeros((20, 20), bool)
+    )
+    with pytest.raises(MapError, match="nothing of the map image is mapped"):
+        Ground.from_map(image, 0.05)
+
+
+# -- correlation --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.7, 2.4, -2.9])
+@pytest.mark.parametrize("place", [(2.4, 2.6), (0.5, 0.5)], ids=["inside", "corner"])
+def test_correlation_peaks_where_the_frame_was_taken_at_any_yaw(place, yaw):
+    matcher = CoarseMatcher(Ground.from_map(floor(), 0.05, 0.8), SMALL)
+    pose = np.array([*place, 1.0, 0.05, -0.04, yaw])
+    correlation, overlap = matcher.response(view(pose), pose)
+    gain = Trust().gain(correlation, 8 * overlap)
+    row, column = np.unravel_index(int(np.argmax(gain)), gain.shape)
+    seen = transform_points(SMALL.world_from_pixel(pose[:3], pose[3:]), [SMALL.principal_point])[0]
+    assert np.hypot(*(matcher.ground.to_world([column, row]) - seen)) < 0.06
+    assert correlation[row, column] > 0.7 and overlap.max() <= 1.001
+    window = (slice(row - 3, row + 4), slice(column - 2, column + 3))
+    part, _ = matcher.response(view(pose), pose, window)
+    assert np.allclose(part, correlation[window], atol=0.02)
+
+
+def test_brightness_does_not_move_the_correlation():
+    matcher = CoarseMatcher(Ground.from_map(floor(), 0.05, 0.8), SMALL)
+    pose = np.array([2.4, 2.6, 1.0, 0, 0, 0.3])
+    bright = view(pose)
+    dark = np.rint(0.6 * bright + 20).astype(np.uint8)
+    assert np.allclose(*(matcher.response(each, pose)[0] for each in (bright, dark)), atol=0.03)
+
+
+# -- belief -------------------------------------------------------------------------------------------
+
+
+def test_belief_moves_widens_and_finds_its_modes():
+    belief = CellBelief(np.ones((40, 60), bool))
+    fit = np.full((1, 40, 60), -30.0)
+    fit[0, 10, 20], fit[0, 30, 50] = 0, -1
+    belief.weigh(fit, (slice(0, 40), slice(0, 60)))
+    belief.move(np.array([[3.0, -2.0]]), 0.5)
+    first, second = belief.modes(5, 2, 0.05)
+    assert first[1:3] == (8, 23) and second[1:3] == (28, 53)
+    assert first[3] / second[3] == pytest.approx(np.e, rel=0.05)
+    assert belief.support(1)[0].start <= 8 and belief.support(1)[1].stop >= 53
+    belief.sharpen(np.array([23.4, 8.2]), np.array([23, 8]), 2)
+    assert belief.around(np.array([23.4, 8.2]), 1) == pytest.approx(first[3], rel=0.01)
+    belief.scale(np.array([53, 28]), 2, 0.0)
+    belief.normalize()
+    assert np.allclose(belief.moments()[0], [23.4, 8.2], atol=0.2)
+    assert belief.around(np.array([900, 900]), 2) == 0
+
+
+def test_headings_that_fit_worse_are_dropped():
+    belief = CellBelief(np.ones((10, 10), bool))
+    belief.reset(np.array([0.0, 1.0, 2.0]))
+    fit = np.full((3, 10, 10), -20.0)
+    fit[1] = 0
+    belief.weigh(fit, (slice(0, 10), slice(0, 10)))
+    belief.drop_headings()
+    assert belief.headings == pytest.approx([1.0])
+
+
+def test_belief_that_left_the_floor_starts_again():
+    belief = CellBelief(np.ones((10, 10), bool))
+    belief.move(np.array([[500.0, 0.0]]), 0.5)
+    assert belief.mass.sum() == pytest.approx(1) and belief.mass.min() > 0
+
+
+# -- alignment ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["attitude", "no-attitude"])
+def test_alignment_finds_the_pose_from_six_centimetres_away(known):
+    aligner = Aligner(Ground.from_map(floor(), fine_cell(CAMERA, 1.0)), SMALL)
+    pose = np.array([2.4, 2.6, 1.03, 0.05, -0.06, 0.3])
+    start = pose + [0.05, -0.04, -0.03, *(np.zeros(3) if known else (-0.05, 0.06, 0.04))]
+    deviation = np.array([np.inf, np.inf, 0.05, *([0.005] * 3 if known else [0.07] * 3)])
+    found = aligner.align(view(pose), start, start, deviation)
+    assert np.hypot(*(found.pose - pose)[:2]) < 0.004
+    assert np.abs(found.pose - pose)[3:].max() < 0.005
+    assert found.score > 0.8
+    assert 0 < found.covariance[0, 0] < 0.01**2
+
+
+def test_alignment_where_nothing_is_mapped_says_so():
+    aligner = Aligner(Ground.from_map(floor(), fine_cell(CAMERA, 1.0)), SMALL)
+    away = np.array([20.0, 20.0, 1, 0, 0, 0])
+    found = aligner.align(view(away), away, away, np.full(6, 0.1))
+    assert found.score == 0 and not np.isfinite(found.flow)
+
+
+# -- tracker ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["attitude", "no-attitude"])
+def test_tracker_follows_a_flight_to_the_centimetre(known):
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    error, fixes = errors(tracker, flight(), known)
+    assert error[10:].max() < 0.03 and error[10:].mean() < 0.012
+    assert not any(fix.lost for fix in fixes[10:])
+
+
+def test_tracker_keeps_its_place_on_a_floor_that_repeats():
+    tracker = FloorTracker(Floor.painted("carpet", 4).picture, CAMERA, 1.0)
+    error, _ = errors(tracker, flight(60, "carpet"), True)
+    assert error[25:].max() < 0.05
+
+
+def test_a_camera_turned_upside_down_is_followed_too():
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    rows = [(frame[::-1, ::-1].copy(), place, tilt) for frame, place, tilt in flight(20)]
+    error, fixes = errors(tracker, rows, False)
+    assert error[10:].max() < 0.03
+    assert abs(abs(fixes[-1].pose[5]) - np.pi) < 0.2
+
+
+def test_kidnapped_is_noticed_and_found_again():
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    room = Simulator(Floor.painted("hall", 4), camera=CAMERA, rng=np.random.default_rng(2))
+    for _ in range(8):
+        state = room.step(None)
+        fix = tracker.step(room.render(), attitude=state.attitude)
+    assert not fix.lost
+    room.vehicle.teleport((1.0, 1.2))
+    found = []
+    for _ in range(12):
+        state = room.step(None)
+        fix = tracker.step(room.render(), attitude=state.attitude)
+        right = np.hypot(*(fix.position - state.position[:2])) < 0.1
+        assert right or fix.lost
+        found.append(right and not fix.lost)
+    assert all(found[6:])
+
+
+def test_frames_that_do_not_come_widen_the_covariance():
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    assert tracker.step(None).lost and np.isnan(tracker.step(None).position).all()
+    _, fixes = errors(tracker, flight(12), True)
+    gone = tracker.step(None)
+    assert not gone.observed and gone.covariance[0, 0] > fixes[-1].covariance[0, 0]
+
+
+def test_a_sight_of_nothing_is_coasted_over_and_then_given_up():
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    rows = flight(12)
+    errors(tracker, rows, True)
+    blank = np.full((240, 320, 3), 128, np.uint8)
+    fixes = [tracker.step(blank, attitude=rows[-1][2]) for _ in range(15)]
+    assert np.hypot(*(fixes[0].position - rows[-1][1][:2])) < 0.1
+    assert fixes[-1].lost
+    assert fixes[-1].covariance[0, 0] > 0.2
+
+
+def test_without_a_heading_roll_and_pitch_still_count():
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    for frame, position, attitude in flight(20):
+        measured = np.array([*attitude[:2], np.nan])
+        fix = tracker.step(frame, attitude=measured, height=position[2])
+    assert np.hypot(*(fix.position - flight(20)[-1][1][:2])) < 0.02
+
+
+def test_a_large_floor_is_searched_near_the_given_places():
+    image = np.random.default_rng(0).integers(0, 255, (1600, 1600, 3), np.uint8)
+    image = cv2.GaussianBlur(image, (0, 0), 6)
+    image = cv2.normalize(image, None, 0, 255, cv2.NORM_MINMAX)
+    picture = MapImage.from_extent(image, 0.0, 16.0, 100)
+    tracker = FloorTracker(picture, CAMERA, 1.0)
+    room = Simulator(Floor(picture), camera=CAMERA, start=(12.0, 9.0), rng=np.random.default_rng(2))
+    asked = []
+
+    def places():
+        asked.append(True)
+        return np.array([[12.3, 9.2], [3.0, 2.0]])
+
+    for _ in range(5):
+        state = room.step(None)
+        fix = tracker.step(room.render(), attitude=state.attitude, places=places)
+    assert np.hypot(*(fix.position - state.position[:2])) < 0.05
+
+
+def test_what_cannot_be_is_refused():
+    with pytest.raises(ParameterError, match="height"):
+        FloorTracker(floor(), CAMERA, 0.0)
+    with pytest.raises(ImageError, match="640x480"):
+        FloorTracker(floor(), CAMERA, 1.0).step(np.zeros((480, 640, 3), np.uint8))
+
+
+# -- trust --------------------------------------------------------------------------------------------
+
+
+def made(count: int, scale: float, floor: float):
+    """Fixes whose errors have the raw variance times `scale` plus `floor`."""
+    rng = np.random.default_rng(8)
+    fixes, truth = [], []
+    for raw in rng.uniform(1e-6, 2e-5, count):
+        error = np.sqrt(scale * raw + floor) * rng.standard_normal(2)
+        pose = np.array([*error, 1, 0, 0, 0])
+        fixes.append(FloorFix(pose, raw * np.eye(2), 0.9, 1.0, False, True))
+        truth.append(np.zeros(2))
+    return fixes, np.array(truth)
+
+
+def test_learned_trust_makes_the_region_hold():
+    fixes, truth = made(2000, 3.0, 1e-5)
+    trust = learn_trust(fixes, truth, 1.0, Trust(scale=1.0, floor=0.0))
+    assert trust.scale == pytest.approx(3.0, rel=0.4)
+    held = [
+        fix.position
+        @ np.linalg.solve(trust.scale * fix.covariance + trust.floor * np.eye(2), fix.position)
+        for fix in fixes
+    ]
+    assert np.mean(np.array(held) < 4.605) == pytest.approx(0.9, abs=0.005)
+    assert trust.least == pytest.approx(0.54)
+
+
+def test_too_few_located_frames_teach_nothing():
+    fixes, truth = made(10, 1.0, 0.0)
+    with pytest.raises(MapError, match="10 of 10 training frames"):
+        learn_trust(fixes, truth, 1.0, Trust())
