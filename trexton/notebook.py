@@ -17,7 +17,7 @@ from IPython.display import HTML, SVG, Markdown
 from matplotlib.figure import Figure
 
 from trexton.cache import repository_root
-from trexton.claims import Claim, Finding, judge_all, load_claims, write_ledger
+from trexton.claims import judge_all, load_claims, write_ledger
 from trexton.claims.page import claims_html, counts_html, filters_html
 from trexton.experiments import EXPERIMENTS
 from trexton.files import atomic_file
@@ -25,9 +25,9 @@ from trexton.flights import Flight, read_flight
 from trexton.options import Options
 from trexton.paper import look_up, published
 from trexton.records import Record
-from trexton.wording import Tree, template_environment
+from trexton.wording import Tree, middle, template_environment
 
-__all__ = ["Given", "Page", "claims_table", "given", "ledger", "show_table"]
+__all__ = ["Given", "Page", "given", "ledger", "show_table"]
 
 
 def _resolve(path: str) -> Path:
@@ -99,6 +99,7 @@ class Page:
     def __init__(self, record: Record, given: Given):
         self.record, self.given = record, given
         self.folder = Path(given.out) / record.flight
+        self._tables = 0
         record.save(self.folder)
 
     def show(self, name: str, figure: Figure) -> SVG:
@@ -136,15 +137,23 @@ class Page:
             if (path := self.folder / f"{name}.json").exists():
                 records[name] = Record.load(path)
         mine = [claim for claim in load_claims() if claim.experiment == self.record.experiment]
-        return claims_table(judge_all({self.record.flight: records}, mine))
+        self._tables += 1
+        caption = f"Table {self._tables}. What the paper claims, and our test of it."
+        return HTML(claims_html(judge_all({self.record.flight: records}, mine), caption))
 
-    def table(self, rows: dict[str, str]) -> HTML:
+    def frame(self, table: pd.DataFrame, caption: str) -> HTML:
+        """A table with its caption, numbered within the page."""
+        self._tables += 1
+        return show_table(table, f"Table {self._tables}. {caption}")
+
+    def table(self, rows: dict[str, str], caption: str) -> HTML:
         """Errors per axis in cm beside the paper's.
 
         Parameters
         ----------
         rows : dict of str to str
             Label of each row, and the place of its summary in the record's values.
+        caption : str
         """
         columns = {"error_cm": "Error", "std_cm": "STD"}
         printed = published().get(self.record.experiment, {})
@@ -166,15 +175,15 @@ class Page:
             table.append(
                 {"cm": label, **cells, "Euclidean median": _interval(summary.get("median_cm"))}
             )
-        return show_table(pd.DataFrame(table).fillna(""))
+        return self.frame(pd.DataFrame(table).fillna(""), caption)
 
-    def quantities(self, rows: dict[str, str]) -> HTML:
+    def quantities(self, rows: dict[str, str], caption: str) -> HTML:
         """Single numbers of the record: label, and place in its values; what the record does not have is left out."""
         found = {label: look_up(self.record.values, path) for label, path in rows.items()}
         table = [
             {"": label, " ": _number(value)} for label, value in found.items() if value is not None
         ]
-        return show_table(pd.DataFrame(table))
+        return self.frame(pd.DataFrame(table), caption)
 
     def footer(self) -> HTML:
         """The command that runs this experiment again, its parameters, and what can be downloaded."""
@@ -207,29 +216,32 @@ class Page:
         return escape(shlex.join([*words, "--out", "my-results"]))
 
 
-def show_table(table: pd.DataFrame) -> HTML:
+def show_table(table: pd.DataFrame, caption: str = "") -> HTML:
     """A plain HTML table without an index."""
-    return HTML(table.to_html(index=False, border=0, escape=False, classes="table"))
+    html = table.to_html(index=False, border=0, escape=False, classes="table")
+    if caption:
+        html = html.replace("<thead>", f"<caption>{escape(caption)}</caption>\n  <thead>", 1)
+    return HTML(html)
 
 
-def _interval(entry: dict | float | None, digits: int = 0) -> str:
+def _interval(entry: dict | float | None) -> str:
+    """A value and its interval; a decimal where the value is below ten."""
     if entry is None:
         return ""
+    value = middle(entry)
+    digits = 1 if abs(value) < 9.95 else 0
     if not isinstance(entry, dict):
-        return f"{entry:.{digits}f}"
-    return f"{entry['median']:.{digits}f} <small>[{entry['low']:.{digits}f}, {entry['high']:.{digits}f}]</small>"
+        return f"{value:.{digits}f}"
+    ends = f"[{entry['low']:.{digits}f}, {entry['high']:.{digits}f}]"
+    return f"{value:.{digits}f} <small>{ends}</small>"
 
 
 def _number(value: float | None) -> str:
     return "" if value is None else f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
 
 
-def claims_table(rows: list[tuple[Claim, list[Finding]]]) -> HTML:
-    """Claims, what the paper printed, and for each flight ours and the verdict."""
-    return HTML(claims_html(rows))
-
-
 def ledger(out: str) -> tuple[HTML, HTML]:
     """Judge all records below the folder `out`, write ``claims.json``; the counts of verdicts and the whole ledger."""
     rows = write_ledger(Path(out))
-    return HTML(counts_html(rows)), HTML(filters_html(rows) + claims_html(rows))
+    table = claims_html(rows, "Table 2. Every claim of the paper, and our test of it.")
+    return HTML(counts_html(rows, "Table 1. Verdicts by flight.")), HTML(filters_html(rows) + table)

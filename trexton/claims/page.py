@@ -56,19 +56,23 @@ def _row(claim: Claim, findings: list[Finding]) -> str:
     )
 
 
-def claims_html(rows: Rows) -> str:
+def _caption(text: str) -> str:
+    return f"<caption>{escape(text)}</caption>" if text else ""
+
+
+def claims_html(rows: Rows, caption: str = "") -> str:
     """Claims in three columns that never mix: said, printed, tested; then each flight's verdict."""
     flights = [flight_title(finding.flight) for finding in rows[0][1]] if rows else []
     heads = ["The paper says", "It printed", "Our test", *flights]
     head = "".join(f'<th scope="col">{escape(each)}</th>' for each in heads)
     body = "\n".join(_row(claim, findings) for claim, findings in rows)
     return (
-        f'<table class="table ledger"><thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n'
+        f'<table class="table ledger">{_caption(caption)}<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n'
         "</tbody></table>"
     )
 
 
-def counts_html(rows: Rows) -> str:
+def counts_html(rows: Rows, caption: str = "") -> str:
     """How often each verdict was given, a column for each flight."""
     counts = count_verdicts(rows)
     head = "".join(f'<th scope="col">{escape(flight_title(each))}</th>' for each in counts)
@@ -79,7 +83,8 @@ def counts_html(rows: Rows) -> str:
         for name in VERDICTS
     )
     return (
-        f'<table class="table counts"><thead><tr><th scope="col">Verdict</th>{head}</tr></thead>'
+        f'<table class="table counts">{_caption(caption)}<thead><tr><th scope="col">Verdict</th>'
+        f"{head}</tr></thead>"
         f"\n<tbody>\n{body}\n</tbody></table>"
     )
 

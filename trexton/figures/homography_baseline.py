@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
+from trexton.figures.style import COLORS, canvas, floor_axes, legend_above, show_floor
 from trexton.records import Record
 
 __all__ = ["MAPS", "error_distribution", "fixes"]
@@ -14,7 +14,7 @@ __all__ = ["MAPS", "error_distribution", "fixes"]
 MAPS = {
     "mosaic": ("on the stitched map", COLORS["estimate"]),
     "perfect_floor": ("on the true floor", COLORS["accent"]),
-    "drifting": ("on a drifting map", COLORS["paper"]),
+    "drifting": ("on a drifting map", COLORS["warm"]),
 }
 
 
@@ -55,5 +55,5 @@ def error_distribution(record: Record) -> Figure:
         plot.set(
             xscale="log", xlabel="Euclidean error (cm)", ylabel="share of frames (%)", ylim=(0, 102)
         )
-        plot.legend(loc="lower right")
+        legend_above(plot)
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas
+from trexton.figures.style import COLORS, canvas, legend_above
 from trexton.records import Record
 
 __all__ = ["ROWS", "estimate_errors", "training_errors"]
@@ -26,9 +26,9 @@ def training_errors(record: Record) -> Figure:
                 error = (
                     100 * np.array(record.series[f"{key}_training_error_m"], dtype=float)[:, axis]
                 )
-                plot.plot(np.maximum(error, 0.1), ".", color=color, markersize=3, label=label)
+                plot.plot(np.maximum(error, 0.1), ".", color=color, markersize=4, label=label)
             plot.set(yscale="log", ylabel=f"error in {name} (cm)")
-        axes[0, 0].legend(loc="upper right", ncols=2, markerscale=3)
+        legend_above(axes[0, 0], 2)
         axes[1, 0].set_xlabel("training frame")
     return figure
 
@@ -47,6 +47,6 @@ def estimate_errors(record: Record) -> Figure:
                 plot.plot(time, error, color=color, label=f"trained on {label}", linewidth=1.0)
             plot.set_ylabel(f"error in {name} (cm)")
         axes[0, 0].set_ylim(0, None)
-        axes[0, 0].legend(loc="upper right", ncols=2)
+        legend_above(axes[0, 0], 2)
         axes[1, 0].set_xlabel("time (s)")
     return figure

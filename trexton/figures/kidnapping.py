@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas
+from trexton.figures.style import COLORS, canvas, legend_above
 from trexton.records import Record
 
 __all__ = ["error_since", "lost_told", "time_to_recover"]
 
 _FILTERS = {
-    "plain": ("the paper's filter", COLORS["accent"], "--"),
-    "augmented": ("with random particles", COLORS["estimate"], "-"),
+    "plain": ("the paper's filter", COLORS["estimate"], "-"),
+    "augmented": ("with random particles", COLORS["accent"], "--"),
 }
 
 
@@ -38,7 +38,7 @@ def time_to_recover(record: Record) -> Figure:
             xlim=(0, patience),
             ylim=(0, 102),
         )
-        plot.legend(loc="lower right")
+        legend_above(plot)
     return figure
 
 
@@ -54,8 +54,9 @@ def error_since(record: Record) -> Figure:
             )
             error.plot(time, band["median"], color=color, linestyle=style, label=label)
         lost.plot(
-            time, 100 * np.array(record.series["augmented"]["lost"]), color=COLORS["estimate"]
-        )
+            time, 100 * np.array(record.series["augmented"]["lost"]),
+            color=COLORS["accent"], linestyle="--",
+        )  # fmt: skip
         error.axhline(
             record.parameters["tolerance"],
             color=COLORS["truth"],
@@ -69,7 +70,7 @@ def error_since(record: Record) -> Figure:
             ylim=(0, None),
             xlim=(0, time[-1]),
         )
-        error.legend(loc="upper right")
+        legend_above(error)
     return figure
 
 
@@ -103,7 +104,7 @@ def lost_told(record: Record) -> Figure:
             )
         for key, label, color, marker in (
             ("lost_by_fit", "the filter's fit alone", COLORS["spread"], "D"),
-            ("lost", "both, as on board", COLORS["estimate"], "s"),
+            ("lost", "both, as on board", COLORS["warm"], "s"),
         ):
             point = values[key]
             if point["wrong_frames_rate"] is not None:
@@ -121,5 +122,5 @@ def lost_told(record: Record) -> Figure:
             xlim=(-1, 50),
             ylim=(-2, 102),
         )
-        plot.legend(loc="lower right")
+        legend_above(plot)
     return figure

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
+from trexton.figures.style import COLORS, canvas, floor_axes, legend_above, mean_line, show_floor
 from trexton.records import Record
 
 __all__ = ["error_over_time", "floor_plan", "spread_over_time"]
@@ -41,7 +41,7 @@ def floor_plan(record: Record) -> Figure:
 
 
 def error_over_time(record: Record) -> Figure:
-    """Absolute error in x and y over the flight, filter and k-NN alone, with the paper's mean where there is one."""
+    """Absolute error in x and y over the flight, of filter and k-NN alone, with their means."""
     series = record.series
     time, truth = np.array(series["time_s"]), np.array(series["truth_m"])
     with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
@@ -50,11 +50,10 @@ def error_over_time(record: Record) -> Figure:
             for key, label in (("knn", "k-NN alone"), ("estimate", "particle filter")):
                 error = 100 * np.abs(np.array(series[f"{key}_m"])[:, axis] - truth[:, axis])
                 plot.plot(time, error, color=COLORS[key], label=label, linewidth=1.0)
-                plot.axhline(error.mean(), color=COLORS[key], linestyle="--", linewidth=1.0)
+                mean_line(plot, error, COLORS[key], "cm")
             plot.set_ylabel(f"error in {name} (cm)")
         axes[0, 0].set_ylim(0, None)
-        axes[0, 0].legend(ncols=2, loc="upper right")
-        axes[0, 0].set_title("Dashed: mean")
+        legend_above(axes[0, 0])
         axes[1, 0].set_xlabel("time (s)")
     return figure
 
@@ -64,8 +63,9 @@ def spread_over_time(record: Record) -> Figure:
     series = record.series
     time, spread = np.array(series["time_s"]), 100 * np.array(series["spread_m"])
     with canvas(size=(7.2, 2.4)) as (figure, axes):
-        for axis, (name, color) in enumerate((("x", COLORS["accent"]), ("y", COLORS["warm"]))):
-            axes[0, 0].plot(time, spread[:, axis], color=color, label=f"{name}", linewidth=1.0)
+        for axis, (name, style) in enumerate((("x", "-"), ("y", ":"))):
+            look = {"color": COLORS["spread"], "linestyle": style, "linewidth": 1.2}
+            axes[0, 0].plot(time, spread[:, axis], label=f"spread in {name}", **look)
         axes[0, 0].set(xlabel="time (s)", ylabel="particle spread (cm)", ylim=(0, None))
-        axes[0, 0].legend(ncols=2, loc="upper right")
+        legend_above(axes[0, 0])
     return figure

@@ -39,6 +39,11 @@ def deviation(record: Record, magnified: float = 20.0) -> Figure:
         arrows = plan.quiver(*places.T, *(magnified * offsets.T), length, cmap="viridis", **as_long)
         # A mismatch or two on a tiled mat must not set the scale.
         arrows.set_clim(0, np.percentile(length, 98))
-        figure.colorbar(arrows, ax=plan, label="deviation (cm)", shrink=0.7, extend="max")
-        plan.set_title(f"Arrows are {magnified:.0f} times too long")
+        figure.colorbar(
+            arrows,
+            ax=plan,
+            label=f"deviation (cm); arrows {magnified:.0f} times as long",
+            shrink=0.7,
+            extend="max",
+        )
     return figure

@@ -56,7 +56,7 @@ def roofline(record: Record) -> Figure:
         label = "one thread: memory copied, matrices multiplied (sgemm)"
         plot.plot(span, roof / 1e9, color=COLORS["truth"], label=label)
         plot.fill_between(span, roof / 1e9, color=COLORS["truth"], alpha=0.07, linewidth=0)
-        colors = ("accent", "knn", "warm", "paper", "spread", "estimate")
+        colors = ("accent", "knn", "warm", "truth", "spread", "estimate")
         for point, color, marker in zip(points, colors, "os^Dvp"):
             at = point["operations_per_byte"], point["operations_per_s"] / 1e9
             label = f"{point['stage']}, {point['size']}"

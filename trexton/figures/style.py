@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-__all__ = ["COLORS", "canvas", "floor_axes", "show_floor"]
+__all__ = ["COLORS", "canvas", "floor_axes", "legend_above", "mean_line", "show_floor"]
 
 # Okabe & Ito (2008), without yellow, which fades on white.
 COLORS = {
@@ -82,3 +82,24 @@ def show_floor(axes, floor: dict | None, picture: np.ndarray | None, fade: float
         return
     pale = 255 - (255 - picture[..., 2::-1].astype(float)) * fade
     axes.imshow(pale.astype(np.uint8), extent=floor["extent_m"], interpolation="bilinear", zorder=0)
+
+
+def legend_above(axes, columns: int = 3) -> None:
+    """A legend between the axes and whatever is above them, where no data are."""
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0, 1.0),
+        ncols=columns,
+        borderaxespad=0.2,
+        columnspacing=1.4,
+    )
+
+
+def mean_line(axes, values: np.ndarray, color: str, unit: str) -> None:
+    """A dashed line at the mean, its value at its right end."""
+    mean = float(np.mean(values))
+    axes.axhline(mean, color=color, linestyle="--", linewidth=1.0)
+    axes.annotate(
+        f"mean {mean:.0f} {unit}", (1, mean), xycoords=("axes fraction", "data"), xytext=(4, 0),
+        textcoords="offset points", color=color, fontsize=8.5, va="center", annotation_clip=False,
+    )  # fmt: skip

@@ -18,20 +18,12 @@ _AXIS = {
     "training": "histograms in the training set",
 }
 
-_GROUPS = [COLORS[name] for name in ("accent", "estimate", "spread", "paper", "warm", "knn")]
+_GROUPS = [COLORS[name] for name in ("estimate", "accent", "warm", "knn", "spread", "truth")]
 
 
 def samples(record: Record) -> Figure:
-    """Error and rate against the samples drawn from an image; a sentence where the flight has no images."""
-    if record.series.get("samples"):
-        return _error_and_rate(record, "samples")
-    with canvas(size=(6.4, 0.6)) as (figure, axes):
-        axes[0, 0].axis("off")
-        sentence = (
-            "This flight came as histograms: how many patches went into them cannot be varied."
-        )
-        axes[0, 0].text(0.5, 0.5, sentence, ha="center", va="center")
-    return figure
+    """Error and rate against the samples drawn from an image; only of flights that have images."""
+    return _error_and_rate(record, "samples")
 
 
 def particles(record: Record) -> Figure:
@@ -198,7 +190,7 @@ def _band(axes: Axes, x: np.ndarray, y: dict, swept: slice, **style) -> None:
 
 def _camera(axes: Axes, record: Record, vertical: bool = False) -> None:
     """The camera's rate: faster than this nothing is gained."""
-    hz, color = record.values["camera_hz"], COLORS["spread"]
+    hz, color = record.values["camera_hz"], COLORS["truth"]
     name = f"camera, {hz:.3g} Hz"
     style = {"color": color, "fontsize": 9, "textcoords": "offset points"}
     if vertical:

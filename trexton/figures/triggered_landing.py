@@ -15,7 +15,7 @@ __all__ = ["causes", "first_flights", "table", "targets", "waiting"]
 
 _COUNTS = ("", "Landings", "Inside", "Rate", "Triggered inside", "Never triggered")
 _DISTANCES = ("Beyond the circle (cm), mean", "furthest")
-INSIDE, OUTSIDE = COLORS["accent"], COLORS["estimate"]
+INSIDE, OUTSIDE = COLORS["accent"], COLORS["warm"]
 _EDGE = {"edgecolors": "white", "linewidths": 0.7, "zorder": 5}
 
 
@@ -56,8 +56,8 @@ def first_flights(record: Record) -> Figure:
                 )
                 outcome = INSIDE if series["beyond_cm"][number] <= 0 else OUTSIDE
                 for place, marker, area, color, label in (
-                    (estimate, "X", 46, COLORS["paper"], "estimate at the trigger"),
-                    (truth, "o", 30, COLORS["knn"], "truth at the trigger"),
+                    (estimate, "X", 46, COLORS["estimate"], "estimate at the trigger"),
+                    (truth, "o", 30, COLORS["truth"], "truth at the trigger"),
                     (touchdown, "^", 52, outcome, "touchdown"),
                 ):
                     axes.scatter(
