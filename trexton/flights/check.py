@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from trexton.errors import ImageError
+from trexton.errors import FlightError, ImageError
+from trexton.flights.doubts import doubts
 from trexton.flights.flight import Flight
 from trexton.flights.folder import Reading, load_folder
 from trexton.images import read_image
@@ -16,10 +20,16 @@ from trexton.progress import progress
 
 __all__ = ["Report", "check_flight"]
 
+# What may differ between sentences that say the same: names in quotes, paths, numbers.
+_PARTICULAR = re.compile(r"'[^']*'|/\S+|-?\d[\d.e+-]*")
+
 
 @dataclass(frozen=True)
 class Report:
-    """What `check_flight` found: facts (name, text), faults that forbid the flight's use, and warnings."""
+    """What `check_flight` found: facts (name, text), faults that forbid the flight's use, and warnings.
+
+    Printed, sentences that differ only in their numbers and names are one line with a count.
+    """
 
     path: Path
     facts: list[tuple[str, str]] = field(default_factory=list)
@@ -33,37 +43,62 @@ class Report:
     def __str__(self) -> str:
         width = max((len(name) for name, _ in self.facts), default=0)
         lines = [f"{name:<{width}}  {text}" for name, text in self.facts]
-        lines += [f"fault    {fault}" for fault in self.faults]
-        lines += [f"warning  {warning}" for warning in self.warnings]
+        lines += [f"fault    {fault}" for fault in _grouped(self.faults)]
+        lines += [f"warning  {warning}" for warning in _grouped(self.warnings)]
         count = f"{_count(len(self.faults), 'fault')}, {_count(len(self.warnings), 'warning')}"
         verdict = "usable" if self.usable else "cannot be used"
         return "\n".join([*lines, f"{self.path}: {verdict} ({count})"])
 
 
-def check_flight(path: str | os.PathLike) -> Report:
+def _grouped(sentences: list[str]) -> Iterator[str]:
+    """Each sentence, or the first of its like and how many more there are."""
+    alike: dict[str, list[str]] = {}
+    for sentence in sentences:
+        where, comma, what = sentence.partition(", row ")
+        key = where + comma + _PARTICULAR.sub("#", what) if comma else sentence
+        alike.setdefault(key, []).append(sentence)
+    for group in alike.values():
+        if len(group) == 1:
+            yield group[0]
+        else:
+            last = re.search(r", row (\d+)", group[-1])
+            until = f", the last in row {last[1]}" if last else ""
+            yield f"{group[0]} (and {len(group) - 1} more like it{until})"
+
+
+def check_flight(path: str | os.PathLike[str]) -> Report:
     """Read everything in the folder `path`, every image included; a faulty flight is reported, not raised."""
     reading = load_folder(Path(path))
     sizes = _check_images(reading)
     facts = [] if reading.flight is None else _facts(reading.flight, sizes)
-    if reading.flight is not None and reading.flight.floor_file is not None:
-        _check_floor(reading)
-    return Report(Path(path), facts, reading.faults, reading.warnings)
+    warnings = reading.warnings
+    if reading.flight is not None:
+        try:
+            reading.flight.floor  # noqa: B018 - reads the picture
+        except (FlightError, ImageError) as error:
+            reading.faults.append(str(error))
+        warnings = warnings + [f"{path}: {doubt}" for doubt in doubts(reading.flight)]
+    return Report(Path(path), facts, reading.faults, warnings)
 
 
 def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
     """Decode every image; count the sizes (width, height), and add a fault for each odd one out."""
     sizes: dict[tuple[int, int], int] = {}
+    contents: set[bytes] = set()
     places: list[tuple[int, Path, tuple[int, int]]] = []
     for row, file in progress(reading.image_files, "images"):
         try:
-            height, width = read_image(file).shape[:2]
+            image = read_image(file)
         except ImageError as error:
             reading.faults.append(f"frames.csv, row {row}: {error}")
             continue
+        contents.add(hashlib.sha256(image.data).digest())
+        height, width = image.shape[:2]
         sizes[width, height] = sizes.get((width, height), 0) + 1
         places.append((row, file, (width, height)))
     camera = reading.flight.camera if reading.flight else None
-    expected = (camera.width, camera.height) if camera else max(sizes, key=sizes.get, default=None)
+    usual = max(sizes, key=lambda size: sizes[size], default=(0, 0))
+    expected = (camera.width, camera.height) if camera else usual
     whose = "[camera] says" if camera else "most are"
     for row, file, size in places:
         if size != expected:
@@ -71,17 +106,14 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
                 f"frames.csv, row {row}: {file} is {_size(size)} where {whose} {_size(expected)}: "
                 "all images of a flight have one size"
             )
+    if len(places) > 2 and 2 * len(contents) < len(places):
+        names = len({file for _, file, _ in places})
+        if names > 1:
+            reading.warnings.append(
+                f"{reading.image_files[0][1].parent}: {names} image files hold only {len(contents)} different "
+                "pictures: check what was recorded"
+            )
     return sizes
-
-
-def _check_floor(reading: Reading) -> None:
-    import cv2
-
-    file = reading.flight.floor_file
-    if cv2.imread(str(file), cv2.IMREAD_UNCHANGED) is None:
-        reading.faults.append(
-            f"{file}: the floor picture cannot be read: restore it or drop [floor] from flight.toml"
-        )
 
 
 def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str, str]]:
@@ -115,12 +147,13 @@ def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str,
                 or "none readable",
             )
         )
-    if flight.has_histograms:
+    if flight.histograms is not None:
         sums = flight.histograms.sum(axis=1)
         facts.append(
             (
                 "histograms",
-                f"{len(sums)} of {flight.histograms.shape[1]} textons, sums {sums.min():.4f} to {sums.max():.4f}",
+                f"{len(sums)} of {flight.histograms.shape[1]} {flight.features}, "
+                f"sums {sums.min():.4f} to {sums.max():.4f}",
             )
         )
     for name, (first, last) in flight.split.items():

@@ -30,7 +30,9 @@ NOTES = (
 )
 
 
-def read_cyberzoo(histogram_file: str | os.PathLike, position_file: str | os.PathLike) -> Flight:
+def read_cyberzoo(
+    histogram_file: str | os.PathLike[str], position_file: str | os.PathLike[str]
+) -> Flight:
     """The real flight from its raw tables: ``(624, 20)`` histograms, positions in metres.
 
     Splits in time order: ``train`` 1-325 and ``test`` 326-624; mirrored, ``train_mirrored`` the last 325 and
@@ -69,7 +71,7 @@ def read_cyberzoo(histogram_file: str | os.PathLike, position_file: str | os.Pat
     )
 
 
-def _table(path: str | os.PathLike, skip: int, columns: int, rows: int) -> np.ndarray:
+def _table(path: str | os.PathLike[str], skip: int, columns: int, rows: int) -> np.ndarray:
     try:
         table = np.loadtxt(path, delimiter=",", skiprows=skip, ndmin=2)
     except (OSError, ValueError) as error:

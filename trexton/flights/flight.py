@@ -6,13 +6,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from trexton.camera import Camera, MapImage
 from trexton.errors import FlightError
 from trexton.files import digest
-from trexton.images import read_image
+from trexton.images import checked_bytes, read_image
 
 __all__ = ["Flight"]
 
@@ -104,7 +105,7 @@ class Flight:
     def select(self, rows: np.ndarray | slice, name: str | None = None) -> Flight:
         """The flight at these rows only (a slice, indices or a mask), in time order."""
         rows = np.arange(len(self))[rows]
-        changes = {
+        changes: dict[str, Any] = {
             key: tuple(value[row] for row in rows) if isinstance(value, tuple) else value[rows]
             for key in _PER_FRAME
             if (value := getattr(self, key)) is not None
@@ -128,10 +129,12 @@ class Flight:
             return None
         import cv2
 
-        picture = cv2.imread(str(self.floor_file), cv2.IMREAD_UNCHANGED)
+        data = np.frombuffer(checked_bytes(self.floor_file), np.uint8)
+        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
         if picture is None:
             raise FlightError(
-                f"{self.floor_file}: the floor picture cannot be read: restore it or drop [floor] from flight.toml"
+                f"{self.floor_file}: the floor picture cannot be read: restore it or drop [floor] "
+                "from flight.toml"
             )
         if picture.ndim == 2:
             picture = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)

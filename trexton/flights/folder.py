@@ -11,11 +11,13 @@ import os
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from trexton.errors import FlightError
 from trexton.files import atomic_folder
+from trexton.flights.columns import read_columns
 from trexton.flights.flight import Flight
 from trexton.flights.header import camera_from_header, header_text, read_header
 
@@ -26,6 +28,10 @@ _OPTIONAL = ("z_m", "roll_rad", "pitch_rad", "yaw_rad", "image")
 _COLUMNS = f"{','.join(_REQUIRED)} and optionally {','.join(_OPTIONAL)}"
 SUM_TOLERANCE = 0.01
 MARKER = "flight.toml"  # what makes a folder one of ours, which may be replaced
+FARTHEST = 2e7  # metres: half way round the Earth
+
+
+Columns = dict[str, Any]
 
 
 @dataclass
@@ -41,7 +47,7 @@ class Reading:
     image_files: list[tuple[int, Path]] = field(default_factory=list)
 
 
-def read_flight(path: str | os.PathLike) -> Flight:
+def read_flight(path: str | os.PathLike[str]) -> Flight:
     """Read a Flight folder; missing positions are allowed (NaN), everything else must be sound.
 
     Raises
@@ -50,7 +56,7 @@ def read_flight(path: str | os.PathLike) -> Flight:
         Naming the file, the row and the first fault.
     """
     reading = load_folder(Path(path))
-    if reading.faults:
+    if reading.flight is None:
         more = (
             f" (and {len(reading.faults) - 1} more: trexton check {path})"
             if len(reading.faults) > 1
@@ -96,45 +102,63 @@ def _find_images(path: Path, names: list[str] | None, reading: Reading) -> tuple
     if names is None:
         return None
     files = tuple(path / "images" / name for name in names)
-    inside = (path / "images").resolve()
-    for row, (name, file) in enumerate(zip(names, files), start=2):
-        if name and inside not in file.resolve().parents:
-            reading.faults.append(
-                f"{path / 'frames.csv'}, row {row}: image {name!r} leads out of {path / 'images'}: "
-                "copy the file into the flight"
-            )
-        elif name and file.is_file():
+    inside = _inside(path / "images")
+    for row, (name, file) in enumerate(zip(names, files, strict=True), start=2):
+        if name in inside:
             reading.image_files.append((row, file))
+            continue
+        if not name:
+            found = "no image is named: add the file or drop the row"
+        elif file.exists():
+            found = f"image {name!r} leads out of {path / 'images'}: copy the file into the flight"
         else:
-            found = f"image {name!r} is not in {path / 'images'}" if name else "no image is named"
-            reading.faults.append(
-                f"{path / 'frames.csv'}, row {row}: {found}: add the file or drop the row"
-            )
+            found = f"image {name!r} is not in {path / 'images'}: add the file or drop the row"
+        reading.faults.append(f"{path / 'frames.csv'}, row {row}: {found}")
     return files
 
 
-def _check_split(path: Path, header: dict | None, frames: np.ndarray, reading: Reading) -> None:
+def _inside(folder: Path) -> set[str]:
+    """Names, with / between folders, of the regular files below `folder`; links count if they stay there."""
+    top, names = folder.resolve(), set()
+    for parent, _, files in os.walk(folder):
+        with os.scandir(parent) as entries:
+            for entry in entries:
+                path = Path(entry.path)
+                if entry.is_file(follow_symlinks=False) or (
+                    entry.name in files and top in path.resolve().parents and path.is_file()
+                ):
+                    names.add(path.relative_to(folder).as_posix())
+    return names
+
+
+def _check_split(path: Path, header: Columns | None, frames: np.ndarray, reading: Reading) -> None:
     for name, (first, last) in (header or {}).get("split", {}).items():
         if not ((frames >= first) & (frames <= last)).any():
             reading.faults.append(
-                f"{path}: split {name!r} is {first} to {last}, but the frames are {frames[0]} to {frames[-1]}: correct it"
+                f"{path}: split {name!r} is {first} to {last}, but the frames are {frames[0]} to "
+                f"{frames[-1]}: correct it"
             )
 
 
-def _assemble(path: Path, header: dict, columns: dict, files, histograms) -> Flight:
+def _assemble(
+    path: Path,
+    header: Columns,
+    columns: Columns,
+    files: tuple[Path, ...] | None,
+    histograms: np.ndarray | None,
+) -> Flight:
     position = np.column_stack([columns["x_m"], columns["y_m"]])
-    angles = [columns.get(name) for name in ("roll_rad", "pitch_rad", "yaw_rad")]
+    x_min, x_max, y_min, y_max = header["area_m"] if "area_m" in header else _extent(position)
+    angles = [columns[name] for name in ("roll_rad", "pitch_rad", "yaw_rad") if name in columns]
     floor = header.get("floor")
     return Flight(
         name=header.get("name", path.name),
         frame=columns["frame"],
         time=columns["t_s"],
         position=position,
-        area=tuple(float(value) for value in header["area_m"])
-        if "area_m" in header
-        else _extent(position),
+        area=(float(x_min), float(x_max), float(y_min), float(y_max)),
         height=columns.get("z_m"),
-        attitude=None if any(angle is None for angle in angles) else np.column_stack(angles),
+        attitude=np.column_stack(angles) if len(angles) == 3 else None,
         image_files=files,
         histograms=histograms,
         features=header.get("features", "textons"),
@@ -156,52 +180,14 @@ def _extent(position: np.ndarray) -> tuple[float, float, float, float]:
     return (float(x_min), float(x_max), float(y_min), float(y_max))
 
 
-def _rows(path: Path, reading: Reading) -> tuple[list[str], list[list[str]]] | None:
+def _read_frames(path: Path, reading: Reading) -> Columns | None:
     try:
-        with open(path, newline="", encoding="utf-8") as stream:
-            table = list(csv.reader(stream))
-    except OSError:
-        reading.faults.append(f"{path}: not found: a flight folder needs it")
+        table = read_columns(path)
+    except FlightError as error:
+        reading.faults.append(str(error))
         return None
-    except (UnicodeDecodeError, csv.Error) as error:
-        reading.faults.append(f"{path}: not a text table ({error}): write it as UTF-8 CSV")
-        return None
-    if len(table) < 2:
-        reading.faults.append(f"{path}: no frames: expected a header and at least one row")
-        return None
-    header, rows = [name.strip() for name in table[0]], table[1:]
-    for number, row in enumerate(rows, start=2):
-        if len(row) != len(header):
-            reading.faults.append(
-                f"{path}, row {number}: {len(row)} fields where the header names {len(header)}: complete the row"
-            )
-            return None
-    return header, rows
-
-
-def _numbers(
-    path: Path, name: str, cells: list[str], reading: Reading, missing_allowed: bool
-) -> np.ndarray:
-    values = np.full(len(cells), np.nan)
-    for index, cell in enumerate(cells):
-        try:
-            values[index] = float(cell) if cell.strip() else np.nan
-        except ValueError:
-            reading.faults.append(f"{path}, row {index + 2}: {name} is {cell!r}: expected a number")
-            return values
-        if np.isinf(values[index]) or (np.isnan(values[index]) and not missing_allowed):
-            reading.faults.append(
-                f"{path}, row {index + 2}: {name} is {cell or 'empty'}: expected a finite number"
-            )
-            return values
-    return values
-
-
-def _read_frames(path: Path, reading: Reading) -> dict | None:
-    table = _rows(path, reading)
-    if table is None:
-        return None
-    header, rows = table
+    reading.warnings += table.warnings
+    header, rows = table.header, np.array(table.rows)
     before = len(reading.faults)
     if unknown := [name for name in header if name not in _REQUIRED + _OPTIONAL]:
         reading.faults.append(f"{path}: unknown column {unknown[0]!r}: expected {_COLUMNS}")
@@ -211,72 +197,76 @@ def _read_frames(path: Path, reading: Reading) -> dict | None:
         reading.faults.append(f"{path}: column {twice[0]!r} appears twice: expected {_COLUMNS}")
     if len(reading.faults) > before:
         return None
-    columns: dict = {}
-    for place, name in enumerate(header):
-        cells = [row[place] for row in rows]
-        if name == "image":
-            columns[name] = cells
-        else:
-            columns[name] = _numbers(
-                path, name, cells, reading, missing_allowed=name not in ("frame", "t_s")
+    columns: Columns = {}
+    for name in header:
+        try:
+            columns[name] = (
+                list(table.cells[name])
+                if name == "image"
+                else table.numbers(name, missing_allowed=name not in ("frame", "t_s"))
             )
+        except FlightError as error:
+            reading.faults.append(str(error))
     if len(reading.faults) > before:
         return None
     for row in np.flatnonzero(columns["frame"] % 1):
         reading.faults.append(
-            f"{path}, row {row + 2}: frame is {columns['frame'][row]:g}: expected a whole number"
+            f"{path}, row {rows[row]}: frame is {columns['frame'][row]:g}: expected a whole number"
         )
+    if wide := [name for name in ("frame", "t_s") if np.abs(columns[name]).max() > 2**53]:
+        reading.faults.append(
+            f"{path}: {wide[0]} reaches {np.abs(columns[wide[0]]).max():g}: "
+            "count from the first frame, in seconds"
+        )
+        return None
     columns["frame"] = columns["frame"].astype(np.int64)
-    _check_order(path, columns, reading)
+    _check_order(path, columns, rows, reading)
     for row in np.flatnonzero(np.isnan(columns["x_m"]) | np.isnan(columns["y_m"])):
         reading.warnings.append(
-            f"{path}, row {row + 2}: the position is missing or NaN: the frame cannot train and has no ground truth"
+            f"{path}, row {rows[row]}: the position is missing or NaN: the frame cannot train and has "
+            "no ground truth"
+        )
+    place = np.abs(np.column_stack([columns["x_m"], columns["y_m"]])).max(axis=1)
+    for row in np.flatnonzero(place > FARTHEST):
+        reading.faults.append(
+            f"{path}, row {rows[row]}: the position is {place[row]:g} m from the origin: no such place "
+            "on Earth, leave it empty or give metres"
         )
     return columns
 
 
-def _check_order(path: Path, columns: dict, reading: Reading) -> None:
+def _check_order(path: Path, columns: Columns, rows: np.ndarray, reading: Reading) -> None:
     for name, what in (("t_s", "stamp"), ("frame", "frame number")):
         values = columns[name]
         for row in np.flatnonzero(np.diff(values) <= 0):
             kind = "duplicated" if values[row] == values[row + 1] else "unsorted"
             reading.faults.append(
-                f"{path}, row {row + 3}: {kind} {what} {values[row + 1]:g}: they must increase"
+                f"{path}, row {rows[row + 1]}: {kind} {what} {values[row + 1]:g}: they must increase"
             )
 
 
 def _read_histograms(
     path: Path, frames: np.ndarray, features: str, reading: Reading
 ) -> np.ndarray | None:
-    table = _rows(path, reading)
-    if table is None:
+    try:
+        table = read_columns(path)
+        header, rows = table.header, table.rows
+        if len(header) < 2 or header != ["frame", *(f"t{i}" for i in range(len(header) - 1))]:
+            raise FlightError(
+                f"{path}: unknown columns {','.join(header[:4])}...: expected frame,t0,t1,..."
+            )
+        values = np.column_stack([table.numbers(name) for name in header])
+    except FlightError as error:
+        reading.faults.append(str(error))
         return None
-    header, rows = table
-    if (
-        header[0] != "frame"
-        or header[1:] != [f"t{i}" for i in range(len(header) - 1)]
-        or len(header) < 2
-    ):
-        reading.faults.append(
-            f"{path}: unknown columns {','.join(header[:4])}...: expected frame,t0,t1,..."
-        )
-        return None
-    before = len(reading.faults)
-    values = np.column_stack(
-        [
-            _numbers(path, name, [row[i] for row in rows], reading, missing_allowed=False)
-            for i, name in enumerate(header)
-        ]
-    )
-    if len(reading.faults) > before:
-        return None
+    reading.warnings += table.warnings
     if not np.array_equal(values[:, 0], frames):
         odd = next(
             (i for i, (a, b) in enumerate(zip(values[:, 0], frames)) if a != b),
             min(len(values), len(frames)),
         )
         reading.faults.append(
-            f"{path}, row {odd + 2}: its frames differ from those of frames.csv "
+            f"{path}, row {rows[odd] if odd < len(rows) else rows[-1] + 1}: its frames differ from those of frames.csv "
             f"({len(values)} rows against {len(frames)}): "
             "list the same frames in the same order"
         )
@@ -287,7 +277,7 @@ def _read_histograms(
     sums = histograms.sum(axis=1)
     for row in np.flatnonzero((histograms < 0).any(axis=1) | (np.abs(sums - 1) > SUM_TOLERANCE)):
         reading.faults.append(
-            f"{path}, row {row + 2}: the histogram sums to {sums[row]:.4g} "
+            f"{path}, row {rows[row]}: the histogram sums to {sums[row]:.4g} "
             f"(smallest entry {histograms[row].min():.4g}): "
             f"expected relative frequencies that sum to 1 within {SUM_TOLERANCE:.0%}, or "
             'features = "..." in the header for other features'
@@ -295,7 +285,7 @@ def _read_histograms(
     return histograms
 
 
-def write_flight(flight: Flight, path: str | os.PathLike) -> Path:
+def write_flight(flight: Flight, path: str | os.PathLike[str]) -> Path:
     """Write `flight` as a folder, whole or not at all; images and floor are copied as they are."""
     path = Path(path)
     with atomic_folder(path, MARKER) as folder:
@@ -312,7 +302,7 @@ def write_flight(flight: Flight, path: str | os.PathLike) -> Path:
 def write_tables(flight: Flight, folder: Path) -> None:
     """Write flight.toml, frames.csv and histograms.csv of `flight` into an existing folder."""
     (folder / "flight.toml").write_text(header_text(flight), encoding="utf-8")
-    columns: dict = {
+    columns: Columns = {
         "frame": flight.frame,
         "t_s": flight.time,
         "x_m": flight.position[:, 0],
@@ -330,7 +320,7 @@ def write_tables(flight: Flight, folder: Path) -> None:
         _write_csv(folder / "histograms.csv", {"frame": flight.frame, **textons})
 
 
-def _write_csv(path: Path, columns: dict) -> None:
+def _write_csv(path: Path, columns: Columns) -> None:
     lists = [
         values.tolist() if isinstance(values, np.ndarray) else values for values in columns.values()
     ]

@@ -6,15 +6,19 @@ import json
 import math
 import tomllib
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from trexton.camera import Camera
+from trexton.errors import FlightError
 from trexton.flights.flight import Flight
+from trexton.flights.tables import read_text
 
 __all__ = ["FORMAT", "camera_from_header", "header_text", "read_header"]
 
 FORMAT = 1
+SMALLEST_AREA = 1e-3  # metres
 _KEYS = (
     "format",
     "name",
@@ -35,19 +39,23 @@ _TABLES = {
 }
 
 
-def read_header(path: Path) -> tuple[dict | None, list[str]]:
+def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
     """The header, or None, and its faults as sentences that name the file."""
     try:
-        header = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError:
-        return None, [f"{path}: not found: a flight folder needs flight.toml with at least a name"]
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        if not path.exists():
+            return None, [
+                f"{path}: not found: a flight folder needs flight.toml with at least a name"
+            ]
+        header = tomllib.loads(read_text(path))
+    except FlightError as error:
+        return None, [str(error)]
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         return None, [f"{path}: not valid TOML ({error}): correct it"]
     faults = [f"{path}: {fault}" for fault in _faults(header)]
     return (None if faults else header), faults
 
 
-def _faults(header: dict) -> list[str]:
+def _faults(header: dict[str, Any]) -> list[str]:
     if unknown := sorted(set(header) - set(_KEYS)):
         return [f"unknown key {unknown[0]!r}: the keys are {', '.join(sorted(_KEYS))}"]
     version = header.get("format", FORMAT)
@@ -73,11 +81,16 @@ def _faults(header: dict) -> list[str]:
     return faults or _fault_values(header)
 
 
-def _fault_values(header: dict) -> list[str]:
+def _fault_values(header: dict[str, Any]) -> list[str]:
     faults = []
     area = header.get("area_m", [0, 1, 0, 1])
     if not _numbers(area, 4) or area[0] >= area[1] or area[2] >= area[3]:
         faults.append(f"area_m is {area}: expected [x_min, x_max, y_min, y_max] in metres")
+    elif min(area[1] - area[0], area[3] - area[2]) < SMALLEST_AREA or max(map(abs, area)) > 2e7:
+        faults.append(
+            f"area_m is {area}: sides of {area[1] - area[0]:g} m and {area[3] - area[2]:g} m are no place "
+            "to fly in: give metres"
+        )
     for name, limits in header.get("split", {}).items():
         if not (
             isinstance(limits, list)
@@ -110,19 +123,41 @@ def _fault_values(header: dict) -> list[str]:
             faults.append(
                 f"[floor] world_from_pixel is {rows}: expected three rows of three numbers"
             )
+        elif not _turns_back(rows):
+            faults.append(
+                f"[floor] world_from_pixel is {rows}: it maps the picture to a line or a point, "
+                "measure it again"
+            )
         if not isinstance(floor["image"], str):
             faults.append(f"[floor] image is {floor['image']!r}: expected a file name")
     return faults
 
 
 def _numbers(values: object, count: int) -> bool:
-    numeric = isinstance(values, list) and all(
-        isinstance(value, (int, float)) and type(value) is not bool for value in values
-    )
-    return numeric and len(values) == count and all(math.isfinite(value) for value in values)
+    if not isinstance(values, list) or len(values) != count:
+        return False
+    return all(type(value) in (int, float) and _finite(value) for value in values)
 
 
-def camera_from_header(table: dict) -> Camera:
+def _finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond all floats
+        return False
+
+
+def _turns_back(rows: list[list[float]]) -> bool:
+    """Whether a homography can be inverted, whatever the scales of its columns and rows."""
+    matrix = np.array(rows, dtype=float)
+    for axis in (0, 1):
+        largest = np.abs(matrix).max(axis=axis, keepdims=True)
+        if not (largest > 0).all():
+            return False
+        matrix = matrix / largest
+    return bool(np.linalg.cond(matrix) < 1e10)
+
+
+def camera_from_header(table: dict[str, Any]) -> Camera:
     """The camera that a [camera] table describes."""
     center = table.get("center_px")
     return Camera(

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import cache
 from importlib import import_module
 from pathlib import Path
+from typing import Any, cast
 
 from trexton.cache import cache_folder, repository_root
 from trexton.errors import DataError
@@ -21,7 +22,7 @@ __all__ = ["data_folder", "fetch", "locate", "raw_files", "registry"]
 
 
 @cache
-def registry() -> dict[str, dict]:
+def registry() -> dict[str, dict[str, Any]]:
     """Every public data set by name: title, licence, files (key, url, sha256), reader if it is a flight."""
     root = repository_root()
     if root is None:
@@ -37,7 +38,7 @@ def data_folder() -> Path:
     return Path(named) if named else cache_folder() / "public"
 
 
-def raw_files(name: str) -> dict[str, dict]:
+def raw_files(name: str) -> dict[str, dict[str, Any]]:
     """The raw files of the data set `name`: key (its path in the data folder) to url and sha256."""
     if name not in registry():
         raise DataError(
@@ -46,7 +47,7 @@ def raw_files(name: str) -> dict[str, dict]:
     return {file["key"]: file for file in registry()[name]["files"]}
 
 
-def locate(name: str, source: str | os.PathLike | None = None) -> list[Path]:
+def locate(name: str, source: str | os.PathLike[str] | None = None) -> list[Path]:
     """The raw files of `name` on this machine, hashes checked.
 
     Parameters
@@ -66,7 +67,9 @@ def locate(name: str, source: str | os.PathLike | None = None) -> list[Path]:
     return [_from_cache(key, file) for key, file in raw_files(name).items()]
 
 
-def fetch(name: str, out: str | os.PathLike, source: str | os.PathLike | None = None) -> Path:
+def fetch(
+    name: str, out: str | os.PathLike[str], source: str | os.PathLike[str] | None = None
+) -> Path:
     """Make the data set `name` ready at `out`: a Flight folder, or the file itself where it is no flight."""
     files, out = locate(name, source), Path(out)
     if "reader" in registry()[name]:
@@ -79,7 +82,7 @@ def fetch(name: str, out: str | os.PathLike, source: str | os.PathLike | None = 
 
 def _reader(name: str) -> Callable[..., Flight]:
     module, function = registry()[name]["reader"].split(":")
-    return getattr(import_module(module), function)
+    return cast("Callable[..., Flight]", getattr(import_module(module), function))
 
 
 def _from_folder(folder: Path, key: str, sha256: str) -> Path:
@@ -99,7 +102,7 @@ def _from_folder(folder: Path, key: str, sha256: str) -> Path:
     return path
 
 
-def _from_cache(key: str, file: dict) -> Path:
+def _from_cache(key: str, file: dict[str, Any]) -> Path:
     import pooch
     import requests
 

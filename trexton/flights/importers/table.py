@@ -80,4 +80,5 @@ def nanoseconds(stamps: np.ndarray, unit: str) -> np.ndarray:
     if bad.any():
         row = int(bad.argmax())
         raise FlightError(f"row {row + 2}: stamp {stamps[row]} {unit}: expected a finite time")
-    return np.rint(scaled).astype(np.int64)
+    whole: np.ndarray = np.rint(scaled).astype(np.int64)
+    return whole

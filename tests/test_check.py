@@ -1,0 +1,151 @@
+"""What a person gets wrong in a flight folder is read as meant, or named with what to do."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from conftest import small_flight
+
+from trexton.flights import read_flight, write_flight
+from trexton.flights.check import check_flight
+
+
+def walk(frames: int = 600):
+    """A flight of 3 m x 2 m at about 1 m/s, off the origin so that x and y cannot be mistaken."""
+    rng = np.random.default_rng(2)
+    place = np.cumsum(rng.normal(0, 0.08, (frames, 2)), axis=0)
+    place = (place - place.min(axis=0)) / np.ptp(place, axis=0) * (3, 2) + (10, 1)
+    return replace(small_flight(frames), position=place, area=(9.9, 13.1, 0.9, 3.1))
+
+
+FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda f: {"position": f.position[:, ::-1]}, "inside when x and y are exchanged"),
+        (lambda f: {"position": f.position * 1000}, "inside when read as millimetres: write metres"),
+        (lambda f: {"position": f.position * 1000, "area": (0, 2e4, 0, 2e4)}, "in millimetres?"),
+        (lambda f: {"position": f.position + (0, 2)}, "positions lie outside area_m"),
+        (lambda f: {"position": np.full((600, 2), 10.0)}, "600 positions are the same place"),
+        (lambda f: {"position": f.position / 1000, "area": (0, 1, 0, 1)}, "another unit than metres"),
+        (lambda f: {"position": f.position + FAR, "area": (0, 2e3, 0, 2e3)}, "6 positions lie up to"),
+        (lambda f: {"time": f.time * 1000}, "stamps in milliseconds? write seconds"),
+        (lambda f: {"time": f.time * 1e9}, "stamps in nanoseconds? write seconds"),
+        (lambda f: {"time": f.time * 1e-4}, "write stamps in seconds"),
+        (lambda f: {"split": {"train": (1, 400), "test": (301, 600)}}, "share 100 frames"),
+        (lambda f: {"split": {"train": (1, 2)}}, "holds 2 frames with a position"),
+        (lambda f: {"histograms": np.full((600, 4), 0.25)}, "all histograms are the same"),
+    ],
+)  # fmt: skip
+def test_what_looks_wrong_is_one_warning_with_what_to_do(change, words, tmp_path):
+    flight = walk()
+    assert check_flight(write_flight(flight, tmp_path / "sound")).warnings == []
+    report = check_flight(write_flight(replace(flight, **change(flight)), tmp_path / "odd"))
+    assert report.usable and len([line for line in report.warnings if words in line]) == 1
+
+
+@pytest.mark.parametrize(
+    ("row", "text", "fault"),
+    [
+        (5, "area_m = [0, 1e-7, 0, 1]", "no place to fly in"),
+        (5, "area_m = [0, 1e300, 0, 1]", "no place to fly in"),
+        (None, "[[1, 0, 0], [2, 0, 0], [0, 0, 1]]", "to a line or a point"),
+        (None, "[[1, 2, 0], [2, 4, 0], [0, 0, 1]]", "to a line or a point"),
+    ],
+)
+def test_headers_that_lead_nowhere_are_faults(row, text, fault, flight_folder):
+    header = flight_folder / "flight.toml"
+    lines = header.read_text().splitlines()
+    if row is None:
+        cv2.imwrite(str(flight_folder / "f.png"), np.zeros((4, 4, 3), np.uint8))
+        lines += ["[floor]", 'image = "f.png"', f"world_from_pixel = {text}"]
+    else:
+        lines[row - 1] = text
+    header.write_text("\n".join(lines))
+    assert [fault in line for line in check_flight(flight_folder).faults] == [True]
+
+
+def test_a_place_beyond_the_earth_and_endless_stamps_are_faults(flight_folder):
+    table = flight_folder / "frames.csv"
+    text = table.read_text()
+    table.write_text(text.replace("\n3,0.16,", "\n3,0.16,1e300,1\n4,0.24,1e300,1\n", 1))
+    assert "fields" in check_flight(flight_folder).faults[0]
+    lines = text.splitlines()
+    table.write_text("\n".join([*lines[:3], "3,0.16,1e300,1", *lines[4:]]))
+    assert "row 4: the position is 1e+300 m" in check_flight(flight_folder).faults[0]
+    table.write_text("\n".join([*lines[:-1], "40,1e300,1,1"]))
+    assert "t_s reaches 1e+300" in check_flight(flight_folder).faults[0]
+
+
+def test_equal_faults_are_one_line_with_a_count(tmp_path):
+    folder = write_flight(walk(), tmp_path / "f")
+    lines = (folder / "frames.csv").read_text().splitlines()
+    images = [f"{line},{i:04d}.jpg" for i, line in enumerate(lines[1:])]
+    (folder / "frames.csv").write_text("\n".join([lines[0] + ",image", *images]))
+    report = check_flight(folder)
+    text = str(report)
+    assert len(report.faults) == 600 and text.count("fault    ") == 1
+    assert "row 2: image '0000.jpg' is not in" in text
+    assert "(and 599 more like it, the last in row 601)" in text
+    assert "cannot be used (600 faults" in text
+
+
+def as_written(folder, change):
+    for name in ("frames.csv", "histograms.csv"):
+        text = (folder / name).read_bytes().decode()
+        (folder / name).write_bytes(change(text))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("change", "warned"),
+    [
+        (lambda text: b"\xef\xbb\xbf" + text.encode(), False),
+        (lambda text: text.replace("\n", "\r\n").encode() + b"\r\n\r\n", False),
+        (lambda text: (text + ",,,\n").encode() if text.count(",") < 200 else text.encode(), False),
+        (lambda text: text.replace("\n", "\n\n").encode(), False),
+        (lambda text: text.replace(",", ";").encode(), True),
+        (lambda text: text.replace(",", "\t").encode(), True),
+        (lambda text: text.replace(",", ";").replace(".", ",").encode(), True),
+        (lambda text: text.replace(",", "\t").replace(".", ",").encode(), True),
+    ],
+)
+def test_tables_are_read_as_spreadsheets_write_them(change, warned, tmp_path):
+    plain = write_flight(small_flight(), tmp_path / "small")
+    other = as_written(shutil.copytree(plain, tmp_path / "other"), change)
+    report = check_flight(other)
+    assert report.usable and len(report.warnings) == 2 * warned
+    assert read_flight(other).data_hash == read_flight(plain).data_hash
+
+
+def test_decimal_commas_between_commas_are_named(flight_folder):
+    table = flight_folder / "frames.csv"
+    table.write_text("frame,t_s,x_m,y_m\n" + "".join(f"{i},0,{i:02d},1,0,2,0\n" for i in range(40)))
+    assert "decimal commas must become points" in check_flight(flight_folder).faults[0]
+    table.write_text("frame;t_s;x_m;y_m\n1;0,0;1,5,2;1\n2;0,1;1;1\n")
+    assert "x_m is '1,5,2'" in check_flight(flight_folder).faults[0]
+
+
+def test_one_picture_for_every_frame_is_noticed(image_folder):
+    table = image_folder / "frames.csv"
+    text = table.read_text()
+    for number in range(1, 6):
+        text = text.replace(f"{number:04d}.jpg", "0000.jpg")
+    table.write_text(text)
+    assert any(
+        "6 frames name the same image" in line for line in check_flight(image_folder).warnings
+    )
+
+
+def test_copies_of_one_picture_are_noticed(image_folder):
+    pictures = image_folder / "images"
+    for number in range(1, 6):
+        shutil.copyfile(pictures / "0000.jpg", pictures / f"{number:04d}.jpg")
+    warnings = check_flight(image_folder).warnings
+    assert any("6 image files hold only 1 different pictures" in line for line in warnings)

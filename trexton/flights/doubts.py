@@ -1,0 +1,156 @@
+"""What looks wrong in a flight that can be read, each as a sentence with what to do about it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+import numpy as np
+
+from trexton.flights.flight import Flight
+
+__all__ = ["doubts"]
+
+FASTEST = 60.0  # m/s between half of the frames: no vehicle that this is for
+SLOWEST_RATE = 30.0  # seconds between frames: stamps in another unit, or no flight
+SMALLEST = 0.05  # metres: a hover, or another unit
+WILD = 20.0  # times the distance within which nine tenths of the positions lie
+
+
+def doubts(flight: Flight) -> list[str]:
+    """Sentences about positions, stamps, splits and images that are probably not as meant."""
+    return [sentence for doubt in _DOUBTS for sentence in doubt(flight)]
+
+
+def _known(flight: Flight) -> np.ndarray:
+    return np.flatnonzero(np.isfinite(flight.position).all(axis=1))
+
+
+def _outside(flight: Flight) -> Iterator[str]:
+    rows = _known(flight)
+    x, y = flight.position[rows].T
+    x_min, x_max, y_min, y_max = flight.area
+    slack = 0.01 * flight.diagonal
+
+    def inside(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        fits = (first >= x_min - slack) & (first <= x_max + slack)
+        fits &= (second >= y_min - slack) & (second <= y_max + slack)
+        return fits
+
+    out = ~inside(x, y)
+    if not out.any():
+        return
+    found = f"{out.sum()} of {len(rows)} positions lie outside area_m (first: frame {_first(flight, rows, out)})"
+    if out.mean() > 0.05 and (~inside(y, x)).sum() < 0.2 * out.sum():
+        yield f"{found}, but inside when x and y are exchanged: exchange the columns, or area_m"
+        return
+    for unit, factor in (("millimetres", 1e-3), ("centimetres", 1e-2)):
+        if out.mean() > 0.5 and inside(factor * x, factor * y).mean() > 0.9:
+            yield f"{found}, but inside when read as {unit}: write metres"
+            return
+    yield f"{found}: correct them, or widen area_m"
+
+
+def _wild(flight: Flight) -> Iterator[str]:
+    rows = _known(flight)
+    if len(rows) < 10:
+        return
+    place = flight.position[rows]
+    distance = np.hypot(*(place - np.median(place, axis=0)).T)
+    limit = WILD * max(np.quantile(distance, 0.9), 1e-3)
+    far = distance > limit
+    if far.any():
+        yield (
+            f"{_count(int(far.sum()), 'position')} lie up to {distance.max():.4g} m from the middle, where "
+            f"nine tenths are within {np.quantile(distance, 0.9):.3g} m (first: frame "
+            f"{_first(flight, rows, far)}): leave x_m and y_m of these frames empty"
+        )
+
+
+def _speed(flight: Flight) -> Iterator[str]:
+    rows = _known(flight)
+    if len(rows) < 3:
+        return
+    steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
+    speed = float(np.median(steps / np.diff(flight.time[rows])))
+    if speed > FASTEST:
+        unit = "millimetres" if speed > 300 else "centimetres"
+        yield (
+            f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
+            "write metres and seconds"
+        )
+
+
+def _small(flight: Flight) -> Iterator[str]:
+    rows = _known(flight)
+    if len(rows) < 2:
+        return
+    extent = np.ptp(flight.position[rows], axis=0)
+    if extent.max() == 0:
+        yield (
+            f"all {len(rows)} positions are the same place: nothing can be learned or judged from them, "
+            "check what was recorded"
+        )
+    elif extent.max() < SMALLEST:
+        yield (
+            f"the positions span {extent[0]:.2g} m x {extent[1]:.2g} m: another unit than metres, "
+            "or a vehicle that stood still"
+        )
+
+
+def _stamps(flight: Flight) -> Iterator[str]:
+    if len(flight) < 3:
+        return
+    gap = float(np.median(np.diff(flight.time)))
+    if gap > SLOWEST_RATE:
+        unit = "nanoseconds" if gap > 1e6 else "microseconds" if gap > 1e4 else "milliseconds"
+        yield f"frames come {gap:.4g} s apart: stamps in {unit}? write seconds"
+    elif gap < 1e-4:
+        yield f"frames come {gap:.2g} s apart: write stamps in seconds"
+
+
+def _splits(flight: Flight) -> Iterator[str]:
+    known = np.isfinite(flight.position).all(axis=1)
+    for name, (first, last) in flight.split.items():
+        count = int(known[(flight.frame >= first) & (flight.frame <= last)].sum())
+        if count < 3:
+            yield (
+                f"split {name!r} holds {_count(count, 'frame')} with a position: "
+                "training and test need at least 3"
+            )
+    if {"train", "test"} <= set(flight.split):
+        (first, last), (begin, end) = flight.split["train"], flight.split["test"]
+        common = min(last, end) - max(first, begin) + 1
+        if common > 0:
+            yield (
+                f"splits train and test share {_count(common, 'frame')}: what was trained on proves "
+                "nothing, part them"
+            )
+
+
+def _names(flight: Flight) -> Iterator[str]:
+    if flight.image_files is None or len(flight) < 2:
+        return
+    file, often = Counter(flight.image_files).most_common(1)[0]
+    if often > 1:
+        yield f"{often} frames name the same image {file.name!r}: give each frame its own"
+
+
+def _features(flight: Flight) -> Iterator[str]:
+    if flight.histograms is None or len(flight) < 3:
+        return
+    if np.ptp(flight.histograms, axis=0).max() == 0:
+        yield "all histograms are the same: no frame can be told from another"
+
+
+def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
+    return int(flight.frame[rows[int(chosen.argmax())]])
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+_DOUBTS: tuple[Callable[[Flight], Iterator[str]], ...] = (
+    _outside, _wild, _speed, _small, _stamps, _splits, _names, _features,
+)  # fmt: skip
