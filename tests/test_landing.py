@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from trexton.errors import ParameterError
-from trexton.landing import LandingZone
+from trexton.estimate import Estimate
+from trexton.landing import LandingZone, TouchdownZone
 
 
 @dataclass
@@ -77,3 +78,58 @@ def test_a_position_that_is_not_a_number_never_lands():
 def test_nonsense_is_refused(arguments):
     with pytest.raises(ParameterError):
         LandingZone(**arguments)
+
+
+def moving(position, velocity=(0.0, 0.0), deviation=0.05, **changes) -> Estimate:
+    """An estimate that knows its velocity."""
+    covariance = deviation**2 * np.eye(2)
+    joint = np.block([[covariance, np.zeros((2, 2))], [np.zeros((2, 2)), covariance]])
+    return Estimate(
+        np.array(position, float), covariance, velocity=np.array(velocity, float), joint=joint,
+        **changes,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.3, -0.2), (0.7, 0.1)])
+def test_the_chance_of_a_touchdown_inside_is_that_of_many_touchdowns(offset, rng):
+    zone = TouchdownZone((1, 2), 0.6, drift_s=0.5, gust=0.2)
+    estimate = moving(np.array(offset) + (1, 2), (0.2, 0.1), 0.1)
+    place, covariance = estimate.ahead(0.5)
+    drawn = rng.multivariate_normal(place, covariance + 0.04 * np.eye(2), 100_000) - (1, 2)
+    assert zone.chance(estimate) == pytest.approx((np.hypot(*drawn.T) < 0.6).mean(), abs=0.006)
+
+
+def test_it_lands_before_the_middle_where_the_vehicle_flies_towards_it():
+    zone = TouchdownZone((0, 0), 0.6, drift_s=0.5)
+    towards, away = moving((-0.4, 0), (0.8, 0)), moving((0.1, 0), (0.9, 0))
+    assert zone.accepts(towards) and not zone.accepts(away)
+    assert LandingZone((0, 0), 0.6).accepts(away)
+
+
+def test_less_is_asked_for_as_the_time_runs_out():
+    zone = TouchdownZone((0, 0), 0.6, time_limit=60)
+    near = moving((0.35, 0.0))
+    assert 0.8 < zone.chance(near) < 0.95
+    assert not zone.update(near, 5.0)
+    assert zone.update(near, 60.0)
+    assert zone.wanted(600.0) == 0.8
+
+
+def test_a_lost_or_unseen_frame_lands_nowhere():
+    zone = TouchdownZone((0, 0), 0.6)
+    assert zone.accepts(moving((0, 0)))
+    assert not zone.accepts(moving((0, 0), lost=True))
+    assert not zone.accepts(moving((0, 0), observed=False))
+
+
+def test_an_estimate_without_velocity_stays_where_it_is():
+    place, covariance = Estimate(np.ones(2), 0.01 * np.eye(2)).ahead(3.0)
+    assert place.tolist() == [1, 1] and covariance[0, 0] == 0.01
+
+
+@pytest.mark.parametrize(
+    "bad", [{"gust": 0}, {"drift_s": -1}, {"time_limit": 0}, {"least": 0.99}, {"confidence": 1.0}]
+)
+def test_nonsense_is_refused_by_the_touchdown_zone(bad):
+    with pytest.raises(ParameterError, match="expected"):
+        TouchdownZone((0, 0), 0.6, **bad)

@@ -52,6 +52,10 @@ class Estimate:
     measurement : Measurement or None
         What this frame alone says of the position; None where it says nothing, or nobody knows how
         well.
+    velocity : (2,) array or None
+        Metres a second; None from a filter that has none.
+    joint : (4, 4) array or None
+        Covariance of position and velocity together, where there is a velocity.
     """
 
     position: np.ndarray
@@ -63,6 +67,19 @@ class Estimate:
     particles: np.ndarray | None = None
     weights: np.ndarray | None = None
     measurement: Measurement | None = None
+    velocity: np.ndarray | None = None
+    joint: np.ndarray | None = None
+
+    def ahead(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+        """``(2,)`` position and ``(2, 2)`` covariance in metres if the velocity lasts so long.
+
+        The position and covariance as they are where no velocity is known.
+        """
+        if self.velocity is None or self.joint is None:
+            return self.position, self.covariance
+        carry = np.hstack([np.eye(2), seconds * np.eye(2)])
+        covariance: np.ndarray = carry @ self.joint @ carry.T
+        return self.position + seconds * self.velocity, covariance
 
     @property
     def spread(self) -> np.ndarray:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from trexton.errors import ParameterError
 from trexton.estimate import Estimate
 
-__all__ = ["LandingZone"]
+__all__ = ["TRIGGERS", "LandingZone", "TouchdownZone"]
 
 
 class LandingZone:
@@ -67,18 +69,116 @@ class LandingZone:
         """Whether the ``(2,)`` position lies within the circle."""
         return bool(np.hypot(*(np.asarray(position) - self.center)) < self.radius)
 
-    def accepts(self, estimate: Estimate) -> bool:
+    def accepts(self, estimate: Estimate, elapsed_s: float = 0.0) -> bool:
         """Whether this estimate alone permits a landing: inside, sure, not lost, from a frame that
-        came.
+        came; here whenever that is, in seconds after the search began.
         """
         sure = bool((np.asarray(estimate.spread) < self.spread).all())
         return self.contains(estimate.position) and sure and estimate.observed and not estimate.lost
 
-    def update(self, estimate: Estimate) -> bool:
-        """Take the next `trexton.estimate.Estimate`; True once enough in a row permit a landing."""
-        self._row = self._row + 1 if self.accepts(estimate) else 0
+    def update(self, estimate: Estimate, elapsed_s: float = 0.0) -> bool:
+        """Take the next estimate, `elapsed_s` seconds after the search began.
+
+        Returns
+        -------
+        bool
+            True once enough in a row permit a landing.
+        """
+        self._row = self._row + 1 if self.accepts(estimate, elapsed_s) else 0
         return self._row >= self.consecutive
 
     def reset(self) -> None:
         """Forget the estimates so far."""
         self._row = 0
+
+
+class TouchdownZone(LandingZone):
+    """A circle, and a trigger that fires when the vehicle would probably touch down in it.
+
+    From the trigger to the ground a vehicle drifts on. What counts is where it will touch down: the
+    estimate carried on with its velocity, and how far that may be off. The chance that it lies in
+    the circle must be high at first, and may be lower as the time runs out: a late landing at the
+    edge is worth more than none.
+
+    Parameters
+    ----------
+    center : (2,) array
+        Metres.
+    radius : float
+        r, metres.
+    drift_s : float
+        Seconds of the present velocity that the vehicle drifts while it brakes and comes down.
+    gust : float
+        Standard deviation in metres along an axis of what is in no velocity.
+    confidence, least : float
+        Chance of a touchdown inside that is asked for at first, and at the end of the time.
+    time_limit : float
+        Seconds that the search for a moment to land may take.
+    consecutive : int
+        Number of estimates in a row that must agree.
+
+    Raises
+    ------
+    ParameterError
+        A value is not finite or out of range.
+    """
+
+    def __init__(
+        self,
+        center: ArrayLike,
+        radius: float = 0.6,
+        *,
+        drift_s: float = 0.5,
+        gust: float = 0.14,
+        confidence: float = 0.95,
+        least: float = 0.8,
+        time_limit: float = 60.0,
+        consecutive: int = 1,
+    ):
+        super().__init__(center, radius, consecutive=consecutive)
+        if not (0 <= drift_s < np.inf and 0 < gust < np.inf and 0 < time_limit < np.inf):
+            raise ParameterError(
+                f"a drift of {drift_s} s, gusts of {gust} m and {time_limit} s of time were given: "
+                "expected no drift or some, and positive gusts and time"
+            )
+        if not 0 < least <= confidence < 1:
+            raise ParameterError(
+                f"a chance of {confidence} at first and {least} at last was asked for: "
+                "expected 0 < last <= first < 1"
+            )
+        self.drift_s, self.gust, self.time_limit = float(drift_s), float(gust), float(time_limit)
+        self.confidence, self.least = float(confidence), float(least)
+
+    def chance(self, estimate: Estimate) -> float:
+        """Chance that a landing triggered now touches down inside the circle."""
+        place, covariance = estimate.ahead(self.drift_s)
+        variances, axes = np.linalg.eigh(covariance + self.gust**2 * np.eye(2))
+        offset = axes.T @ (np.asarray(place) - self.center)
+        return _inside(offset, np.sqrt(variances), self.radius)
+
+    def wanted(self, elapsed_s: float) -> float:
+        """Chance that is asked for after so many seconds of search."""
+        share = min(max(elapsed_s / self.time_limit, 0.0), 1.0)
+        return self.confidence - (self.confidence - self.least) * share**2
+
+    def accepts(self, estimate: Estimate, elapsed_s: float = 0.0) -> bool:
+        """Whether this estimate alone permits a landing after so many seconds of search."""
+        known = estimate.observed and not estimate.lost
+        return known and self.chance(estimate) >= self.wanted(elapsed_s)
+
+
+def _inside(offset: np.ndarray, deviation: np.ndarray, radius: float) -> float:
+    """Mass within a circle of a normal distribution with independent axes, `offset` from its centre."""
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    x = radius * nodes
+    density = np.exp(-0.5 * ((x - offset[0]) / deviation[0]) ** 2) / (deviation[0] * math.tau**0.5)
+    half, scale = np.sqrt(radius**2 - x**2), deviation[1] * math.sqrt(2)
+    share = [
+        math.erf((edge - offset[1]) / scale) - math.erf((-edge - offset[1]) / scale)
+        for edge in half
+    ]
+    return float(radius * (weights * density) @ share / 2)
+
+
+# The paper's trigger, and ours.
+TRIGGERS: dict[str, type[LandingZone]] = {"inside": LandingZone, "touchdown": TouchdownZone}

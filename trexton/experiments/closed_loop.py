@@ -10,9 +10,17 @@ import numpy as np
 
 from trexton.camera import Camera
 from trexton.executor import spread
-from trexton.landing import LandingZone
+from trexton.landing import LandingZone, TouchdownZone
 from trexton.localizer import Estimate, Localizer, TextonMap
-from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
+from trexton.simulator import (
+    Effects,
+    Floor,
+    Light,
+    Plan,
+    Simulator,
+    VehicleState,
+    random_waypoints,
+)
 from trexton.streams import stream
 
 __all__ = ["Attempt", "Mission", "fly_all", "fly_attempt"]
@@ -30,6 +38,8 @@ class Mission:
         Lowest and highest x, y of a zone's centre: the circle stays within the surveyed area.
     options : dict
         Of the localizer.
+    trigger : str
+        A name of `trexton.landing.TRIGGERS`.
     """
 
     texton_map: TextonMap
@@ -45,6 +55,15 @@ class Mission:
     time_limit: float
     options: dict
     seed: int
+    trigger: str = "inside"
+
+    def zone(self, center: np.ndarray) -> LandingZone:
+        """The zone around a centre, with the mission's trigger."""
+        if self.trigger == "touchdown":
+            return TouchdownZone(
+                center, self.radius, consecutive=self.consecutive, time_limit=self.time_limit
+            )
+        return LandingZone(center, self.radius, self.spread, self.consecutive)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,9 +100,7 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
     """
     rng = stream(mission.seed, "landings", number)
     zone_rng, plan_rng, simulator_rng, localizer_rng = rng.spawn(4)
-    zone = LandingZone(
-        zone_rng.uniform(*mission.places), mission.radius, mission.spread, mission.consecutive
-    )
+    zone = mission.zone(zone_rng.uniform(*mission.places))
     plan = Plan(random_waypoints(mission.texton_map.area, plan_rng))
     # The camera hands its frames over as they are: nothing is compressed on board.
     simulator = Simulator(
@@ -97,10 +114,10 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
     while not triggered and state.time < mission.time_limit:
         state = simulator.step(plan.goal(state.position))
         start = perf_counter()
-        estimate = localizer.step(simulator.render()) if localizer else _certain(state.position[:2])
+        estimate = localizer.step(simulator.render()) if localizer else _certain(state)
         frame_s.append(perf_counter() - start)
         path.append(state.position[:2])
-        triggered = zone.update(estimate) and state.time > mission.armed_after
+        triggered = zone.update(estimate, state.time) and state.time > mission.armed_after
     wait_s, guess = state.time, estimate.position if triggered else NOWHERE
     truth, velocity = (state.position[:2], state.velocity[:2]) if triggered else (NOWHERE, NOWHERE)
     if triggered:
@@ -113,9 +130,10 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
     return Attempt(zone.center, triggered, wait_s, guess, truth, velocity, touchdown, *flown)
 
 
-def _certain(position: np.ndarray) -> Estimate:
+def _certain(state: VehicleState) -> Estimate:
     """An estimate without any doubt."""
-    return Estimate(position, np.zeros((2, 2)))
+    still = {"velocity": state.velocity[:2], "joint": np.zeros((4, 4))}
+    return Estimate(state.position[:2], np.zeros((2, 2)), **still)
 
 
 def fly_all(mission: Mission, landings: int, perfect: bool = False) -> list[Attempt]:

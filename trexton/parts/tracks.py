@@ -221,8 +221,9 @@ class TrackFilter:
             middle = np.array([x_min + x_max, y_min + y_max]) / 2
             wide = np.diag([(x_max - x_min) ** 2, (y_max - y_min) ** 2]) / 12
             return Estimate(middle, wide, lost=True, observed=False)
-        offset = self.states[:, :2] - self.states[0, :2]
-        covariance = np.einsum("t,tij->ij", self.weights, self.covariances[:, :2, :2])
-        covariance = covariance + np.einsum("t,ti,tj->ij", self.weights, offset, offset)
+        offset = self.states[:, :4] - self.states[0, :4]
+        joint = np.einsum("t,tij->ij", self.weights, self.covariances[:, :4, :4])
+        joint = joint + np.einsum("t,ti,tj->ij", self.weights, offset, offset)
         lost = bool(self.weights[0] < 0.5 or self._missed >= 3)
-        return Estimate(self.states[0, :2].copy(), covariance, lost=lost)
+        position, velocity = self.states[0, :2].copy(), self.states[0, 2:4].copy()
+        return Estimate(position, joint[:2, :2], lost=lost, velocity=velocity, joint=joint)
