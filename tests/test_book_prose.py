@@ -9,7 +9,8 @@ import pytest
 from conftest import ROOT
 
 from trexton.book.found import what_we_found
-from trexton.book.pages import page_names, with_flight
+from trexton.book.library import describe_module
+from trexton.book.pages import describe_notebook, description, page_names, with_flight
 from trexton.book.paper_map import load_map, map_table
 from trexton.book.prose import records_by_name
 from trexton.claims import load_claims
@@ -129,3 +130,24 @@ def test_a_page_is_named_after_its_experiment_and_flight_and_knows_its_twin():
     with_flight(notebook, "", {})
     assert notebook.cells[0].source == "# The ledger" and len(notebook.cells) == 1
     assert flight_title("my-flight") == "my-flight"
+
+
+def test_pages_are_described_by_their_first_words_or_their_finding():
+    text = "# Title\n\n:::{note}\nIn *short*, see {doc}`the data </data>` and [a link](x.md).\n:::"
+    assert description(text) == "In short, see the data and a link."
+    assert description("# Title\n\n| a |\n|---|\n") == ""
+    assert len(description("word " * 100)) <= 202
+    cell = nbformat.v4.new_code_cell("page.finding()")
+    html = {"text/html": '<p class="finding">It&#x27;s off by 3 cm.</p>'}
+    cell.outputs = [nbformat.v4.new_output("execute_result", html, execution_count=1)]
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# T\n\nText."), cell])
+    describe_notebook(notebook)
+    assert notebook.metadata["myst"]["html_meta"]["description"] == "It's off by 3 cm."
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# T\n\nText.")])
+    describe_notebook(notebook)
+    assert notebook.metadata["myst"]["html_meta"]["description"] == "Text."
+
+
+def test_names_that_a_package_hands_on_are_described_where_it_stands():
+    text = describe_module("trexton.mosaic")
+    assert "stitch(" in text and "Mosaic(" in text and text.count("```python") >= 4

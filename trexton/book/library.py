@@ -33,14 +33,25 @@ def describe_module(name: str) -> str:
     if spec is None or spec.origin is None:
         return ""
     tree = ast.parse(Path(spec.origin).read_text(encoding="utf-8"))
-    public = _public_names(tree)
     parts = [f"## {name}", _prose(ast.get_docstring(tree))]
+    return "\n\n".join(parts + _describe_names(tree, _public_names(tree))) + "\n"
+
+
+def _describe_names(tree: ast.Module, public: set[str]) -> list[str]:
+    """The public names of a module: its own, and those it hands on from others of the package."""
+    parts = []
     for node in tree.body:
         if isinstance(node, ast.FunctionDef) and node.name in public:
             parts.append(_entry(node.name + _signature(node), ast.get_docstring(node)))
         elif isinstance(node, ast.ClassDef) and node.name in public:
             parts.append(_describe_class(node))
-    return "\n\n".join(parts) + "\n"
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("trexton."):
+            handed_on = {each.name for each in node.names} & public
+            origin = find_spec(str(node.module))
+            if handed_on and origin is not None and origin.origin is not None:
+                source = Path(origin.origin).read_text(encoding="utf-8")
+                parts += _describe_names(ast.parse(source), handed_on)
+    return parts
 
 
 def _public_names(tree: ast.Module) -> set[str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
+from html import unescape
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,9 @@ from trexton.claims import load_records
 from trexton.flights.names import flight_title
 from trexton.parts.measurement import EXCLUDED_SECONDS
 
-__all__ = ["page_names", "with_flight"]
+__all__ = ["describe_notebook", "description", "page_names", "with_flight"]
+
+_LONGEST = 200  # characters of a description, about what search engines show
 
 
 def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[str, object]:
@@ -63,8 +67,31 @@ def with_flight(notebook: NotebookNode, flight: str, twins: Mapping[str, str]) -
     first.source = f"{heading}: {flight_title(flight)}\n{rest}"
     links = ", ".join(f"{{doc}}`{flight_title(each)} </{page}>`" for each, page in twins.items())
     if links:
-        notebook.cells.append(
-            new_markdown_cell(  # type: ignore[no-untyped-call]
-                f"The same on another flight: {links}."
-            )
-        )
+        notebook.cells.append(new_markdown_cell(f"The same on another flight: {links}."))
+
+
+def description(text: str) -> str:
+    """The first sentences of a page of Markdown in plain words, for its meta description."""
+    for paragraph in re.split(r"\n\s*\n", text):
+        plain = re.sub(r"{\w+}`([^`<]*?)\s*(?:<[^`]*>)?`|[*`$]", r"\1", paragraph)
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", plain)
+        plain = re.sub(r"(?m)^:::.*$", "", plain)
+        plain = " ".join(plain.split())
+        if plain and plain[0] not in "#|:<!`-{(":
+            return _shortened(plain)
+    return ""
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST else text[:_LONGEST].rsplit(" ", 1)[0] + " …"
+
+
+def describe_notebook(notebook: NotebookNode) -> None:
+    """Give an executed notebook its finding, or its first words, as a meta description."""
+    outputs = [o for cell in notebook.cells for o in cell.get("outputs", ())]
+    html = "".join(str(output.get("data", {}).get("text/html", "")) for output in outputs)
+    found = re.search(r'<p class="finding">(.*?)</p>', html, re.S)
+    words = "\n\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+    text = _shortened(unescape(found[1])) if found else description(words)
+    if text:
+        notebook.metadata["myst"] = {"html_meta": {"description": text}}

@@ -1,26 +1,29 @@
-"""Prose pages are templates: a number is written ``{{ sim.mocap_training.knn.error_cm_x.median | fixed }}``.
+"""Prose pages are templates: ``{{ sim.mocap_training.knn.error_cm_x.median | fixed }}`` is a number.
 
-None is typed. A name that no record has stops the build with the page and the line; what may be absent
-stands in ``{% if %}``.
+None is typed. A name that no record has stops the build with the page and the line; what may be
+absent stands in ``{% if %}``.
 """
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import jinja2
 
 from trexton.errors import DataError
 from trexton.paper import published
 from trexton.wording import Tree, template_environment
+from trexton.workflow import Outcome
 
 __all__ = ["records_by_name", "render"]
 
 
-def records_by_name(results: Path, outcomes) -> dict[str, Tree]:
-    """``{flight: {experiment: values}}`` of the outcomes that left a record; timings under ``timings``."""
-    found: dict[str, dict] = {}
+def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tree]:
+    """``{flight: {experiment: values}}`` of the outcomes that left a record, ``timings`` too."""
+    found: dict[str, dict[str, Any]] = {}
     for outcome in outcomes:
         path = results / outcome.flight / f"{outcome.experiment}.json"
         if outcome.status in ("ran", "reused") and outcome.flight and path.is_file():
@@ -34,7 +37,7 @@ def records_by_name(results: Path, outcomes) -> dict[str, Tree]:
     return {flight: Tree(experiments) for flight, experiments in found.items()}
 
 
-def render(path: Path, context: dict, pages: set[str], pictures: dict[str, str]) -> str:
+def render(path: Path, context: dict[str, Any], pages: set[str], pictures: dict[str, str]) -> str:
     """The page `path` with its numbers filled in.
 
     Parameters
@@ -68,13 +71,15 @@ def render(path: Path, context: dict, pages: set[str], pictures: dict[str, str])
     except (jinja2.UndefinedError, KeyError, TypeError, ValueError) as error:
         line = _line(error)
         raise DataError(
-            f"{path}, line {line}: {error}: name a value that the records have, or guard it with {{% if %}}"
+            f"{path}, line {line}: {error}: name a value that the records have, or guard it with "
+            "{% if %}"
         ) from None
 
 
 def _line(error: BaseException) -> int | str:
     """The line of the template in which `error` arose."""
-    trace, line = error.__traceback__, "?"
+    trace = error.__traceback__
+    line: int | str = "?"
     while trace is not None:
         if trace.tb_frame.f_code.co_filename == "<template>":
             line = trace.tb_lineno

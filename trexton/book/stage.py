@@ -12,7 +12,7 @@ import nbformat
 import yaml
 
 from trexton.book.library import MODULES, describe_module
-from trexton.book.pages import page_names, with_flight
+from trexton.book.pages import describe_notebook, description, page_names, with_flight
 from trexton.book.prose import records_by_name, render
 from trexton.errors import DataError
 from trexton.experiments import EXPERIMENTS
@@ -72,9 +72,9 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
     for page in sorted(pages):
         source = contents.source / f"{page}.md"
         if source.is_file():
-            (folder / f"{page}.md").write_text(
-                render(source, context, pages, pictures), encoding="utf-8"
-            )
+            text = render(source, context, pages, pictures)
+            front = yaml.safe_dump({"myst": {"html_meta": {"description": description(text)}}})
+            (folder / f"{page}.md").write_text(f"---\n{front}---\n{text}", encoding="utf-8")
     for flight in ["", *(pair.name for pair in contents.pairs)]:
         (folder / flight).mkdir(exist_ok=True)
         for name in contents.good(flight):
@@ -107,6 +107,7 @@ def _copy_notebook(
     notebook = nbformat.read(path, as_version=4)
     pages = contents.good(flight)
     with_flight(notebook, flight, twins)
+    describe_notebook(notebook)
 
     def link(found: re.Match) -> str:
         return found[0] if found["page"] in pages else found["text"]
