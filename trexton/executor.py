@@ -9,6 +9,8 @@ function gives the same values everywhere::
 from __future__ import annotations
 
 import os
+import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
@@ -18,13 +20,26 @@ from typing import Any, TypeVar
 from trexton.errors import ParameterError
 from trexton.progress import progress
 
-__all__ = ["CLUSTER", "PROCESSES", "connect", "spread", "working_on"]
+__all__ = [
+    "CLUSTER",
+    "PROCESSES",
+    "THREAD_VARIABLES",
+    "connect",
+    "end_with_parent",
+    "limited",
+    "spread",
+    "working_on",
+]
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 # The environment carries the choice to the kernels of notebooks and to worker processes.
 CLUSTER, PROCESSES = "TREXTON_CLUSTER", "TREXTON_PROCESSES"
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
+)  # fmt: skip
 _task: Callable[[Any], Any] | None = None
 
 
@@ -41,6 +56,32 @@ def working_on(cluster: str | None = None, processes: int = 1) -> Iterator[None]
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
+
+
+@contextmanager
+def limited(threads: int | None) -> Iterator[None]:
+    """Within the block, processes that are started give their libraries so many threads (None: all)."""
+    before = dict(os.environ)
+    if threads is not None:
+        os.environ |= dict.fromkeys(THREAD_VARIABLES, str(threads))
+    try:
+        yield
+    finally:
+        for name in THREAD_VARIABLES:
+            os.environ.pop(name, None)
+        os.environ |= {name: before[name] for name in THREAD_VARIABLES if name in before}
+
+
+def end_with_parent() -> None:
+    """End this process soon after the one that started it, which may be killed at any moment."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def spread(function: Callable[[T], R], items: Iterable[T], label: str = "") -> list[R]:
@@ -75,6 +116,7 @@ def spread(function: Callable[[T], R], items: Iterable[T], label: str = "") -> l
 def _keep(function: Callable[[Any], Any]) -> None:
     """Receive the function once a process: it may carry a map or a floor."""
     global _task
+    end_with_parent()
     _task = function
     os.environ |= {CLUSTER: "", PROCESSES: "1"}  # whatever is inside is done in place
 

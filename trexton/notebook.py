@@ -21,7 +21,8 @@ from trexton.claims import judge_all, load_claims, write_ledger
 from trexton.claims.page import claims_html, counts_html, filters_html
 from trexton.experiments import EXPERIMENTS
 from trexton.files import atomic_file
-from trexton.flights import Flight, read_flight
+from trexton.flights import Flight
+from trexton.flights.pair import load_pair
 from trexton.options import Options
 from trexton.paper import look_up, published
 from trexton.records import Record
@@ -47,14 +48,8 @@ class Given:
 
     @cached_property
     def _pair(self) -> tuple[Flight, Flight]:
-        first = read_flight(_resolve(self.flight))
-        if self.test_flight is None:
-            return first.part("train"), first.part("test")
-        second = read_flight(_resolve(self.test_flight))
-        return (
-            first.part("train") if "train" in first.split else first,
-            second.part("test") if "test" in second.split else second,
-        )
+        test_flight = None if self.test_flight is None else _resolve(self.test_flight)
+        return load_pair(_resolve(self.flight), test_flight)
 
     @property
     def train(self) -> Flight:

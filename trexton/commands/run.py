@@ -30,6 +30,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="notebooks at once (default: as many as fit this machine)",
     )
     parser.add_argument("--notebooks", metavar="DIR", help="another folder of notebooks")
+    parser.add_argument(
+        "--cluster", metavar="ADDRESS",
+        help="run on a Dask cluster, such as tcp://HOST:8786, whose workers see the same folders",
+    )  # fmt: skip
     parser.add_argument("--no-book", action="store_true", help="leave out the small book")
 
 
@@ -42,6 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
         settings=parse_settings(arguments.settings),
         jobs=arguments.jobs,
         notebooks=arguments.notebooks,
+        cluster=arguments.cluster,
     )
     print_outcomes(outcomes, arguments.explain)
     if not arguments.no_book and any(outcome.status in ("ran", "reused") for outcome in outcomes):

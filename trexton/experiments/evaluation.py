@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from time import perf_counter
 
 import cv2
 import numpy as np
 
 from trexton.cache import cached
+from trexton.executor import spread
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import (
@@ -118,10 +120,14 @@ def tracks(
     **options,
 ) -> list[Track]:
     """`repeats` independent runs; run i draws from stream ``"flight", first + i``."""
-    return [
-        fly(Localizer(texton_map, rng=stream(seed, "flight", first + i), **options), frames)
-        for i in range(repeats)
-    ]
+    run = partial(_run, texton_map, frames, seed, options)
+    return spread(run, range(first, first + repeats), "runs of the filter")
+
+
+def _run(
+    texton_map: TextonMap, frames: Sequence[np.ndarray], seed: int, options: dict, number: int
+) -> Track:
+    return fly(Localizer(texton_map, rng=stream(seed, "flight", number), **options), frames)
 
 
 def drift(runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 500) -> dict:

@@ -8,11 +8,13 @@ it say so for nothing?
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from trexton import wording
 from trexton.errors import FlightError
+from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import trained_map
 from trexton.flights.flight import Flight
@@ -153,25 +155,30 @@ def filter_trials(
     *, particles: int, seed: int,
 ) -> list[Trial]:  # fmt: skip
     """Fly every kidnapping of the `plan` with a filter of its own; trial i draws from (seed, 1 + i)."""
+    rows = [
+        np.r_[taken - patience : taken, carried : carried + patience] for taken, carried in plan
+    ]
+    fly = partial(_trial, texton_map, histograms, truth, patience, recovery, particles, seed)
+    return spread(fly, list(enumerate(rows)), f"kidnappings, recovery {recovery}")
+
+
+def _trial(
+    texton_map: TextonMap, histograms: np.ndarray, truth: np.ndarray, patience: int, recovery: str,
+    particles: int, seed: int, numbered: tuple[int, np.ndarray],
+) -> Trial:  # fmt: skip
+    """One kidnapping: the frames of its rows, flown with a filter of its own."""
+    number, rows = numbered
     nothing = float(np.hypot(*ignorance(texton_map.area)))
-    trials = []
-    for number, (taken, carried) in enumerate(
-        progress(plan, f"kidnappings, recovery {recovery}", len(plan))
-    ):
-        rng = stream(seed, "kidnappings", number)
-        localizer = Localizer(texton_map, particles=particles, recovery=recovery, rng=rng)
-        rows = np.r_[taken - patience : taken, carried : carried + patience]
-        estimates = [localizer.step(histograms[row]) for row in rows]
-        position = np.array([estimate.position for estimate in estimates])
-        trials.append(
-            Trial(
-                np.hypot(*(position - truth[rows]).T),
-                np.sqrt([np.trace(about_position(estimate)) for estimate in estimates]) / nothing,
-                np.array([estimate.lost for estimate in estimates]),
-                patience,
-            )
-        )
-    return trials
+    rng = stream(seed, "kidnappings", number)
+    localizer = Localizer(texton_map, particles=particles, recovery=recovery, rng=rng)
+    estimates = [localizer.step(histograms[row]) for row in rows]
+    position = np.array([estimate.position for estimate in estimates])
+    return Trial(
+        np.hypot(*(position - truth[rows]).T),
+        np.sqrt([np.trace(about_position(estimate)) for estimate in estimates]) / nothing,
+        np.array([estimate.lost for estimate in estimates]),
+        patience,
+    )
 
 
 def _values(trials: list[Trial], tolerance: float, consecutive: int, period: float) -> dict:

@@ -17,15 +17,11 @@ from pathlib import Path
 from subprocess import DEVNULL
 from typing import Any
 
-from trexton.executor import CLUSTER, PROCESSES
+from trexton.executor import CLUSTER, PROCESSES, THREAD_VARIABLES
 
 __all__ = ["Done", "Job", "describe", "execute", "stop_all"]
 
 _ANSI = re.compile(r"\x1b\[[0-9;]*m")
-_THREAD_VARIABLES = (
-    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
-    "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -70,7 +66,7 @@ class Job:
             PROCESSES: "1",
         }
         if self.threads is not None:
-            chosen |= dict.fromkeys(_THREAD_VARIABLES, str(self.threads))
+            chosen |= dict.fromkeys(THREAD_VARIABLES, str(self.threads))
         return dict(os.environ) | chosen
 
 

@@ -15,7 +15,16 @@ from trexton.paper import paper_file
 from trexton.records import software_versions
 from trexton.workflow.notebooks import Notebook
 
-__all__ = ["Fact", "inputs_of", "outputs_of", "reading", "reasons", "record_fact", "remembered"]
+__all__ = [
+    "Fact",
+    "fixed",
+    "inputs_of",
+    "outputs_of",
+    "reading",
+    "reasons",
+    "record_fact",
+    "remembered",
+]
 
 Entries = dict[str, str]
 _LABELS = {
@@ -60,7 +69,8 @@ class Fact:
         """Nothing is kept: the task writes the files itself."""
 
 
-def _fixed(name: str, owner: str, entries: Mapping[str, object]) -> Fact:
+def fixed(name: str, owner: str, entries: Mapping[str, object]) -> Fact:
+    """What is known beforehand; values that are no text are compared by their `repr`."""
     texts = {
         key: value if isinstance(value, str) else repr(value) for key, value in entries.items()
     }
@@ -73,18 +83,18 @@ def inputs_of(
     """Everything that goes into a run but the records of other experiments."""
     paper = sorted(paper_file("").glob("*.toml"))
     return [
-        _fixed("notebook", owner, {"text": notebook.text_hash}),
-        _fixed("parameters", owner, {key: repr(value) for key, value in parameters.items()}),
-        _fixed("data", owner, data),
-        _fixed("code", owner, notebook.code),
-        _fixed("versions", owner, software_versions()),
-        _fixed("paper", owner, {path.name: digest(path) for path in paper}),
+        fixed("notebook", owner, {"text": notebook.text_hash}),
+        fixed("parameters", owner, {key: repr(value) for key, value in parameters.items()}),
+        fixed("data", owner, data),
+        fixed("code", owner, notebook.code),
+        fixed("versions", owner, software_versions()),
+        fixed("paper", owner, {path.name: digest(path) for path in paper}),
     ]
 
 
 def reading(owner: str, records: Sequence[Path]) -> Fact:
     """Which records are read: a record that is gone changes a result too."""
-    return _fixed("record", owner, {_label(path): "read" for path in records})
+    return fixed("record", owner, {_label(path): "read" for path in records})
 
 
 def _label(path: Path) -> str:

@@ -17,7 +17,7 @@ from trexton.workflow.pairs import FlightPair
 from trexton.workflow.steps import Run, Step
 from trexton.workflow.workers import default_jobs, workers
 
-__all__ = ["Outcome", "default_jobs", "run_experiments"]
+__all__ = ["Outcome", "default_jobs", "run_experiments", "sole_writer"]
 
 
 def run_experiments(
@@ -72,7 +72,7 @@ def run_experiments(
     # What looks at every flight comes after all of them, also where one has failed.
     last = [Step(notebook, experiments[notebook.name], None, {}) for notebook in everywhere]
     total = len(on_flights) + len(last)
-    with workers(cluster, jobs) as crew, _sole_writer(out), Display(total) as display:
+    with workers(cluster, jobs) as crew, sole_writer(out), Display(total) as display:
         run = Run(out, pairs, crew)
         run.build(on_flights, display)
         run.build(last, display)
@@ -80,7 +80,7 @@ def run_experiments(
 
 
 @contextmanager
-def _sole_writer(out: Path) -> Iterator[None]:
+def sole_writer(out: Path) -> Iterator[None]:
     """Hold the folder of results; the system lets go of it even if this process is killed."""
     (out / ".engine").mkdir(parents=True, exist_ok=True)
     with open(out / ".engine" / "writer", "w") as lock:

@@ -183,6 +183,7 @@ class Run:
             folder=os.getcwd(),
             work=str(self.root.resolve()),
             threads=self.workers.threads(step.experiment.alone),
+            cluster="" if step.experiment.alone else self.workers.cluster,
         )
 
     def _outcome(self, step: Step, report: Any, facts: tuple[list[Fact], list[Fact]]) -> Outcome:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from trexton.cache import code_hashes
 from trexton.errors import ParameterError
@@ -29,6 +30,8 @@ class Workers:
     jobs: int
     run: Callable[[Job, Report], Done]
     stop: Callable[[], None]
+    cluster: str = ""
+    call: Callable[..., Any] = lambda function, *words: function(*words)
 
     def threads(self, alone: bool) -> int | None:
         """The threads of a kernel: a share, or all where it is alone."""
@@ -60,7 +63,7 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
 
         def run(job: Job, report: Report) -> Done:
             del report  # cells are counted where they run
-            done: Done = client.submit(_seceded, replace(job, cluster=cluster), pure=False).result()
+            done: Done = client.submit(_seceded, job, pure=False).result()
             return done
 
         def stop() -> None:
@@ -68,7 +71,10 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
                 client.run(execution.stop_all)
                 client.close()
 
-        yield Workers(max(1, jobs or len(found)), run, stop)
+        def call(function: Callable[..., Any], *words: object) -> Any:
+            return client.submit(function, *words, pure=False).result()
+
+        yield Workers(max(1, jobs or len(found)), run, stop, cluster, call)
     finally:
         client.close()
 

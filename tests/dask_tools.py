@@ -1,0 +1,63 @@
+"""A Dask scheduler and workers in processes of their own, on loopback."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from conftest import ROOT
+
+from trexton.executor import connect
+
+__all__ = ["Cluster"]
+
+
+class Cluster:
+    """Started with so many workers of one thread each; ends them all on leaving."""
+
+    def __init__(self, folder: Path, workers: int = 2):
+        self.folder, self.size = folder, workers
+        self.processes: list[subprocess.Popen] = []
+        paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+        self.environment = os.environ | {"PYTHONPATH": paths}
+
+    def __enter__(self) -> Cluster:
+        file = self.folder / "scheduler.json"
+        self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", file)
+        for _ in range(self.size):
+            options = ["--nthreads", "1", "--no-nanny", "--local-directory", self.folder]
+            self._start("worker", "--scheduler-file", file, "--host", "127.0.0.1", *options)
+        with connect(self._address(file)) as client:
+            if self.size:
+                client.wait_for_workers(self.size, timeout=60)
+        return self
+
+    def _start(self, kind: str, *words: object) -> None:
+        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", "--no-dashboard"]
+        with open(self.folder / f"{kind}-{len(self.processes)}.log", "w") as log:
+            self.processes.append(
+                subprocess.Popen(
+                    [*command, *map(str, words)], env=self.environment, stdout=log, stderr=log
+                )
+            )
+
+    def _address(self, file: Path) -> str:
+        import json
+
+        until = time.monotonic() + 60
+        while time.monotonic() < until:
+            try:
+                self.address = json.loads(file.read_text())["address"]
+                return self.address
+            except (OSError, ValueError, KeyError):
+                time.sleep(0.1)
+        raise AssertionError((self.folder / "scheduler-0.log").read_text()[-2000:])
+
+    def __exit__(self, *_: object) -> None:
+        for process in reversed(self.processes):
+            process.kill()
+        for process in self.processes:
+            process.wait()

@@ -1,0 +1,146 @@
+"""The same tasks on a Dask cluster: equal records, and a worker that dies costs only what it did."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT, small_flight
+from dask_tools import Cluster
+from tiny_notebooks import BODY, write_notebook
+
+from trexton.errors import ParameterError
+from trexton.executor import spread, working_on
+from trexton.experiments import EXPERIMENTS, Experiment
+from trexton.flights import write_flight
+from trexton.workflow import FlightPair, run_experiments
+
+RECORDED = ("parameters", "values", "series", "images", "provenance")
+
+
+@pytest.fixture(scope="module")
+def cluster(tmp_path_factory):
+    with Cluster(tmp_path_factory.mktemp("cluster")) as running:
+        yield running
+
+
+@pytest.fixture
+def flight(tmp_path):
+    write_flight(small_flight(), tmp_path / "room")
+    return tmp_path / "room"
+
+
+def scaled(factor: float, item: int) -> np.ndarray:
+    return np.random.default_rng(item).normal(size=3) * factor
+
+
+def killer(folder: str, item: int) -> int:
+    """The first process that is given item 1 dies of it."""
+    mark = Path(folder) / "died"
+    if item == 1 and not mark.exists():
+        mark.write_text("once")
+        os.kill(os.getpid(), signal.SIGKILL)
+    return item * item
+
+
+def test_spread_gives_the_same_everywhere(cluster):
+    here = spread(partial(scaled, 2.0), range(7))
+    with working_on(processes=2):
+        beside = spread(partial(scaled, 2.0), range(7))
+    with working_on(cluster=cluster.address):
+        there = spread(partial(scaled, 2.0), range(7))
+    assert np.array_equal(here, beside) and np.array_equal(here, there)
+
+
+def test_records_are_equal_to_the_bit(cluster, flight, tmp_path):
+    chosen = {"repeats": 3, "particles": 9, "neighbors": 2, "seed": 5}
+    experiments = {"mocap_training": EXPERIMENTS["mocap_training"]}
+    for out, address in (("here", None), ("there", cluster.address)):
+        (outcome,) = run_experiments(
+            [FlightPair(str(flight))], tmp_path / out, settings=chosen, experiments=experiments,
+            cluster=address,
+        )  # fmt: skip
+        assert outcome.status == "ran", outcome.reasons
+    here, there = (
+        json.loads((tmp_path / out / "small" / "mocap_training.json").read_text())
+        for out in ("here", "there")
+    )
+    assert [here[key] for key in RECORDED] == [there[key] for key in RECORDED]
+
+
+def test_nothing_answers_or_nobody_works(flight, tmp_path):
+    with pytest.raises(ParameterError, match="no Dask scheduler answers at tcp://127.0.0.1:9"):
+        run_experiments([FlightPair(str(flight))], tmp_path / "out", cluster="tcp://127.0.0.1:9")
+    with Cluster(tmp_path, workers=0) as empty, pytest.raises(ParameterError, match="no workers"):
+        run_experiments([FlightPair(str(flight))], tmp_path / "out", cluster=empty.address)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_killed_worker_costs_only_its_task(flight, tmp_path):
+    """One of two workers is killed by a task; it alone is done again, by the other."""
+    with Cluster(tmp_path) as cluster, working_on(cluster=cluster.address):
+        assert spread(partial(killer, str(tmp_path)), range(6)) == [0, 1, 4, 9, 16, 25]
+        assert (tmp_path / "died").exists()
+        assert [process.poll() for process in cluster.processes].count(None) == 2
+
+
+def test_a_killed_worker_costs_only_its_notebook(flight, tmp_path):
+    notebooks, mark = tmp_path / "notebooks", tmp_path / "died"
+    write_notebook(notebooks, "first")
+    dies = (
+        f"import os, signal\nfrom pathlib import Path\nmark = Path({str(mark)!r})\n"
+        "if not mark.exists():\n    mark.write_text('once')\n"
+        "    os.kill(os.getppid(), signal.SIGKILL)\n    import time; time.sleep(60)\n"
+    )
+    write_notebook(notebooks, "second", dies + BODY)
+    experiments = {name: Experiment(name, module="tiny_experiment") for name in ("first", "second")}
+    with Cluster(tmp_path) as cluster:
+        outcomes = run_experiments(
+            [FlightPair(str(flight))], tmp_path / "out", notebooks=notebooks,
+            experiments=experiments, cluster=cluster.address,
+        )  # fmt: skip
+    assert [outcome.status for outcome in outcomes] == ["ran", "ran"], outcomes
+    assert mark.exists() and (notebooks / "first.runs").read_text() == "x"
+
+
+def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path):
+    notebooks, mark = tmp_path / "notebooks", tmp_path / "started"
+    write_notebook(notebooks, "first")
+    slow = f"import time\nfrom pathlib import Path\nPath({str(mark)!r}).touch()\ntime.sleep(60)\n"
+    write_notebook(notebooks, "second", slow + BODY)
+    script = f"""if True:
+        import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})
+        from trexton.experiments import Experiment
+        from trexton.workflow import FlightPair, run_experiments
+        experiments = {{"first": Experiment("F", module="tiny_experiment"),
+            "second": Experiment("S", after=("first",), module="tiny_experiment")}}
+        run_experiments([FlightPair({str(flight)!r})], {str(tmp_path / "out")!r},
+            notebooks={str(notebooks)!r}, experiments=experiments, cluster={cluster.address!r})"""
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    run = subprocess.Popen(
+        [sys.executable, "-c", script], env=environment, stderr=subprocess.PIPE, text=True
+    )
+    until = time.monotonic() + 90
+    while not mark.exists():
+        assert run.poll() is None and time.monotonic() < until, run.stderr.read()
+        time.sleep(0.1)
+    run.send_signal(signal.SIGINT)
+    assert "KeyboardInterrupt" in run.communicate(timeout=60)[1]
+
+    write_notebook(notebooks, "second")
+    experiments = {
+        "first": Experiment("F", module="tiny_experiment"),
+        "second": Experiment("S", after=("first",), module="tiny_experiment"),
+    }
+    outcomes = run_experiments(
+        [FlightPair(str(flight))], tmp_path / "out", notebooks=notebooks, experiments=experiments
+    )
+    assert [outcome.status for outcome in outcomes] == ["reused", "ran"]

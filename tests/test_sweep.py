@@ -1,0 +1,106 @@
+"""Sweeps: all combinations once, reused while nothing changed, one table at the end."""
+
+from __future__ import annotations
+
+import json
+
+import pandas as pd
+import pytest
+from conftest import small_flight
+
+from trexton import cli
+from trexton.errors import ParameterError
+from trexton.flights import write_flight
+from trexton.workflow import FlightPair
+from trexton.workflow.sweep import Floors, Plan, sweep
+
+
+@pytest.fixture
+def flight(tmp_path):
+    write_flight(small_flight(), tmp_path / "room")
+    return str(tmp_path / "room")
+
+
+SETTINGS = {"particles": ["5", "7"], "seed": [1, 2], "repeats": [1], "neighbors": [2]}
+
+
+def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
+    plan = Plan("mocap_training", SETTINGS, [FlightPair(flight)], values=("filter.mean_cm.median",))
+    swept = sweep(plan, tmp_path / "out", jobs=2)
+    assert swept.counts == {"ran": 4, "reused": 0, "failed": 0}, swept.failed
+    table = pd.read_csv(tmp_path / "out" / "sweep.csv")
+    assert list(table.columns) == ["flight", *SETTINGS, "filter.mean_cm.median"]
+    assert sorted(zip(table.particles, table.seed, strict=True)) == [(5, 1), (5, 2), (7, 1), (7, 2)]
+    assert table["filter.mean_cm.median"].nunique() == 4
+    before = (tmp_path / "out" / "sweep.json").read_bytes()
+
+    again = sweep(plan, tmp_path / "out", jobs=1)
+    assert again.counts == {"ran": 0, "reused": 4, "failed": 0}
+    assert (tmp_path / "out" / "sweep.json").read_bytes() == before
+    wider = Plan("mocap_training", SETTINGS | {"particles": [7, 9]}, [FlightPair(flight)])
+    assert sweep(wider, tmp_path / "out", jobs=2).counts == {"ran": 2, "reused": 2, "failed": 0}
+
+
+def test_the_plan_is_a_file_and_words_take_its_place(flight, tmp_path, capsys):
+    plan = tmp_path / "plan.toml"
+    plan.write_text(
+        f'experiment = "mocap_training"\nflights = ["{flight}"]\nvalues = ["counts.test"]\n'
+        "[set]\nparticles = [4, 5]\nrepeats = 1\nneighbors = 2\n"
+    )
+    out = tmp_path / "out"
+    words = ["sweep", "--plan", str(plan), "--set", "particles=6", "--out", str(out), "--quiet"]
+    assert cli.main(words) == 0
+    assert capsys.readouterr().out.splitlines()[0] == "1 ran"
+    content = json.loads((out / "sweep.json").read_text())
+    assert content["rows"] == [
+        {"flight": "small", "particles": 6, "repeats": 1, "neighbors": 2, "counts.test": 20}
+    ]
+
+
+def test_floors_are_flown_first_and_kept(tmp_path):
+    floors = Floors(1, ("carpet",), every=8, frames=160)
+    settings = {"cells": [2], "images": [5], "textons": [4], "patches_per_image": [50]}
+    plan = Plan("texton_dictionary", settings, floors=floors, values=("patches",))
+    swept = sweep(plan, tmp_path / "out", jobs=1)
+    assert swept.counts == {"ran": 1, "reused": 0, "failed": 0}, swept.failed
+    assert swept.rows[0]["flight"] == "carpet-0" and swept.rows[0]["patches"] == 250
+    flown = tmp_path / "out" / "flights" / "carpet-0-survey" / "flight.toml"
+    before = flown.stat().st_mtime_ns
+    assert sweep(plan, tmp_path / "out", jobs=1).counts["reused"] == 1
+    assert flown.stat().st_mtime_ns == before
+
+
+def test_a_cell_that_fails_costs_only_itself(flight, tmp_path):
+    plan = Plan("overview", {"frame": [None, 10**6]}, [FlightPair(flight)])
+    with pytest.raises(ParameterError, match="overview cannot run: small has no images"):
+        sweep(plan, tmp_path / "out")
+    plan = Plan("mocap_training", SETTINGS | {"neighbors": [2, 10**6]}, [FlightPair(flight)])
+    swept = sweep(plan, tmp_path / "out", jobs=2)
+    assert swept.counts == {"ran": 4, "reused": 0, "failed": 4}
+    assert len(swept.rows) == 4 and all("1000000" in reason for reason in swept.failed.values())
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--experiment", "moon", "--floors", "1"], "no experiment 'moon' to sweep: there are"),
+        (["--experiment", "mocap_training"], "a sweep needs flights or floors"),
+        (["--floors", "1"], "which experiment? Name one with --experiment"),
+        (["--experiment", "timing", "--floors", "0", "ROOM"], ""),
+        (["--experiment", "timing", "ROOM", "--set", "moon=1"], "timing has no parameter 'moon'"),
+        (
+            ["--experiment", "timing", "ROOM", "--set", "passes=0"],
+            "passes is 0: expected 1 or more",
+        ),
+        (["--plan", "absent.toml"], "absent.toml: no readable plan"),
+    ],
+)
+def test_nonsense_is_refused_before_anything_is_touched(flight, tmp_path, capsys, words, message):
+    words = [flight if word == "ROOM" else word for word in words]
+    if not message:
+        with pytest.raises(ParameterError, match="0 floors"):
+            Floors(0)
+        return
+    assert cli.main(["sweep", *words, "--out", str(tmp_path / "out"), "--quiet"]) == 1
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

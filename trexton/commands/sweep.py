@@ -1,0 +1,80 @@
+"""``trexton sweep``: an experiment over floors, flights and settings, as one resumable command."""
+
+from __future__ import annotations
+
+import argparse
+import tomllib
+from pathlib import Path
+from typing import Any
+
+from trexton.commands.run import parse_settings
+from trexton.errors import ParameterError
+from trexton.workflow import FlightPair
+from trexton.workflow.sweep import Floors, Plan, sweep
+
+_KEYS = {"experiment", "set", "flights", "floors", "layouts", "every", "frames", "values"}
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("flights", nargs="*", metavar="FLIGHT", help="flights with a [split]")
+    parser.add_argument("--test-flight", metavar="FLIGHT", help="test on this one instead")
+    parser.add_argument("--plan", metavar="TOML", help=f"a file with any of {', '.join(_KEYS)}")
+    parser.add_argument("--experiment", metavar="NAME", help="what is run in every cell")
+    parser.add_argument(
+        "--set", nargs="+", default=[], metavar="KEY=A,B,C", dest="settings",
+        help="values of a parameter; all combinations are run",
+    )  # fmt: skip
+    parser.add_argument("--floors", type=int, metavar="N", help="simulate so many floors")
+    parser.add_argument("--layouts", nargs="+", metavar="NAME", help="layouts of the floors (hall)")
+    parser.add_argument("--every", type=int, metavar="N", help="keep every N-th simulated frame")
+    parser.add_argument("--frames", type=int, metavar="N", help="frames of a simulated flight")
+    parser.add_argument("--values", nargs="+", metavar="PATH", help="columns (all single numbers)")
+    parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
+    parser.add_argument("--jobs", type=int, metavar="N", help="cells at once")
+    parser.add_argument("--cluster", metavar="ADDRESS", help="run on a Dask cluster")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    out = Path(arguments.out)
+    swept = sweep(_plan(arguments), out, jobs=arguments.jobs, cluster=arguments.cluster)
+    for name, reason in swept.failed.items():
+        print(f"failed  {name}: {reason}")
+    print(", ".join(f"{count} {status}" for status, count in swept.counts.items() if count))
+    print(f"{out / 'sweep.csv'} and {out / 'sweep.json'}: {len(swept.rows)} rows")
+    return int(bool(swept.failed))
+
+
+def _plan(arguments: argparse.Namespace) -> Plan:
+    """What the file says, with the words of the command line in its place."""
+    said: dict[str, Any] = _read(Path(arguments.plan)) if arguments.plan else {}
+    for name in ("experiment", "floors", "layouts", "every", "frames", "values"):
+        if (word := getattr(arguments, name)) is not None:
+            said[name] = word
+    typed = parse_settings(arguments.settings)
+    settings = said.get("set", {}) | {key: text.split(",") for key, text in typed.items()}
+    if "experiment" not in said:
+        raise ParameterError("which experiment? Name one with --experiment, or in the plan")
+    floors = None
+    if said.get("floors"):
+        chosen = {name: said[name] for name in ("every", "frames") if name in said}
+        floors = Floors(said["floors"], tuple(said.get("layouts", ("hall",))), **chosen)
+    return Plan(
+        experiment=said["experiment"],
+        settings={k: v if isinstance(v, list) else [v] for k, v in settings.items()},
+        pairs=[
+            FlightPair(flight, arguments.test_flight)
+            for flight in arguments.flights or said.get("flights", [])
+        ],
+        floors=floors,
+        values=said.get("values", ()),
+    )
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        said = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ParameterError(f"{path}: no readable plan ({error})") from None
+    if unknown := sorted(said.keys() - _KEYS):
+        raise ParameterError(f"{path}: {unknown[0]!r} is unknown: a plan has {', '.join(_KEYS)}")
+    return said
