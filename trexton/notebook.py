@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import io
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from trexton.cache import repository_root
 from trexton.claims import judge_all, load_claims, write_ledger
 from trexton.claims.page import claims_html, counts_html, filters_html
 from trexton.experiments import EXPERIMENTS
+from trexton.figures.drawing import to_png, to_svg
 from trexton.files import atomic_file
 from trexton.flights import Flight
 from trexton.flights.pair import load_pair
@@ -98,12 +98,16 @@ class Page:
         record.save(self.folder)
 
     def show(self, name: str, figure: Figure) -> SVG:
-        """Write the figure as ``<experiment>-<name>.svg`` beside the record, and display it."""
-        stream = io.BytesIO()
-        figure.savefig(stream, format="svg", metadata={"Date": None})
-        with atomic_file(self.folder / f"{self.record.experiment}-{name}.svg", "wb") as file:
-            file.write(stream.getvalue())
-        return SVG(stream.getvalue())
+        """Write ``<experiment>-<name>.svg`` and ``-<name>-print.png`` beside the record.
+
+        Displays the SVG.
+        """
+        svg = to_svg(figure)
+        for suffix, content in ((".svg", svg), ("-print.png", to_png(figure))):
+            file = self.folder / f"{self.record.experiment}-{name}{suffix}"
+            with atomic_file(file, "wb") as stream:
+                stream.write(content)
+        return SVG(svg)
 
     def finding(self) -> HTML:
         """What the experiment found on this flight, in one sentence made from the record."""

@@ -1,4 +1,4 @@
-"""The book: prose from ``book/``, executed notebooks as pages, every number in the prose from a record."""
+"""The book: prose from ``book/``, executed notebooks as pages, every number from a record."""
 
 from trexton.book.make import build_small_book, make_book
 

@@ -19,7 +19,7 @@ __all__ = ["REAL", "SIMULATED", "Prepared", "prepare_flights"]
 
 SIMULATED = ("sim-survey", "sim-waypoints")
 REAL = "cyberzoo"
-_PATTERN = dict(zip(SIMULATED, ("survey", "waypoints")))
+_PATTERN = dict(zip(SIMULATED, ("survey", "waypoints"), strict=True))
 
 
 class Prepared:
@@ -66,7 +66,7 @@ def _real_inputs() -> dict:
 
 
 def _prepare(path: Path, inputs: dict, make: Callable[[Path], object], prepared: Prepared) -> None:
-    """Keep the flight at `path` if it came from the same inputs and is unharmed, make it otherwise."""
+    """Keep the flight at `path` if whole and of the same inputs, make it otherwise."""
     stamp = path.parent / f".{path.name}.stamp"
     reason = _reason_to_make(path, stamp, inputs)
     if reason is None:

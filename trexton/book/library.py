@@ -1,4 +1,4 @@
-"""The page on the library, written from its source: public names, signatures, first sentences of docstrings."""
+"""The page on the library, from its source: public names, signatures, first sentences."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _WIDTH = 84
 
 
 def describe_module(name: str) -> str:
-    """Markdown on one module: what it is for, and what it offers. Empty if there is no such module."""
+    """Markdown on one module: what it is for, what it offers. Empty if there is none."""
     try:
         spec = find_spec(name)
     except ModuleNotFoundError:
@@ -122,7 +122,7 @@ def _first_sentence(docstring: str | None) -> str:
 
 
 def _prose(docstring: str | None) -> str:
-    """The paragraphs of a module's docstring, without lists and tables that are meant for an editor."""
+    """The paragraphs of a module's docstring, without lists and tables."""
     paragraphs = [
         part for part in (docstring or "").split("\n\n") if not part.startswith((" ", "-", "*"))
     ]

@@ -1,4 +1,4 @@
-"""Make a book: flights, experiments, pages, HTML; each step repeats only what its inputs make necessary."""
+"""Make a book: flights, experiments, pages, HTML; only what changed is made again."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from trexton.book.audit import audit
+from trexton.book.finish import finish_book
 from trexton.book.flights import prepare_flights
 from trexton.book.stage import Contents, stage
 from trexton.cache import code_hashes, repository_root
@@ -21,14 +22,14 @@ from trexton.files import atomic_file, digest
 from trexton.progress import say
 from trexton.workflow import FlightPair, Outcome, outputs_of, run_experiments
 
-_BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "sphinx-mathjax-offline")
+_BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
 
 __all__ = ["Made", "build_small_book", "make_book"]
 
 
 @dataclass
 class Made:
-    """What `make_book` did: sentences for a person, outcomes of experiments, and where the book is."""
+    """What `make_book` did: sentences for a person, outcomes, and where the book is."""
 
     index: Path
     said: list[str] = field(default_factory=list)
@@ -52,7 +53,8 @@ def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None 
     root = repository_root()
     if root is None:
         raise TrextonError(
-            "the book belongs to the repository and this is an installed package: make it in a clone"
+            "the book belongs to the repository and this is an installed package: "
+            "make it in a clone"
         )
     os.chdir(
         root
@@ -75,7 +77,7 @@ def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: 
 
 
 def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
-    """Stage and build, unless the staged sources are those of the last build; returns a sentence."""
+    """Stage and build, unless the sources are those of the last build; returns a sentence."""
     html.parent.mkdir(parents=True, exist_ok=True)
     stamp = html.parent / ".book.stamp"
     with tempfile.TemporaryDirectory(prefix=".source.", dir=html.parent) as name:
@@ -92,6 +94,7 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
         stamp.unlink(missing_ok=True)
         built = _jupyter_book(source, Path(name))
         _put_beside(contents, built)
+        finish_book(built)
         if faults := audit(built.resolve()):
             raise TrextonError("the built book has faults:\n" + "\n".join(faults))
         if html.exists():
@@ -144,13 +147,12 @@ def _jupyter_book(source: Path, work: Path) -> Path:
 
 
 def _put_beside(contents: Contents, built: Path) -> None:
-    """Downloads beside the pages that offer them, and no more of MathJax than the pages load."""
+    """Downloads beside the pages that offer them: what the run left, and the notebook as text."""
     for flight in ["", *(pair.name for pair in contents.pairs)]:
         for name in contents.good(flight):
+            (built / flight).mkdir(exist_ok=True)
             for path in outputs_of(contents.results / flight, name):
-                (built / flight).mkdir(exist_ok=True)
                 shutil.copyfile(path, built / flight / path.name)
-    mathjax = built / "_static" / "mathjax"
-    for bundle in mathjax.glob("*.js"):
-        if bundle.name != "tex-chtml.js":
-            bundle.unlink()
+            text = contents.source.parent / "notebooks" / f"{name}.md"
+            if text.is_file():
+                shutil.copyfile(text, built / flight / text.name)

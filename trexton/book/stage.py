@@ -1,4 +1,4 @@
-"""Gather everything that becomes a page: prose with its numbers filled in, executed notebooks, downloads."""
+"""Gather everything that becomes a page: prose with its numbers, executed notebooks, downloads."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
     Raises
     ------
     DataError
-        A page that the table of contents names does not exist, or asks for a value that no record has.
+        A page of the table of contents does not exist, or asks for a value no record has.
     """
     toc = _table_of_contents(contents, toc_file)
     pages = {
@@ -142,7 +142,7 @@ def _context(contents: Contents) -> dict:
 
 
 def _pictures(contents: Contents) -> dict[str, str]:
-    """The first figure of each experiment on the first flight that has one, by its path in the book."""
+    """The first figure of each experiment on the first flight that has one, by its path."""
     found: dict[str, str] = {}
     for pair in contents.pairs:
         for name in contents.good(pair.name):
@@ -184,7 +184,8 @@ def _table_of_contents(contents: Contents, toc_file: str) -> dict:
                 chapters.append({"file": chapter["file"]})
             elif not chapter.get("optional"):
                 raise DataError(
-                    f"{contents.source / toc_file}: the page {chapter['file']!r} does not exist: write it or drop it"
+                    f"{contents.source / toc_file}: the page {chapter['file']!r} does not exist: "
+                    "write it or drop it"
                 )
         part["chapters"] = chapters
     toc["parts"] = [part for part in toc["parts"] if part["chapters"]]

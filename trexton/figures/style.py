@@ -80,8 +80,10 @@ def show_floor(axes, floor: dict | None, picture: np.ndarray | None, fade: float
     if floor is None or picture is None:
         axes.grid(True)
         return
-    pale = 255 - (255 - picture[..., 2::-1].astype(float)) * fade
-    axes.imshow(pale.astype(np.uint8), extent=floor["extent_m"], interpolation="bilinear", zorder=0)
+    # Transparent rather than mixed with white, so that it fades into a dark page too.
+    alpha = np.full(picture.shape[:2], round(255 * fade), np.uint8)
+    faded = np.dstack([picture[..., 2::-1], alpha])
+    axes.imshow(faded, extent=floor["extent_m"], interpolation="bilinear", zorder=0)
 
 
 def legend_above(axes, columns: int = 3) -> None:

@@ -1,0 +1,144 @@
+"""The last hand at pages: figures in the page, tables as CSV, mathematics without scripts."""
+
+from __future__ import annotations
+
+import json
+import re
+import xml.etree.ElementTree as ET
+from html import unescape
+
+import numpy as np
+import pytest
+
+from trexton.book.charts import inline_figure, is_figure
+from trexton.book.finish import finish_page
+from trexton.book.icons import with_icons
+from trexton.book.mathematics import mathml
+from trexton.errors import DataError
+from trexton.figures.drawing import chart_data, to_png, to_svg
+from trexton.figures.style import COLORS, canvas
+
+
+@pytest.fixture
+def figure():
+    return draw()
+
+
+def draw():
+    with canvas(1, 2, size=(6, 3)) as (figure, axes):
+        axes[0, 0].plot([1, 10, 100], [3.0, np.nan, 1.5], "o-", label="filter", color=COLORS["knn"])
+        axes[0, 0].axhline(2)  # a line through two points tells nothing
+        axes[0, 0].set(xscale="log", xlabel="samples", ylabel="error (cm)")
+        axes[0, 1].bar(["a & b", "c"], [2, 4], label="<costs>")
+        axes[0, 1].errorbar([0, 1], [2, 4], yerr=1, fmt="s", label="bars")
+        axes[0, 1].scatter([0.5], [3], label="dots")
+    return figure
+
+
+def test_a_figure_carries_the_numbers_it_shows(figure):
+    left, right = chart_data(figure)
+    assert left["lines"] == [{"label": "filter", "x": [1, 10, 100], "y": [3.0, None, 1.5]}]
+    assert left["x"]["label"] == "samples" and left["x"]["log"] and not left["y"]["log"]
+    assert left["box"][0] < left["box"][2] < right["box"][0] and left["box"][1] < left["box"][3]
+    told = {line["label"]: (line["x"], line["y"]) for line in right["lines"] if line["label"]}
+    assert told == {"<costs>": ([0, 1], [2, 4]), "bars": ([0, 1], [2, 4]), "dots": ([0.5], [3])}
+    assert right["x"]["names"] == {"0": "a & b", "1": "c"}
+
+
+def test_points_lie_where_the_drawing_has_them(figure):
+    svg = to_svg(figure).decode()
+    box = chart_data(figure)[0]["box"]
+    frame = re.search(r'id="patch_2">\s*<path d="([^"]+)"', svg)
+    corners = np.array(re.findall(r"-?[\d.]+", frame[1]), float).reshape(-1, 2)
+    assert np.allclose([*corners.min(axis=0), *corners.max(axis=0)], box, atol=0.02)
+
+
+def test_svg_is_whole_equal_in_every_run_and_keeps_the_scale_of_its_letters(figure):
+    expected = chart_data(figure)
+    svg = to_svg(figure)
+    assert svg == to_svg(draw()) and is_figure(svg.decode())
+    root = ET.fromstring(svg)
+    script = root.find("{http://www.w3.org/2000/svg}script")
+    assert json.loads(script.text) == expected
+    assert "scale(0.015625)" in svg.decode()
+    assert to_png(figure).startswith(b"\x89PNG")
+
+
+def test_a_figure_in_a_page_follows_its_theme_and_names_nothing_twice(figure):
+    svg = to_svg(figure).decode()
+    one, other = (inline_figure(svg, name, 'says "so"') for name in ("f1", "f2"))
+    assert f"var(--fig-{COLORS['knn'][1:].lower()}, {COLORS['knn'].lower()})" in one
+    assert 'aria-label="says &quot;so&quot;"' in one and "<metadata" not in one
+    assert 'width="576"' in one  # six inches
+    ids = [set(re.findall(r'\bid="([^"]+)"', text)) for text in (one, other)]
+    assert ids[0] and not ids[0] & ids[1]
+    used = set(re.findall(r'href="#([^"]+)"', one)) | set(re.findall(r"url\(#([^)]+)\)", one))
+    assert used and used <= ids[0]
+    with pytest.raises(DataError, match="no SVG"):
+        inline_figure("nothing", "f1", "")
+
+
+def test_pictures_in_a_figure_get_lighter():
+    noise = np.random.default_rng(1).integers(0, 256, (200, 200, 3), np.uint8)
+    with canvas() as (figure, axes):
+        axes[0, 0].imshow(noise)
+    svg = to_svg(figure).decode()
+    assert len(inline_figure(svg, "f", "noise")) < 0.6 * len(svg)
+
+
+@pytest.mark.parametrize(
+    "tex", [r"\frac{a}{b}_{t-1}^{[m]}", r"\arg\max_x p(x)", r"\!\left(z\right)"]
+)
+def test_mathematics_is_set_when_the_book_is_built(tex):
+    element = mathml(tex, "block")
+    assert ET.fromstring(unescape(element)).tag.endswith("math") and "\\" not in element
+
+
+def test_mathematics_that_is_not_understood_stops_the_build():
+    with pytest.raises(ValueError, match="unheardof"):
+        mathml(r"\unheardof{x}")
+
+
+def test_icons_are_drawn_in_place_inside_scripts_too():
+    html = (
+        '<script>write(`<i class="theme-switch fa-solid fa-sun" data-mode="light"></i>`)</script>'
+    )
+    drawn = with_icons(html)
+    assert 'class="theme-switch fa-solid fa-sun" data-mode="light"><svg' in drawn and "`" in drawn
+    assert with_icons('<span class="plain"></span>') == '<span class="plain"></span>'
+
+
+PAGE = """<html><head><script>const THEBE_JS_URL = "https://x"</script><script src="mathjax/a.js">
+</script></head><body><article><h1>Title#</h1><p class="finding">It errs by 5 cm.</p>
+<table><thead><tr><th></th><th>cm</th></tr></thead><tbody><tr><td>a</td><td>1
+<small>[0, 2]</small></td>
+</tr></tbody></table><img alt="a curve" src="_images/curve.svg"><pre>code</pre>
+<p class="downloads">old</p></article></body></html>"""
+
+
+def test_a_page_is_finished(tmp_path, figure):
+    (tmp_path / "_images").mkdir()
+    (tmp_path / "_images" / "curve.svg").write_bytes(to_svg(figure))
+    (tmp_path / "page.json").write_text("{}")
+    (tmp_path / "page-curve.svg").write_text("")
+    (tmp_path / "page.html").write_text(PAGE)
+    text = finish_page(tmp_path / "page.html")
+    assert "THEBE" not in text and "mathjax" not in text
+    assert '<meta content="It errs by 5 cm." name="description"/>' in text
+    assert (tmp_path / "page-table-1.csv").read_text() == ',cm\na,"1 [0, 2]"\n'
+    assert "<b>Table 1. </b>" in text and 'aria-label="Table 1: Title" ' in text + " "
+    assert "<b>Figure 1. </b>a curve." in text and 'aria-label="a curve"' in text
+    assert '<pre tabindex="0">' in text
+    for name in ("page.json", "page-curve.svg", "page-table-1.csv"):
+        assert f'href="{name}"' in text
+
+
+def test_pictures_have_their_size_before_they_come(tmp_path):
+    (tmp_path / "drawn.svg").write_text('<svg viewBox="0 0 30 20"/>')
+    (tmp_path / "page.html").write_text(
+        '<html><head></head><body><article><img src="drawn.svg" alt="x">'
+        '<img src="gone.png" alt="x">'
+        "</article></body></html>"
+    )
+    text = finish_page(tmp_path / "page.html")
+    assert 'height="20"' in text and 'width="30"' in text and text.count("width=") == 1

@@ -1,0 +1,230 @@
+"""The last hand at built pages: lighter, for any width, by keyboard, with or without scripts.
+
+Jupyter Book gives good pages for a developer with a fast line. Here they lose what they do not
+need (an icon font, a script host, maps of sources), figures go into the page, every table can be
+scrolled by keyboard and taken home as CSV, and everything to download is listed.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import shutil
+from pathlib import Path
+
+import cv2
+from bs4 import BeautifulSoup, Tag
+
+from trexton.book.charts import inline_figure, is_figure
+from trexton.book.icons import with_icons
+from trexton.files import atomic_file
+
+__all__ = ["finish_book", "finish_page"]
+
+_UNWANTED = re.compile(r"fontawesome|sphinx-thebe|mathjax")
+_DESCRIPTION = 155  # characters of a description that search engines show
+_FORMATS = {".ipynb": "notebook", ".md": "notebook as text", ".json": "record", ".csv": "table"}
+
+
+def finish_book(html: Path) -> None:
+    """Finish every page below `html`, and drop files that no page asks for."""
+    for path in sorted(html.rglob("*.html")):
+        if "_static" not in path.relative_to(html).parts:
+            text = finish_page(path)
+            with atomic_file(path) as stream:
+                stream.write(text)
+    static = html / "_static"
+    for folder in (static / "vendor", static / "mathjax"):
+        shutil.rmtree(folder, ignore_errors=True)
+    for pattern in ("*.map", "*thebe*"):
+        for path in static.rglob(pattern):
+            path.unlink()
+
+
+def finish_page(path: Path) -> str:
+    """The finished text of one page; tables are written as CSV beside it."""
+    page = BeautifulSoup(with_icons(path.read_text(encoding="utf-8")), "lxml")
+    _head(page)
+    article = page.find("article") or page
+    assert isinstance(article, Tag)
+    for heading in page.select("#jb-print-docs-body h1"):  # a second title, for print only
+        heading.name = "p"
+    _frame(page)
+    if path.stem not in ("search", "genindex"):
+        _figures(article, path)
+        _tables(article, path)
+        _downloads(article, path)
+        _images(article, path)
+    return str(page)
+
+
+def _head(page: BeautifulSoup) -> None:
+    head = page.head
+    assert head is not None
+    for element in page.find_all(["script", "link"]):
+        address = f"{element.get('src', '')} {element.get('href', '')}"
+        if _UNWANTED.search(address) or re.search("THEBE|MathJax", element.string or ""):
+            element.decompose()
+    # Twice the same would be an error where it says const, and a waste elsewhere.
+    seen: set[str] = set()
+    for element in page.find_all("script", src=False):
+        text = (element.string or "").strip()
+        if text.startswith("var toggle") and text in seen:
+            element.decompose()
+        seen.add(text)
+    for element in head.find_all("meta", attrs={"name": "viewport"})[1:]:
+        element.decompose()
+    if head.find("meta", attrs={"name": "description"}) is None:
+        if said := _first_words(page):
+            head.append(page.new_tag("meta", attrs={"name": "description", "content": said}))
+    scripted = page.new_tag("script")
+    scripted.string = "document.documentElement.classList.add('scripted')"
+    head.append(scripted)
+
+
+def _first_words(page: BeautifulSoup) -> str:
+    """The finding, the lead or the first paragraph, cut at a word."""
+    chosen = page.select_one("article p.finding, article .lead p, article p")
+    words = " ".join(chosen.get_text(" ").split()) if chosen else ""
+    if len(words) <= _DESCRIPTION:
+        return words
+    return words[:_DESCRIPTION].rsplit(" ", 1)[0] + " …"
+
+
+def _frame(page: BeautifulSoup) -> None:
+    """Names for what the theme leaves without: buttons, checkboxes, the areas of the page."""
+    names = {
+        "button.primary-toggle": "Contents of the book",
+        "button.secondary-toggle": "Contents of this page",
+    }
+    for selector, name in names.items():
+        for element in page.select(selector):
+            element["aria-label"] = name
+    for element in page.select("input.sidebar-toggle"):
+        element["aria-hidden"] = "true"
+        element["tabindex"] = "-1"
+    for element in page.select(".bd-sidebar-primary .caption[role=heading]"):
+        del element["role"], element["aria-level"]
+
+
+def _figures(article: Tag, path: Path) -> None:
+    """Our figures into the page, with caption and number; their files stay for download."""
+    count = 0
+    for image in article.find_all("img"):
+        source, alt = str(image.get("src", "")), str(image.get("alt", ""))
+        if image.find_parent("figure") or not source.endswith((".svg", ".png")):
+            continue
+        if "_images/" not in source and not source.startswith("data:"):
+            continue
+        count += 1
+        figure = _new(article, "figure", class_="plate", id=f"figure-{count}")
+        text = (path.parent / source).read_text("utf-8") if source.endswith(".svg") else ""
+        image.replace_with(figure)
+        if is_figure(text):
+            drawn = BeautifulSoup(inline_figure(text, f"f{count}", alt), "html.parser")
+            figure.append(drawn)
+        else:
+            figure.append(image)
+        caption = _new(article, "figcaption")
+        number = _new(article, "b")
+        number.string = f"Figure {count}. "
+        caption.append(number)
+        caption.append(alt + ("" if alt.endswith(".") else "."))
+        figure.append(caption)
+
+
+def _tables(article: Tag, path: Path) -> None:
+    """Every table: an area that scrolls by keyboard, a number, the heading above, and its CSV."""
+    count = 0
+    for table in article.find_all("table"):
+        if table.find_parent("table"):
+            continue
+        rows = [_cells(row) for row in table.find_all("tr")]
+        if not any(rows):
+            continue
+        count += 1
+        heading = table.find_previous(["h1", "h2", "h3"])
+        title = heading.get_text().rstrip("#") if heading else "Table"
+        file = path.with_name(f"{path.stem}-table-{count}.csv")
+        stream = io.StringIO()
+        csv.writer(stream, lineterminator="\n").writerows(rows)
+        with atomic_file(file) as out:
+            out.write(stream.getvalue())
+        for cell in table.select("thead th"):
+            if not cell.get_text().strip():
+                cell.name = "td"
+        if table.caption is None:
+            caption = _new(article, "caption")
+            number = _new(article, "b")
+            number.string = f"Table {count}. "
+            caption.append(number)
+            caption.append(f"{title} ")
+            link = _new(article, "a", href=file.name, class_="csv", download="")
+            link.string = "CSV"
+            link["aria-label"] = f"Table {count} as CSV"
+            caption.append(link)
+            table.insert(0, caption)
+        area = table.find_parent(class_="pst-scrollable-table-container")
+        if area is None:
+            area = table.wrap(_new(article, "div", class_="pst-scrollable-table-container"))
+        area["tabindex"], area["role"] = "0", "region"
+        area["aria-label"] = f"Table {count}: {title}"
+    for block in article.find_all("pre"):
+        block["tabindex"] = "0"
+
+
+def _cells(row: Tag) -> list[str]:
+    return [" ".join(cell.get_text(" ").split()) for cell in row.find_all(["td", "th"])]
+
+
+def _downloads(article: Tag, path: Path) -> None:
+    """What the page's last paragraph offers: everything that lies beside it under its name."""
+    place = article.select_one("p.downloads")
+    if place is None:
+        return
+    place.clear()
+    place.append("Take home: ")
+    files = sorted(
+        (each for each in path.parent.glob(f"{path.stem}[-.]*") if each.suffix != ".html"),
+        key=lambda each: (each.suffix not in (".json", ".ipynb", ".md"), each.name),
+    )
+    for index, file in enumerate(files):
+        link = _new(article, "a", href=file.name, download="")
+        name = file.name.removeprefix(path.stem).strip("-.")
+        link.string = _FORMATS.get(file.suffix, name) if name in _ENDINGS else name
+        place.append(link)
+        if index + 1 < len(files):
+            place.append(" · ")
+
+
+_ENDINGS = {"ipynb", "md", "json"}
+
+
+def _images(article: Tag, path: Path) -> None:
+    """Width and height of every picture, so that nothing moves when it comes."""
+    for index, image in enumerate(article.find_all("img")):
+        size = _size(path.parent / str(image.get("src", "")).split("?")[0])
+        if size and "height" not in image.attrs:
+            image["width"], image["height"] = (str(round(each)) for each in size)
+            image["style"] = "height:auto;" + str(image.get("style", ""))
+        if index:
+            image["loading"] = "lazy"
+
+
+def _size(file: Path) -> tuple[float, float] | None:
+    if not file.is_file():
+        return None
+    if file.suffix == ".svg":
+        found = re.search(r'viewBox="\S+ \S+ (\S+) (\S+)"', file.read_text("utf-8"))
+        return (float(found[1]), float(found[2])) if found else None
+    picture = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
+    return None if picture is None else (picture.shape[1], picture.shape[0])
+
+
+def _new(near: Tag, name: str, **attributes: str) -> Tag:
+    """A new element; ``class_`` for class."""
+    made = BeautifulSoup("", "lxml").new_tag(name)
+    for key, value in attributes.items():
+        made[key.rstrip("_")] = value
+    return made

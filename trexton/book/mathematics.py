@@ -1,0 +1,57 @@
+"""A Sphinx extension: mathematics becomes MathML when the book is built, not by a script."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from docutils import nodes  # type: ignore[import-untyped]
+from latex2mathml.converter import convert
+from sphinx.application import Sphinx
+
+__all__ = ["mathml", "setup"]
+
+# What the converter does not know, said in words that it knows.
+_IN_OTHER_WORDS = ((r"\arg\max", r"\operatorname{argmax}"), (r"\arg\min", r"\operatorname{argmin}"))
+
+
+def mathml(tex: str, display: str = "inline") -> str:
+    """A ``<math>`` element.
+
+    Parameters
+    ----------
+    tex : str
+        Without its dollars.
+    display : {"inline", "block"}
+
+    Raises
+    ------
+    ValueError
+        Something of it was not understood, and would stand on the page as TeX.
+    """
+    for known, said in _IN_OTHER_WORDS:
+        tex = tex.replace(known, said)
+    element = str(convert(tex.strip(), display=display))
+    # MathML Core has no named widths, and no negative ones.
+    element = re.sub(r'<mspace width="negative\w+" ?/>', "", element)
+    if left := re.search(r"\\[A-Za-z]+", element):
+        raise ValueError(f"{left[0]} of {tex!r} cannot be set as MathML: write it another way")
+    return element
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Register the renderer ``mathml``."""
+    app.add_html_math_renderer("mathml", (_inline, None), (_block, None))
+    return {"version": "1", "parallel_read_safe": True, "parallel_write_safe": True}
+
+
+def _inline(translator: Any, node: nodes.math) -> None:
+    translator.body.append(mathml(node.astext()))
+    raise nodes.SkipNode
+
+
+def _block(translator: Any, node: nodes.math_block) -> None:
+    # A wide equation scrolls in its own area, which a keyboard reaches.
+    translator.body.append('<div class="math" tabindex="0" role="group" aria-label="Equation">')
+    translator.body.append(mathml(node.astext(), "block") + "</div>\n")
+    raise nodes.SkipNode
