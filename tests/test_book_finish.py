@@ -54,12 +54,11 @@ def test_points_lie_where_the_drawing_has_them(figure):
 
 
 def test_svg_is_whole_equal_in_every_run_and_keeps_the_scale_of_its_letters(figure):
-    expected = chart_data(figure)
     svg = to_svg(figure)
     assert svg == to_svg(draw()) and is_figure(svg.decode())
     root = ET.fromstring(svg)
     script = root.find("{http://www.w3.org/2000/svg}script")
-    assert json.loads(script.text) == expected
+    assert json.loads(script.text) == chart_data(figure)
     assert "scale(0.015625)" in svg.decode()
     assert to_png(figure).startswith(b"\x89PNG")
 
@@ -126,8 +125,8 @@ def test_a_page_is_finished(tmp_path, figure):
     assert "THEBE" not in text and "mathjax" not in text
     assert '<meta content="It errs by 5 cm." name="description"/>' in text
     assert (tmp_path / "page-table-1.csv").read_text() == ',cm\na,"1 [0, 2]"\n'
-    assert "<b>Table 1. </b>" in text and 'aria-label="Table 1: Title" ' in text + " "
-    assert "<b>Figure 1. </b>a curve." in text and 'aria-label="a curve"' in text
+    assert '<caption>Title <a aria-label="CSV of: Title"' in text and 'role="region"' in text
+    assert "<figcaption>a curve.</figcaption>" in text and 'aria-label="a curve"' in text
     assert '<pre tabindex="0">' in text
     for name in ("page.json", "page-curve.svg", "page-table-1.csv"):
         assert f'href="{name}"' in text

@@ -109,29 +109,22 @@ def _frame(page: BeautifulSoup) -> None:
 
 
 def _figures(article: Tag, path: Path) -> None:
-    """Our figures into the page, with caption and number; their files stay for download."""
-    count = 0
-    for image in article.find_all("img"):
+    """Our figures into the page; one without a caption gets what it shows as its caption."""
+    for count, image in enumerate(article.find_all("img"), start=1):
         source, alt = str(image.get("src", "")), str(image.get("alt", ""))
-        if image.find_parent("figure") or not source.endswith((".svg", ".png")):
+        if "_images/" not in source or "hero" in image.get_attribute_list("class"):
             continue
-        if "_images/" not in source and not source.startswith("data:"):
-            continue
-        count += 1
-        figure = _new(article, "figure", class_="plate", id=f"figure-{count}")
+        figure = image.find_parent("figure")
+        if figure is None:
+            figure = image.wrap(_new("figure"))
+            caption = _new("figcaption")
+            caption.append(alt + ("" if alt.endswith(".") else "."))
+            figure.append(caption)
+        figure["class"] = " ".join(["plate", *map(str, figure.get_attribute_list("class"))])
         text = (path.parent / source).read_text("utf-8") if source.endswith(".svg") else ""
-        image.replace_with(figure)
         if is_figure(text):
             drawn = BeautifulSoup(inline_figure(text, f"f{count}", alt), "html.parser")
-            figure.append(drawn)
-        else:
-            figure.append(image)
-        caption = _new(article, "figcaption")
-        number = _new(article, "b")
-        number.string = f"Figure {count}. "
-        caption.append(number)
-        caption.append(alt + ("" if alt.endswith(".") else "."))
-        figure.append(caption)
+            (image.find_parent("a", class_="image-reference") or image).replace_with(drawn)
 
 
 def _tables(article: Tag, path: Path) -> None:
@@ -145,7 +138,7 @@ def _tables(article: Tag, path: Path) -> None:
             continue
         count += 1
         heading = table.find_previous(["h1", "h2", "h3"])
-        title = heading.get_text().rstrip("#") if heading else "Table"
+        title = heading.get_text().strip("#\n ") if heading else "Table"
         file = path.with_name(f"{path.stem}-table-{count}.csv")
         stream = io.StringIO()
         csv.writer(stream, lineterminator="\n").writerows(rows)
@@ -154,22 +147,22 @@ def _tables(article: Tag, path: Path) -> None:
         for cell in table.select("thead th"):
             if not cell.get_text().strip():
                 cell.name = "td"
-        if table.caption is None:
-            caption = _new(article, "caption")
-            number = _new(article, "b")
-            number.string = f"Table {count}. "
-            caption.append(number)
-            caption.append(f"{title} ")
-            link = _new(article, "a", href=file.name, class_="csv", download="")
-            link.string = "CSV"
-            link["aria-label"] = f"Table {count} as CSV"
-            caption.append(link)
+        caption = table.caption
+        if caption is None:
+            caption = _new("caption")
+            caption.append(title)
             table.insert(0, caption)
+        words = " ".join(caption.get_text().split())
+        link = _new("a", href=file.name, class_="csv", download="")
+        link.string = "CSV"
+        link["aria-label"] = f"CSV of: {words}"
+        caption.append(" ")
+        caption.append(link)
         area = table.find_parent(class_="pst-scrollable-table-container")
         if area is None:
-            area = table.wrap(_new(article, "div", class_="pst-scrollable-table-container"))
+            area = table.wrap(_new("div", class_="pst-scrollable-table-container"))
         area["tabindex"], area["role"] = "0", "region"
-        area["aria-label"] = f"Table {count}: {title}"
+        area["aria-label"] = words
     for block in article.find_all("pre"):
         block["tabindex"] = "0"
 
@@ -190,7 +183,7 @@ def _downloads(article: Tag, path: Path) -> None:
         key=lambda each: (each.suffix not in (".json", ".ipynb", ".md"), each.name),
     )
     for index, file in enumerate(files):
-        link = _new(article, "a", href=file.name, download="")
+        link = _new("a", href=file.name, download="")
         name = file.name.removeprefix(path.stem).strip("-.")
         link.string = _FORMATS.get(file.suffix, name) if name in _ENDINGS else name
         place.append(link)
@@ -222,7 +215,7 @@ def _size(file: Path) -> tuple[float, float] | None:
     return None if picture is None else (picture.shape[1], picture.shape[0])
 
 
-def _new(near: Tag, name: str, **attributes: str) -> Tag:
+def _new(name: str, **attributes: str) -> Tag:
     """A new element; ``class_`` for class."""
     made = BeautifulSoup("", "lxml").new_tag(name)
     for key, value in attributes.items():

@@ -73,7 +73,7 @@ def chart_data(figure: Figure) -> list[dict[str, Any]]:
         box = (frame.x0, height / shrink - frame.y1, frame.x1, height / shrink - frame.y0)
         found.append(
             {
-                "box": [round(shrink * value, 2) for value in box],
+                "box": [round(float(shrink * value), 2) for value in box],
                 "x": _axis(axes, "x"),
                 "y": _axis(axes, "y"),
                 "lines": lines,
@@ -91,7 +91,7 @@ def _axis(axes: Axes, which: str) -> dict[str, Any]:
     names = {
         f"{place:.6g}": tick.get_text()
         for place, tick in zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=False)
-        if re.search(r"[A-Za-z]", tick.get_text())
+        if re.search(r"^[^$]*[A-Za-z]", tick.get_text())
     }
     return {
         "label": label.replace("$", ""),
