@@ -6,20 +6,14 @@ import tomllib
 from functools import lru_cache
 from pathlib import Path
 
-from trexton.cache import repository_root
-from trexton.errors import DataError
+from trexton.cache import shipped
 
 __all__ = ["look_up", "paper_file", "published"]
 
 
 def paper_file(name: str) -> Path:
-    """The file `name` of ``data/paper``; raises `DataError` outside a clone."""
-    root = repository_root()
-    if root is None:
-        raise DataError(
-            f"data/paper/{name} is not at hand: the paper's numbers come with the repository, work in a clone of it"
-        )
-    return root / "data" / "paper" / name
+    """The file `name` of ``data/paper``; raises `DataError` where the installation is not whole."""
+    return shipped("data/paper") / name
 
 
 @lru_cache

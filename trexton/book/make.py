@@ -16,7 +16,7 @@ from trexton.book.audit import audit
 from trexton.book.finish import finish_book
 from trexton.book.flights import prepare_flights
 from trexton.book.stage import Contents, stage
-from trexton.cache import code_hashes, repository_root
+from trexton.cache import code_hashes, repository_root, shipped
 from trexton.errors import TrextonError
 from trexton.files import atomic_file, digest
 from trexton.progress import say
@@ -56,9 +56,8 @@ def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None 
             "the book belongs to the repository and this is an installed package: "
             "make it in a clone"
         )
-    os.chdir(
-        root
-    )  # the notebooks show the paths they were given: relative ones read the same on every machine
+    # The notebooks show the paths they were given: relative ones read the same on every machine.
+    os.chdir(root)
     prepared = prepare_flights(Path("data") / "flights")
     results = Path("results")
     outcomes = run_experiments(prepared.pairs, results, settings=settings, jobs=jobs)
@@ -70,8 +69,7 @@ def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None 
 
 def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: Path) -> Path:
     """A book of one run only, in ``<results>/book/html``; returns its index page."""
-    root = repository_root()
-    contents = Contents(root / "book", results, pairs, outcomes)
+    contents = Contents(shipped("book"), results, pairs, outcomes)
     say(_build(contents, results / "book" / "html", "_toc_small.yml"))
     return results / "book" / "html" / "index.html"
 

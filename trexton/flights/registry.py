@@ -11,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, cast
 
-from trexton.cache import cache_folder, repository_root
+from trexton.cache import cache_folder, shipped
 from trexton.errors import DataError
 from trexton.files import atomic_file
 from trexton.flights.flight import Flight
@@ -24,12 +24,7 @@ __all__ = ["data_folder", "fetch", "locate", "raw_files", "registry"]
 @cache
 def registry() -> dict[str, dict[str, Any]]:
     """Every public data set by name: title, licence, files (key, url, sha256), reader if it is a flight."""
-    root = repository_root()
-    if root is None:
-        raise DataError(
-            "the data registry belongs to the repository and this is an installed package: run it from a clone"
-        )
-    return tomllib.loads((root / "data" / "registry.toml").read_text(encoding="utf-8"))
+    return tomllib.loads((shipped("data") / "registry.toml").read_text(encoding="utf-8"))
 
 
 def data_folder() -> Path:

@@ -1,0 +1,77 @@
+"""Installed from the wheel, in an empty folder without the repository: a flight of one's own is run."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import sysconfig
+import venv
+import zipfile
+from pathlib import Path
+
+import pytest
+from conftest import ROOT, small_flight
+
+from trexton.flights import write_flight
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory) -> Path:
+    """Built from a copy, so that no build folder is left in the repository."""
+    folder = tmp_path_factory.mktemp("wheel")
+    tracked = subprocess.run(
+        ["git", "-C", ROOT, "ls-files", "-z"], capture_output=True, text=True, check=True
+    ).stdout
+    for name in filter(None, tracked.split("\0")):
+        if (ROOT / name).is_file():
+            (folder / "source" / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / "source" / name).write_bytes((ROOT / name).read_bytes())
+    build = [sys.executable, "-m", "pip", "wheel", "--no-deps", "--no-build-isolation", "--quiet"]
+    subprocess.run([*build, "--wheel-dir", folder, folder / "source"], check=True)
+    (built,) = folder.glob("*.whl")
+    return built
+
+
+@pytest.fixture(scope="module")
+def trexton(wheel, tmp_path_factory):
+    """Calls the command of a fresh environment, which borrows what trexton stands on."""
+    place = tmp_path_factory.mktemp("environment")
+    venv.create(place, symlinks=True)
+    version = f"python{sys.version_info.major}.{sys.version_info.minor}"
+    site = place / "lib" / version / "site-packages"
+    (site / "borrowed.pth").write_text(sysconfig.get_paths()["purelib"])
+    install = ["install", "--no-deps", "--no-index", "--quiet", wheel]
+    pip = [sys.executable, "-m", "pip", "--python", place / "bin" / "python"]
+    subprocess.run([*pip, *install], check=True)
+    environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "TREXTON_CACHE")}
+
+    def call(*words: object, folder: Path) -> str:
+        done = subprocess.run(
+            [place / "bin" / "trexton", *map(str, words)], cwd=folder, text=True,
+            env=environment | {"HOME": str(folder)}, capture_output=True,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr[-2000:]
+        return done.stdout
+
+    return call
+
+
+def test_the_wheel_carries_notebooks_and_numbers_but_no_results(wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    shipped = [name for name in names if name.startswith("trexton/_shipped/")]
+    for path in (ROOT / "notebooks").glob("*.md"):
+        assert f"trexton/_shipped/notebooks/{path.name}" in shipped
+    assert "trexton/_shipped/data/paper/claims.toml" in shipped
+    assert "trexton/_shipped/book/_toc_small.yml" in shipped
+    assert not [name for name in shipped if name.endswith((".ipynb", ".npz", ".html"))]
+    assert wheel.stat().st_size < 3e6
+
+
+def test_a_flight_is_run_in_an_empty_folder(trexton, tmp_path):
+    write_flight(small_flight(), tmp_path / "room")
+    words = ["--only", "mocap_training", "--set", "repeats=1", "neighbors=2", "--no-book"]
+    said = trexton("run", "room", "--out", "mine", *words, folder=tmp_path)
+    assert said.startswith("ran     small/mocap_training")
+    assert (tmp_path / "mine" / "small" / "mocap_training.json").is_file()
+    assert "cyberzoo" in trexton("data", "list", folder=tmp_path)
