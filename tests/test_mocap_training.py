@@ -36,6 +36,13 @@ def test_the_real_flight_gives_the_known_knn_errors(cyberzoo):
     assert mean_cm(record, "knn", "y") == pytest.approx(26, abs=2)
     assert record.values["counts"]["train"] == 325 and record.values["counts"]["test"] == 299
     assert record.values["applies"] == {"sampling": False, "dictionary": False}
+    # Both parts are of one flight, so they are exchanged too.
+    exchanged = record.values["exchanged"]["knn"]["mean_cm"]["median"]
+    back = mocap_training.run(
+        cyberzoo.part("test"), cyberzoo.part("train"), mocap_training.Parameters(repeats=3)
+    )
+    assert back.values["knn"]["mean_cm"]["median"] == exchanged
+    assert 0 < record.values["spread"]["within_one"] < 1 and record.values["lag"]["s"] > 0
     # Plain k-NN, written out, gives the same.
     train, test = cyberzoo.part("train"), cyberzoo.part("test")
     distance = np.linalg.norm(test.histograms[:, None] - train.histograms[None], axis=2)

@@ -85,6 +85,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "last_rank_std_cm": rank_std_cm[-1].mean(),
         },
     }
+    if train.name == test.name:
+        values["exchanged"] = _exchanged(train, test, parameters, options)
     step_s = np.concatenate([run.step_s for run in runs])
     return parameters.record(
         train,
@@ -94,6 +96,20 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         images=pictures,
         timings={"step_s": {"median": np.median(step_s), "p99": np.percentile(step_s, 99)}},
     )
+
+
+def _exchanged(train: Flight, test: Flight, parameters: Parameters, options: dict) -> dict:
+    """Where both are parts of one flight: trained on the later, tested on the earlier part."""
+    texton_map = trained_map(
+        test, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
+    runs = tracks(
+        texton_map, frames_of(train), repeats=parameters.repeats, seed=parameters.seed, **options
+    )
+    values, _ = evaluate(
+        runs, texton_map.positions, train, k=parameters.neighbors, seed=parameters.seed
+    )
+    return {name: values[name] for name in ("filter", "knn")}
 
 
 def _estimators(
