@@ -7,8 +7,8 @@ second flight, under another light. How well the one foretells the other is what
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,21 +21,22 @@ from trexton.camera import MapImage
 from trexton.errors import ParameterError
 from trexton.executor import spread
 from trexton.experiments.correlation import rank_correlation
-from trexton.experiments.evaluation import Track, fly, frames_of
+from trexton.experiments.evaluation import frames_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import absolute_errors, block_rows, constant_guess
-from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.simulator import PERIOD, Floor, record_flight
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE
-from trexton.suitability import heat_map, local_losses, smooth
+from trexton.streams import stream
+from trexton.suitability import local_losses
 
 __all__ = ["VirtualFlights", "helpful_changes", "judge_floor", "named_floor", "sweep_floors"]
 
 LANE = 0.5  # metres between the lanes of a survey that sees everything twice
 SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
 EVERY = 2  # frames: half the camera's rate, so that fewer frames cover the floor
-REACH = 0.4  # metres over which neighbouring errors are averaged
+CELL = 0.1  # metres, of the map of expected errors
+METHOD = "field"  # the one whose error is predicted
 MAT = 1.2  # side of the mat that is laid on the worst place, in metres
 
 
@@ -88,7 +89,7 @@ def judge_floor(
     floor: Floor,
     *,
     flights: VirtualFlights = VirtualFlights(),
-    methods: Sequence[str] = ("paper",),
+    methods: Sequence[str] = (METHOD,),
     sigma: float = 0.8,
 ) -> dict[str, Any]:
     """Predict how far off one would be over a floor, and measure it on a virtual flight.
@@ -105,57 +106,60 @@ def judge_floor(
     Returns
     -------
     dict
-        ``area_m``; ``loss``, the paper's L(D); ``predicted_cm``, from the survey alone; ``measured``, for
-        ``knn`` and each method ``mean_cm``, ``low``, ``high``, ``p95_cm``; ``centre_cm``, the error of
-        always guessing the middle; ``correlation`` of predicted and measured error over the test frames;
-        ``heat``, predicted error over the floor in metres; ``worst_m``, where it is largest.
+        ``area_m``; ``loss``, the paper's L(D); ``predicted_cm``, from the survey alone;
+        ``measured``, for each method ``mean_cm``, ``low``, ``high``, ``p95_cm``; ``centre_cm``, the
+        error of always guessing the middle; ``correlation`` of predicted and measured error of the
+        first method over the test frames; ``heat``, predicted error over the floor in metres;
+        ``worst_m``, where it is largest.
     """
     with TemporaryDirectory(prefix="trexton-floor-") as name:
         train, test = flights.record(floor, Path(name))
         frames = frames_of(test)
-        rng = np.random.default_rng([flights.seed, 0])
-        texton_map = TextonMap.train(train, rng=rng)
-        tracks = {
+        texton_map = TextonMap.train(train, method=METHOD, rng=stream(flights.seed, "map"))
+        runs = {
             method: _flown(texton_map, train, frames, method, flights.seed) for method in methods
         }
-    positions = texton_map.positions
-    expected = predicted_errors(texton_map)
-    heat = heat_map(expected, positions, train.area, REACH, cell=0.1)
-    drawn = np.random.default_rng([flights.seed, 10_000])
-    runs = {"knn": next(iter(tracks.values())).knn} | {
-        method: track.estimate for method, track in tracks.items()
-    }
-    centre = constant_guess(positions, len(test))
-    there = smooth(expected, positions, test.position, REACH)
+    expected = texton_map.parts["measurement"].expected_error
+    heat = _over_floor(expected, floor.area)
+    rng = stream(flights.seed, "intervals")
+    first = _euclidean(next(iter(runs.values())), test)
+    centre = constant_guess(texton_map.positions, len(test))
+    losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
     return {
         "area_m": floor.area,
         "frames": {"survey": len(train), "test": len(test)},
-        "loss": local_losses(texton_map.histograms, positions, sigma).mean(),
-        "predicted_cm": 100 * expected.mean(),
-        "measured": {name: _summary(run, test, drawn) for name, run in runs.items()},
-        "centre_cm": _summary(centre, test, drawn)["mean_cm"],
-        "correlation": rank_correlation(there, _euclidean(runs["knn"], test), rng=drawn),
-        "heat": {"error_m": heat.values.round(4), "extent_m": heat.extent},
-        "worst_m": _worst(heat.values, heat.extent),
+        "loss": losses.mean(),
+        "predicted_cm": 100 * expected(test.position).mean(),
+        "measured": {name: _summary(run, test, rng) for name, run in runs.items()},
+        "centre_cm": _summary(centre, test, rng)["mean_cm"],
+        "correlation": rank_correlation(expected(test.position), first, rng=rng),
+        "heat": {"error_m": heat.round(4), "extent_m": floor.area},
+        "worst_m": _worst(heat, floor.area),
     }
 
 
-def predicted_errors(texton_map: TextonMap) -> np.ndarray:
-    """``(N,)`` metres: how far the neighbours of each training frame lie, those near in time left out."""
-    rows = texton_map.training().neighbors(texton_map.neighbors, EXCLUDED_SECONDS)
-    guess = texton_map.positions[rows].mean(axis=1)
-    return np.hypot(*(guess - texton_map.positions).T)
+def _over_floor(
+    expected: Callable[[np.ndarray], np.ndarray], area: tuple[float, float, float, float]
+) -> np.ndarray:
+    """``(rows, columns)`` expected errors at the centres of cells, row 0 at the smallest y."""
+    x_min, x_max, y_min, y_max = area
+    columns, rows = (max(2, round((high - low) / CELL)) for low, high in (area[:2], area[2:]))
+    x = x_min + (np.arange(columns) + 0.5) * (x_max - x_min) / columns
+    y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    return expected(places).reshape(rows, columns)
 
 
 def _flown(
     texton_map: TextonMap, train: Flight, frames: Sequence[np.ndarray], method: str, seed: int
-) -> Track:
-    rng = np.random.default_rng([seed, 0])
+) -> np.ndarray:
+    """``(N, 2)`` estimates of a method over the frames."""
     if method != texton_map.method:
-        texton_map = TextonMap.train(
-            train, method=method, dictionary=texton_map.dictionary, rng=rng
-        )
-    return fly(Localizer(texton_map, rng=np.random.default_rng([seed, 1])), frames)
+        rng = stream(seed, "map", method)
+        dictionary = texton_map.dictionary
+        texton_map = TextonMap.train(train, method=method, dictionary=dictionary, rng=rng)
+    localizer = Localizer(texton_map, rng=stream(seed, "flight", 0))
+    return np.array([localizer.step(frame).position for frame in frames])
 
 
 def _euclidean(estimates: np.ndarray, flight: Flight) -> np.ndarray:
@@ -196,10 +200,8 @@ def helpful_changes(
     Returns
     -------
     list of dict
-        ``change`` in words, ``predicted_cm`` and ``mean_cm`` (k-NN, measured) with it, ``gain_cm``.
+        ``change`` in words, ``predicted_cm`` and measured ``mean_cm`` with it, ``gain_cm``.
     """
-    from dataclasses import replace
-
     x, y = judged["worst_m"]
     changes = [
         (
@@ -218,10 +220,10 @@ def helpful_changes(
             replace(flights, frames=2 * judged["frames"]["survey"]),
         ),
     ]
-    before, result = judged["measured"]["knn"]["mean_cm"], []
+    before, result = _mean(judged), []
     for words, changed, how in changes:
         after = judge_floor(changed, flights=how)
-        mean = after["measured"]["knn"]["mean_cm"]
+        mean = _mean(after)
         result.append(
             {
                 "change": words,
@@ -237,7 +239,7 @@ def with_mat(floor: Floor, center: tuple[float, float], seed: int) -> Floor:
     """The floor with a mat laid at `center` in metres, its print painted from `seed`."""
     picture = floor.picture
     side = round(MAT * PIXELS_PER_METRE)
-    mat = MATS["bauhaus"]((side, side), np.random.default_rng([seed, 30_000]))
+    mat = MATS["bauhaus"]((side, side), stream(seed, "mat"))
     half, edge = MAT / 2, side - 0.5
     x, y = center
     corners = [
@@ -275,7 +277,7 @@ def sweep_floors(
     names: Sequence[str],
     *,
     flights: VirtualFlights = VirtualFlights(),
-    methods: Sequence[str] = ("paper",),
+    methods: Sequence[str] = (METHOD,),
     rng: np.random.Generator,
 ) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     """Judge many painted floors: does what is predicted from a survey come true on another flight?
@@ -284,20 +286,25 @@ def sweep_floors(
     -------
     values : dict
         Spearman's correlations over the floors of the predicted error, and of the paper's loss, with the
-        measured error of the k-NN; ``level``, the median of |predicted / measured - 1|.
+        measured error; ``level``, the median of |predicted / measured - 1|.
     rows : list of dict
         A floor each: name, predicted and measured errors in cm, loss.
     """
     judge = partial(_judged_by_name, flights=flights, methods=tuple(methods))
     rows = spread(judge, names, "floors")
     predicted, loss = (np.array([row[key] for row in rows]) for key in ("predicted_cm", "loss"))
-    measured = np.array([row["measured"]["knn"]["mean_cm"] for row in rows])
+    measured = np.array([_mean(row) for row in rows])
     return {
         "floors": len(rows),
         "prediction": rank_correlation(predicted, measured, rng=rng, block=1),
         "loss": rank_correlation(loss, measured, rng=rng, block=1),
         "level": float(np.median(np.abs(predicted / measured - 1))),
     }, rows
+
+
+def _mean(judged: dict[str, Any]) -> float:
+    """Measured mean error of the first method, cm."""
+    return float(next(iter(judged["measured"].values()))["mean_cm"])
 
 
 def _judged_by_name(
