@@ -26,6 +26,7 @@ COMMANDS = {
     "book": ("book", "run every experiment and build the book"),
     "onboard": ("onboard", "localize live frames and report positions"),
     "bench": ("bench", "measure the speed of every stage"),
+    "suitability": ("suitability", "will it work over this floor? A picture is enough"),
     "tune": ("tune", "choose samples and particles for a rate on this machine"),
 }
 

@@ -25,6 +25,7 @@ from trexton.experiments.evaluation import frames_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import absolute_errors, block_rows, constant_guess
+from trexton.options import Options, option
 from trexton.simulator import PERIOD, Floor, record_flight
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE
 from trexton.streams import stream
@@ -41,32 +42,13 @@ MAT = 1.2  # side of the mat that is laid on the worst place, in metres
 
 
 @dataclass(frozen=True)
-class VirtualFlights:
-    """How a floor is flown over.
+class VirtualFlights(Options):
+    """How a floor is flown over."""
 
-    Attributes
-    ----------
-    frames : int or None
-        Of the survey; None takes as many as lanes `LANE` apart need, 200 to 2000.
-    test_frames : int
-        Of the flight on which errors are measured.
-    height : float
-        Metres above the floor.
-    seed : int
-    """
-
-    frames: int | None = None
-    test_frames: int = 200
-    height: float = 1.0
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        few = self.test_frames < 20 or (self.frames is not None and self.frames < 20)
-        if few or not 0.2 <= self.height <= 10 or self.seed < 0:
-            raise ParameterError(
-                f"{self.frames} and {self.test_frames} frames, height {self.height} m, "
-                f"seed {self.seed}: expected 20 frames or more, 0.2 to 10 m, a seed of 0 or more"
-            )
+    frames: int = option(0, "of the survey; 0 takes as many as its lanes need", low=0, high=20000)
+    test_frames: int = option(200, "of the flight on which errors are measured", low=20, high=20000)
+    height: float = option(1.0, "metres above the floor", low=0.2, high=10)
+    seed: int = option(1, "of the flights", low=0)
 
     def record(self, floor: Floor, folder: Path) -> tuple[Flight, Flight]:
         """A survey, and a flight between random places an hour later."""
@@ -155,7 +137,7 @@ def _flown(
 ) -> np.ndarray:
     """``(N, 2)`` estimates of a method over the frames."""
     if method != texton_map.method:
-        rng = stream(seed, "map", method)
+        rng = stream(seed, f"map {method}")
         dictionary = texton_map.dictionary
         texton_map = TextonMap.train(train, method=method, dictionary=dictionary, rng=rng)
     localizer = Localizer(texton_map, rng=stream(seed, "flight", 0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -64,6 +65,53 @@ class Floor:
     def painted(cls, layout: str = "hall", seed: int = 0) -> Floor:
         """A painted floor of 5 m x 5 m with its mats laid by `layout`, one of `LAYOUTS`; equal seeds, equal floors."""
         return _painted(layout, seed)
+
+    @classmethod
+    def from_photograph(
+        cls,
+        path: str | os.PathLike[str],
+        corners: Sequence[Sequence[float]],
+        width: float,
+        length: float,
+    ) -> Floor:
+        """A photograph of a floor, taken from any side, its four corners clicked.
+
+        Parameters
+        ----------
+        path : path
+        corners : four pairs
+            Pixels (column, row) of upper left, upper right, lower right, lower left.
+        width, length : float
+            Metres along the upper side, and from it to the lower one.
+
+        Raises
+        ------
+        ImageError, ParameterError
+            See `from_file`; or the corners are no convex quadrilateral in that order.
+        """
+        whole = cls.from_file(path, width)
+        if not 0.5 <= length <= 50:
+            raise ParameterError(f"the floor's length is {length} m: expected 0.5 to 50")
+        source = np.array(corners, dtype=np.float32)
+        sides = np.roll(source, -1, axis=0) - source if source.shape == (4, 2) else np.zeros((4, 2))
+        following = np.roll(sides, -1, axis=0)
+        turns = sides[:, 0] * following[:, 1] - sides[:, 1] * following[:, 0]
+        if not (turns > 0).all():
+            raise ParameterError(
+                f"corners {np.array(corners).tolist()}: expected upper left, upper right, lower right "
+                "and lower left of the floor"
+            )
+        scale = min(PIXELS_PER_METRE, float(np.hypot(*sides.T).max()) / min(width, length))
+        columns, rows = round(width * scale), round(length * scale)
+        right, bottom = columns - 0.5, rows - 0.5
+        target = np.array(
+            [[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]], np.float32
+        )
+        matrix = cv2.getPerspectiveTransform(source, target)
+        image = cv2.warpPerspective(
+            whole.picture.image, matrix, (columns, rows), flags=cv2.INTER_AREA
+        )
+        return cls(MapImage.from_extent(image, 0.0, length, columns / width))
 
     @classmethod
     def from_file(cls, path: str | os.PathLike[str], width: float) -> Floor:

@@ -1,0 +1,102 @@
+"""Judging floors from pictures, on small flights."""
+
+from __future__ import annotations
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+
+from trexton.cli import main
+from trexton.errors import ParameterError
+from trexton.experiments.floors import VirtualFlights, judge_floor, named_floor, with_mat
+from trexton.simulator import Floor
+
+SMALL = VirtualFlights(frames=150, test_frames=40)
+
+
+@pytest.fixture(scope="module")
+def picture(tmp_path_factory):
+    rng = np.random.default_rng(4)
+    coarse = rng.uniform(20, 235, (9, 9, 3)).astype(np.float32)
+    image = cv2.resize(coarse, (300, 300), interpolation=cv2.INTER_CUBIC)
+    path = tmp_path_factory.mktemp("floor") / "floor.png"
+    cv2.imwrite(str(path), np.clip(image + rng.normal(0, 20, image.shape), 0, 255))
+    return path
+
+
+@pytest.fixture(scope="module")
+def judged(picture):
+    return judge_floor(Floor.from_file(picture, 3.0), flights=SMALL, methods=("field", "paper"))
+
+
+def test_a_floor_is_judged_by_prediction_and_flight(judged):
+    assert judged["frames"] == {"survey": 150, "test": 40}
+    assert list(judged["measured"]) == ["field", "paper"]
+    for entry in judged["measured"].values():
+        assert 0 < entry["low"] <= entry["mean_cm"] <= entry["high"]
+    assert judged["measured"]["field"]["mean_cm"] < judged["centre_cm"]
+    heat = judged["heat"]["error_m"]
+    assert heat.shape == (30, 30) and (heat > 0).all()
+    x, y = judged["worst_m"]
+    assert heat[int(y / 0.1), int(x / 0.1)] == heat.max()
+
+
+def test_equal_seeds_judge_equally(picture):
+    floor, flights = Floor.from_file(picture, 1.5), VirtualFlights(frames=25, test_frames=20)
+    first, second = (judge_floor(floor, flights=flights) for _ in range(2))
+    assert first["measured"] == second["measured"]
+    assert first["predicted_cm"] == second["predicted_cm"]
+
+
+def test_a_mat_covers_its_place_and_no_other(picture):
+    floor = Floor.from_file(picture, 3.0)
+    changed = with_mat(floor, (1.5, 1.5), seed=1)
+    different = (changed.picture.image != floor.picture.image).any(axis=2)
+    rows, columns = np.nonzero(different)
+    assert 85 <= rows.min() and rows.max() <= 214 and 85 <= columns.min() and columns.max() <= 214
+
+
+def test_a_photograph_is_straightened(picture, tmp_path):
+    image = cv2.imread(str(picture))
+    corners = np.array([[60, 40], [330, 70], [360, 300], [30, 330]], np.float32)
+    flat = np.array([[-0.5, -0.5], [299.5, -0.5], [299.5, 299.5], [-0.5, 299.5]], np.float32)
+    seen = cv2.warpPerspective(image, cv2.getPerspectiveTransform(flat, corners), (400, 380))
+    cv2.imwrite(str(tmp_path / "photo.png"), seen)
+    floor = Floor.from_photograph(tmp_path / "photo.png", corners.tolist(), 3.0, 3.0)
+    assert floor.area == (0, 3, 0, 3)
+    straight = cv2.resize(floor.picture.image, (300, 300)).astype(float)
+    agreement = np.corrcoef(cv2.blur(straight, (9, 9)).ravel(), cv2.blur(image, (9, 9)).ravel())[
+        0, 1
+    ]
+    assert agreement > 0.95
+    with pytest.raises(ParameterError, match="expected upper left"):
+        Floor.from_photograph(tmp_path / "photo.png", corners[::-1].tolist(), 3.0, 3.0)
+
+
+def test_names_of_painted_floors():
+    assert named_floor("few:3").area == (0, 5, 0, 5)
+    for name in ("few", "few:x", "attic:1"):
+        with pytest.raises(ParameterError):
+            named_floor(name)
+
+
+def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, capsys):
+    grey = tmp_path / "grey.png"
+    cv2.imwrite(str(grey), np.full((300, 300, 3), 128, np.uint8))
+    words = ["suitability", str(grey), str(picture), "--width", "2", "--frames", "30"]
+    assert main([*words, "--test-frames", "20", "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("1. ") and "hardest place" in lines[1] and lines[2][0] == "2"
+    content = json.loads((tmp_path / "out" / "floor.json").read_text())
+    assert content["predicted_cm"] > 0 and (tmp_path / "out" / "floor.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [([], "width"), (["--width", "3", "--corners", "1,1", "2,1", "2,2", "1,2"], "--length"), (["--width", "3", "--seed", "-1"], "seed")],
+)  # fmt: skip
+def test_what_is_missing_is_said(picture, capsys, more, words):
+    assert main(["suitability", str(picture), *more]) == 1
+    assert words in capsys.readouterr().err

@@ -1,0 +1,108 @@
+"""``trexton suitability IMAGE... --width M``: will it work over this floor? A picture is enough."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from trexton.errors import ParameterError
+from trexton.progress import say
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from trexton.experiments.floors import VirtualFlights
+
+    parser.add_argument(
+        "images", nargs="+", metavar="IMAGE",
+        help="plan, mosaic or photograph of a floor, or a painted one such as moved:3",
+    )  # fmt: skip
+    parser.add_argument("--width", type=float, metavar="M", help="width of the floor in metres")
+    parser.add_argument(
+        "--corners", nargs=4, metavar="X,Y",
+        help="pixels of the floor's corners in a photograph, clockwise from the upper left",
+    )  # fmt: skip
+    parser.add_argument(
+        "--length", type=float, metavar="M", help="its other side in metres, with --corners"
+    )
+    for each in VirtualFlights.declared():
+        parser.add_argument(
+            f"--{each.name.replace('_', '-')}",
+            dest=each.name,
+            default=argparse.SUPPRESS,
+            metavar="VALUE",
+            help=f"{each.meaning} (default {each.default})",
+        )
+    parser.add_argument("--changes", action="store_true", help="try what would help most")
+    parser.add_argument("--out", metavar="DIR", help="write the heat maps and all numbers there")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from trexton.experiments.floors import VirtualFlights, helpful_changes, judge_floor
+
+    given = {
+        each.name: getattr(arguments, each.name)
+        for each in VirtualFlights.declared()
+        if hasattr(arguments, each.name)
+    }
+    flights = VirtualFlights.parse(given, "trexton suitability")
+    floors = {name: _floor(name, arguments) for name in arguments.images}
+    judged = {name: judge_floor(floor, flights=flights) for name, floor in floors.items()}
+    ranked = sorted(judged, key=lambda name: judged[name]["predicted_cm"])
+    for place, name in enumerate(ranked, start=1):
+        entry = judged[name]
+        measured = next(iter(entry["measured"].values()))
+        print(
+            f"{place}. {name}: expect to be off by {entry['predicted_cm']:.0f} cm on average; a virtual "
+            f"flight was by {measured['mean_cm']:.0f} cm [{measured['low']:.0f}, {measured['high']:.0f}], "
+            f"always guessing the middle by {entry['centre_cm']:.0f} cm"
+        )
+        x, y = entry["worst_m"]
+        print(
+            f"   hardest place: x = {x:.1f} m, y = {y:.1f} m; the paper's loss: {entry['loss']:.3f}"
+        )
+        if arguments.changes:
+            entry["changes"] = helpful_changes(floors[name], entry, flights=flights)
+            for change in entry["changes"]:
+                print(f"   {change['gain_cm']:+.0f} cm: {change['change']}")
+    if arguments.out:
+        _write(Path(arguments.out), floors, judged)
+    return 0
+
+
+def _floor(name, arguments):  # type: ignore[no-untyped-def]
+    from trexton.experiments.floors import named_floor
+    from trexton.simulator import Floor
+
+    if not Path(name).exists() and ":" in name:
+        return named_floor(name)
+    if arguments.width is None:
+        raise ParameterError(f"{name}: give the floor's width in metres, as in --width 5")
+    if arguments.corners:
+        if arguments.length is None:
+            raise ParameterError("--corners needs --length too, the floor's other side in metres")
+        try:
+            corners = [[float(value) for value in word.split(",")] for word in arguments.corners]
+        except ValueError:
+            raise ParameterError(
+                f"--corners {' '.join(arguments.corners)}: expected four pixels X,Y"
+            ) from None
+        return Floor.from_photograph(name, corners, arguments.width, arguments.length)
+    return Floor.from_file(name, arguments.width)
+
+
+def _write(folder: Path, floors: dict, judged: dict) -> None:  # type: ignore[type-arg]
+    import re
+
+    from trexton.figures.floors import expected_errors
+    from trexton.files import atomic_file, canonical_json
+    from trexton.records import plain
+
+    for name, floor in floors.items():
+        stem = re.sub(r"\W+", "-", Path(name).stem if Path(name).exists() else name)
+        with atomic_file(folder / f"{stem}.json") as stream:
+            stream.write(canonical_json(plain(judged[name])))
+        with atomic_file(folder / f"{stem}.png", "wb") as stream:
+            expected_errors(floor, judged[name]).savefig(stream, format="png", dpi=150)
+        say(f"{folder / stem}.png, {stem}.json")
