@@ -182,10 +182,10 @@ def toy_flights(tmp_path, monkeypatch):
 
     def make(path, source=None):
         made.append(path.name)
-        return write_flight(small_flight(name=path.name), path)
+        return write_flight(small_flight(name=path.name), path, replace=True)
 
     monkeypatch.setattr(book_flights, "_simulate", make)
-    monkeypatch.setattr(book_flights, "fetch", lambda name, path: make(path))
+    monkeypatch.setattr(book_flights, "fetch", lambda name, path, replace: make(path))
     return tmp_path / "flights", made
 
 
@@ -213,7 +213,7 @@ def test_flights_are_made_once_and_again_when_damaged(toy_flights, monkeypatch):
 
 
 def test_a_real_flight_out_of_reach_is_said_and_not_fatal(toy_flights, monkeypatch):
-    def unreachable(name, path):
+    def unreachable(name, path, replace):
         raise DataError("cyberzoo cannot be fetched: go online")
 
     monkeypatch.setattr(book_flights, "fetch", unreachable)

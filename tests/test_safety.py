@@ -7,8 +7,10 @@ import subprocess
 import sys
 import zlib
 
+import cv2
 import numpy as np
 import pytest
+from conftest import small_flight
 
 from trexton.cli import main, sentence
 from trexton.errors import ImageError, TrextonError
@@ -20,8 +22,6 @@ from trexton.images import check_size, declared_size, read_image
 
 
 def flight_with_images(folder):
-    import cv2
-
     files = []
     for i in range(4):
         files.append(folder / f"{i}.png")
@@ -39,21 +39,83 @@ def test_a_file_a_foreign_folder_a_link_and_where_one_stands_are_refused(tmp_pat
     (tmp_path / "link").symlink_to(tmp_path / "folder")
     monkeypatch.chdir(tmp_path)
     for name in ("file", "folder", "link", ".", ".."):
-        with pytest.raises(TrextonError), atomic_folder(tmp_path / name, "flight.toml"):
+        with pytest.raises(TrextonError), atomic_folder(tmp_path / name):
             pytest.fail("the block must not begin")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder", "link"]
-    check_replaceable(tmp_path / "new", "flight.toml", False)
+    check_replaceable(tmp_path / "new", False)
+
+
+def test_only_what_was_written_and_not_changed_is_replaced_unasked(tmp_path):
+    folder = write_flight(small_flight(), tmp_path / "f")
+    assert write_flight(small_flight(50), folder) == folder, "ours, unchanged"
+    with open(folder / "flight.toml", "a") as stream:
+        stream.write("# mine\n")
+    with pytest.raises(TrextonError, match="flight.toml was changed, and would be lost.*--replace"):
+        write_flight(small_flight(), folder)
+    write_flight(small_flight(), folder, replace=True)
+    (folder / "thesis.txt").write_text("mine")
+    with pytest.raises(TrextonError, match="thesis.txt was put there.*--replace"):
+        write_flight(small_flight(), folder)
+    (folder / "thesis.txt").unlink()
+    (folder / ".trexton.json").write_text("[]")
+    with pytest.raises(TrextonError, match="not written there by trexton.*--replace"):
+        write_flight(small_flight(), folder)
+
+
+@pytest.mark.parametrize("words", [["simulate", "--frames", "2"], ["data", "fetch", "cyberzoo"]])
+def test_commands_replace_a_persons_folder_only_when_told_to(words, tmp_path, capsys, shared_data):
+    out = tmp_path / "mine"
+    out.mkdir()
+    (out / "thesis.txt").write_text("all of it")
+    assert main([*words, "--out", str(out)]) == 1
+    assert "--replace" in capsys.readouterr().err and (out / "thesis.txt").exists()
+    assert main([*words, "--out", str(out), "--replace"]) == 0
+    assert (out / "flight.toml").exists() and not (out / "thesis.txt").exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["simulate", "--frames", "4"],
+        ["data", "fetch", "cyberzoo"],
+        ["train", "FLIGHT", "--neighbors", "2"],
+        ["export", "FLIGHT", "csv"],
+        ["import", "csv", "FLIGHT/t.csv"],
+    ],
+)
+def test_a_full_disk_is_one_sentence_and_the_old_stays(words, tmp_path, shared_data):
+    flight = write_flight(small_flight(200), tmp_path / "flight")
+    rows = "".join(f"{i},{i},0,{i}.bmp\n" for i in range(3))
+    (flight / "t.csv").write_text("t,x,y,image\n" + rows)
+    for i in range(3):
+        noise = np.random.default_rng(i).integers(0, 256, (90, 90, 3), np.uint8)
+        (flight / f"{i}.bmp").write_bytes(cv2.imencode(".bmp", noise)[1].tobytes())
+    before = sorted(path.name for path in tmp_path.iterdir())
+    out = ["-o" if words[0] == "train" else "--out", str(tmp_path / "out")]
+    words = [word.replace("FLIGHT", str(flight)) for word in words]
+    code = (
+        "import resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))\n"
+        "from trexton.cli import main\nsys.exit(main(sys.argv[1:]))"
+    )
+    command = [sys.executable, "-c", code, *words, *out]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 1, done.stderr
+    last = done.stderr.splitlines()[-1]
+    assert last.startswith(f"trexton {words[0]}: {tmp_path / 'out'}: "), done.stderr
+    assert "Traceback" not in done.stderr and "please report" not in done.stderr
+    left = sorted(path.name for path in tmp_path.iterdir() if path.name != ".out.importing")
+    assert left == before
 
 
 def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
     code = (
         "import os, sys; from trexton.files import atomic_file, atomic_folder; from pathlib import Path\n"
-        "with atomic_folder(Path(sys.argv[1]) / 'flight', 'm') as f, atomic_file(Path(sys.argv[1]) / 'r') as s:\n"
+        "with atomic_folder(Path(sys.argv[1]) / 'flight') as f, atomic_file(Path(sys.argv[1]) / 'r') as s:\n"
         "    (f / 'm').write_text('half'); s.write('half'); s.flush(); os.kill(os.getpid(), 9)\n"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False)
     assert len(list(tmp_path.iterdir())) == 2
-    with atomic_folder(tmp_path / "flight", "m") as folder, atomic_file(tmp_path / "r") as stream:
+    with atomic_folder(tmp_path / "flight") as folder, atomic_file(tmp_path / "r") as stream:
         (folder / "m").write_text("whole")
         stream.write("whole")
     assert sorted(path.name for path in tmp_path.iterdir()) == ["flight", "r"]
@@ -118,8 +180,6 @@ def test_declared_sizes_are_checked_before_decoding(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])
 def test_sizes_are_read_from_the_head(tmp_path, suffix):
-    import cv2
-
     data = cv2.imencode(suffix, np.zeros((40, 70, 3), np.uint8))[1].tobytes()
     assert declared_size(data) == (70, 40)
     (tmp_path / f"i{suffix}").write_bytes(data)
@@ -149,8 +209,6 @@ def test_every_error_is_one_sentence(error, words):
 
 
 def test_errors_of_opencv_are_sentences():
-    import cv2
-
     with pytest.raises(cv2.error) as caught:
         cv2.resize(np.zeros((0, 0), np.uint8), (3, 3))
     assert "OpenCV refused" in sentence(caught.value)

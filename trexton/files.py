@@ -1,4 +1,4 @@
-"""Writing goes through one place: to a temporary name first, then renamed, so that nothing is half-written."""
+"""Writing goes through one place: to a temporary name first, then renamed: nothing is half-written."""
 
 from __future__ import annotations
 
@@ -24,56 +24,84 @@ __all__ = [
     "check_replaceable",
     "clean_leftovers",
     "digest",
+    "naming",
     "replace_folder",
 ]
 
 
+MANIFEST = ".trexton.json"  # in a folder of ours: what was written into it
+
+
 @contextmanager
 def atomic_file(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
-    """Open a temporary file beside `path`; rename it to `path` if the block succeeds, delete it otherwise."""
+    """Open a temporary file beside `path`; it is renamed to `path` if the block succeeds.
+
+    It is deleted otherwise; an `OSError` of the disk names `path`.
+    """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    clean_leftovers(path)
-    descriptor, temporary = tempfile.mkstemp(prefix=_prefix(path, "new"), dir=path.parent)
-    text: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
-    try:
-        with os.fdopen(descriptor, mode, **text) as stream:
-            yield stream
-        os.chmod(temporary, 0o644)
-        os.replace(temporary, path)
-    except BaseException:
-        Path(temporary).unlink(missing_ok=True)
-        raise
+    with naming(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        clean_leftovers(path)
+        descriptor, temporary = tempfile.mkstemp(prefix=_prefix(path, "new"), dir=path.parent)
+        text: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
+        try:
+            with os.fdopen(descriptor, mode, **text) as stream:
+                yield stream
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
 
 
 @contextmanager
-def atomic_folder(path: str | os.PathLike[str], marker: str) -> Iterator[Path]:
-    """Yield a temporary folder beside `path`; it replaces `path` if the block succeeds, and vanishes otherwise.
+def atomic_folder(path: str | os.PathLike[str], replace: bool = False) -> Iterator[Path]:
+    """Yield a temporary folder beside `path`; it replaces `path` if the block succeeds.
 
-    Only a folder that holds `marker`, or an empty one, is replaced; see `check_replaceable`.
+    It vanishes otherwise. Only a folder that was written like this and holds nothing else is replaced, or
+    any if `replace`; see `check_replaceable`.
     """
     path = Path(path)
-    check_replaceable(path, marker, True)
-    clean_leftovers(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(prefix=_prefix(path, "new"), dir=path.parent))
+    check_replaceable(path, replace)
+    with naming(path):
+        clean_leftovers(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        temporary = Path(tempfile.mkdtemp(prefix=_prefix(path, "new"), dir=path.parent))
+        try:
+            yield temporary
+            os.chmod(temporary, 0o755)
+            replace_folder(temporary, path)
+        except BaseException:
+            shutil.rmtree(temporary, ignore_errors=True)
+            raise
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors of the disk name `path`, not a temporary file or nothing at all."""
     try:
-        yield temporary
-        os.chmod(temporary, 0o755)
-        replace_folder(temporary, path)
-    except BaseException:
-        shutil.rmtree(temporary, ignore_errors=True)
+        yield
+    except OSError as error:
+        if error.errno and (error.filename is None or f".{path.name}." in str(error.filename)):
+            error.filename = str(path)
         raise
 
 
-def check_replaceable(path: Path, marker: str, allowed: bool) -> None:
+def check_replaceable(path: Path, replace: bool, ours: bool = True) -> None:
     """Refuse to write a folder over something of a person's.
+
+    Parameters
+    ----------
+    path : Path
+    replace : bool
+        A person said that the folder may go.
+    ours : bool
+        It may also go if it is one of ours: what its manifest lists, unchanged, and nothing else.
 
     Raises
     ------
     TrextonError
-        `path` is the folder one stands in, a file, or a folder with something in it that lacks `marker`; or it
-        is one of ours and replacing it is not `allowed`.
+        `path` is the folder one stands in, a link, a file, or a folder that may not go.
     """
     if path.resolve() in (Path.cwd(), *Path.cwd().parents):
         raise TrextonError(
@@ -85,18 +113,46 @@ def check_replaceable(path: Path, marker: str, allowed: bool) -> None:
         return
     if not path.is_dir():
         raise TrextonError(f"{path}: is a file, not a folder: name a new folder, or remove it")
-    if not any(path.iterdir()):
+    if replace or not any(path.iterdir()):
         return
-    if not (path / marker).is_file():
+    if foreign := _foreign(path):
         raise TrextonError(
-            f"{path}: holds files and no {marker}, so it may be yours: name a new folder, or empty it"
+            f"{path}: {foreign}, and would be lost: name a new folder, or say --replace"
         )
-    if not allowed:
+    if not ours:
         raise TrextonError(f"{path}: is there already: name a new folder, or say --replace")
+
+
+def _foreign(folder: Path) -> str | None:
+    """What is in a folder that is not as it was written there; None if it is ours entirely."""
+    try:
+        written = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return "holds files that were not written there by trexton"
+    for name, state in _contents(folder).items():
+        if name not in written:
+            return f"{name} was put there"
+        if written[name] != state:
+            return f"{name} was changed"
+    return None
+
+
+def _contents(folder: Path) -> dict[str, list[Any]]:
+    """Size of every file below a folder, and the digest of those right in it, which people edit."""
+    contents: dict[str, list[Any]] = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_dir() and not path.is_symlink() or path == folder / MANIFEST:
+            continue
+        edited = path.parent == folder and path.is_file()
+        state = [path.lstat().st_size, digest(path) if edited else ""]
+        contents[path.relative_to(folder).as_posix()] = state
+    return contents
 
 
 def replace_folder(new: Path, path: Path) -> None:
     """Put the folder `new` in the place of `path`, which is moved aside first and then removed."""
+    manifest = {"written_by": "trexton", "files": _contents(new)}
+    (new / MANIFEST).write_text(canonical_json(manifest), encoding="utf-8")
     if path.exists():
         old = Path(tempfile.mkdtemp(prefix=_prefix(path, "old"), dir=path.parent))
         os.replace(path, old / "was")

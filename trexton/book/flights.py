@@ -38,7 +38,9 @@ def prepare_flights(folder: Path) -> Prepared:
         _prepare(folder / name, _simulation_inputs(name), lambda path: _simulate(path), prepared)
     prepared.pairs.append(FlightPair(*(str(folder / name) for name in SIMULATED)))
     try:
-        _prepare(folder / REAL, _real_inputs(), lambda path: fetch(REAL, path), prepared)
+        _prepare(
+            folder / REAL, _real_inputs(), lambda path: fetch(REAL, path, replace=True), prepared
+        )
         prepared.pairs.append(FlightPair(str(folder / REAL)))
     except DataError as error:
         prepared.absent[REAL] = str(error)
@@ -50,7 +52,7 @@ def _simulate(path: Path) -> None:
     from trexton.simulator import record_flight
 
     say(f"simulating {path}")
-    record_flight(path, pattern=_PATTERN[path.name])
+    record_flight(path, pattern=_PATTERN[path.name], replace=True)
 
 
 def _simulation_inputs(name: str) -> dict:

@@ -20,6 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="take the raw files from this folder, download nothing",
     )
     get.add_argument("--out", metavar="DIR", help="where to put it (default: data/flights/NAME)")
+    get.add_argument("--replace", action="store_true", help="replace what is there, whatever it is")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -32,5 +33,5 @@ def run(arguments: argparse.Namespace) -> int:
             )
         return 0
     out = Path(arguments.out or Path("data") / "flights" / arguments.name)
-    print(fetch(arguments.name, out, arguments.source))
+    print(fetch(arguments.name, out, arguments.source, arguments.replace))
     return 0

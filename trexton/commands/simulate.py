@@ -15,6 +15,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     effects = ", ".join(f"{name}={getattr(defaults, name):g}" for name in Effects.names())
     parser.add_argument("--out", required=True, metavar="FLIGHT", help="folder to write")
     parser.add_argument(
+        "--replace", action="store_true", help="replace the folder that is there, whatever it is"
+    )
+    parser.add_argument(
         "--pattern",
         choices=list(PATTERNS),
         default="survey",
@@ -74,6 +77,7 @@ def run(arguments: argparse.Namespace) -> int:
     flight = record_flight(
         arguments.out, pattern=arguments.pattern, frames=arguments.frames, seed=arguments.seed, floor=floor,
         effects=_effects(arguments.set, arguments.off), height=arguments.height, every=arguments.every,
+        replace=arguments.replace,
     )  # fmt: skip
     say(f"{arguments.out}: {len(flight)} frames, {flight.time[-1] - flight.time[0]:.1f} s")
     return 0

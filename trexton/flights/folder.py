@@ -27,7 +27,6 @@ _REQUIRED = ("frame", "t_s", "x_m", "y_m")
 _OPTIONAL = ("z_m", "roll_rad", "pitch_rad", "yaw_rad", "image")
 _COLUMNS = f"{','.join(_REQUIRED)} and optionally {','.join(_OPTIONAL)}"
 SUM_TOLERANCE = 0.01
-MARKER = "flight.toml"  # what makes a folder one of ours, which may be replaced
 FARTHEST = 2e7  # metres: half way round the Earth
 
 
@@ -285,10 +284,13 @@ def _read_histograms(
     return histograms
 
 
-def write_flight(flight: Flight, path: str | os.PathLike[str]) -> Path:
-    """Write `flight` as a folder, whole or not at all; images and floor are copied as they are."""
+def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = False) -> Path:
+    """Write `flight` as a folder, whole or not at all; images and floor are copied as they are.
+
+    A folder in its place must be one of ours and unchanged, unless `replace`.
+    """
     path = Path(path)
-    with atomic_folder(path, MARKER) as folder:
+    with atomic_folder(path, replace) as folder:
         if flight.image_files is not None:
             (folder / "images").mkdir()
             for file in flight.image_files:

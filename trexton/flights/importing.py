@@ -13,9 +13,9 @@ import numpy as np
 
 from trexton.camera import Camera
 from trexton.errors import FlightError, ImageError, ParameterError
-from trexton.files import check_replaceable, digest, replace_folder
+from trexton.files import check_replaceable, digest, naming, replace_folder
 from trexton.flights.flight import Flight
-from trexton.flights.folder import MARKER, read_flight, write_tables
+from trexton.flights.folder import read_flight, write_tables
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.recording import NANO, Recording, match
 from trexton.images import check_size, checked_bytes
@@ -76,7 +76,7 @@ def import_flight(
         The source is not of this kind, no frame has a position, or images do not fit together.
     """
     source, out = Path(source), Path(out)
-    check_replaceable(out, MARKER, replaced)
+    check_replaceable(out, replaced, ours=False)
     kind = kind or guess_kind(source)
     module = importer(kind)
     given = dict(settings or {})
@@ -89,15 +89,16 @@ def import_flight(
     recording, said = _ordered(recording)
     work = out.parent / f".{out.name}.importing"
     key = digest(kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns)
-    _prepare(work, key)
-    camera, files = recording.camera, None
-    if recording.picture is not None:
-        files, camera, words = _write_images(recording, common, source, work / "images")
-        said += words
-    flight, words = _flight(recording, common, camera, files, common.name or out.name)
-    write_tables(flight, work)
-    (work / "key").unlink()
-    replace_folder(work, out)
+    with naming(out):
+        _prepare(work, key)
+        camera, files = recording.camera, None
+        if recording.picture is not None:
+            files, camera, words = _write_images(recording, common, source, work / "images")
+            said += words
+        flight, words = _flight(recording, common, camera, files, common.name or out.name)
+        write_tables(flight, work)
+        (work / "key").unlink()
+        replace_folder(work, out)
     return read_flight(out), recording.said + said + words
 
 
@@ -184,13 +185,15 @@ def _write_images(
     count = len(recording.time_ns)
     change = _Change.of(recording, common, source, count)
     files, turned, scaled = [], 0, 0
+    there = {path.stem: path for path in folder.iterdir() if path.suffix != ".part"}
     for row in progress(range(count), "images", count):
-        suffix = change.suffix(recording.picture(row)) if change.keeps else ".jpg"
-        file = folder / f"{row:06d}{suffix}"
-        files.append(file)
-        if file.is_file():
+        if (stem := f"{row:06d}") in there:
+            files.append(there[stem])
             continue
-        data, was_turned, was_scaled = change.apply(recording.picture(row), row)
+        picture = recording.picture(row)  # once: a video or a bag is read forwards
+        file = folder / f"{stem}{change.suffix(picture) if change.keeps else '.jpg'}"
+        files.append(file)
+        data, was_turned, was_scaled = change.apply(picture, row)
         turned, scaled = turned + was_turned, scaled + was_scaled
         part = folder / f".{file.name}.part"
         part.write_bytes(data)

@@ -63,12 +63,15 @@ def locate(name: str, source: str | os.PathLike[str] | None = None) -> list[Path
 
 
 def fetch(
-    name: str, out: str | os.PathLike[str], source: str | os.PathLike[str] | None = None
+    name: str,
+    out: str | os.PathLike[str],
+    source: str | os.PathLike[str] | None = None,
+    replace: bool = False,
 ) -> Path:
     """Make the data set `name` ready at `out`: a Flight folder, or the file itself where it is no flight."""
     files, out = locate(name, source), Path(out)
     if "reader" in registry()[name]:
-        return write_flight(_reader(name)(*files), out)
+        return write_flight(_reader(name)(*files), out, replace)
     target = out / files[0].name
     with atomic_file(target, "wb") as stream, open(files[0], "rb") as raw:
         shutil.copyfileobj(raw, stream)

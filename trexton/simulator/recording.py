@@ -11,7 +11,7 @@ from trexton.camera import Camera
 from trexton.errors import ParameterError
 from trexton.files import atomic_folder
 from trexton.flights import Flight, read_flight
-from trexton.flights.folder import MARKER, write_tables
+from trexton.flights.folder import write_tables
 from trexton.progress import progress
 from trexton.simulator.effects import Effects, Light
 from trexton.simulator.floor import Floor
@@ -40,13 +40,14 @@ def record_flight(
     height: float = 1.0,
     speed: float | None = None,
     every: int = 1,
+    replace: bool = False,
 ) -> Flight:
     """Fly in the virtual room and record it as a Flight folder; equal arguments give equal bytes.
 
     Parameters
     ----------
     path : path
-        Folder to write; replaced if it exists.
+        Folder to write; a recorded flight that is there, and unchanged, is replaced.
     pattern : {"survey", "waypoints"}
         A survey in lanes for training, or random waypoints an hour later, under another light, for test.
     frames, seed, light, speed : optional
@@ -55,6 +56,8 @@ def record_flight(
         None is the painted hall.
     every : int
         Keep every n-th frame only, so that few frames cover the area.
+    replace : bool
+        Replace the folder whatever is in it.
 
     Raises
     ------
@@ -84,7 +87,7 @@ def record_flight(
         start=plan.start, height=height, speed=speed, rng=simulator_rng,
     )  # fmt: skip
     path = Path(path)
-    with atomic_folder(path, MARKER) as folder:
+    with atomic_folder(path, replace) as folder:
         (folder / "floor.png").write_bytes(floor.png())
         files, truth = _fly(simulator, plan, folder, frames, every)
         flight = Flight(
