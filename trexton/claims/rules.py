@@ -1,4 +1,4 @@
-"""The rules of the ledger, one for each kind of claim; all were fixed before they were applied.
+"""The rules of the ledger, one for each kind of claim, the same for every claim and every flight.
 
 An interval is a 95 % interval; a quantity without one counts as known exactly.
 
