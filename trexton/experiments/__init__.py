@@ -101,6 +101,9 @@ EXPERIMENTS: dict[str, Experiment] = {
         after=("mosaic", "homography_baseline", "mocap_training"),
         cost_s=100,
     ),
+    "beyond": Experiment(
+        "Beyond the paper: a field instead of neighbours", needs=("positions",), cost_s=20
+    ),
     "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=300),
     "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=120, alone=True),
     "map_loss": Experiment(

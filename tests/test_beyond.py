@@ -1,0 +1,73 @@
+"""Beyond the paper: the record agrees with itself, its figures with the record."""
+
+import numpy as np
+import pytest
+from small_room import histogram_flight, picture_flight
+
+from trexton.experiments import beyond
+from trexton.figures import beyond as figures
+
+
+@pytest.fixture(scope="module")
+def record():
+    train, test = histogram_flight("hall", frames=160), histogram_flight("later", 80, noise=2)
+    return beyond.run(train, test, beyond.Parameters(repeats=2, particles=20))
+
+
+def test_every_variant_is_flown_and_summed_up(record):
+    flown = [name for name, variant in beyond.VARIANTS.items() if variant.cells == 1]
+    for name in flown:
+        values = record.values[name]
+        assert 0 < values["median_cm"] <= values["p95_cm"]
+        assert values["held_least"] <= values["held"] <= values["held_most"]
+    assert set(record.series["errors_cm"]) == set(flown)
+
+
+def test_the_field_errs_less_than_the_filter_it_is_compared_with(record):
+    assert record.values["field"]["mean_cm"] < record.values["paper"]["mean_cm"]
+    ratio = record.values["field"]["mean_cm"] / record.values["paper"]["mean_cm"]
+    assert record.values["ratio"] == pytest.approx(ratio)
+
+
+def test_the_lag_is_the_least_of_its_curve(record):
+    lag, curve = record.values["lag"], record.series["lag"]
+    assert lag["error_cm"] == min(curve["error_cm"]) <= lag["unshifted_cm"]
+    assert lag["s"] == curve["shift_s"][int(np.argmin(curve["error_cm"]))]
+
+
+def test_the_level_is_expected_over_found(record):
+    found = record.values["predictor"]
+    assert found["level"] == pytest.approx(found["expected_cm"] / found["error_cm"])
+    assert -1 <= found["rank"] <= 1 and -1 <= found["loss_rank"] <= 1
+
+
+def test_every_look_says_what_followed(record):
+    protocol = record.values["protocol"]
+    assert protocol["count"] == len(protocol["looks"]) > 0
+    assert all(look["followed"] and look["mean_m"] for look in protocol["looks"])
+
+
+def test_equal_seeds_give_equal_values(record):
+    train, test = histogram_flight("hall", frames=160), histogram_flight("later", 80, noise=2)
+    again = beyond.run(train, test, beyond.Parameters(repeats=2, particles=20))
+    assert again.values == record.values
+
+
+def test_the_finding_quotes_the_record(record):
+    assert f"{record.values['field']['mean_cm']:.0f}" in beyond.finding(record).replace(".", " ")
+
+
+def test_the_figures_show_the_record(record):
+    lines = figures.errors(record).axes[0].lines
+    assert len(lines) == len(record.series["errors_cm"])
+    curve = figures.lag(record).axes[0].lines[0]
+    np.testing.assert_allclose(curve.get_ydata(), record.series["lag"]["error_cm"])
+    dots = figures.expected_error(record).axes[0].lines[0]
+    assert len(dots.get_xdata()) == record.values["frames"]
+
+
+def test_parts_of_the_image_are_flown_where_there_are_images(tmp_path):
+    train = picture_flight(tmp_path / "a", "train")
+    test = picture_flight(tmp_path / "b", "test", frames=20, turns=2.5)
+    parameters = beyond.Parameters(repeats=1, particles=10, textons=4, samples=60, neighbors=2)
+    assert "field_parts" in beyond.run(train, test, parameters).values

@@ -1,0 +1,246 @@
+"""Beyond the paper: why its filter trails, and what a field of histograms does instead."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import floor_picture, frames_of, trained_map
+from trexton.flights.flight import Flight
+from trexton.localizer import Localizer, TextonMap
+from trexton.paper import paper_file
+from trexton.records import Record
+from trexton.streams import stream
+from trexton.suitability import local_losses, smooth
+from trexton.wording import number, percent, times
+
+__all__ = ["VARIANTS", "Flown", "Parameters", "Variant", "finding", "run"]
+
+HELD = 4.605  # squared distance within which 90 % of a normal distribution in a plane lie
+WIDE_M = 0.25  # process noise and rank widths of the ablations
+MOST_LAG = 36  # frames
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to localize: a method, and what of it is changed."""
+
+    label: str
+    method: str
+    choices: Mapping[str, object]
+    draws: bool = True  # whether repeats differ by more than the patches
+    cells: int = 1  # parts of the image a side, each with a histogram
+
+
+VARIANTS: dict[str, Variant] = {
+    "paper": Variant("The paper's filter", "paper", {}),
+    "agile": Variant("with more process noise", "paper", {"motion.sigma": WIDE_M}),
+    "narrow": Variant("with narrower ranks", "paper", {"measurement.sigma": WIDE_M}),
+    "both": Variant(
+        "with both", "paper", {"motion.sigma": WIDE_M, "measurement.sigma": WIDE_M}
+    ),
+    "field_particles": Variant(
+        "The field, weighing particles", "paper",
+        {
+            "measurement": "field", "motion": "singer", "estimation": "mean",
+            "recovery": "augmented", "filter.particles": 500,
+        },
+    ),
+    "field": Variant("The field with its tracks", "field", {}, draws=False),
+    "field_parts": Variant("with a histogram a quarter of the image", "field", {}, draws=False, cells=2),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    repeats: int = option(3, "independent runs of every filter that draws", low=1)
+    sigma: float = option(0.5, "width in metres of the paper's ideal similarity", low=0.01)
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """One run over a flight: ``(N, 2)`` positions and ``(N, 2, 2)`` covariances in metres."""
+
+    position: np.ndarray
+    covariance: np.ndarray
+    step_s: np.ndarray
+
+    @classmethod
+    def of(cls, localizer: Localizer, frames: Sequence[np.ndarray]) -> Flown:
+        """Step the localizer through all frames from a start that may be anywhere."""
+        rows, seconds = [], []
+        for frame in frames:
+            start = perf_counter()
+            estimate = localizer.step(frame)
+            seconds.append(perf_counter() - start)
+            rows.append((estimate.position, estimate.covariance))
+        position, covariance = (np.array(column) for column in zip(*rows, strict=True))
+        return cls(position, covariance, np.array(seconds))
+
+    def errors(self, truth: np.ndarray) -> np.ndarray:
+        """``(N,)`` distances to the truth in metres."""
+        distance: np.ndarray = np.hypot(*(self.position - truth).T)
+        return distance
+
+    def held(self, truth: np.ndarray) -> np.ndarray:
+        """``(N,)`` whether the region that should hold 90 % held the truth."""
+        offset = (truth - self.position)[..., None]
+        covariance = self.covariance + 1e-12 * np.eye(2)
+        squared = (offset * np.linalg.solve(covariance, offset)).sum(axis=(1, 2))
+        held: np.ndarray = squared < HELD
+        return held
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly every variant over the test flight, from a uniform start, and see how it errs.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms; then `samples` and `textons` do not apply.
+    """
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
+    frames, truth = frames_of(test), test.position
+    flown, timings, changed = {}, {}, {}
+    for name, variant in VARIANTS.items():
+        if variant.cells > 1 and not train.has_images:
+            continue
+        started = perf_counter()
+        if variant.cells == 1:
+            changed[name] = texton_map.for_method(variant.method).changed(variant.choices)
+        else:
+            changed[name] = TextonMap.train(
+                train,
+                method=variant.method,
+                cells=variant.cells,
+                dictionary=texton_map.dictionary,
+                rng=stream(parameters.seed, "training"),
+            )
+        timings[name] = {"learn_s": perf_counter() - started}
+        runs = []
+        for repeat in range(parameters.repeats if variant.draws else 1):
+            rng = stream(parameters.seed, f"beyond {name}", repeat)
+            localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
+            runs.append(Flown.of(localizer, frames))
+        flown[name] = runs
+        timings[name]["step_s"] = float(np.median(runs[0].step_s))
+    values: dict[str, Any] = {
+        name: _summary(runs, truth, test.diagonal) for name, runs in flown.items()
+    }
+    lag = _lag(flown["paper"], truth, float(np.median(np.diff(test.time))))
+    values |= {
+        "lag": lag["values"],
+        "ratio": values["field"]["mean_cm"] / values["paper"]["mean_cm"],
+        "predictor": _predictor(changed["field"], flown["field"][0], truth, parameters.sigma),
+        "protocol": _protocol(),
+        "frames": len(test),
+    }
+    floor, pictures = floor_picture(test)
+    return parameters.record(
+        train,
+        test,
+        values=values,
+        series={
+            "time_s": test.time - test.time[0],
+            "truth_m": truth,
+            "paper_m": flown["paper"][0].position,
+            "field_m": flown["field"][0].position,
+            "lag": lag["series"],
+            "errors_cm": {
+                name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
+                for name, runs in flown.items()
+            },
+            "expected_cm": 100 * changed["field"].parts["measurement"].expected_error(truth),
+            "field_error_cm": 100 * flown["field"][0].errors(truth),
+            "area_m": test.area,
+        }
+        | floor,
+        images=pictures,
+        timings=timings,
+    )
+
+
+def _summary(runs: list[Flown], truth: np.ndarray, diagonal: float) -> dict[str, float]:
+    """Errors in cm over all runs, and how often the claimed region held, in quarters too."""
+    errors = 100 * np.concatenate([each.errors(truth) for each in runs])
+    held = np.stack([each.held(truth) for each in runs])
+    quarters = [part.mean() for part in np.array_split(held, 4, axis=1)]
+    return {
+        "mean_cm": errors.mean(),
+        "median_cm": np.median(errors),
+        "p95_cm": np.percentile(errors, 95),
+        "held": held.mean(),
+        "held_least": min(quarters),
+        "held_most": max(quarters),
+        "relative": errors.mean() / (100 * diagonal),
+    }
+
+
+def _lag(runs: list[Flown], truth: np.ndarray, period_s: float) -> dict[str, dict[str, Any]]:
+    """Mean error if the estimates were so many frames late."""
+    shifts = np.arange(min(MOST_LAG, len(truth) // 4) + 1)
+    errors = [
+        100
+        * np.mean(
+            [
+                np.hypot(*(each.position[shift:] - truth[: len(truth) - shift]).T).mean()
+                for each in runs
+            ]
+        )
+        for shift in shifts
+    ]
+    best = int(np.argmin(errors))
+    return {
+        "values": {"s": best * period_s, "error_cm": errors[best], "unshifted_cm": errors[0]},
+        "series": {"shift_s": shifts * period_s, "error_cm": errors},
+    }
+
+
+def _predictor(
+    texton_map: TextonMap, flown: Flown, truth: np.ndarray, sigma: float
+) -> dict[str, float]:
+    """How what was known before the flight ranks its errors, and how near it is to their mean."""
+    from scipy.stats import spearmanr
+
+    errors = flown.errors(truth)
+    expected = texton_map.parts["measurement"].expected_error(truth)
+    losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
+    loss = smooth(losses, texton_map.positions, truth, sigma)
+    return {
+        "rank": float(spearmanr(expected, errors).statistic),
+        "loss_rank": float(spearmanr(loss, errors).statistic),
+        "expected_cm": 100 * expected.mean(),
+        "error_cm": 100 * errors.mean(),
+        "level": expected.mean() / errors.mean(),
+    }
+
+
+def _protocol() -> dict[str, Any]:
+    """How the method was chosen, and every look at a test part so far."""
+    written = tomllib.loads(paper_file("protocol.toml").read_text())
+    looks = [
+        {key: value for key, value in look.items() if key != "date"} for look in written["looks"]
+    ]
+    return {"rules": written["rules"], "looks": looks, "count": len(looks)}
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    paper, field = record.values["paper"], record.values["field"]
+    ratio = field["mean_cm"] / paper["mean_cm"]
+    beside = f"{percent(ratio)} of" if ratio < 1 else f"{times(ratio)} as much as"
+    return (
+        f"Method field errs by {number(field['mean_cm'])} cm on average, {beside} the paper's "
+        f"filter ({number(paper['mean_cm'])} cm); the region that should hold the vehicle in 90 % of the "
+        f"frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
+    )
