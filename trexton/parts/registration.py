@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["Registration", "RunningRegistration"]
 
 PICTURES = ("auto", "surveyed", "stitched")
-_LEARN = 400  # training frames, at most, that trust is learned from
+_LEARN = 250  # training frames, at most, that trust is learned from
 
 
 @dataclass(eq=False)

@@ -29,6 +29,7 @@ _LARGE = 60_000  # cells of a floor that is searched at once
 _ALL_HEADINGS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
 _MARGIN = 3  # cells searched around what is believed
 _SURE = 0.15  # certainty of the odometry from which it is believed
+_CERTAIN = 0.3  # from which it alone may carry the position on
 _JUMP = 2.0  # cells a frame by which a motion may differ from the one before
 _KNOWN, _ROUGH, _UNKNOWN = 0.4, 0.5, 2.0  # cells: what a step adds to the belief's width
 _MODE = 2  # cells around a peak that count as one place
@@ -289,7 +290,7 @@ class FloorTracker:
         cell = self.coarse.ground.cell
         self._move(moved * (1, -1) * cell)
         wider = self._last.covariance + (_DRIFT * cell) ** 2 * np.eye(2)
-        unsure = self._last.lost or seen.sure < _SURE
+        unsure = self._last.lost or seen.sure < _CERTAIN
         self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
         return self._last
 

@@ -1,0 +1,371 @@
+"""Coarse to fine: textons say where about, the image says exactly where.
+
+Beyond the paper. Virtual flights over floors on which nothing was tuned, repeating ones among them;
+the same camera carried away and put down elsewhere; light that drifts; keypoint methods beside it.
+Times are those of the processor, whatever else it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import partial
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from trexton import wording
+from trexton.camera import MapImage
+from trexton.executor import spread
+from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.peers import PEERS, make_peer
+from trexton.experiments.stitched import stitched_map
+from trexton.flights.flight import Flight
+from trexton.metrics import wilson_interval
+from trexton.records import Record
+from trexton.registration import FloorFix, FloorTracker, Trust
+from trexton.registration.calibration import learn_trust
+from trexton.simulator import LAYOUTS, Effects, Floor, Light, Plan, Simulator, random_waypoints
+from trexton.simulator.vehicle import VehicleState
+from trexton.streams import stream
+
+__all__ = ["Parameters", "finding", "run"]
+
+KNOWN = {"attitude": True, "free": False}  # whether the autopilot tells roll, pitch and yaw
+SETTLED = 25  # frames, two seconds, in which the vehicle may be found for the first time
+GROSS = 0.3  # metres: further off is another place
+REGION = 4.605  # squared Mahalanobis distance within which 90 % should lie
+QUARTERS = 4
+SPEED = 0.6  # metres a second
+CARRIED = 63  # frames of each kidnapping: two seconds before it, three after
+FOUND = 5  # frames in a row
+Row = tuple[FloorFix, VehicleState, float]
+
+
+@dataclass(frozen=True)
+class Parameters(SeedParameters):
+    """What can be chosen."""
+
+    floors: int = option(2, "floors that are flown over, the layouts of the hall in turn", low=1)
+    frames: int = option(100, "frames of each flight", low=50)
+    training: int = option(60, "frames from which each floor's fits are calibrated", low=50)
+    attitude_deg: float = option(0.3, "noise of the autopilot's attitude in degrees", low=0)
+    kidnappings: int = option(3, "times that the vehicle is carried away", low=1)
+    drifts: int = option(2, "strengths of the light's drift, none and 5 % first", low=2, high=4)
+    peer_frames: int = option(0, "frames on each floor that keypoint methods try, too", low=0)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly coarse to fine over the test flight, over virtual floors, kidnapped, and in drifting light.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, a picture of the floor, and a camera.
+    """
+    given, given_series, seconds = _recorded(train, test, parameters)
+    trials = spread(partial(_over, parameters), range(parameters.floors), "floors")
+    carried = spread(partial(_carried, parameters), range(parameters.kidnappings), "kidnappings")
+    strengths = np.array([0.0, 0.05, 0.1, 0.02])[: parameters.drifts]
+    light = spread(partial(_in_light, parameters), strengths.tolist(), "light")
+    pooled = {
+        name: _summary(np.concatenate([trial["rows"][name] for trial in trials])) for name in KNOWN
+    }
+    drift = {f"{100 * share:.0f}": mean for share, mean in zip(strengths, light, strict=True)}
+    return parameters.record(
+        train, test,
+        values={
+            "flight": given,
+            "floors": {trial["name"]: trial["values"] for trial in trials},
+            "all": pooled,
+            "peers": _peers(trials),
+            "kidnapped": _kidnapped(carried),
+            "light_cm": drift,
+            "light_ratio": light[1] / light[0],
+        },
+        series=given_series | {
+            "errors_cm": {name: _quantiles(trials, name) for name in KNOWN},
+            "coverage": {name: _coverage(trials, name) for name in KNOWN},
+        },
+        timings={name: _times(np.concatenate([trial["seconds"][name] for trial in trials]))
+                 for name in KNOWN} | {"flight": seconds} | _peer_times(trials),
+    )  # fmt: skip
+
+
+# -- flights --------------------------------------------------------------------------------------
+
+
+def _frames(room: Simulator, count: int, rng: np.random.Generator) -> Iterator[VehicleState]:
+    """The states of a flight between random places."""
+    plan = Plan(random_waypoints(room.floor.area, rng))
+    for _ in range(count):
+        yield room.step(plan.goal(room.state.position))
+
+
+def _follow(
+    tracker: FloorTracker, image: np.ndarray, attitude: np.ndarray | None
+) -> tuple[FloorFix, float]:
+    start = process_time()
+    fix = tracker.step(image, attitude=attitude)
+    return fix, process_time() - start
+
+
+def _noisy(
+    attitude: np.ndarray, known: bool, parameters: Parameters, rng: np.random.Generator
+) -> np.ndarray | None:
+    noise = np.radians(parameters.attitude_deg) * rng.standard_normal(3)
+    return attitude + noise if known else None
+
+
+def _room(floor: Floor, parameters: Parameters, name: str, index: int, **more: Any) -> Simulator:
+    rng = stream(parameters.seed, name, index)
+    return Simulator(floor, light=Light.later(), speed=SPEED, rng=rng, **more)
+
+
+def _floor(index: int) -> tuple[str, Floor]:
+    """The layouts of the hall in turn, each time from another seed."""
+    layout = list(LAYOUTS)[(index + 2) % len(LAYOUTS)]  # the repeating ones first
+    return f"{layout} {100 + index}", Floor.painted(layout, 100 + index)
+
+
+def _trackers(
+    floor: Floor, room: Simulator, parameters: Parameters, index: int
+) -> dict[str, FloorTracker]:
+    """Trackers that trust their fits as a flight of their own has taught them."""
+    trackers = {}
+    for name, known in KNOWN.items():
+        rng = stream(parameters.seed, "training", index)
+        taught = _room(floor, parameters, "training room", index)
+        tracker = FloorTracker(floor.picture, room.camera, 1.0)
+        fixes, truth = [], []
+        for state in _frames(taught, parameters.training, rng):
+            attitude = _noisy(state.attitude, known, parameters, rng)
+            fixes.append(tracker.step(taught.render(), attitude=attitude))
+            truth.append(state.position[:2])
+        trust = learn_trust(fixes, np.array(truth), 1.0, Trust())
+        trackers[name] = FloorTracker(floor.picture, room.camera, 1.0, trust=trust)
+    return trackers
+
+
+def _over(parameters: Parameters, index: int) -> dict[str, Any]:
+    """One flight over one floor, with and without attitude, keypoint methods at some frames."""
+    name, floor = _floor(index)
+    room = _room(floor, parameters, "room", index)
+    trackers = _trackers(floor, room, parameters, index)
+    rng = stream(parameters.seed, "attitude", index)
+    every = max(1, parameters.frames // max(1, parameters.peer_frames))
+    peers = {key: make_peer(key, floor.picture) for key in PEERS if parameters.peer_frames}
+    fixes: dict[str, list[Row]] = {key: [] for key in trackers}
+    tried: dict[str, list[tuple[float, float]]] = {key: [] for key in peers}
+    for number, state in enumerate(
+        _frames(room, parameters.frames, stream(parameters.seed, "waypoints", index))
+    ):
+        image = room.render()
+        for key, tracker in trackers.items():
+            attitude = _noisy(state.attitude, KNOWN[key], parameters, rng)
+            fixes[key].append((*_swap(_follow(tracker, image, attitude), state),))
+        if number % every == 0:
+            for key, peer in peers.items():
+                start = process_time()
+                found = peer.locate(image).position
+                seconds = process_time() - start
+                tried[key].append((float(np.hypot(*(found - state.position[:2]))), seconds))
+    rows = {key: _rows(found) for key, found in fixes.items()}
+    return {
+        "name": name,
+        "rows": rows,
+        "values": {key: _summary(row) for key, row in rows.items()},
+        "seconds": {key: np.array([row[2] for row in found]) for key, found in fixes.items()},
+        "peers": {key: np.array(found) for key, found in tried.items()},
+    }
+
+
+def _swap(followed: tuple[FloorFix, float], state: VehicleState) -> Row:
+    return followed[0], state, followed[1]
+
+
+def _rows(found: list[Row]) -> np.ndarray:
+    """``(N, 4)``: error in metres, squared Mahalanobis distance, lost, quarter of the flight."""
+    rows = []
+    for number, (fix, state, _) in enumerate(found):
+        error = fix.position - state.position[:2]
+        distance = float(error @ np.linalg.solve(fix.covariance, error))
+        rows.append((np.hypot(*error), distance, float(fix.lost), QUARTERS * number // len(found)))
+    return np.array(rows)[SETTLED:]
+
+
+def _summary(rows: np.ndarray) -> dict[str, Any]:
+    error, distance, lost, quarter = rows.T
+    inside = distance < REGION
+    return {
+        "frames": len(rows),
+        "mean_cm": 100 * error.mean(),
+        "median_cm": 100 * np.median(error),
+        "p95_cm": 100 * np.percentile(error, 95),
+        "max_cm": 100 * error.max(),
+        "gross": int((error > GROSS).sum()),
+        "lost": lost.mean(),
+        "region_90": inside.mean(),
+        "region_90_quarters": [inside[quarter == part].mean() for part in range(QUARTERS)],
+        "nees": distance.mean() / 2,
+    }
+
+
+def _quantiles(trials: list[dict[str, Any]], name: str) -> dict[str, Any]:
+    shares = np.linspace(0, 100, 101)
+    error = np.concatenate([trial["rows"][name][:, 0] for trial in trials])
+    return {"share": shares, "error": 100 * np.percentile(error, shares)}
+
+
+def _coverage(trials: list[dict[str, Any]], name: str) -> dict[str, Any]:
+    """Claimed share of regions, and the share of them that hold the truth."""
+    claimed = np.linspace(0.05, 0.95, 19)
+    distance = np.concatenate([trial["rows"][name][:, 1] for trial in trials])
+    bounds = -2 * np.log1p(-claimed)  # chi-squared in the plane
+    return {"claimed": claimed, "held": [(distance < bound).mean() for bound in bounds]}
+
+
+def _times(seconds: np.ndarray) -> dict[str, float]:
+    return {"median_s": float(np.median(seconds)), "p99_s": float(np.percentile(seconds, 99))}
+
+
+# -- the recorded flight --------------------------------------------------------------------------
+
+
+def _recorded(
+    train: Flight, test: Flight, parameters: Parameters
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, float]]:
+    """The test flight on the surveyed and on the stitched map."""
+    assert test.floor is not None and test.camera is not None
+    assert test.height is not None and test.attitude is not None
+    height = float(np.median(test.height))
+    pictures: dict[str, MapImage] = {"surveyed": test.floor, "stitched": stitched_map(train).map}
+    trackers = {
+        (where, name): FloorTracker(picture, test.camera, height)
+        for where, picture in pictures.items()
+        for name in KNOWN
+    }
+    rng = stream(parameters.seed, "recorded")
+    track: dict[tuple[str, str], list[np.ndarray]] = {key: [] for key in trackers}
+    seconds = []
+    for row, image in enumerate(test.images()):
+        for key, tracker in trackers.items():
+            attitude = _noisy(test.attitude[row], KNOWN[key[1]], parameters, rng)
+            fix, taken = _follow(tracker, image, attitude)
+            track[key].append(fix.position)
+            seconds.append(taken)
+    values: dict[str, Any] = {where: {} for where in pictures}
+    series: dict[str, Any] = {"time_s": test.time - test.time[0], "truth_m": test.position}
+    for (where, name), positions in track.items():
+        error = np.hypot(*(np.array(positions) - test.position).T)
+        settled = error[SETTLED:]
+        values[where][name] = {
+            "mean_cm": 100 * settled.mean(),
+            "p95_cm": 100 * np.percentile(settled, 95),
+            "max_cm": 100 * settled.max(),
+            "gross": int((settled > GROSS).sum()),
+        }
+        series[f"{where}_{name}_cm"] = 100 * error
+    return values, series, _times(np.array(seconds))
+
+
+# -- carried away ---------------------------------------------------------------------------------
+
+
+def _carried(parameters: Parameters, index: int) -> dict[str, Any]:
+    """One kidnapping: frames until found; which frames are right, which called lost."""
+    rng = stream(parameters.seed, "kidnapping", index)
+    _, floor = _floor(index % parameters.floors)
+    room = _room(floor, parameters, "kidnapping room", index)
+    tracker = FloorTracker(floor.picture, room.camera, 1.0)
+    x_min, x_max, y_min, y_max = floor.area
+    error, lost = [], []
+    for number, state in enumerate(_frames(room, CARRIED, rng)):
+        if number == SETTLED:
+            place = state.position[:2]
+            while np.hypot(*(place - state.position[:2])) < (x_max - x_min) / 2:
+                place = rng.uniform((x_min + 0.3, y_min + 0.3), (x_max - 0.3, y_max - 0.3))
+            room.vehicle.teleport(place)
+            state = room.state
+        fix, _ = _follow(tracker, room.render(), _noisy(state.attitude, True, parameters, rng))
+        error.append(float(np.hypot(*(fix.position - state.position[:2]))))
+        lost.append(fix.lost)
+    right = np.array(error) < GROSS
+    after = right[SETTLED:]
+    runs = [at for at in range(len(after) - FOUND + 1) if after[at : at + FOUND].all()]
+    return {"found": runs[0] if runs else None, "right": right, "lost": np.array(lost)}
+
+
+def _kidnapped(trials: list[dict[str, Any]]) -> dict[str, Any]:
+    found = [trial["found"] for trial in trials if trial["found"] is not None]
+    right, lost = (np.concatenate([trial[key] for trial in trials]) for key in ("right", "lost"))
+    calm = np.concatenate([trial["right"][5:SETTLED] for trial in trials])
+    calm_lost = np.concatenate([trial["lost"][5:SETTLED] for trial in trials])
+    return {
+        "found_rate": _rate(len(found), len(trials)),
+        "frames": {"median": float(np.median(found)), "longest": max(found)} if found else None,
+        "wrong_not_lost": _rate(int((~right & ~lost).sum()), int((~right).sum())),
+        "right_lost": _rate(int((calm & calm_lost).sum()), int(calm.sum())),
+    }
+
+
+def _rate(successes: int, trials: int) -> dict[str, Any] | None:
+    if not trials:
+        return None
+    low, high = wilson_interval(successes, trials)
+    return {"median": successes / trials, "low": low, "high": high, "trials": trials}
+
+
+# -- light and peers ------------------------------------------------------------------------------
+
+
+def _in_light(parameters: Parameters, drift: float) -> float:
+    """Mean error in centimetres with attitude, the camera's gain drifting so much."""
+    name = list(LAYOUTS)[0]
+    floor = Floor.painted(name, 100)
+    room = _room(floor, parameters, "light", 0, effects=Effects(exposure=drift))
+    tracker = FloorTracker(floor.picture, room.camera, 1.0)
+    rng, error = stream(parameters.seed, "light attitude"), []
+    for state in _frames(room, parameters.frames, stream(parameters.seed, "light waypoints")):
+        fix, _ = _follow(tracker, room.render(), _noisy(state.attitude, True, parameters, rng))
+        error.append(np.hypot(*(fix.position - state.position[:2])))
+    return 100 * float(np.mean(error[SETTLED:]))
+
+
+def _peers(trials: list[dict[str, Any]]) -> dict[str, Any]:
+    """For each keypoint method: frames tried, share within 30 cm, errors of those."""
+    values = {}
+    for name in trials[0]["peers"]:
+        error = np.concatenate([trial["peers"][name][:, 0] for trial in trials])
+        right = error[error < GROSS]  # NaN, where nothing was found, is not
+        values[name] = {
+            "frames": len(error),
+            "right": len(right) / len(error),
+            "mean_cm": 100 * right.mean() if len(right) else None,
+        }
+    return values
+
+
+def _peer_times(trials: list[dict[str, Any]]) -> dict[str, Any]:
+    return {
+        name: _times(np.concatenate([trial["peers"][name][:, 1] for trial in trials]))
+        for name in trials[0]["peers"]
+    }
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    everything, values = record.values["all"], record.values
+    parts = [
+        f"{wording.number(everything[key]['mean_cm'])} cm {words} the autopilot's attitude"
+        for key, words in (("attitude", "with"), ("free", "without"))
+    ]
+    frames = sum(everything[key]["frames"] for key in KNOWN)
+    gross = sum(everything[key]["gross"] for key in KNOWN)
+    stitched = values["flight"]["stitched"]["attitude"]["mean_cm"]
+    return (
+        f"Over {len(values['floors'])} floors the image says where to {' and '.join(parts)}; "
+        f"{gross} of {frames} frames are off by more than {100 * GROSS:.0f} cm. On the stitched map "
+        f"of the recorded flight the mean error is {wording.number(stitched)} cm."
+    )
