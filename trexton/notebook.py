@@ -28,7 +28,7 @@ from trexton.paper import look_up, published
 from trexton.records import Record
 from trexton.wording import Tree, middle, template_environment
 
-__all__ = ["Given", "Page", "given", "ledger", "show_table"]
+__all__ = ["Given", "Page", "given", "ledger", "reference", "show_table"]
 
 
 def _resolve(path: str) -> Path:
@@ -213,6 +213,13 @@ class Page:
         words += ["--only", self.record.experiment]
         words += ["--set", *changed] if changed else []
         return escape(shlex.join([*words, "--out", "my-results"]))
+
+
+def reference(experiment: str) -> Record | None:
+    """The record of a run too long for every book, kept with the code; None where there is none."""
+    root = repository_root()
+    path = None if root is None else root / "data" / "reference" / f"{experiment}.json"
+    return Record.load(path) if path is not None and path.is_file() else None
 
 
 def show_table(table: pd.DataFrame, caption: str = "") -> HTML:

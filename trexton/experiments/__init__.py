@@ -115,5 +115,11 @@ EXPERIMENTS: dict[str, Experiment] = {
         "What the open choices cost", needs=("positions",), after=("mocap_training",), cost_s=30
     ),
     "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=15),
+    "fine": Experiment(
+        "Coarse to fine: the image says where exactly",
+        needs=_SURVEYED,
+        after=("mosaic",),
+        cost_s=30,
+    ),
     LEDGER: Experiment("The ledger", every_flight=True),
 }

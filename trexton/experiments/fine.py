@@ -8,7 +8,7 @@ Times are those of the processor, whatever else it does.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from time import process_time
 from typing import Any
@@ -30,7 +30,7 @@ from trexton.simulator import LAYOUTS, Effects, Floor, Light, Plan, Simulator, r
 from trexton.simulator.vehicle import VehicleState
 from trexton.streams import stream
 
-__all__ = ["Parameters", "finding", "run"]
+__all__ = ["Parameters", "finding", "kidnapping_summary", "run"]
 
 KNOWN = {"attitude": True, "free": False}  # whether the autopilot tells roll, pitch and yaw
 SETTLED = 25  # frames, two seconds, in which the vehicle may be found for the first time
@@ -40,6 +40,7 @@ QUARTERS = 4
 SPEED = 0.6  # metres a second
 CARRIED = 63  # frames of each kidnapping: two seconds before it, three after
 FOUND = 5  # frames in a row
+CAMERA = Effects().without("jpeg")  # as the camera delivers; files are for recorded flights
 Row = tuple[FloorFix, VehicleState, float]
 
 
@@ -47,13 +48,13 @@ Row = tuple[FloorFix, VehicleState, float]
 class Parameters(SeedParameters):
     """What can be chosen."""
 
-    floors: int = option(2, "floors that are flown over, the layouts of the hall in turn", low=1)
+    floors: int = option(2, "floors flown over, the layouts of the hall in turn", low=1)
     frames: int = option(100, "frames of each flight", low=50)
     training: int = option(60, "frames from which each floor's fits are calibrated", low=50)
     attitude_deg: float = option(0.3, "noise of the autopilot's attitude in degrees", low=0)
     kidnappings: int = option(3, "times that the vehicle is carried away", low=1)
     drifts: int = option(2, "strengths of the light's drift, none and 5 % first", low=2, high=4)
-    peer_frames: int = option(0, "frames on each floor that keypoint methods try, too", low=0)
+    peer_frames: int = option(0, "frames a floor that keypoint methods try, too", low=0)
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -80,7 +81,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "floors": {trial["name"]: trial["values"] for trial in trials},
             "all": pooled,
             "peers": _peers(trials),
-            "kidnapped": _kidnapped(carried),
+            "kidnapped": kidnapping_summary(carried),
             "light_cm": drift,
             "light_ratio": light[1] / light[0],
         },
@@ -118,9 +119,11 @@ def _noisy(
     return attitude + noise if known else None
 
 
-def _room(floor: Floor, parameters: Parameters, name: str, index: int, **more: Any) -> Simulator:
+def _room(
+    floor: Floor, parameters: Parameters, name: str, index: int, effects: Effects = CAMERA
+) -> Simulator:
     rng = stream(parameters.seed, name, index)
-    return Simulator(floor, light=Light.later(), speed=SPEED, rng=rng, **more)
+    return Simulator(floor, effects=effects, light=Light.later(), speed=SPEED, rng=rng)
 
 
 def _floor(index: int) -> tuple[str, Floor]:
@@ -187,12 +190,14 @@ def _swap(followed: tuple[FloorFix, float], state: VehicleState) -> Row:
 
 def _rows(found: list[Row]) -> np.ndarray:
     """``(N, 4)``: error in metres, squared Mahalanobis distance, lost, quarter of the flight."""
-    rows = []
-    for number, (fix, state, _) in enumerate(found):
+    rows, settled = [], found[SETTLED:]
+    for number, (fix, state, _) in enumerate(settled):
         error = fix.position - state.position[:2]
         distance = float(error @ np.linalg.solve(fix.covariance, error))
-        rows.append((np.hypot(*error), distance, float(fix.lost), QUARTERS * number // len(found)))
-    return np.array(rows)[SETTLED:]
+        rows.append(
+            (np.hypot(*error), distance, float(fix.lost), QUARTERS * number // len(settled))
+        )
+    return np.array(rows)
 
 
 def _summary(rows: np.ndarray) -> dict[str, Any]:
@@ -297,7 +302,8 @@ def _carried(parameters: Parameters, index: int) -> dict[str, Any]:
     return {"found": runs[0] if runs else None, "right": right, "lost": np.array(lost)}
 
 
-def _kidnapped(trials: list[dict[str, Any]]) -> dict[str, Any]:
+def kidnapping_summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
+    """What many kidnappings say: how often found, and whether lost was said of the right frames."""
     found = [trial["found"] for trial in trials if trial["found"] is not None]
     right, lost = (np.concatenate([trial[key] for trial in trials]) for key in ("right", "lost"))
     calm = np.concatenate([trial["right"][5:SETTLED] for trial in trials])
@@ -324,7 +330,7 @@ def _in_light(parameters: Parameters, drift: float) -> float:
     """Mean error in centimetres with attitude, the camera's gain drifting so much."""
     name = list(LAYOUTS)[0]
     floor = Floor.painted(name, 100)
-    room = _room(floor, parameters, "light", 0, effects=Effects(exposure=drift))
+    room = _room(floor, parameters, "light", 0, replace(CAMERA, exposure=drift))
     tracker = FloorTracker(floor.picture, room.camera, 1.0)
     rng, error = stream(parameters.seed, "light attitude"), []
     for state in _frames(room, parameters.frames, stream(parameters.seed, "light waypoints")):

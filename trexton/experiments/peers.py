@@ -1,4 +1,4 @@
-"""Keypoint methods beside coarse to fine: the paper's SIFT, and what OpenCV offers besides."""
+"""Keypoint methods beside coarse to fine: the paper's SIFT, and the quick one of OpenCV."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ import cv2
 import numpy as np
 
 from trexton.camera import MapImage, transform_points
-from trexton.errors import MapError, ParameterError
+from trexton.errors import MapError
 from trexton.homography import HomographyFix, HomographyLocalizer, find_homography
 from trexton.images import check_image
 
-__all__ = ["PEERS", "BinaryKeypoints", "make_peer"]
+__all__ = ["PEERS", "OrbLocalizer", "make_peer"]
 
-PEERS = ("sift", "akaze", "orb")
+PEERS = ("sift", "orb")
 _MAP, _FRAME = 20_000, 1_000  # most keypoints of the map and of a frame
 _RATIO, _THRESHOLD = 0.8, 5.0  # of the two nearest distances; pixels of the map
 
@@ -26,26 +26,21 @@ class Peer(Protocol):
         """Locate one ``(H, W, 3) uint8`` Y, U, V frame."""
 
 
-class BinaryKeypoints:
-    """Homography from binary descriptors, matched by brute force under the Hamming distance.
+class OrbLocalizer:
+    """Homography from ORB keypoints, matched by brute force under the Hamming distance.
 
     Parameters
     ----------
     map_image : MapImage
-    detector : {"akaze", "orb"}
 
     Raises
     ------
-    ParameterError
-        There is no such detector.
     MapError
         The map image has too few keypoints.
     """
 
-    def __init__(self, map_image: MapImage, detector: str):
-        if detector not in PEERS[1:]:
-            raise ParameterError(f"detector {detector!r} is unknown: choose akaze or orb")
-        self.map_image, self.name = map_image, detector
+    def __init__(self, map_image: MapImage):
+        self.map_image = map_image
         mask = None if map_image.mask is None else map_image.mask.astype(np.uint8)
         luma = cv2.cvtColor(map_image.image, cv2.COLOR_BGR2GRAY)
         self._points, descriptors = self._describe(luma, _MAP, mask)
@@ -57,12 +52,10 @@ class BinaryKeypoints:
         self._matcher = cv2.BFMatcher(cv2.NORM_HAMMING)
         self._matcher.add([descriptors])
 
-    def _describe(self, luma: np.ndarray, limit: int, mask: np.ndarray | None = None) -> Any:
-        if self.name == "orb":
-            detector: Any = cv2.ORB.create(nfeatures=limit)
-        else:
-            # Part of OpenCV, but not of its type stubs.
-            detector = getattr(cv2, "AKAZE_create")(max_points=limit)
+    def _describe(
+        self, luma: np.ndarray, limit: int, mask: np.ndarray | None = None
+    ) -> tuple[np.ndarray, Any]:
+        detector = cv2.ORB.create(nfeatures=limit)
         found, descriptors = detector.detectAndCompute(np.ascontiguousarray(luma), mask)
         return np.array([keypoint.pt for keypoint in found]).reshape(-1, 2), descriptors
 
@@ -88,4 +81,4 @@ class BinaryKeypoints:
 
 def make_peer(name: str, map_image: MapImage) -> Peer:
     """The method called `name`, one of `PEERS`, on a map image."""
-    return HomographyLocalizer(map_image) if name == "sift" else BinaryKeypoints(map_image, name)
+    return HomographyLocalizer(map_image) if name == "sift" else OrbLocalizer(map_image)

@@ -1,0 +1,93 @@
+"""Experiment ``fine``: virtual floors, kidnappings, light, and the keypoint methods beside it."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from trexton.camera import Camera, MapImage
+from trexton.errors import MapError
+from trexton.experiments import fine
+from trexton.experiments.peers import PEERS, OrbLocalizer, make_peer
+from trexton.figures import fine as figures
+from trexton.simulator import Floor, Simulator, record_flight
+
+
+@pytest.fixture(scope="module")
+def record(tmp_path_factory):
+    with pytest.MonkeyPatch.context() as patch:
+        flight = record_flight(
+            tmp_path_factory.mktemp("flights") / "again",
+            pattern="waypoints", frames=40, camera=Camera(160, 120, 130.0),
+        )  # fmt: skip
+        # Stitching has tests of its own.
+        patch.setattr(fine, "stitched_map", lambda train: SimpleNamespace(map=train.floor))
+        parameters = fine.Parameters(floors=1, frames=50, training=50, kidnappings=1)
+        return fine.run(flight, flight, parameters)
+
+
+def test_errors_are_centimetres_everywhere(record):
+    for where in ("surveyed", "stitched"):
+        for name in fine.KNOWN:
+            assert record.values["flight"][where][name]["max_cm"] < 10
+    for name in fine.KNOWN:
+        entry = record.values["all"][name]
+        assert entry["frames"] == 25 and entry["gross"] == 0 and entry["mean_cm"] < 2
+        assert 0 <= entry["region_90"] <= 1 and len(entry["region_90_quarters"]) == 4
+        assert entry["median_cm"] <= entry["p95_cm"] <= entry["max_cm"]
+
+
+def test_the_carried_away_is_found_and_light_does_little(record):
+    assert record.values["kidnapped"]["found_rate"]["median"] == 1
+    assert record.values["light_ratio"] == pytest.approx(1, abs=0.5)
+    assert set(record.values["light_cm"]) == {"0", "5"}
+
+
+def test_the_finding_says_what_the_record_holds(record):
+    text = fine.finding(record)
+    assert f"{record.values['all']['free']['gross']} of 50 frames" in text
+
+
+def test_figures_draw_the_record(record):
+    for figure in (
+        figures.over_time(record),
+        figures.over_floors(record, record),
+        figures.coverage(record),
+    ):
+        assert all(axes.lines for axes in figure.axes)
+
+
+def test_lost_and_wrong_are_counted_apart():
+    right = np.array([True] * 25 + [False, False, True, True])
+    lost = np.array([False] * 10 + [True] + [False] * 14 + [True, False, False, False])
+    counted = fine.kidnapping_summary([{"found": 2, "right": right, "lost": lost}])
+    assert counted["wrong_not_lost"]["median"] == 0.5
+    assert counted["right_lost"]["median"] == pytest.approx(1 / 20)
+    never = fine.kidnapping_summary([{"found": None, "right": right, "lost": lost}])
+    assert never["found_rate"]["median"] == 0 and never["frames"] is None
+
+
+@pytest.fixture(scope="module")
+def corner():
+    """A corner of the hall as a small floor."""
+    picture = Floor.hall().picture
+    return MapImage.from_extent(picture.image[:640, :640].copy(), 0.0, 1.6, 400)
+
+
+@pytest.mark.parametrize("name", PEERS)
+def test_peers_find_a_frame_to_some_centimetres(name, corner):
+    room = Simulator(Floor(corner), camera=Camera(320, 240, 400.0), rng=np.random.default_rng(1))
+    state = room.step(None)
+    fix = make_peer(name, corner).locate(room.render())
+    assert np.hypot(*(fix.position - state.position[:2])) < 0.15
+    assert fix.inliers >= 4
+
+
+def test_peers_that_see_nothing_say_so(corner):
+    peer = OrbLocalizer(corner)
+    fix = peer.locate(np.full((120, 160, 3), 128, np.uint8))
+    assert not fix.success and np.isnan(fix.position).all()
+    with pytest.raises(MapError, match="0 keypoints"):
+        OrbLocalizer(MapImage.from_extent(np.zeros((50, 50, 3), np.uint8), 0, 1, 50))
