@@ -18,6 +18,7 @@ def random_estimate(rng: np.random.Generator) -> Estimate:
     return Estimate(
         particles[0],
         covariance,
+        mean=weights @ particles,
         particles=particles,
         weights=weights,
     )

@@ -20,11 +20,16 @@ class Measurement:
     position : (2,) array
         Metres.
     covariance : (2, 2) array
-        Square metres, of an error that the receiver may take as independent from one to the next.
+        Of this one's error, square metres.
+    independent_s : float
+        Seconds between two whose errors are as good as independent; 0 where each is. A receiver
+        that takes every one for independent must be sent fewer, or be told
+        `independent_s` / period times the covariance.
     """
 
     position: np.ndarray
     covariance: np.ndarray
+    independent_s: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,7 +41,7 @@ class Estimate:
     position : (2,) array
         Point estimate in metres.
     covariance : (2, 2) array
-        Of the belief about its mean, square metres.
+        Of the belief about its mean, square metres; about `position` where there is no `mean`.
     lost : bool
         The position must not be trusted.
     observed : bool
@@ -45,6 +50,8 @@ class Estimate:
         Where a part asked for it.
     neighbors : Neighbors or None
         Where a part asked for them.
+    mean : (2,) array or None
+        Of the belief, in metres, where `position` is another point.
     particles : (M, 2) array or None
         Positions in metres; None from a filter that has none.
     weights : (M,) array or None
@@ -64,6 +71,7 @@ class Estimate:
     observed: bool = True
     histogram: np.ndarray | None = None
     neighbors: Neighbors | None = None
+    mean: np.ndarray | None = None
     particles: np.ndarray | None = None
     weights: np.ndarray | None = None
     measurement: Measurement | None = None
@@ -95,8 +103,8 @@ class Estimate:
         must be
         told the spread about it, which is larger by the outer product of their difference.
         """
-        if self.particles is None or self.weights is None:
+        if self.mean is None:
             return self.covariance
-        offset = self.weights @ self.particles - self.position
+        offset = self.mean - self.position
         moment: np.ndarray = self.covariance + np.outer(offset, offset)
         return moment

@@ -16,7 +16,7 @@ from trexton.images import check_image
 from trexton.neighbors import NearestHistograms, Neighbors
 from trexton.observation import Aiding, Observation
 from trexton.parts.filters import RunningFilter
-from trexton.texton_map import TextonMap
+from trexton.texton_map import JUDGES, TextonMap
 
 __all__ = ["Estimate", "Localizer", "TextonMap"]
 
@@ -77,6 +77,7 @@ class Localizer:
         self.map, self.parts, self.samples, self.rng = texton_map, parts, samples, rng
         self._nearest, self._mark = nearest, mark or _ignore
         self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)
+        self._judges = [parts[role].open() for role in JUDGES if role in parts]
 
     @cached_property
     def nearest(self) -> NearestHistograms:
@@ -97,6 +98,8 @@ class Localizer:
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.filter.reset()
+        for judge in self._judges:
+            judge.reset()
 
     def observe(self, frame: np.ndarray) -> np.ndarray:
         """``(K,)`` histogram of a frame, which is an ``(H, W, 3) uint8`` image or already a
@@ -129,25 +132,48 @@ class Localizer:
         ImageError, MapError
             The frame does not fit the map; the filter is left as it was.
         """
-        observation = None if frame is None else self._observation(frame, aiding, time)
+        if frame is None:
+            return self.advance(None)
+        samples = None if frame.ndim == 1 else self.samples
+        return self.advance(self.observation(frame, aiding=aiding, time=time, samples=samples))
+
+    def advance(self, observation: Observation | None) -> Estimate:
+        """As `step`, with an observation that was made by `observation`."""
         self.filter.step(observation)
         self._mark("filter")
         estimate = self.filter.estimate()
+        if self._judges:
+            if observation is not None:
+                estimate = replace(estimate, observed=True)
+            for judge in self._judges:
+                estimate = judge.judge(estimate, observation)
         self._mark("estimate")
         if observation is None:
             return replace(estimate, observed=False)
         histogram, neighbors = observation.seen
         return replace(estimate, observed=True, histogram=histogram, neighbors=neighbors)
 
-    def _observation(
-        self, frame: np.ndarray, aiding: Aiding | None, time: float | None
+    def observation(
+        self,
+        frame: np.ndarray,
+        *,
+        aiding: Aiding | None = None,
+        time: float | None = None,
+        samples: int | None = None,
     ) -> Observation:
+        """What a frame brings; `samples` were counted for it, None if all were or nobody knows.
+
+        Raises
+        ------
+        ImageError, MapError
+            The frame does not fit the map.
+        """
         self._check(frame)
         return Observation(
             None if frame.ndim == 1 else frame,
             aiding=aiding,
             time=time,
-            samples=None if frame.ndim == 1 else self.samples,
+            samples=samples,
             histogram=lambda: self._histogram(frame),
             neighbors=self._neighbors,
         )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from trexton.errors import ParameterError
 from trexton.parts import ROLES, make, name_of
@@ -10,8 +11,9 @@ from trexton.parts.base import Part
 
 __all__ = ["METHODS", "changed", "compose", "parse_choices"]
 
-# Every method names a part for each role; where a filter does without one, it is simply not asked.
-METHODS: dict[str, dict[str, str]] = {
+# A method names a distance, a filter, and a part for each other role that its filter asks for;
+# "role.option" gives an option another value.
+METHODS: dict[str, dict[str, Any]] = {
     "paper": {
         "distance": "euclidean",
         "motion": "random-walk",
@@ -20,6 +22,18 @@ METHODS: dict[str, dict[str, str]] = {
         "resampling": "wheel",
         "estimation": "map",
         "recovery": "none",
+    },
+    # The paper's filter as one may fly it: it finds its way back, and says how far it may be off.
+    "guarded": {
+        "distance": "euclidean",
+        "motion": "random-walk",
+        "measurement": "rank-mixture",
+        "filter": "particles",
+        "resampling": "wheel",
+        "estimation": "map",
+        "recovery": "augmented",
+        "calibration": "replay",
+        "integrity": "innovation",
     },
     "field": {
         "distance": "hellinger",
@@ -46,7 +60,7 @@ def compose(method: str) -> dict[str, Part]:
     """
     if method not in METHODS:
         raise ParameterError(f"method {method!r} is unknown: choose one of {', '.join(METHODS)}")
-    return {role: make(role, name) for role, name in METHODS[method].items()}
+    return changed({}, METHODS[method])
 
 
 def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[str, Part]:
@@ -80,7 +94,9 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
         role, dot, option = key.partition(".")
         if not dot:
             continue
-        part = result.get(role, parts[role])
+        part = result.get(role) or parts.get(role)
+        if part is None:
+            raise ParameterError(f"{key} is chosen without a {role}: choose one, as in {role}=...")
         value = part.option(option, value)
         if part.options()[option] != value:
             result[role] = part.with_options(**{option: value})

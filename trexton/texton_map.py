@@ -28,6 +28,7 @@ from trexton.textons import MAX_TEXTONS, TextonDictionary
 __all__ = ["TextonMap", "full_histograms"]
 
 SCHEMA = 2
+JUDGES = ("calibration", "integrity")  # parts that learn last, the first before the second
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,11 +199,16 @@ class TextonMap:
         rng : numpy.random.Generator, optional
             For parts that draw; a fixed one unless given.
         """
-        untrained = replace(self, parts=self.parts | dict(parts))
-        training = untrained.training(flight=flight, rng=rng)
-        return replace(
-            self, parts=untrained.parts | {role: part.fit(training) for role, part in parts.items()}
-        )
+        result = replace(self, parts=self.parts | dict(parts))
+        training = result.training(flight=flight, rng=rng)
+        fitted = {role: part.fit(training) for role, part in parts.items() if role not in JUDGES}
+        result = replace(result, parts=result.parts | fitted)
+        for role in JUDGES:  # they judge the method as a whole: what changes it concerns them too
+            if role in result.parts and (fitted or role in parts):
+                judged = replace(training, texton_map=result)
+                judge = result.parts[role].untrained().fit(judged)
+                result = replace(result, parts=result.parts | {role: judge})
+        return result
 
     def training(
         self, *, flight: Flight | None = None, rng: np.random.Generator | None = None
@@ -217,6 +223,7 @@ class TextonMap:
             self.parts["distance"],
             self.dictionary,
             flight,
+            None,
             np.random.default_rng(0) if rng is None else rng,
         )
 

@@ -46,6 +46,14 @@ ROLES: dict[str, dict[str, str]] = {
         "none": "trexton.parts.recovery:NoRecovery",
         "augmented": "trexton.parts.recovery:Augmented",
     },
+    "calibration": {
+        "none": "trexton.parts.calibration:NoCalibration",
+        "replay": "trexton.parts.calibration:Replay",
+    },
+    "integrity": {
+        "none": "trexton.parts.integrity:NoIntegrity",
+        "innovation": "trexton.parts.integrity:Innovation",
+    },
 }
 
 

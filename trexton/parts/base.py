@@ -16,6 +16,7 @@ from trexton.neighbors import NearestHistograms, neighbors_in_flight
 if TYPE_CHECKING:
     from trexton.flights.flight import Flight
     from trexton.parts.distances import Distance
+    from trexton.texton_map import TextonMap
     from trexton.textons import TextonDictionary
 
 __all__ = ["Area", "Part", "Training", "learned"]
@@ -44,6 +45,8 @@ class Training:
         None where the flight came as histograms.
     flight : Flight or None
         The frames themselves, in the same order; None where only their histograms were kept.
+    texton_map : TextonMap or None
+        For calibration and integrity, which judge a method: the map with all other parts trained.
     rng : numpy.random.Generator
     """
 
@@ -55,12 +58,18 @@ class Training:
     distance: Distance
     dictionary: TextonDictionary | None
     flight: Flight | None
+    texton_map: TextonMap | None
     rng: np.random.Generator
 
     @cached_property
     def nearest(self) -> NearestHistograms:
         """The search that flies, over the training set itself."""
-        return NearestHistograms(self.histograms, self.positions, k=1, distance=self.distance)
+        return NearestHistograms(
+            self.histograms,
+            self.positions,
+            k=min(self.texton_map.neighbors if self.texton_map else 1, len(self.histograms)),
+            distance=self.distance,
+        )
 
     def neighbors(self, k: int, excluded_s: float) -> np.ndarray:
         """``(N, k)`` rows of the nearest histograms of each frame, those near in time left out.
@@ -107,6 +116,10 @@ class Part:
             setattr(fitted, name, np.asarray(array))
         fitted.prepare()
         return fitted
+
+    def untrained(self) -> Self:
+        """The part as it was before it learned anything."""
+        return self.with_options()
 
     def with_options(self, **options: object) -> Self:
         """This part with other options, before it has learned anything."""

@@ -193,11 +193,12 @@ class ParticleFilter:
 
     def estimate(self) -> Estimate:
         """Point estimate, covariance and particles of the latest step."""
-        belief = self.belief
+        belief, (mean, covariance) = self.belief, self.moments()
         return Estimate(
             self.position(),
-            self.moments()[1],
+            covariance,
             belief.lost,
+            mean=mean,
             particles=self.motion.position(belief.states),
             weights=belief.weights,
         )

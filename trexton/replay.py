@@ -1,0 +1,157 @@
+"""A training flight flown again by maps that did not see it: what a method's errors will be like.
+
+Stretches of the flight are left out in pairs, the method is trained on the rest, and the
+stretches are flown, forwards and backwards. Histograms of full sampling are drawn anew, as a
+flight that samples sees them; the dictionary stays.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from trexton.errors import MapError
+from trexton.estimate import Estimate
+from trexton.localizer import Localizer
+from trexton.neighbors import Neighbors
+from trexton.parts.measurement import EXCLUDED_SECONDS
+from trexton.texton_map import TextonMap
+
+__all__ = ["Flown", "replay", "stretches", "warm"]
+
+STRETCH_S = 5.0
+WARM_S = 2.0  # before a stretch, left out as well and flown, but not judged
+MOST_STRETCHES = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """One frame of a replay.
+
+    Attributes
+    ----------
+    run : int
+        Which flight it belongs to; within one, frames follow each other.
+    since : int
+        Frames since that flight began.
+    time : float
+        Seconds.
+    truth : (2,) array
+        Metres.
+    estimate : Estimate
+    neighbors : Neighbors
+    """
+
+    run: int
+    since: int
+    time: float
+    truth: np.ndarray
+    estimate: Estimate
+    neighbors: Neighbors
+
+    @property
+    def error(self) -> np.ndarray:
+        """``(2,)`` metres."""
+        error: np.ndarray = self.estimate.position - self.truth
+        return error
+
+
+def stretches(time: np.ndarray) -> list[np.ndarray]:
+    """Rows of the stretches that are left out, warm-up included, evenly spread over the flight.
+
+    Raises
+    ------
+    MapError
+        The flight is too short for two.
+    """
+    whole = STRETCH_S + WARM_S
+    count = min(MOST_STRETCHES, int((time[-1] - time[0]) / STRETCH_S))
+    if count < 2:
+        raise MapError(
+            f"the training flight lasts {time[-1] - time[0]:.1f} s: what a method's errors are like "
+            f"takes at least {2 * STRETCH_S:g} s, "
+            "record a longer one or choose calibration=none"
+        )
+    starts = np.linspace(time[0], time[-1] - whole, count)
+    return [np.flatnonzero((time >= start) & (time < start + whole)) for start in starts]
+
+
+def replay(texton_map: TextonMap, *, samples: int, rng: np.random.Generator) -> Iterator[Flown]:
+    """Fly the left-out stretches of a map's own training flight.
+
+    Parameters
+    ----------
+    texton_map : TextonMap
+        Whose parts say which method; calibration and integrity do not fly.
+    samples : int
+        Patches a frame, where the map has a dictionary.
+    rng : numpy.random.Generator
+
+    Raises
+    ------
+    MapError
+        The flight is too short.
+    """
+    parts = {
+        role: part
+        for role, part in texton_map.parts.items()
+        if role not in ("calibration", "integrity")
+    }
+    every = stretches(texton_map.time)
+    half = len(every) // 2
+    run = 0
+    for first in range(half):
+        pair = every[first], every[first + half]
+        method = _without(replace(texton_map, parts={}), np.concatenate(pair)).with_parts(
+            {role: part.untrained() for role, part in parts.items()}, rng=rng
+        )
+        for order in (pair, [rows[::-1] for rows in pair[::-1]]):
+            localizer = Localizer(method, rng=rng)
+            for rows in order:
+                localizer.reset()
+                yield from _fly(localizer, texton_map, rows, run, samples, rng)
+                run += 1
+
+
+def _without(texton_map: TextonMap, rows: np.ndarray) -> TextonMap:
+    time = texton_map.time
+    near = np.searchsorted(time[np.sort(rows)], [time - EXCLUDED_SECONDS, time + EXCLUDED_SECONDS])
+    kept = np.flatnonzero(near[0] == near[1])
+    return replace(
+        texton_map,
+        histograms=texton_map.histograms[kept],
+        positions=texton_map.positions[kept],
+        time=time[kept],
+    )
+
+
+def _fly(
+    localizer: Localizer,
+    texton_map: TextonMap,
+    rows: np.ndarray,
+    run: int,
+    samples: int,
+    rng: np.random.Generator,
+) -> Iterator[Flown]:
+    drawn = samples if texton_map.dictionary is not None else None
+    for since, row in enumerate(rows):
+        histogram = texton_map.histograms[row]
+        if drawn is not None:
+            histogram = rng.multinomial(drawn, histogram / histogram.sum()) / drawn
+        observation = localizer.observation(histogram, samples=drawn)
+        estimate = localizer.advance(observation)
+        yield Flown(
+            run,
+            since,
+            float(texton_map.time[row]),
+            texton_map.positions[row],
+            estimate,
+            observation.neighbors,
+        )
+
+
+def warm(flown: Flown, period_s: float) -> bool:
+    """Whether the filter has had its time to settle."""
+    return flown.since * period_s >= WARM_S
