@@ -58,7 +58,7 @@ def test_the_plan_is_a_file_and_words_take_its_place(flight, tmp_path, capsys):
 
 
 def test_floors_are_flown_first_and_kept(tmp_path):
-    floors = Floors(1, ("carpet",), every=8, frames=160)
+    floors = Floors(1, ("carpet",), every=8, frames=48)
     settings = {"cells": [2], "images": [5], "textons": [4], "patches_per_image": [50]}
     plan = Plan("texton_dictionary", settings, floors=floors, values=("patches",))
     swept = sweep(plan, tmp_path / "out", jobs=1)
