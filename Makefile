@@ -10,7 +10,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test test-slow bench lab lock clean
+.PHONY: help env book test test-slow bench full lab lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -36,6 +36,10 @@ test-slow: env  ## the tests that take minutes
 
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)
+
+full: env  ## the long sweeps of data/sweeps, their tables to data/reference; resumable
+	@for plan in data/sweeps/*.toml; do name=$$(basename $$plan .toml); \
+	  $(BIN)/trexton sweep --plan $$plan --out results/sweeps/$$name --keep data/reference/sweep-$$name.json $(ARGS) || exit 1; done
 
 lab: env  ## open the notebooks in JupyterLab
 	@$(BIN)/jupyter lab notebooks

@@ -230,7 +230,7 @@ def show_table(table: pd.DataFrame, caption: str = "") -> HTML:
     return HTML(html)
 
 
-def _interval(entry: dict | float | None) -> str:
+def _interval(entry: dict[str, Any] | float | None) -> str:
     """A value and its interval; a decimal where the value is below ten."""
     if entry is None:
         return ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from trexton.cache import shipped
 
@@ -17,12 +18,12 @@ def paper_file(name: str) -> Path:
 
 
 @lru_cache
-def published() -> dict:
+def published() -> dict[str, Any]:
     """All published values, by experiment."""
     return tomllib.loads(paper_file("published.toml").read_text(encoding="utf-8"))
 
 
-def look_up(tree: dict, path: str) -> object | None:
+def look_up(tree: Any, path: str) -> Any:
     """The entry at a dotted `path` of nested dicts; None where there is none."""
     for key in path.split("."):
         if not isinstance(tree, dict) or key not in tree:

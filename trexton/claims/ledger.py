@@ -157,15 +157,20 @@ class Finding:
 
 
 def load_claims(path: Path | None = None) -> list[Claim]:
-    """All claims, in the order of the paper.
+    """All claims, in the order of the paper, then those that experiments declare themselves.
 
     Raises
     ------
     ParameterError
         An entry refers to an experiment or to a printed value that there is not.
     """
-    path = path or paper_file("claims.toml")
-    claims = [Claim(**table) for table in tomllib.loads(path.read_text(encoding="utf-8"))["claim"]]
+    file = path or paper_file("claims.toml")
+    tables = tomllib.loads(file.read_text(encoding="utf-8"))["claim"]
+    if path is None:
+        for name, experiment in EXPERIMENTS.items():
+            own = experiment.load(name).CLAIMS if experiment.claims else ()
+            tables += [{"experiment": name} | table for table in own]
+    claims = [Claim(**table) for table in tables]
     for claim in claims:
         if claim.kind in ("value", "below", "above", "exact"):
             claim.threshold  # noqa: B018 - looked up now rather than when a page is made

@@ -11,7 +11,10 @@ from trexton.workflow import FlightPair, Outcome, run_experiments
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "flight", metavar="FLIGHT", help="Flight folder to train on (and to test on, by its splits)"
+        "flights",
+        nargs="+",
+        metavar="FLIGHT",
+        help="Flight folders to train on (and to test on, by their splits)",
     )
     parser.add_argument("--test-flight", metavar="FLIGHT", help="another Flight folder to test on")
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
@@ -38,7 +41,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    pairs = [FlightPair(arguments.flight, arguments.test_flight)]
+    if arguments.test_flight is not None and len(arguments.flights) > 1:
+        raise ParameterError("--test-flight belongs to one flight: run the others by themselves")
+    pairs = [FlightPair(flight, arguments.test_flight) for flight in arguments.flights]
     outcomes = run_experiments(
         pairs,
         arguments.out,

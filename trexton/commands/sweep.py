@@ -9,6 +9,7 @@ from typing import Any
 
 from trexton.commands.run import parse_settings
 from trexton.errors import ParameterError
+from trexton.files import atomic_file
 from trexton.workflow import FlightPair
 from trexton.workflow.sweep import Floors, Plan, sweep
 
@@ -30,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--frames", type=int, metavar="N", help="frames of a simulated flight")
     parser.add_argument("--values", nargs="+", metavar="PATH", help="columns (all single numbers)")
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
+    parser.add_argument("--keep", metavar="FILE", help="copy the table (JSON) to this file too")
     parser.add_argument("--jobs", type=int, metavar="N", help="cells at once")
     parser.add_argument("--cluster", metavar="ADDRESS", help="run on a Dask cluster")
 
@@ -37,6 +39,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     out = Path(arguments.out)
     swept = sweep(_plan(arguments), out, jobs=arguments.jobs, cluster=arguments.cluster)
+    if arguments.keep and not swept.failed:
+        with atomic_file(Path(arguments.keep), "wb") as stream:
+            stream.write((out / "sweep.json").read_bytes())
     for name, reason in swept.failed.items():
         print(f"failed  {name}: {reason}")
     print(", ".join(f"{count} {status}" for status, count in swept.counts.items() if count))

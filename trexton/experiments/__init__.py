@@ -19,6 +19,10 @@ and the record take them from there. Independent repeats and trials go through
     record = name.run(given.train, given.test, given.parameters)
     page = notebook.Page(record, given)
 
+An experiment that has written no notebook gets one from its module: the docstring as prose, the
+pictures of ``FIGURES`` (name to a function of the record, its docstring the description) and, with
+``claims=True`` here, its own ``CLAIMS``. So one file and one line are enough.
+
 This registry only says what there is; nothing in it changes a result.
 """
 
@@ -27,6 +31,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
+from types import ModuleType
 from typing import cast
 
 from trexton.flights.flight import Flight
@@ -39,7 +44,7 @@ LEDGER = "claims"
 
 @dataclass(frozen=True)
 class Experiment:
-    """What the runner must know of ``notebooks/<name>.md``.
+    """What the workflow must know of an experiment.
 
     Attributes
     ----------
@@ -56,6 +61,8 @@ class Experiment:
         It runs once, after all flights, over all their records, and has no parameters.
     module : str
         Where `Parameters` and `run` are, if not in ``trexton.experiments.<name>``.
+    claims : bool
+        The module has ``CLAIMS``: tables as in ``data/paper/claims.toml``, of the experiment's own.
     """
 
     title: str
@@ -65,13 +72,17 @@ class Experiment:
     alone: bool = False
     every_flight: bool = False
     module: str = ""
+    claims: bool = False
+
+    def load(self, name: str) -> ModuleType:
+        """The module of the experiment `name`."""
+        return import_module(self.module or f"trexton.experiments.{name}")
 
     def parameters(self, name: str) -> type[Options]:
         """The class that declares the parameters of the experiment `name`."""
         if self.every_flight:
             return Options
-        module = import_module(self.module or f"trexton.experiments.{name}")
-        return cast(type[Options], module.Parameters)
+        return cast(type[Options], self.load(name).Parameters)
 
 
 # need: (does the flight have it, the reason for a skip where it does not)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-from importlib import import_module
 from types import ModuleType
 
 from trexton.experiments import Experiment
@@ -72,12 +71,11 @@ def made_notebook(name: str, experiment: Experiment) -> str:
     """
     if experiment.every_flight:
         return ""
-    module = import_module(experiment.module or f"trexton.experiments.{name}")
+    module = experiment.load(name)
     if not hasattr(module, "FIGURES"):
         return ""
-    shown = (["page.finding()"] if hasattr(module, "finding") else []) + [
-        "page.claims()" for _ in [0] if getattr(module, "CLAIMS", ())
-    ]
+    shown = ["page.finding()"] if hasattr(module, "finding") else []
+    shown += ["page.claims()"] if experiment.claims else []
     text = _HEAD.format(
         title=experiment.title,
         module=module.__name__,

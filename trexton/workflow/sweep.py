@@ -182,7 +182,7 @@ def _tasks(
         flown = Fact(f"flight {name}", "", partial(_flown, pair))
         sources.append((name, pair, flown))
         tasks.append(_flying(plan.floors, layout, seed, pair, flown, call))
-    module = experiment.module or f"trexton.experiments.{plan.experiment}"
+    module = experiment.load(plan.experiment).__name__
     for name, pair, data in sources:
         for parameters in chosen:
             key = digest(parameters.as_dict())[:12]
