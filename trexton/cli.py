@@ -23,6 +23,7 @@ COMMANDS = {
     "claims": ("claims", "judge every claim of the paper by the results at hand"),
     "run": ("run", "run the experiment notebooks on a flight"),
     "sweep": ("sweep", "run an experiment over floors, flights and settings"),
+    "report": ("report", "will it work here? A printable page and a small book"),
     "book": ("book", "run every experiment and build the book"),
     "onboard": ("onboard", "localize live frames and report positions"),
     "bench": ("bench", "measure the speed of every stage"),

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Tree",
     "apart",
+    "distance",
     "fixed",
     "interval",
     "middle",
@@ -42,6 +43,16 @@ def interval(entry: Mapping[str, Any], unit: str = "") -> str:
     """``102 [85, 122] cm``: the middle, its 95 % interval, the unit."""
     text = f"{number(middle(entry))} [{number(entry['low'])}, {number(entry['high'])}]"
     return f"{text} {unit}".strip()
+
+
+def distance(entry: Mapping[str, Any] | float) -> str:
+    """A distance given in cm, with its interval if it has one; in metres from two metres on."""
+    metres = middle(entry) >= 200
+    unit, scale = ("m", 0.01) if metres else ("cm", 1.0)
+    if not isinstance(entry, Mapping):
+        return f"{number(scale * entry)} {unit}"
+    scaled = {key: scale * entry[key] for key in ("low", "high")} | {"value": scale * middle(entry)}
+    return interval(scaled, unit)
 
 
 def percent(share: float) -> str:

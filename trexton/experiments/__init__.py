@@ -132,5 +132,6 @@ EXPERIMENTS: dict[str, Experiment] = {
         after=("mosaic",),
         cost_s=30,
     ),
+    "assessment": Experiment("Will it work here?", cost_s=10),
     LEDGER: Experiment("The ledger", every_flight=True),
 }

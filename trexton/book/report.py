@@ -1,0 +1,109 @@
+"""The report on a flight: one printable page of HTML that carries everything it shows."""
+
+from __future__ import annotations
+
+import base64
+import io
+import re
+from html import escape
+from pathlib import Path
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from trexton.experiments import assessment
+from trexton.figures import assessment as figures
+from trexton.files import atomic_file
+from trexton.records import Record
+from trexton.wording import distance
+
+__all__ = ["write_report"]
+
+_STYLE = """
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 46rem; margin: 2rem auto; padding: 0 1rem; color: #222;
+  background: #fff; }
+h1 { font-size: 1.6rem; line-height: 1.2 } h2 { font-size: 1.2rem; margin-top: 2rem }
+.finding { font-size: 1.15rem; border-left: 4px solid #0072B2; padding-left: 1rem }
+figure { margin: 1.5rem 0; break-inside: avoid } img { max-width: 100%; height: auto }
+figcaption, footer { font-size: .85rem; color: #555 }
+.scroll { overflow-x: auto } table { border-collapse: collapse } th, td { padding: .25rem .75rem; text-align: right }
+th:first-child, td:first-child { text-align: left } tbody tr { border-top: 1px solid #ddd }
+code { background: #f2f2f2; padding: 0 .2rem }
+@media print { body { max-width: none; margin: 0; font-size: 11pt } }
+"""
+_ROWS = {
+    "paper": "the paper's filter",
+    "field": "field",
+    "fine": "fine",
+    "knn": "neighbours alone",
+    "centre": "always the centre",
+    "shuffled": "shuffled neighbours",
+}
+
+
+def write_report(record: Record, path: Path) -> Path:
+    """Write the report of an `assessment` record to `path`; whole or not at all."""
+    with atomic_file(path) as stream:
+        stream.write(_page(record))
+    return path
+
+
+def _page(record: Record) -> str:
+    counts = record.values["counts"]
+    advice = "".join(f"<li>{_prose(sentence)}</li>" for sentence in assessment.advice(record))
+    title = f"Will it work here? {record.flight}"
+    return (
+        f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
+        f'<meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>\n"
+        f"<h1>{escape(title)}</h1>\n"
+        f'<p class="finding">{_prose(assessment.finding(record))}</p>\n'
+        f"<h2>What limits it, and what to do</h2><ul>{advice}</ul>\n"
+        + _figure(
+            figures.over_the_floor(record),
+            "Where the vehicle was, and where the best method thought it was",
+            "The error to expect at every place, from the training frames alone, and the test flight on it.",
+        )
+        + _figure(
+            figures.error_shares(record),
+            "Share of frames below each error, a line for each method",
+            "How many frames were off by less than a distance; dashed lines know nothing of the place.",
+        )
+        + f"<h2>The numbers</h2>{_table(record)}"
+        f"<footer><p>{counts['train']} frames to train on, {counts['test']} to test on. 95 % intervals over "
+        f"stretches of the test flight. trexton {escape(_version())}.</p></footer></body></html>\n"
+    )
+
+
+def _prose(text: str) -> str:
+    """Escaped, with `code` in backquotes set as such."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
+
+
+def _figure(figure: Figure, alternative: str, caption: str) -> str:
+    data = io.BytesIO()
+    figure.savefig(data, format="png", dpi=170)
+    picture = base64.b64encode(data.getvalue()).decode()
+    return (
+        f'<figure><img alt="{escape(alternative)}" src="data:image/png;base64,{picture}">'
+        f"<figcaption>{escape(caption)}</figcaption></figure>\n"
+    )
+
+
+def _table(record: Record) -> str:
+    errors: dict[str, Any] = record.values["errors"]
+    names = {"mean_cm": "mean", "median_cm": "median", "p95_cm": "95 % below"}
+    head = "".join(f"<th>{name}</th>" for name in ("", *names.values()))
+    rows = "".join(
+        f"<tr><td>{escape(_ROWS.get(name, name))}</td>"
+        + "".join(f"<td>{distance(entry[key])}</td>" for key in names)
+        + "</tr>"
+        for name, entry in errors.items()
+    )
+    return f'<div class="scroll" tabindex="0"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+
+
+def _version() -> str:
+    from trexton import __version__
+
+    return __version__

@@ -1,0 +1,239 @@
+"""Will it work here? What a person asks who brings a flight, in plain words, with what limits it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.errors import TrextonError
+from trexton.experiments.declaration import FilterParameters, option
+from trexton.experiments.evaluation import floor_picture, frames_of
+from trexton.flights.flight import Flight
+from trexton.localizer import Localizer, TextonMap
+from trexton.metrics import constant_guess, shuffled_neighbors, summarize
+from trexton.neighbors import NearestHistograms
+from trexton.parts.measurement import EXCLUDED_SECONDS
+from trexton.records import Record
+from trexton.streams import stream
+from trexton.wording import distance, middle, percent, times
+
+__all__ = ["Parameters", "advice", "finding", "run"]
+
+BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
+SHARPNESS_FRAMES = 200  # are enough to tell
+PLACES = 3  # hardest places that are named
+APART = 0.15  # of the area's diagonal, between hardest places
+
+
+@dataclass(frozen=True)
+class Parameters(FilterParameters):
+    """What can be chosen."""
+
+    methods: str = option("paper field", "methods to compare, separated by blanks")
+    textons: int = option(20, "textons in the dictionary, K", low=2)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly every method over the test flight and say what limits them.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms; test frames without a position are flown and not judged.
+    """
+    frames = frames_of(test)
+    known = np.isfinite(test.position).all(axis=1)
+    runs, timings, dictionary, field_map = {}, {}, None, None
+    for method in parameters.methods.split():
+        texton_map = TextonMap.train(
+            train, method=method, n_textons=parameters.textons, dictionary=dictionary,
+            rng=stream(parameters.seed, "training"),
+        )  # fmt: skip
+        dictionary = texton_map.dictionary
+        runs[method], timings[method] = _flown(texton_map, frames, parameters)
+        if hasattr(texton_map.parts["measurement"], "expected_error"):
+            field_map = texton_map
+    rng = stream(parameters.seed, "intervals")
+    k = min(parameters.neighbors, len(texton_map.positions))
+    nearest = NearestHistograms(texton_map.histograms, texton_map.positions, k)
+    looked = Localizer(
+        texton_map, samples=parameters.samples, rng=stream(parameters.seed, "neighbours")
+    )
+    runs["knn"] = np.array(
+        [nearest.query(looked.observe(frame)).position.mean(axis=0) for frame in frames]
+    )
+    runs["centre"] = constant_guess(texton_map.positions, len(test))
+    runs["shuffled"] = shuffled_neighbors(texton_map.positions, len(test), k, rng=rng)
+    values: dict[str, Any] = {
+        "errors": {
+            name: summarize([track[known]], test.position[known], test.diagonal, rng=rng)
+            for name, track in runs.items()
+        },
+        "limits": _limits(texton_map, train, test),
+        "counts": {"train": len(texton_map.positions), "test": int(known.sum())},
+        "features": train.features,
+    }
+    series: dict[str, Any] = {
+        "area_m": train.area,
+        "train_m": texton_map.positions,
+        "truth_m": test.position[known],
+        "time_s": (test.time - test.time[0])[known],
+        **{f"{name}_m": track[known] for name, track in runs.items()},
+    }
+    if field_map is not None:
+        expected = field_map.parts["measurement"].expected_error
+        values["expected_cm"] = 100 * float(expected(field_map.positions).mean())
+        series["expected"], values["hardest"] = _expected(expected, train)
+    floor, pictures = floor_picture(train)
+    return parameters.record(
+        train, test, values=values, series=series | floor, images=pictures, timings=timings
+    )
+
+
+def _flown(
+    texton_map: TextonMap, frames: Sequence[np.ndarray], parameters: Parameters
+) -> tuple[np.ndarray, dict[str, float]]:
+    """``(N, 2)`` estimates, and median and 99th percentile of the seconds a frame takes."""
+    options = {"particles": parameters.particles} if texton_map.method == "paper" else {}
+    localizer = Localizer(
+        texton_map, samples=parameters.samples, rng=stream(parameters.seed, "flight", 0), **options
+    )
+    estimates, seconds = [], []
+    for frame in frames:
+        start = perf_counter()
+        estimates.append(localizer.step(frame).position)
+        seconds.append(perf_counter() - start)
+    return np.array(estimates), {
+        "median_s": float(np.median(seconds)),
+        "p99_s": float(np.percentile(seconds, 99)),
+    }
+
+
+def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]:
+    """What may be wrong with the flights, as shares of their frames."""
+    known = np.isfinite(test.position).all(axis=1)
+    positions, diagonal = texton_map.positions, train.diagonal
+    gaps = np.array([np.hypot(*(positions - place).T).min() for place in test.position[known]])
+    limits: dict[str, Any] = {"gap_m": float(np.percentile(gaps, 95))}
+    try:
+        rows = texton_map.training().neighbors(1, EXCLUDED_SECONDS)[:, 0]
+        far = np.hypot(*(positions[rows] - positions).T) > diagonal / 4
+        limits["repeated"] = float(far.mean())
+    except TrextonError:  # too short a flight to leave neighbours in time out
+        limits["repeated"] = None
+    if test.has_images:
+        chosen = np.unique(
+            np.linspace(0, len(test) - 1, min(len(test), SHARPNESS_FRAMES)).astype(int)
+        )
+        sharp = np.array(
+            [cv2.Laplacian(test.image(row)[..., 0], cv2.CV_64F).var() for row in chosen]
+        )
+        limits["blurred"] = float((sharp < BLURRED * np.median(sharp)).mean())
+    return limits
+
+
+def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[str, float]]]:
+    """The expected error over the floor, and its hardest places near where was flown."""
+    x_min, x_max, y_min, y_max = flight.area
+    cell = flight.diagonal / 70
+    columns, rows = (max(2, round(side / cell)) for side in (x_max - x_min, y_max - y_min))
+    x = x_min + (np.arange(columns) + 0.5) * (x_max - x_min) / columns
+    y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    error = expected(places)
+    known = flight.position[np.isfinite(flight.position).all(axis=1)]
+    apart = np.array([np.hypot(*(known - place).T).min() for place in places])
+    near = apart < flight.diagonal / 10
+    flown = apart < flight.diagonal / 40
+    hardest: list[dict[str, float]] = []
+    for cell_number in np.argsort(-np.where(flown, error, -np.inf)):
+        place = places[cell_number]
+        if len(hardest) == PLACES or not flown[cell_number]:
+            break
+        if all(
+            np.hypot(place[0] - other["x_m"], place[1] - other["y_m"]) > APART * flight.diagonal
+            for other in hardest
+        ):
+            hardest.append(
+                {"x_m": place[0], "y_m": place[1], "expected_cm": 100 * float(error[cell_number])}
+            )
+    heat = np.where(near, error, np.nan).reshape(rows, columns)
+    return {"error_m": heat.round(4), "extent_m": flight.area}, hardest
+
+
+def finding(record: Record) -> str:
+    """One sentence: will it work here?"""
+    best, error = _best(record)
+    errors = record.values["errors"]
+    centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
+    if middle(error) >= centre:
+        judgement = "It will not work here: no method does better than always guessing the centre"
+    elif middle(error) > 0.5 * centre:
+        judgement = "It works poorly here"
+    else:
+        judgement = "It works here"
+    words = (
+        f"{judgement}: with the method `{best}` the estimate was off by {distance(error)} on average, "
+        f"against {distance(errors['centre']['mean_cm']['median'])} for always guessing the centre"
+    )
+    paper = errors.get("paper")
+    if paper and middle(paper["mean_cm"]) > 1.1 * knn:
+        ratio = times(middle(paper["mean_cm"]) / knn)
+        words += (
+            f"; the paper's filter errs {ratio} as much as the plain mean of its own neighbours"
+        )
+    return words + "."
+
+
+def _best(record: Record) -> tuple[str, dict[str, float]]:
+    """The method of least mean error, and that error."""
+    methods = record.parameters["methods"].split()
+    errors = record.values["errors"]
+    name = min(methods, key=lambda method: middle(errors[method]["mean_cm"]))
+    return name, errors[name]["mean_cm"]
+
+
+def advice(record: Record) -> list[str]:
+    """What limits it and what to do, a sentence each."""
+    limits, counts, best = record.values["limits"], record.values["counts"], _best(record)[0]
+    said = []
+    scale = np.hypot(*np.ptp(np.reshape(record.series["area_m"], (2, 2)), axis=1))
+    if limits["gap_m"] > 0.1 * scale:
+        said.append(
+            f"Too few frames: one test frame in twenty is more than {limits['gap_m']:.2g} m from any of the "
+            f"{counts['train']} training frames. Fly closer lanes."
+        )
+    if limits["repeated"] is None:
+        said.append("The training flight is too short to tell whether its texture repeats.")
+    elif limits["repeated"] > 0.1:
+        said.append(
+            f"Repeated texture: for {percent(limits['repeated'])} of the training frames the frame that looks "
+            "most alike lies more than a quarter of the area away. Add something distinct there."
+        )
+    if (limits.get("blurred") or 0) > 0.1:
+        said.append(
+            f"Blur: {percent(limits['blurred'])} of the frames are less than half as sharp as usual. "
+            "Shorten the exposure or fly slower."
+        )
+    for place in record.values.get("hardest", []):
+        said.append(
+            f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m expect to be off by "
+            f"{distance(place['expected_cm'])}."
+        )
+    paper, centre = (record.values["errors"].get(name) for name in ("paper", "centre"))
+    if paper and centre and middle(paper["mean_cm"]) >= middle(centre["mean_cm"]):
+        said.append(
+            "The paper's filter is worse here than always guessing the centre: do not fly it."
+        )
+    seconds = record.timings.get(best, {}).get("median_s")
+    if seconds:
+        said.append(
+            f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame: "
+            f"trexton train FLIGHT -o MAP --method {best}, then trexton onboard MAP."
+        )
+    return said
