@@ -1,0 +1,104 @@
+"""Will it work here? Plain words from records, on flights where the answer is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trexton.book.report import write_report
+from trexton.experiments.assessment import Parameters, advice, finding, run
+from trexton.figures.assessment import error_shares, over_the_floor
+from trexton.flights import Flight
+
+
+def make_flight(
+    seed: int, *, informative: bool = True, scale: float = 1.0, frames: int = 120
+) -> Flight:
+    """A loop over a floor whose histograms follow the place, or follow nothing."""
+    rng = np.random.default_rng(seed)
+    angle = np.linspace(0, 6 * np.pi, frames)
+    place = np.column_stack([np.cos(angle), np.sin(1.3 * angle)]) + rng.normal(0, 0.05, (frames, 2))
+    seen = place if informative else rng.uniform(-1, 1, place.shape)
+    centers = np.random.default_rng(9).uniform(-1.2, 1.2, (12, 2))
+    values = np.exp(-((seen[:, None] - centers) ** 2).sum(axis=2) / 0.3) + 0.05
+    values += rng.uniform(0, 0.02, values.shape)
+    histograms = values / values.sum(axis=1, keepdims=True)
+    area = tuple(scale * edge for edge in (-1.3, 1.3, -1.3, 1.3))
+    return Flight(
+        "loop",
+        np.arange(frames),
+        np.arange(frames) * 0.08,
+        scale * place,
+        area,
+        histograms=histograms,
+    )
+
+
+@pytest.fixture(scope="module")
+def record():
+    return run(make_flight(1), make_flight(2), Parameters())
+
+
+def test_a_room_that_works_is_said_to(record):
+    assert finding(record).startswith("It works here: with the method `field`")
+    errors = record.values["errors"]
+    assert errors["field"]["mean_cm"]["median"] < 0.5 * errors["centre"]["mean_cm"]["median"]
+    assert any("trexton train FLIGHT -o MAP --method" in sentence for sentence in advice(record))
+
+
+def test_histograms_that_say_nothing_are_found_out():
+    hopeless = run(
+        make_flight(1, informative=False), make_flight(2, informative=False), Parameters()
+    )
+    assert not finding(hopeless).startswith("It works here")
+    assert any(sentence.startswith("Repeated texture") for sentence in advice(hopeless))
+
+
+def test_places_that_were_never_flown_are_named():
+    train = make_flight(1)
+    half = train.select(train.position[:, 0] < 0)
+    sentences = advice(run(half, make_flight(2), Parameters()))
+    assert any(sentence.startswith("Too few frames") for sentence in sentences)
+
+
+@pytest.mark.parametrize("frames", [18, 40])
+def test_short_flights_are_judged_too(frames):
+    short = run(make_flight(1, frames=frames), make_flight(2, frames=frames), Parameters())
+    assert finding(short).endswith(".") and all(advice(short))
+
+
+def test_test_frames_without_a_position_are_flown_and_not_judged():
+    test = make_flight(2)
+    gone = test.position.copy()
+    gone[10:40] = np.nan
+    partly = run(make_flight(1), replace(test, position=gone), Parameters(methods="paper"))
+    assert partly.values["counts"]["test"] == 90 and "expected" not in partly.series
+
+
+def test_fields_of_hundreds_of_metres_read_in_metres():
+    large = run(make_flight(1, scale=200), make_flight(2, scale=200), Parameters(methods="field"))
+    assert " m on average" in finding(large)
+
+
+def test_the_report_is_one_file_that_fetches_nothing(record, tmp_path):
+    text = write_report(record, tmp_path / "report.html").read_text()
+    assert "http" not in text.replace("https://", "http://").split("<body>")[1]
+    assert text.count("<img alt=") == 2 and 'src="data:image/png' in text
+    assert "always the centre" in text and "<code>field</code>" in text
+
+
+def test_figures_draw_what_the_record_holds(record):
+    floor = over_the_floor(record).axes[0]
+    np.testing.assert_allclose(
+        floor.lines[-1].get_xydata(), np.array(record.series["field_m"])[::5]
+    )
+    shares = error_shares(record).axes[0]
+    assert [line.get_label() for line in shares.lines][-1] == "shuffled neighbours"
+    assert all(line.get_ydata()[-1] == 100 for line in shares.lines)
+
+
+def test_equal_seeds_give_equal_records(record):
+    again = run(make_flight(1), make_flight(2), Parameters())
+    assert again.values == record.values
