@@ -14,7 +14,8 @@ from trexton.camera import Camera, MapImage
 from trexton.localizer import Estimate, TextonMap
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
-from trexton.onboard.sinks import SinkOptions
+from trexton.onboard.sinks import Surroundings
+from trexton.onboard.sinks.mavlink import MavlinkOptions
 from trexton.onboard.tally import Tally
 from trexton.parts.motion import RandomWalk
 from trexton.simulator import Floor, Simulator, record_flight
@@ -86,13 +87,18 @@ def make_estimate(position=(0.0, 0.0), spread=(0.1, 0.1), lost=False, observed=T
     )
 
 
-def sink_options(tally: Tally | None = None, **changes) -> SinkOptions:
-    """Options for a map of 5 m x 5 m that lies with its +y to the north."""
+def surroundings(tally: Tally | None = None, **changes) -> Surroundings:
+    """What a sink is told of a map of 5 m x 5 m that lies with its +y to the north."""
     fields = {
-        "local": LocalFrame(0.0, 1.0), "autopilot": "px4", "origin": None, "area": (0.0, 5.0, 0.0, 5.0),
+        "local": LocalFrame(0.0, 1.0), "area": (0.0, 5.0, 0.0, 5.0),
         "motion_rate": 0.01 * np.eye(2), "tally": tally or Tally(),
     }  # fmt: skip
-    return SinkOptions(**fields | changes)
+    return Surroundings(**fields | changes)
+
+
+def mavlink(**changes) -> dict:
+    """Options of the MAVLink sink, as `open_sink` takes them."""
+    return {MavlinkOptions: MavlinkOptions(**changes)}
 
 
 @dataclass

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from onboard_tools import make_estimate, make_fix
 
+from trexton.estimate import LOST_SHARE, ignorance
 from trexton.localizer import Estimate
-from trexton.onboard.fix import LOST_SHARE, Fix, JumpCounter, about_position, ignorance
+from trexton.onboard.fix import Fix, JumpCounter
 from trexton.onboard.local import LocalFrame, decoupled
 
 
@@ -31,8 +32,8 @@ def test_covariance_is_the_second_moment_about_the_reported_position(rng):
             weight * np.outer(particle - estimate.position, particle - estimate.position)
             for particle, weight in zip(estimate.particles, estimate.weights)
         )
-        np.testing.assert_allclose(about_position(estimate), expected)
-        assert np.linalg.eigvalsh(about_position(estimate) - estimate.covariance).min() > -1e-12
+        np.testing.assert_allclose(estimate.about_position, expected)
+        assert np.linalg.eigvalsh(estimate.about_position - estimate.covariance).min() > -1e-12
 
 
 def test_decoupled_diagonal_covers_the_cloud_in_every_direction(rng):

@@ -19,14 +19,14 @@ from trexton.simulator import Plan, random_waypoints
 
 
 def fly(localizer: Localizer, source: Source, frames: int, folder) -> dict:
-    from onboard_tools import sink_options
+    from onboard_tools import surroundings
 
     tally = Tally()
     sinks = [
-        Guard(open_sink(address, sink_options(tally)), tally)
+        Guard(open_sink(address, surroundings(tally)), tally)
         for address in ("csv:/dev/null", "json:/dev/null")
     ]
-    log = Guard(open_sink(f"json:{folder}/log", sink_options(tally)), tally)
+    log = Guard(open_sink(f"json:{folder}/log", surroundings(tally)), tally)
     return Onboard(localizer, source, sinks, tally=tally, log=log, frames=frames).run(
         threading.Event()
     )

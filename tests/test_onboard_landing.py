@@ -16,7 +16,7 @@ class Autopilot:
     """Takes landing commands and answers when told to."""
 
     def __init__(self):
-        self.confirmations, self.queue = [], []
+        self.confirmations, self.queue, self.grounded = [], [], None
 
     def land(self, confirmation: int) -> bool:
         self.confirmations.append(confirmation)
@@ -25,6 +25,9 @@ class Autopilot:
     def answers(self) -> list:
         queue, self.queue = self.queue, []
         return queue
+
+    def on_ground(self) -> bool | None:
+        return self.grounded
 
     def answer(self, result: int, command: int = NAV_LAND) -> None:
         self.queue.append(type("Answer", (), {"command": command, "result": result}))
@@ -91,7 +94,7 @@ class TestTrigger:
         assert flight.fly(30) is State.WOULD_LAND
         assert flight.states == [State.WOULD_LAND.value]
         assert flight.events[0]["x_m"] == 2.5
-        assert flight.fly(position=OUTSIDE) is State.WATCHING
+        assert flight.fly(35, position=OUTSIDE) is State.WATCHING
         assert flight.fly(3) is State.WOULD_LAND
 
 
@@ -120,6 +123,8 @@ class TestAnswers:
         assert flight.fly(50) is State.REFUSED
         assert flight.autopilot.confirmations == [0]
         flight.fly(1, position=OUTSIDE)
+        assert flight.fly(10) is State.REFUSED  # a flicker is no departure
+        flight.fly(35, position=OUTSIDE)
         assert flight.fly(3) is State.ASKED
         assert flight.autopilot.confirmations == [0, 0]
 

@@ -11,7 +11,8 @@ import time
 
 import numpy as np
 import pytest
-from onboard_tools import Clock, eventually, make_fix, sink_options
+from onboard_tools import Clock, eventually, make_fix, surroundings
+from onboard_tools import mavlink as mavlink_options
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
@@ -19,12 +20,13 @@ from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT, Peer  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.errors import ParameterError  # noqa: E402
-from trexton.onboard.fix import ignorance  # noqa: E402
+from trexton.estimate import ignorance  # noqa: E402
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
 from trexton.onboard.mavlink.link import make_link  # noqa: E402
+from trexton.onboard.mavlink.listener import Answer, Listener  # noqa: E402
 from trexton.onboard.mavlink.profiles import profile_named  # noqa: E402
-from trexton.onboard.mavlink.speaker import ORIGIN_ATTEMPTS, PATIENCE, Answer, Speaker  # noqa: E402
+from trexton.onboard.mavlink.speaker import ORIGIN_ATTEMPTS, PATIENCE, Speaker  # noqa: E402
 from trexton.onboard.sinks import open_sink  # noqa: E402
 from trexton.onboard.tally import Tally  # noqa: E402
 
@@ -266,7 +268,7 @@ class TestGoldenBytes:
         )
         plain = plain_packet(76, 152, "7fHBBB", 30, 50_000, 0, 0, 0, 0, 0, 511, 1, 1, 0)
         self.check(
-            messages.attitude_request((1, 1), 20.0),
+            messages.interval_request((1, 1), messages.ATTITUDE, 20.0),
             plain,
             (
                 "fd2000000001bf4c00000000f041005043470000000000000000000000000000000000000000ff0101010075"
@@ -292,11 +294,12 @@ def from_autopilot(message, system=1, component=1):
 
 
 def speaker(name="px4", *, heard_at=0.0, attitude_at=None, **options) -> Speaker:
-    result = Speaker(profile_named(name, NORTH_UP, AREA), 0.01 * np.eye(2), **options)
+    listener = Listener(options.pop("system_id", None), NORTH_UP)
+    result = Speaker(profile_named(name, NORTH_UP, AREA), 0.01 * np.eye(2), listener, **options)
     if heard_at is not None:
-        result.hear(from_autopilot(AUTOPILOT_HEARTBEAT), heard_at)
+        listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), heard_at)
     if attitude_at is not None:
-        result.hear(
+        listener.hear(
             from_autopilot(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)), attitude_at
         )
     return result
@@ -406,7 +409,9 @@ class TestSpeaker:
         talk.tell(make_fix(10.0), 10.0)
         assert not due(talk, 10.0, "ODOMETRY") and talk.withheld == 1
         assert due(talk, 13.0, "COMMAND_LONG")[0].param1 == 30  # asks for ATTITUDE
-        talk.hear(from_autopilot(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)), 13.9)
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)), 13.9
+        )
         talk.tell(make_fix(14.0), 14.0)
         (message,) = due(talk, 14.0, "ODOMETRY")
         assert message.q == pytest.approx(messages.quaternion(*ATTITUDE), abs=1e-6)
@@ -414,7 +419,9 @@ class TestSpeaker:
     def test_px4_gets_the_attitude_nearest_to_the_capture(self):
         talk = speaker()
         for when, yaw in ((9.8, 0.5), (10.0, 1.0), (10.2, 1.5)):
-            talk.hear(from_autopilot(mavlink.MAVLink_attitude_message(0, 0, 0, yaw, 0, 0, 0)), when)
+            talk.listener.hear(
+                from_autopilot(mavlink.MAVLink_attitude_message(0, 0, 0, yaw, 0, 0, 0)), when
+            )
         talk.tell(make_fix(10.05), 10.2)
         assert due(talk, 10.2, "VISION_POSITION_ESTIMATE")[0].yaw == pytest.approx(1.0)
 
@@ -423,11 +430,13 @@ class TestSpeaker:
         assert len(due(talk, 0.0, "SET_GPS_GLOBAL_ORIGIN")) == 1
         assert len(due(talk, 1.0, "SET_GPS_GLOBAL_ORIGIN")) == 0
         assert len(due(talk, 2.0, "SET_GPS_GLOBAL_ORIGIN")) == 1
-        talk.hear(from_autopilot(mavlink.MAVLink_gps_global_origin_message(0, 0, 0, 0)), 3.0)
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_gps_global_origin_message(0, 0, 0, 0)), 3.0
+        )
         assert (
             len(due(talk, 4.0, "SET_GPS_GLOBAL_ORIGIN")) == 1
         )  # another's origin confirms nothing
-        talk.hear(
+        talk.listener.hear(
             from_autopilot(
                 mavlink.MAVLink_gps_global_origin_message(519_900_000, 43_700_000, 1000, 0)
             ),
@@ -439,53 +448,65 @@ class TestSpeaker:
         talk = speaker(origin=(51.99, 4.37, 1.0))
         asked = sum(len(due(talk, float(now), "SET_GPS_GLOBAL_ORIGIN")) for now in range(100))
         assert asked == ORIGIN_ATTEMPTS
-        assert any(news["event"] == "origin not confirmed" for news in talk.news)
+        assert any(news["event"] == "origin not confirmed" for news in talk.listener.news)
         assert not [
             m for now in range(100) for m in due(speaker(), float(now), "SET_GPS_GLOBAL_ORIGIN")
         ]
 
     def test_timesync_is_answered_and_answers_are_not(self):
         talk = speaker()
-        talk.hear(from_autopilot(mavlink.MAVLink_timesync_message(0, 42)), 5.0)
-        talk.hear(from_autopilot(mavlink.MAVLink_timesync_message(7, 42)), 5.0)
+        talk.listener.hear(from_autopilot(mavlink.MAVLink_timesync_message(0, 42)), 5.0)
+        talk.listener.hear(from_autopilot(mavlink.MAVLink_timesync_message(7, 42)), 5.0)
         (answer,) = due(talk, 5.0, "TIMESYNC")
         assert (answer.tc1, answer.ts1) == (5_000_000_000, 42)
 
     def test_only_the_autopilot_is_obeyed_and_listened_to(self):
         talk = speaker(heard_at=None)
-        talk.hear(
+        talk.listener.hear(
             from_autopilot(
                 mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), system=255, component=190
             ),
             0.0,
         )
-        assert talk.target is None and not talk.land(0)
-        talk.hear(from_autopilot(AUTOPILOT_HEARTBEAT), 0.0)
-        talk.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 0), system=9), 0.0)
-        assert not talk.answers
-        talk.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 2)), 0.0)
-        assert list(talk.answers) == [Answer(21, 2)]
-        assert talk.land(1) and due(talk, 0.0, "COMMAND_LONG")[0].confirmation == 1
+        assert talk.listener.target is None and not talk.land(0, 0.0)
+        talk.listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), 0.0)
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_command_ack_message(21, 0), system=9), 0.0
+        )
+        assert not talk.listener.answers
+        talk.listener.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 2)), 0.0)
+        assert list(talk.listener.answers) == [Answer(21, 2)]
+        assert talk.land(1, 0.0) and due(talk, 0.0, "COMMAND_LONG")[0].confirmation == 1
 
     def test_an_answer_to_somebody_else_is_none_to_us(self):
         talk = speaker()
-        talk.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 255, 190)), 0.0)
-        assert not talk.answers
-        talk.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 1, 191)), 0.0)
-        assert list(talk.answers) == [Answer(21, 0)]
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 255, 190)), 0.0
+        )
+        assert not talk.listener.answers
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 1, 191)), 0.0
+        )
+        assert list(talk.listener.answers) == [Answer(21, 0)]
 
     def test_what_the_autopilot_says_is_kept_for_the_log(self):
         talk = speaker()
-        talk.hear(from_autopilot(mavlink.MAVLink_statustext_message(3, b"EKF variance")), 1.0)
-        assert talk.news[-1]["text"] == "EKF variance"
-        talk.hear(from_autopilot(mavlink.MAVLink_estimator_status_message(0, 8, *[0.0] * 8)), 1.0)
-        assert talk.fused is True
-        talk.hear(from_autopilot(mavlink.MAVLink_ekf_status_report_message(1, *[0.0] * 6)), 1.0)
-        assert talk.fused is False
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_statustext_message(3, b"EKF variance")), 1.0
+        )
+        assert talk.listener.news[-1]["text"] == "EKF variance"
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_estimator_status_message(0, 8, *[0.0] * 8)), 1.0
+        )
+        assert talk.listener.fused(1.0) is True and talk.listener.fused(9.0) is None
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_ekf_status_report_message(1, *[0.0] * 6)), 1.0
+        )
+        assert talk.listener.fused(1.0) is False
 
     def test_presence(self):
         talk = speaker(heard_at=5.0)
-        assert talk.present(7.9) and not talk.present(8.1)
+        assert talk.listener.present(7.9) and not talk.listener.present(8.1)
 
     def test_unknown_profile(self):
         with pytest.raises(ParameterError, match="px4, ardupilot"):
@@ -505,7 +526,9 @@ class TestOverUdp:
     def test_px4(self, peer):
         tally = Tally()
         sink = open_sink(
-            f"udpout:127.0.0.1:{peer.port}", sink_options(tally, origin=(51.99, 4.37, 1.0))
+            f"udpout:127.0.0.1:{peer.port}",
+            surroundings(tally),
+            mavlink_options(origin="51.99,4.37,1"),
         )
         sink.open()
         try:
@@ -540,14 +563,16 @@ class TestOverUdp:
             sink.close()
 
     def test_ardupilot(self, peer):
-        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", sink_options(autopilot="ardupilot"))
+        sink = open_sink(
+            f"udpout:127.0.0.1:{peer.port}", surroundings(), mavlink_options(autopilot="ardupilot")
+        )
         sink.open()
         try:
             assert eventually(lambda: peer.of("HEARTBEAT"))
             peer.send(AUTOPILOT_HEARTBEAT)
             assert eventually(lambda: [m for m in peer.of("COMMAND_LONG") if m.command == 511])
             peer.send(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0))
-            assert eventually(lambda: sink._speaker._attitudes)
+            assert eventually(lambda: sink.aiding(time.monotonic()).roll is not None)
             captured = time.monotonic()
             sink.write(make_fix(captured, (1.5, 2.5)))
             assert eventually(lambda: peer.of("ODOMETRY"))
@@ -560,7 +585,7 @@ class TestOverUdp:
             sink.close()
 
     def test_a_companion_shares_the_system_of_its_vehicle(self, peer):
-        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", sink_options())
+        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings())
         sink.open()
         try:
             assert eventually(lambda: peer.of("HEARTBEAT"))
@@ -577,7 +602,7 @@ class TestOverUdp:
             sink.close()
 
     def test_garbage_on_the_wire_is_skipped(self, peer, rng):
-        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", sink_options())
+        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings())
         sink.open()
         try:
             assert eventually(lambda: peer.of("HEARTBEAT"))
@@ -594,7 +619,7 @@ class TestOverUdp:
     def test_the_peer_gone_and_back(self):
         """On the same port, heard of again; the sink never raises, and counts the silence."""
         tally, first = Tally(), Peer()
-        sink = open_sink(f"udpout:127.0.0.1:{first.port}", sink_options(tally))
+        sink = open_sink(f"udpout:127.0.0.1:{first.port}", surroundings(tally))
         sink.open()
         try:
             assert eventually(lambda: first.of("HEARTBEAT"))
@@ -617,8 +642,7 @@ class TestOverUdp:
 
     def test_a_silent_autopilot_is_counted(self, peer):
         tally, clock = Tally(), Clock(50.0)
-        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", sink_options(tally))
-        sink._clock = clock
+        sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings(tally))
         sink.open()
         try:
             assert eventually(lambda: peer.of("HEARTBEAT"))
@@ -636,7 +660,7 @@ def test_tcp_peer_gone_and_back():
     server = socket.create_server(("127.0.0.1", 0))
     server.settimeout(20)
     tally = Tally()
-    sink = open_sink(f"tcp:127.0.0.1:{server.getsockname()[1]}", sink_options(tally))
+    sink = open_sink(f"tcp:127.0.0.1:{server.getsockname()[1]}", surroundings(tally))
     sink.open()
     try:
         for _ in range(2):
@@ -654,7 +678,7 @@ def test_tcp_without_a_server_is_counted_and_does_not_block():
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = server.getsockname()[1]
     tally = Tally()
-    sink = open_sink(f"tcp:127.0.0.1:{port}", sink_options(tally))
+    sink = open_sink(f"tcp:127.0.0.1:{port}", surroundings(tally))
     sink.open()
     sink.write(make_fix(time.monotonic()))
     assert eventually(lambda: tally["link"] >= 2)
@@ -694,6 +718,7 @@ def test_udpin_answers_whoever_speaks():
         link.send(b"nobody is there")
         other.sendto(b"hello", ("127.0.0.1", port))
         assert eventually(lambda: link.receive() == b"hello")
+        link.understood()
         link.send(b"answer")
         assert other.recv(100) == b"answer"
     link.close()

@@ -11,7 +11,8 @@ import time
 import warnings
 
 import pytest
-from onboard_tools import make_fix, sink_options
+from onboard_tools import make_fix, surroundings
+from onboard_tools import mavlink as mavlink_options
 
 if not os.environ.get("TREXTON_MAVSDK"):
     pytest.skip("opt in with TREXTON_MAVSDK=1", allow_module_level=True)
@@ -39,7 +40,9 @@ class Vehicle:
     def __init__(self, port: int, profile: str):
         self.port, self.sink = (
             port,
-            open_sink(f"udpout:127.0.0.1:{port}", sink_options(autopilot=profile)),
+            open_sink(
+                f"udpout:127.0.0.1:{port}", surroundings(), mavlink_options(autopilot=profile)
+            ),
         )
         self.stop = threading.Event()
         self.thread = threading.Thread(target=self.run, daemon=True)
@@ -55,7 +58,7 @@ class Vehicle:
                 for message in (AUTOPILOT_HEARTBEAT, attitude):
                     with self.sink._lock:
                         decoded = mavlink.MAVLink(None).parse_buffer(message.pack(codec))[0]
-                        self.sink._speaker.hear(decoded, time.monotonic())
+                        self.sink.speaker.listener.hear(decoded, time.monotonic())
                 self.sink.write(make_fix(time.monotonic(), (1.5, 2.5), resets=3))
 
     def __enter__(self):

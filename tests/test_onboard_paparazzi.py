@@ -8,7 +8,7 @@ import socket
 
 import numpy as np
 import pytest
-from onboard_tools import eventually, make_fix, sink_options
+from onboard_tools import eventually, make_fix, surroundings
 
 ivy = pytest.importorskip("ivy.ivy", reason="the extra 'paparazzi' is not installed")
 
@@ -47,7 +47,7 @@ def test_time_of_week_stays_within_the_week():
 @pytest.mark.parametrize("address", ["paparazzi", "paparazzi:x", "paparazzi:256"])
 def test_wrong_addresses(address):
     with pytest.raises(ParameterError, match="AIRCRAFT"):
-        open_sink(address, sink_options())
+        open_sink(address, surroundings())
 
 
 def test_a_second_agent_on_the_bus_reads_it():
@@ -58,7 +58,7 @@ def test_a_second_agent_on_the_bus_reads_it():
     agent = ivy.IvyServer("ground station", usesDaemons=True)
     agent.bind_msg(lambda sender, text: heard.append(text), r"^(\S* REMOTE_GPS_LOCAL .*)")
     agent.start(bus)
-    sink = open_sink(f"paparazzi:7@{bus}", sink_options())
+    sink = open_sink(f"paparazzi:7@{bus}", surroundings())
     sink.open()
     try:
         fix = make_fix(5.0, (1.5, 2.5))

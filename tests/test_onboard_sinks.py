@@ -11,7 +11,7 @@ import sys
 
 import numpy as np
 import pytest
-from onboard_tools import Clock, make_fix, sink_options
+from onboard_tools import Clock, make_fix, surroundings
 
 from trexton.errors import ParameterError
 from trexton.onboard.sinks import Guard, open_sink
@@ -29,7 +29,7 @@ FIXES = [
 
 def write(address: str, fixes=FIXES) -> Tally:
     tally = Tally()
-    guard = Guard(open_sink(address, sink_options(tally)), tally)
+    guard = Guard(open_sink(address, surroundings(tally)), tally)
     for fix in fixes:
         guard.write(fix)
     guard.close()
@@ -62,7 +62,7 @@ def test_csv(tmp_path):
 
 def test_tum_holds_only_what_a_vehicle_may_steer_by(tmp_path):
     write(f"tum:{tmp_path}/a.tum")
-    assert (tmp_path / "a.tum").read_text() == "0.080000 1.250000 -2.500000 1.000000 0 0 0 1\n"
+    assert (tmp_path / "a.tum").read_text() == "0.080000 1.250000 -2.500000 0 0 0 0 1\n"
 
 
 def test_events_go_into_the_log_only(tmp_path):
@@ -102,7 +102,7 @@ def test_the_log_is_kept_over_a_restart_and_outputs_begin_anew(tmp_path):
 )
 def test_wrong_addresses_are_errors_with_a_sentence(address):
     with pytest.raises(ParameterError, match="give"):
-        open_sink(address, sink_options())
+        open_sink(address, surroundings())
 
 
 class Failing(Sink):
@@ -168,7 +168,6 @@ file.write("third line")
     subprocess.run([sys.executable, "-c", code], check=True)
     assert (tmp_path / "log").read_text().splitlines() == [
         "first line",
-        "a second line ",
         "third line",
     ]
 

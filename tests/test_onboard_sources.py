@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import threading
-from importlib import import_module
 
 import cv2
 import numpy as np
@@ -15,8 +14,9 @@ from onboard_tools import Clock, eventually
 from trexton.errors import ImageError, ParameterError, TrextonError
 from trexton.flights import read_flight
 from trexton.images import yuv_from_bgr, yuv_from_uyvy
+from trexton.onboard.edges import load
 from trexton.onboard.grabber import Grabber, Recording
-from trexton.onboard.sources import SOURCES, CameraLost, Frame, Source, SourceOptions, open_source
+from trexton.onboard.sources import SOURCES, CameraLost, Frame, Playback, Source, View, open_source
 from trexton.onboard.sources.flight import FlightSource
 from trexton.onboard.sources.pacing import Paced
 from trexton.onboard.sources.simulator import SimulatorSource
@@ -39,12 +39,15 @@ class TestRegistry:
         assert isinstance(open_source("videotestsrc ! appsink"), StreamSource)
         assert isinstance(open_source(str(image_folder)), FlightSource)
         assert type(open_source(str(image_folder / "images"))).__name__ == "ImageFolder"
-        assert isinstance(open_source(str(flight_folder), SourceOptions(pace="stamps")), Paced)
+        assert isinstance(
+            open_source(str(flight_folder), options={Playback: Playback(pace="stamps")}), Paced
+        )
+        assert isinstance(open_source("stream:/dev/video0"), StreamSource)
         assert isinstance(open_source("video:/dev/video0"), StreamSource)
 
     def test_modules_load_by_name(self):
         for kind in SOURCES:
-            assert import_module(SOURCES[kind]).make
+            assert load(SOURCES[kind]).addresses
 
     @pytest.mark.parametrize(
         "address", ["nowhere", "/dev/videoX", "", "simulator:x", "video:none.avi", "flight:none"]
@@ -93,7 +96,7 @@ class TestImages:
             cv2.imwrite(str(tmp_path / f"f{number}.png"), picture)
         (tmp_path / "f1.png").write_bytes(b"no image")
         (tmp_path / "notes.txt").write_text("not a frame")
-        frames = everything(open_source(str(tmp_path), SourceOptions(period_s=0.5)))
+        frames = everything(open_source(str(tmp_path), View(period_s=0.5)))
         assert [frame.time for frame in frames] == [0.0, 0.5, 1.0, 1.5]
         assert frames[0].picture is None
         for frame, number in zip(frames[1:], (2, 9, 10)):
@@ -117,7 +120,9 @@ class TestVideo:
     def test_every_frame_of_a_file_with_laps(self, tmp_path):
         frames = [np.full((48, 64, 3), shade, np.uint8) for shade in (40, 80, 120, 160)]
         write_video(tmp_path / "floor.avi", frames)
-        seen = everything(open_source(str(tmp_path / "floor.avi"), SourceOptions(laps=2)))
+        seen = everything(
+            open_source(str(tmp_path / "floor.avi"), options={Playback: Playback(laps=2)})
+        )
         np.testing.assert_allclose([frame.time for frame in seen], 0.08 * np.arange(8))
         for number, frame in enumerate(seen):
             assert abs(frame.picture[..., 0].mean() - (40, 80, 120, 160)[number % 4]) < 3
@@ -125,7 +130,7 @@ class TestVideo:
     def test_no_video_is_an_error(self, tmp_path):
         (tmp_path / "text.avi").write_text("not a video")
         with pytest.raises(ImageError, match="not a video"):
-            VideoFile(str(tmp_path / "text.avi"), SourceOptions()).open()
+            VideoFile(str(tmp_path / "text.avi"), Playback(), View()).open()
 
     def test_a_named_pipe_is_a_live_stream(self, tmp_path):
         pipe = tmp_path / "camera.y4m"
@@ -187,7 +192,7 @@ class FakeCapture:
 
 class TestV4l2:
     def source(self, capture, **options) -> V4l2Source:
-        return V4l2Source("/dev/video0", SourceOptions(**options), capture, Clock(5.0))
+        return V4l2Source("/dev/video0", View(**options), capture, Clock(5.0))
 
     def test_uyvy_bytes_as_they_are(self, rng):
         raw = rng.integers(0, 256, (4, 6, 2), dtype=np.uint8)

@@ -8,7 +8,12 @@ import numpy as np
 
 from trexton.neighbors import Neighbors
 
-__all__ = ["Estimate", "Measurement"]
+__all__ = ["LOST_SHARE", "Estimate", "Measurement", "ignorance"]
+
+# A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen
+# by the
+# kidnapping experiment, which shows what other shares would miss and what they would refuse.
+LOST_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -108,3 +113,10 @@ class Estimate:
         offset = self.mean - self.position
         moment: np.ndarray = self.covariance + np.outer(offset, offset)
         return moment
+
+
+def ignorance(area: tuple[float, float, float, float]) -> np.ndarray:
+    """``(2,)`` standard deviations of a position of which only the area is known, metres."""
+    x_min, x_max, y_min, y_max = area
+    nothing: np.ndarray = np.array([x_max - x_min, y_max - y_min]) / np.sqrt(12)
+    return nothing

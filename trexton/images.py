@@ -17,6 +17,7 @@ from trexton.errors import ImageError
 __all__ = [
     "checked_bytes",
     "check_size",
+    "decode_image",
     "read_image",
     "check_image",
     "yuv_from_bgr",
@@ -157,6 +158,20 @@ def read_image(path: str | os.PathLike[str]) -> np.ndarray:
     """
     path = Path(path)
     data = checked_bytes(path)
+    try:
+        return decode_image(data)
+    except ImageError as error:
+        raise ImageError(f"{path}: {error}: record or copy it again") from None
+
+
+def decode_image(data: bytes) -> np.ndarray:
+    """``(H, W, 3) uint8`` Y, U, V of the bytes of an image file.
+
+    Raises
+    ------
+    ImageError
+        They are no image, or end too soon.
+    """
     # OpenCV fills the missing part of a truncated JPEG with grey and says nothing.
     truncated = data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]
     image = (
@@ -166,5 +181,5 @@ def read_image(path: str | os.PathLike[str]) -> np.ndarray:
     )
     if image is None:
         fault = "the file is cut short" if truncated else "not an image that OpenCV can decode"
-        raise ImageError(f"{path}: {fault} ({len(data)} bytes): record or copy it again")
+        raise ImageError(f"{fault} ({len(data)} bytes)")
     return yuv_from_bgr(image)

@@ -77,6 +77,8 @@ class Option:
                 value = ast.literal_eval(text)
             except (ValueError, SyntaxError):
                 pass
+        if str in self.types and type(value) not in self.types:
+            value = text  # "2.5,2.5" is a tuple to Python, and text to whom text is enough
         return self.check(value)
 
     def check(self, value: object) -> object:

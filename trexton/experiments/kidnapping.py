@@ -21,7 +21,7 @@ from trexton.flights.flight import Flight
 from trexton.histograms import sampled_histogram
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import wilson_interval
-from trexton.onboard.fix import LOST_SHARE, about_position, ignorance
+from trexton.estimate import LOST_SHARE, ignorance
 from trexton.progress import progress
 from trexton.records import Record
 from trexton.streams import stream
@@ -175,7 +175,7 @@ def _trial(
     position = np.array([estimate.position for estimate in estimates])
     return Trial(
         np.hypot(*(position - truth[rows]).T),
-        np.sqrt([np.trace(about_position(estimate)) for estimate in estimates]) / nothing,
+        np.sqrt([np.trace(estimate.about_position) for estimate in estimates]) / nothing,
         np.array([estimate.lost for estimate in estimates]),
         patience,
     )

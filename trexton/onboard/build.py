@@ -2,111 +2,24 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
 
-from trexton.errors import ParameterError
-from trexton.landing import LandingZone
+from trexton.errors import MapError, ParameterError
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import parse_choices
-from trexton.onboard.commander import Commander
-from trexton.onboard.local import LocalFrame
+from trexton.onboard.commander import Lander
 from trexton.onboard.loop import Onboard
-from trexton.onboard.sinks import Guard, SinkOptions, open_sink
+from trexton.onboard.settings import Flying, Landing, Placement, Settings
+from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.json_lines import JsonLines
-from trexton.onboard.sources import SourceOptions, open_source
+from trexton.onboard.sources import Source, View, open_source
 from trexton.onboard.tally import Tally
 from trexton.streams import stream
 
-__all__ = ["Settings", "build"]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Everything that can be chosen; the command line has an option for each.
-
-    Attributes
-    ----------
-    map : str
-        File of the texton map.
-    camera : str
-        See `trexton.onboard.sources`.
-    outputs : tuple of str
-        See `trexton.onboard.sinks`.
-    samples, particles, method, seed
-        See `trexton.localizer.Localizer`; 0 samples stand for every patch.
-    choices : tuple of str
-        ``role=part`` and ``role.option=value``; see `trexton.methods`.
-    rate : float or None
-        Frames a second; None for the map's own.
-    pace, laps : see `SourceOptions`
-    frames : int or None
-        Stop after so many.
-    log : str or None
-        File of fixes and events.
-    autopilot : {"px4", "ardupilot"}
-    heading_deg, height : float
-        See `LocalFrame`; the heading in degrees, as a compass shows it.
-    origin : (latitude, longitude, altitude) or None
-        To be set as the autopilot's global origin.
-    land : (x, y) or None
-        Centre of the landing zone in metres; None lands nowhere.
-    radius : float
-        Its radius in metres.
-    spread : (2,) floats
-        Thresholds of the particles' standard deviations in metres.
-    consecutive : int
-        Estimates in a row that must agree.
-    arm_landing : bool
-        Command the landing; otherwise it is only said.
-    """
-
-    map: str
-    camera: str = "/dev/video0"
-    outputs: tuple[str, ...] = ()
-    samples: int = 400
-    particles: int | None = None
-    method: str | None = None
-    choices: tuple[str, ...] = ()
-    seed: int = 1
-    rate: float | None = None
-    pace: str | None = None
-    laps: int = 1
-    frames: int | None = None
-    log: str | None = None
-    autopilot: str = "px4"
-    heading_deg: float = 0.0
-    height: float = 1.0
-    origin: tuple[float, float, float] | None = None
-    land: tuple[float, float] | None = None
-    radius: float = 0.6
-    spread: tuple[float, float] = (0.6, 0.6)
-    consecutive: int = 3
-    arm_landing: bool = False
-
-    def __post_init__(self):
-        if self.rate is not None and not 0 < self.rate <= 1000:
-            raise ParameterError(
-                f"rate {self.rate}: expected frames a second, more than 0 and up to 1000"
-            )
-        if self.laps < 1 or (self.frames is not None and self.frames < 1):
-            raise ParameterError(f"{self.laps} laps, {self.frames} frames: expected at least 1")
-        if not (math.isfinite(self.heading_deg) and math.isfinite(self.height) and self.height > 0):
-            raise ParameterError(
-                f"heading {self.heading_deg} degrees, height {self.height} m: expected a positive height"
-            )
-        if self.origin is not None and not (
-            abs(self.origin[0]) <= 90
-            and abs(self.origin[1]) <= 180
-            and math.isfinite(self.origin[2])
-        ):
-            raise ParameterError(
-                f"origin {self.origin}: expected latitude, longitude in degrees and altitude in metres"
-            )
-        if self.arm_landing and self.land is None:
-            raise ParameterError(
-                "--arm-landing is given without --land: say where, as in --land 2.5,2.5"
-            )
+__all__ = ["build"]
 
 
 def build(settings: Settings) -> Onboard:
@@ -115,53 +28,92 @@ def build(settings: Settings) -> Onboard:
     Raises
     ------
     TrextonError
-        A setting does not fit, the map cannot be read, a file cannot be made, or an extra is not installed.
+        A setting does not fit, the map cannot be read, a file cannot be made or would be written
+        over what is read, or an extra is not installed.
     """
+    flying, landing = settings.of(Flying), settings.of(Landing)
     texton_map = TextonMap.load(settings.map)
+    zone = landing.zone(texton_map.area)
+    choices: dict[str, Any] = dict(parse_choices(settings.choices))
     localizer = Localizer(
         texton_map,
-        settings.method,
-        samples=settings.samples or None,
-        particles=settings.particles,
-        **parse_choices(settings.choices),
+        flying.method,
+        samples=flying.samples or None,
+        particles=flying.particles,
         # The stream of the first run in the experiments: equal seeds, equal estimates.
-        rng=stream(settings.seed, "flight", 0),
+        rng=stream(flying.seed, "flight", 0),
+        **choices,
     )
     tally = Tally()
-    source = open_source(
-        settings.camera,
-        SourceOptions(
-            texton_map.image_shape, texton_map.period_s, settings.pace, settings.laps, settings.seed
-        ),
+    view = View(texton_map.image_shape, texton_map.period_s, flying.seed)
+    source = open_source(flying.camera, view, settings.options)
+    _check_fit(flying.camera, source, texton_map)
+    _check_files([settings.map, *source.files], settings.outputs, flying.log)
+    around = Surroundings(
+        settings.of(Placement).local, texton_map.area, localizer.growth(1.0), tally
     )
-    options = SinkOptions(
-        LocalFrame(math.radians(settings.heading_deg), settings.height),
-        settings.autopilot,
-        settings.origin,
-        texton_map.area,
-        localizer.growth(1.0),
-        tally,
+    sinks = [open_sink(address, around, settings.options) for address in settings.outputs]
+    log = None
+    if flying.log:
+        most = round(1e6 * flying.log_megabytes)
+        log = Guard(JsonLines(flying.log, events=True, most_bytes=most), tally)
+    return Onboard(
+        localizer,
+        source,
+        [Guard(sink, tally) for sink in sinks],
+        tally=tally,
+        rate=flying.rate,
+        log=log,
+        frames=flying.frames,
+        zone=zone,
+        landers=_landers(sinks) if landing.arm_landing else (),
     )
-    sinks = [Guard(open_sink(address, options), tally) for address in settings.outputs]
-    log = Guard(JsonLines(settings.log, events=True), tally) if settings.log else None
-    onboard = Onboard(
-        localizer, source, sinks, tally=tally, rate=settings.rate, log=log, frames=settings.frames
-    )
-    onboard.commander = onboard.status.commander = _commander(settings, sinks, onboard)
-    return onboard
 
 
-def _commander(settings: Settings, sinks: list[Guard], onboard: Onboard) -> Commander | None:
-    if settings.land is None:
-        return None
-    zone = LandingZone(settings.land, settings.radius, settings.spread, settings.consecutive)
-    landers = (
-        [guard.sink for guard in sinks if hasattr(guard.sink, "land")]
-        if settings.arm_landing
-        else []
-    )
-    if settings.arm_landing and not landers:
+def _landers(sinks: Iterable[Sink]) -> list[Lander]:
+    from trexton.onboard.sinks.mavlink import MavlinkSink
+
+    landers = [sink for sink in sinks if isinstance(sink, MavlinkSink)]
+    if not landers:
         raise ParameterError(
-            "--arm-landing needs an output that can command it: add --output udpout:HOST:PORT or another MAVLink link"
+            "--arm-landing needs an output that can command it: "
+            "add --output udpout:HOST:PORT or another MAVLink link"
         )
-    return Commander(zone, landers, onboard.report)
+    return list(landers)
+
+
+def _check_fit(camera: str, source: Source, texton_map: TextonMap) -> None:
+    """Refuse what could never be localized, before anything flies."""
+    takes_images = texton_map.dictionary is not None
+    if source.gives == "images" and not takes_images:
+        raise MapError(
+            f"{camera} gives images, but the map was trained from histograms and holds no textons: "
+            "train a map on a flight with images"
+        )
+
+
+def _check_files(read: Iterable[str], outputs: Iterable[str], log: str | None) -> None:
+    """Refuse to write over what is read, and to write one file twice."""
+    written: set[str] = set()
+    files = [address.partition(":")[2] for address in outputs if _names_file(address)]
+    for path in files + ([log] if log else []):
+        real = os.path.realpath(path)
+        for other in read:
+            inside = Path(real).is_relative_to(os.path.realpath(other))
+            if inside and (Path(real).exists() or Path(other).is_file()):
+                raise ParameterError(
+                    f"{path}: is read in this flight ({other}) and would be written over: "
+                    "give another file"
+                )
+        if real in written and not real.startswith("/dev/"):
+            raise ParameterError(f"{path}: two outputs would write it: give each a file of its own")
+        written.add(real)
+
+
+def _names_file(address: str) -> bool:
+    from trexton.onboard.edges import load
+    from trexton.onboard.sinks import SINKS
+
+    kind, _, rest = address.partition(":")
+    declared = load(SINKS[kind]).addresses if kind in SINKS else {}
+    return rest not in ("", "-") and f"{kind}:FILE" in declared

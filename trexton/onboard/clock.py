@@ -10,6 +10,7 @@ from trexton.onboard.tally import Tally
 __all__ = ["StampKeeper"]
 
 TOLERANCE = 0.5  # seconds
+OLDEST = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
 SMALLEST = 1e-3
 
 
@@ -35,7 +36,8 @@ class StampKeeper:
         self._offset = calendar() - steady()
 
     def keep(self, stamp: float) -> float:
-        """`stamp`, or the nearest believable one: after the last, not in the future, not far in the past."""
+        """`stamp`, or the nearest believable one: after the last, not in the
+        future. A frame that is merely old keeps its stamp."""
         now = self._steady()
         offset = self._calendar() - now
         if (
@@ -43,7 +45,7 @@ class StampKeeper:
         ):  # stamps do not come from this clock, so nothing else happens
             self._tally.fault("clock")
             self._offset = offset
-        believed = stamp if now - 10 * TOLERANCE <= stamp <= now + TOLERANCE else now
+        believed = stamp if now - OLDEST <= stamp <= now + TOLERANCE else now
         kept = believed + self._shift
         if (
             self._last is not None and kept <= self._last

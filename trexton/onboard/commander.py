@@ -2,19 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Protocol
 
-from trexton.landing import LandingZone
-from trexton.localizer import Estimate
-from trexton.onboard.fix import Fix
+import numpy as np
 
-__all__ = ["Commander", "Lander", "State"]
+from trexton.estimate import Estimate
+from trexton.landing import LandingZone
+from trexton.onboard.fix import STALE_AFTER, Fix
+
+__all__ = ["Answer", "Commander", "Lander", "State"]
 
 NAV_LAND = 21
-ACCEPTED, TEMPORARILY_REJECTED, IN_PROGRESS, CANCELLED = 0, 1, 5, 6
+ACCEPTED, TEMPORARILY_REJECTED, IN_PROGRESS = 0, 1, 5
 REASONS = {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 6: "cancelled"}
+LEFT_BEYOND = 1.5  # radii from the centre: nearer, a position that jitters has not left the zone
+LEFT_FOR = 3.0  # seconds outside after which a return is another visit
+ANSWER_WITHIN_S = 10.0  # an answer later than this after the latest command belongs to no command
+
+
+class Answer(Protocol):
+    """What became of a command."""
+
+    @property
+    def command(self) -> int: ...
+
+    @property
+    def result(self) -> int: ...
 
 
 class Lander(Protocol):
@@ -22,7 +37,9 @@ class Lander(Protocol):
 
     def land(self, confirmation: int) -> bool: ...
 
-    def answers(self) -> list: ...
+    def answers(self) -> Sequence[Answer]: ...
+
+    def on_ground(self) -> bool | None: ...
 
 
 class State(Enum):
@@ -32,12 +49,18 @@ class State(Enum):
     WOULD_LAND = "WOULD LAND (dry run)"
     ASKED = "asked to land, no answer yet"
     LANDING = "LANDING"
+    LANDED = "LANDED"
     REFUSED = "REFUSED"
     UNANSWERED = "NO ANSWER"
 
 
 class Commander:
-    """Commands a landing when the estimates have been inside the zone, certain enough, for long enough.
+    """Commands a landing when the estimates have been inside the zone, certain enough, for long
+    enough.
+
+    The promise is kept a *visit*: the first trigger begins one, and it ends when the vehicle has
+    been well outside the zone for some seconds. Within a visit the command goes out `attempts`
+    times at most, however often the position flickers over the edge, and a refusal is final.
 
     Parameters
     ----------
@@ -49,69 +72,88 @@ class Commander:
     answer_within : float
         Seconds to wait for an answer before asking again.
     attempts : int
-        Times to ask before giving up. Then, as after a refusal, the zone must be left and entered again.
+        Times to ask in one visit.
     """
 
     def __init__(
         self,
         zone: LandingZone,
-        landers: list[Lander],
-        report: Callable[[dict], None],
+        landers: Sequence[Lander],
+        report: Callable[[dict[str, object]], None],
         *,
-        answer_within=1.0,
-        attempts=5,
+        answer_within: float = 1.0,
+        attempts: int = 5,
     ):
         self.zone, self._landers, self._report = zone, landers, report
         self._answer_within, self._attempts = answer_within, attempts
         self.state = State.WATCHING
         self.why = ""
-        self._asked = 0
-        self._ask_at = 0.0
+        self._asked = 0  # in this visit
+        self._asked_at = -np.inf
+        self._ask_at = -np.inf
+        self._outside_since: float | None = None
 
     def update(self, estimate: Estimate, fix: Fix, now: float) -> State:
-        """Take in the latest estimate and whatever answers have come; `now` in seconds."""
-        inside = self._inside(estimate, fix)
+        """Take in the latest estimate and whatever answers have come; `now` in seconds, on the
+        clock that `Fix.captured` is of."""
+        fresh = fix.usable and fix.observed and fix.age(now) <= STALE_AFTER
+        inside = self._inside(estimate, fresh)
         self._take_answers(now)
-        if self.state is State.WATCHING:
-            if inside:
-                self._trigger(fix, now)
+        self._take_landed_state()
+        if self._left(fix, fresh, now):
+            self._end_visit()
+        elif inside and self.state in (State.WATCHING, State.ASKED):
+            self._ask(fix, now)
         elif self.state is State.ASKED:
-            # Also between two attempts: a vehicle that has drifted out must not be sent a command made for
-            # another place.
-            if not inside:
-                self._become(State.WATCHING, "the conditions no longer hold")
-            elif now >= self._ask_at:
-                self._ask_again(now)
-        elif self.state is not State.LANDING and self._outside(fix):
-            self._become(State.WATCHING, "the zone was left")
+            # Also between two attempts: a vehicle that has drifted out must not be sent a command
+            # made for another place.
+            self._become(State.WATCHING, "the conditions no longer hold")
         return self.state
 
-    def _outside(self, fix: Fix) -> bool:
-        return fix.usable and fix.observed and not self.zone.contains(fix.position)
-
-    def _inside(self, estimate: Estimate, fix: Fix) -> bool:
-        if not fix.usable or not fix.observed:
+    def _inside(self, estimate: Estimate, fresh: bool) -> bool:
+        if not fresh:
             self.zone.reset()
             return False
         return self.zone.update(estimate)
 
-    def _trigger(self, fix: Fix, now: float) -> None:
+    def _left(self, fix: Fix, fresh: bool, now: float) -> bool:
+        """Whether the vehicle has been outside long enough for the visit to be over."""
+        if fresh:
+            distance = float(np.hypot(*(fix.position - self.zone.center)))
+            if distance <= LEFT_BEYOND * self.zone.radius:
+                self._outside_since = None
+            elif self._outside_since is None:
+                self._outside_since = now
+        return self._outside_since is not None and now - self._outside_since >= LEFT_FOR
+
+    def _end_visit(self) -> None:
+        if self.state in (State.LANDING, State.LANDED):  # the vehicle has obeyed, wherever it is
+            return
+        self._asked = 0
+        if self.state is not State.WATCHING:
+            self._become(State.WATCHING, "the zone was left")
+
+    def _ask(self, fix: Fix, now: float) -> None:
         where = {"x_m": float(fix.position[0]), "y_m": float(fix.position[1])}
         if not self._landers:
             self._become(State.WOULD_LAND, "", **where)
             return
-        self._become(State.ASKED, "", **where)
-        self._asked = 0
-        self._ask_again(now)
-
-    def _ask_again(self, now: float) -> None:
+        if any(lander.on_ground() for lander in self._landers):
+            return
+        if self.state is State.WATCHING:
+            self._become(State.ASKED, "", **where)
+        if now < self._ask_at:
+            return
         if self._asked >= self._attempts:
             self._become(State.UNANSWERED, f"{self._attempts} commands sent")
             return
-        heard = [lander.land(self._asked) for lander in self._landers]
-        self._report({"event": "land", "confirmation": self._asked, "sent": any(heard)})
+        confirmation = self._asked
+        heard = [lander.land(confirmation) for lander in self._landers]
         self._asked += 1
         self._ask_at = now + self._answer_within
+        if any(heard):
+            self._asked_at = now
+        self._report({"event": "land", "confirmation": confirmation, "queued": any(heard)})
 
     def _take_answers(self, now: float) -> None:
         results = [
@@ -120,18 +162,28 @@ class Commander:
             for answer in lander.answers()
             if answer.command == NAV_LAND
         ]
+        if now - self._asked_at > ANSWER_WITHIN_S and self.state is not State.LANDING:
+            return  # to nothing that was asked lately
         for result in results:
-            if result == ACCEPTED and self._asked:  # in whatever state: the vehicle lands
-                return self._become(State.LANDING, "accepted")
-            if self.state is not State.ASKED:
-                continue
-            if result in (IN_PROGRESS, TEMPORARILY_REJECTED):
-                self._ask_at = (
-                    now + self._answer_within
-                )  # it is there: give it time, then ask again
-            else:
-                return self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
+            self._take_answer(result, now)
 
-    def _become(self, state: State, why: str, **more) -> None:
+    def _take_answer(self, result: int, now: float) -> None:
+        if result == ACCEPTED:  # in whatever state: the vehicle lands
+            if self.state not in (State.LANDING, State.LANDED):
+                self._become(State.LANDING, "accepted")
+        elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
+            self._ask_at = now + self._answer_within  # it is there: give it time, then ask again
+        elif self.state is not State.LANDED:  # also while it flickers, also after it had accepted
+            self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
+
+    def _take_landed_state(self) -> None:
+        grounded = [lander.on_ground() for lander in self._landers]
+        if self.state is State.LANDING and any(grounded):
+            self._become(State.LANDED, "the autopilot says that it is on the ground")
+        elif self.state is State.LANDED and grounded and all(on is False for on in grounded):
+            self._asked, self._asked_at = 0, -np.inf
+            self._become(State.WATCHING, "in the air again")
+
+    def _become(self, state: State, why: str, **more: object) -> None:
         self.state, self.why = state, why
         self._report({"event": "landing", "state": state.value, "why": why, **more})

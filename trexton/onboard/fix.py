@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from trexton.localizer import Estimate
+from trexton.estimate import LOST_SHARE, Estimate, Measurement, ignorance
 
-__all__ = ["Fix", "JumpCounter", "about_position", "ignorance"]
+__all__ = ["STALE_AFTER", "Fix", "JumpCounter"]
 
-# A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by the
-# kidnapping experiment, which shows what other shares would miss and what they would refuse.
-LOST_SHARE = 0.5
+STALE_AFTER = 0.5  # seconds since the capture of the latest frame that could be used
+
 # Squared Mahalanobis distance, two dimensions: one honest pair of reports in 3000 is farther apart.
 JUMP = 16.0
 
@@ -27,7 +27,7 @@ class Fix:
     time : float
         Seconds at which the frame was captured, on the source's clock.
     number : int
-        Frames received until now.
+        Of the frame: as the flight numbers it, or counted from 0.
     position : (2,) array
         Metres, in the map's axes.
     spread : (2,) array
@@ -35,7 +35,8 @@ class Fix:
     covariance : (2, 2) array
         Second moment of the particles about `position`: never less than their covariance.
     lost : bool
-        The localizer does not trust its position, or its particles are spread over most of the area.
+        The localizer does not trust its position, or its particles are spread over most of the
+        area.
     observed : bool
         An image went into this report; otherwise the filter only predicted.
     stale : bool
@@ -46,6 +47,11 @@ class Fix:
         Seconds from capture to this report.
     fault : str or None
         Why the frame was refused, if it was.
+    captured : float or None
+        Seconds of the steady clock at the capture, or when a recording gave the frame; `time` where
+        they are the same.
+    measurement : Measurement or None
+        What this frame alone says of the position, fit to be fused by an autopilot.
     """
 
     time: float
@@ -59,6 +65,8 @@ class Fix:
     resets: int = 0
     latency: float = 0.0
     fault: str | None = None
+    captured: float | None = None
+    measurement: Measurement | None = None
 
     @classmethod
     def of(
@@ -67,10 +75,10 @@ class Fix:
         time: float,
         number: int,
         area: tuple[float, float, float, float],
-        **more,
+        **more: Any,
     ) -> Fix:
         """The report that an estimate of the localizer amounts to, in a map of this area."""
-        covariance = about_position(estimate)
+        covariance = estimate.about_position
         lost = estimate.lost or not np.sqrt(np.trace(covariance)) <= LOST_SHARE * float(
             np.hypot(*ignorance(area))
         )
@@ -82,8 +90,23 @@ class Fix:
             covariance,
             lost,
             estimate.observed,
+            measurement=estimate.measurement,
             **more,
         )
+
+    @property
+    def told(self) -> Measurement:
+        """What autopilots are told: the frame's own measurement, else the filter's position."""
+        return self.measurement or Measurement(self.position, self.covariance)
+
+    @property
+    def clock_ahead(self) -> float:
+        """Seconds by which the clock of `time` is ahead of the steady one: 0 for a live camera."""
+        return 0.0 if self.captured is None else self.time - self.captured
+
+    def age(self, now: float) -> float:
+        """Seconds from capture to `now` on the steady clock."""
+        return now - (self.time if self.captured is None else self.captured)
 
     @property
     def finite(self) -> bool:
@@ -91,6 +114,8 @@ class Fix:
         return bool(
             np.isfinite(self.position).all()
             and np.isfinite(self.covariance).all()
+            and np.isfinite(self.told.position).all()
+            and np.isfinite(self.told.covariance).all()
             and np.isfinite(self.time)
         )
 
@@ -100,25 +125,11 @@ class Fix:
         return self.finite and not self.lost and not self.stale
 
 
-def ignorance(area: tuple[float, float, float, float]) -> np.ndarray:
-    """``(2,)`` standard deviations of a position of which only the area is known, metres."""
-    x_min, x_max, y_min, y_max = area
-    return np.array([x_max - x_min, y_max - y_min]) / np.sqrt(12)
-
-
-def about_position(estimate: Estimate) -> np.ndarray:
-    """``(2, 2)`` second moment of the weighted particles about the estimate's position, square metres.
-
-    The point estimate is a particle, not the mean: a receiver that takes it for the centre must be told the
-    spread about it, which is larger than the covariance by the outer product of their difference.
-    """
-    return estimate.about_position
-
-
 class JumpCounter:
     """Counts the reports that cannot continue the ones before: what MAVLink calls `reset_counter`.
 
-    Being lost for a while and found again where the motion model expects it is no jump: a reset makes the
+    Being lost for a while and found again where the motion model expects it is no jump: a reset
+    makes the
     autopilot drop what it knows.
 
     Parameters

@@ -6,7 +6,7 @@ import threading
 
 from trexton.onboard.sources.base import CameraLost, Frame, Source
 from trexton.onboard.tally import Tally
-from trexton.progress import say
+from trexton.onboard.voice import say
 
 __all__ = ["Grabber", "Recording", "feed_from"]
 
@@ -37,7 +37,8 @@ class Recording:
 class Grabber:
     """Reads a live source in a thread of its own and keeps its newest frame.
 
-    A frame that a newer one replaced before it was asked for counts as dropped. A source that fails is closed
+    A frame that a newer one replaced before it was asked for counts as dropped. A source that fails
+    is closed
     and opened again after a pause that doubles up to `LONGEST_PAUSE`.
 
     Parameters
@@ -57,7 +58,8 @@ class Grabber:
         self._thread.start()
 
     def next(self, timeout: float) -> Frame | None:
-        """The newest frame not yet handed out, waiting up to `timeout` seconds for one; None if none came."""
+        """The newest frame not yet handed out, waiting up to `timeout` seconds for one;
+        None if none came."""
         with self._changed:
             self._changed.wait_for(lambda: self._newest is not None or self.ended, timeout)
             if self._failure is not None:

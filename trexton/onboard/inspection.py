@@ -32,7 +32,8 @@ class Inspector:
         if self.shape is not None and picture.shape[:2] != self.shape:
             return "size"
         sample = picture[::STRIDE, ::STRIDE].copy()
-        # Sensor noise alone makes two frames differ: equal bytes mean that the camera repeats itself.
+        # Sensor noise alone makes two frames differ: equal bytes mean that the camera
+        # repeats itself.
         same = self._last is not None and np.array_equal(sample, self._last)
         self._last, self.frozen = sample, self.frozen + 1 if same else 0
         luma = sample[..., 0]

@@ -16,9 +16,11 @@ class LocalFrame:
     Attributes
     ----------
     heading : float
-        Radians from north, clockwise, of the map's +y axis (as a compass shows it when looking along it).
+        Radians from north, clockwise, of the map's +y axis (as a compass shows it when looking
+        along it).
     height : float
-        Metres the camera flies above the floor: the method holds it constant and does not estimate it.
+        Metres the camera flies above the floor: the method holds it constant and does not estimate
+        it.
     """
 
     heading: float = 0.0
@@ -36,7 +38,8 @@ class LocalFrame:
 
     def ned_covariance(self, covariance: np.ndarray) -> np.ndarray:
         """``(2, 2)`` covariance of north and east from that of map x and y."""
-        return self.ned_from_map @ covariance @ self.ned_from_map.T
+        turned: np.ndarray = self.ned_from_map @ covariance @ self.ned_from_map.T
+        return turned
 
     def enu(self, position: np.ndarray) -> np.ndarray:
         """``(3,)`` east, north, up in metres of a ``(2,)`` map position."""
@@ -47,8 +50,9 @@ class LocalFrame:
 def decoupled(covariance: np.ndarray) -> np.ndarray:
     """The ``(2, 2)`` covariance with its correlation added to both variances.
 
-    Autopilots fuse the diagonal alone. Taken alone, the diagonal of a correlated cloud claims too much across
-    its long axis; this diagonal is at least the covariance in every direction, and so is the matrix with its
-    correlation kept.
+    Autopilots fuse the diagonal alone. Taken alone, the diagonal of a correlated cloud claims too
+    much across its long axis; this diagonal is at least the covariance in every direction, and so
+    is the matrix with its correlation kept.
     """
-    return covariance + abs(covariance[0, 1]) * np.eye(2)
+    bound: np.ndarray = covariance + abs(covariance[0, 1]) * np.eye(2)
+    return bound

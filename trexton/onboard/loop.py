@@ -4,31 +4,33 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from trexton.errors import TrextonError
-from trexton.localizer import Estimate, Localizer
-from trexton.onboard.clock import StampKeeper
-from trexton.onboard.commander import Commander
-from trexton.onboard.fix import Fix, JumpCounter
+from trexton.estimate import Estimate
+from trexton.landing import LandingZone
+from trexton.localizer import Localizer
+from trexton.onboard.clock import OLDEST, StampKeeper
+from trexton.onboard.commander import Commander, Lander
+from trexton.onboard.fix import STALE_AFTER, Fix, JumpCounter
 from trexton.onboard.grabber import Grabber, Recording, feed_from
 from trexton.onboard.inspection import Inspector
 from trexton.onboard.sinks.base import Guard
-from trexton.onboard.sources.base import Frame, Source
+from trexton.onboard.sources.base import CameraLost, Frame, Source
 from trexton.onboard.status import Status
 from trexton.onboard.tally import Latencies, Tally
-from trexton.progress import say
+from trexton.onboard.voice import flush, say
 
 __all__ = ["Onboard"]
 
-STALE_AFTER = 0.5  # seconds without an observed frame
 REOPEN_AFTER = 2.0  # seconds of a frozen picture after which the camera is opened again
 MOST_CATCHING_UP = 25  # predictions for missed frames; more would only spread the particles further
-EAGERNESS = (
-    0.9  # share of the period after which the next frame is looked for: cameras are not exact
-)
+NO_FRAME_FOR = 10.0  # seconds after which a run of a number of frames ends without the first
+# Share of the period after which the next frame is looked for: cameras are not exact.
+EAGERNESS = 0.9
 
 
 class Onboard:
@@ -40,10 +42,13 @@ class Onboard:
     source : Source
     sinks : list of Guard
     rate : float, optional
-        Frames a second that are localized at most from a live source, and the deadline of each; the map's own
+        Frames a second that are localized at most from a live source, and the deadline of each; the
+        map's own
         rate unless given.
-    commander : Commander, optional
-        Commands the landing.
+    zone : LandingZone, optional
+        Where to land.
+    landers : sequence of Lander
+        Told to land there; without any, it is only said.
     log : Guard, optional
         Takes fixes and events.
     tally : Tally
@@ -55,26 +60,29 @@ class Onboard:
     """
 
     def __init__(
-        self, localizer: Localizer, source: Source, sinks: list[Guard], *, tally: Tally, rate: float | None = None,
-        commander: Commander | None = None, log: Guard | None = None, frames: int | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        self, localizer: Localizer, source: Source, sinks: list[Guard], *, tally: Tally,
+        rate: float | None = None,        zone: LandingZone | None = None, landers: Sequence[Lander] = (), log: Guard | None = None,
+        frames: int | None = None, clock: Callable[[], float] = time.monotonic,
     ):  # fmt: skip
         self.localizer, self.source, self.sinks, self.log = localizer, source, sinks, log
-        self.commander, self.tally, self._frames, self._clock = commander, tally, frames, clock
+        self.tally, self._frames, self._clock = tally, frames, clock
+        self.commander = None if zone is None else Commander(zone, landers, self.report)
         self._model_period = localizer.map.period_s
         self._period = 1 / rate if rate else self._model_period
         self._inspector = Inspector(localizer.map.image_shape)
         self._stamps = StampKeeper(tally, clock)
         self._jumps = JumpCounter(localizer.growth)
         self._latencies = Latencies()
-        self.status = Status(tally, self._latencies, sinks, commander)
+        self.status = Status(tally, self._latencies, sinks, self.commander)
         self._model_time: float | None = None  # up to here the filter has been advanced
         self._observed_at = -np.inf
         self._fix: Fix | None = None
+        self._number = 0
 
-    def run(self, stop: threading.Event) -> dict:
+    def run(self, stop: threading.Event) -> dict[str, Any]:
         """Go on until the source ends, `frames` are done or `stop` is set; returns the summary."""
         feed = feed_from(self.source, self.tally)
+        began = self._clock()
         if self.log is not None:
             clocks = {"unix_s": time.time(), "clock_s": self._clock()}
             self.log.event({"event": "start", **clocks, "map": self.localizer.map.provenance})
@@ -90,6 +98,7 @@ class Onboard:
                     break
                 else:
                     self._bridge()
+                    self._give_up(began)
                 self._speak()
                 if self.source.live:
                     stop.wait(max(0.0, EAGERNESS * self._period - (self._clock() - started)))
@@ -99,15 +108,30 @@ class Onboard:
             for sink in self._everything():
                 sink.event({"event": "end", **summary})
                 sink.close()
+            flush()
         return summary
+
+    def _give_up(self, began: float) -> None:
+        """A run of so many frames must end, even where the camera never gives the first."""
+        if self._frames is not None and not self.tally["frames"]:
+            waited = self._clock() - began
+            if waited > NO_FRAME_FOR:
+                raise CameraLost(
+                    f"no frame in {waited:.0f} s, and {self._frames} are to be localized: "
+                    "check --camera"
+                )
 
     def _everything(self) -> list[Guard]:
         return self.sinks + ([self.log] if self.log is not None else [])
 
     def _take(self, frame: Frame, feed: Grabber | Recording) -> None:
         """Localize one frame."""
-        captured = frame.time if self.source.live else self._clock()
+        arrived = self._clock()
         stamp = self._stamps.keep(frame.time) if self.source.live else frame.time
+        age = arrived - frame.time if self.source.live else 0.0
+        age = age if 0.0 <= age <= OLDEST else 0.0  # of another clock: nobody knows
+        captured = arrived - age
+        self._number = self.tally["frames"] if frame.number is None else frame.number
         self.tally.count("frames")
         fault = "corrupt" if frame.picture is None else self._inspector.check(frame.picture)
         if self.source.live and self._model_time is not None:
@@ -117,7 +141,7 @@ class Onboard:
         if estimate.observed:
             self._observed_at = stamp
             self.tally.count("observed")
-        self._pass_on(estimate, stamp, fault, max(0.0, self._clock() - captured))
+        self._pass_on(estimate, stamp, fault, captured)
         total = self._clock() - captured
         self._latencies.add(total)
         if total > self._period:
@@ -139,7 +163,8 @@ class Onboard:
         return self.localizer.step(None), fault
 
     def _predict(self, periods: int) -> Estimate | None:
-        """Advance the filter over frames that did not come, for its uncertainty to grow with time."""
+        """Advance the filter over frames that did not come, for its uncertainty to grow
+        with time."""
         estimate = None
         for _ in range(min(periods, MOST_CATCHING_UP)):
             estimate = self.localizer.step(None)
@@ -154,14 +179,19 @@ class Onboard:
         if estimate is not None:
             self.tally.fault("gap", missed)
             self._model_time += missed * self._model_period
-            self._pass_on(
-                estimate, self._model_time, "gap", max(0.0, self._clock() - self._model_time)
-            )
+            self._pass_on(estimate, self._model_time, "gap", self._model_time)
 
-    def _pass_on(self, estimate: Estimate, stamp: float, fault: str | None, latency: float) -> None:
-        stale = stamp - self._observed_at > STALE_AFTER
-        number, area = self.tally["frames"], self.localizer.map.area
-        fix = Fix.of(estimate, stamp, number, area, stale=stale, latency=latency, fault=fault)
+    def _pass_on(
+        self, estimate: Estimate, stamp: float, fault: str | None, captured: float
+    ) -> None:
+        latency = max(0.0, self._clock() - captured)
+        # A recording has its own time; a live frame grows old while it is worked on.
+        age = stamp - self._observed_at + (latency if self.source.live else 0.0)
+        area = self.localizer.map.area
+        fix = Fix.of(
+            estimate, stamp, self._number, area,
+            stale=age > STALE_AFTER, latency=latency, fault=fault, captured=captured,
+        )  # fmt: skip
         self._fix = self._jumps.mark(fix)
         for sink in self._everything():
             sink.write(self._fix)
@@ -184,7 +214,7 @@ class Onboard:
         """Now, on the clock that stamps the frames."""
         return self._clock() if self.source.live else self._model_time
 
-    def report(self, event: dict) -> None:
+    def report(self, event: dict[str, Any]) -> None:
         """Remember an event, and say it."""
         if self.log is not None:
             self.log.event({"time_s": self._time(), **event})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import resource
 import sys
+from typing import Any
 
 from trexton.onboard.commander import Commander
 from trexton.onboard.fix import Fix
@@ -89,7 +90,7 @@ class Status:
         x, y = fix.position
         return f"x {x:.2f} y {y:.2f} m, spread {fix.spread[0]:.2f} {fix.spread[1]:.2f} m{flags}"
 
-    def summary(self) -> dict:
+    def summary(self) -> dict[str, Any]:
         """Counts, latencies in seconds and growth of memory in bytes over the whole run."""
         tally, latencies = self._tally, self._latencies
         growth = None if self._settled_bytes is None else resident_bytes() - self._settled_bytes

@@ -13,7 +13,8 @@ __all__ = ["FAULTS", "Latencies", "Tally"]
 
 # name: what the loop does about it
 FAULTS = {
-    "camera": "no camera, or it fell silent: predict only, mark stale, open it again after a growing pause",
+    "camera": "no camera, or it fell silent: predict only, mark stale, "
+    "open it again after a growing pause",
     "gap": "no frame in time: predict only, mark stale after a while",
     "corrupt": "a frame that cannot be decoded: predict only",
     "size": "a frame of another size than the map's: predict only",
@@ -23,8 +24,10 @@ FAULTS = {
     "misfit": "a frame the map cannot use: predict only",
     "late": "a report later than the rate allows: sent with its own stamp, older frames dropped",
     "clock": "a clock that jumped: the stamp is replaced, and stamps go on increasing",
-    "output": "an output failed (disk full, pipe closed): the rest goes on, it is tried again later",
-    "link": "the autopilot's link failed: the rest goes on, it is opened again after a growing pause",
+    "output": "an output failed (disk full, pipe closed): the rest goes on, "
+    "it is tried again later",
+    "link": "the autopilot's link failed: the rest goes on, "
+    "it is opened again after a growing pause",
     "silent": "the autopilot was heard and fell silent: positions go on being sent, and it is said",
 }
 

@@ -1,1 +1,2 @@
-"""Talking MAVLink: messages from fixes, the conversation with an autopilot, and the links it goes over."""
+"""Talking MAVLink: messages from fixes, the conversation with an autopilot, and the links it goes
+over."""

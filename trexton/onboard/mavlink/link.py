@@ -1,6 +1,7 @@
 """The wire under MAVLink: UDP, TCP or a serial line, none of which ever blocks or prints.
 
-pymavlink's own connections retry with sleeps, print to standard output, and hide that a peer has gone; its
+pymavlink's own connections retry with sleeps, print to standard output, and hide that a peer has
+gone; its
 coding and parsing of messages is used as it is.
 """
 
@@ -9,25 +10,32 @@ from __future__ import annotations
 import os
 import socket
 import termios
+import time
 import tty
 from abc import ABC, abstractmethod
+from collections.abc import Callable
+from contextlib import suppress
 
 from trexton.errors import ParameterError
 
 __all__ = ["Link", "make_link"]
 
 CONNECT_TIMEOUT = 1.0
+PEER_AGE = 10.0  # seconds without a word after which a peer is forgotten
+MOST_PEERS = 4
 
 
 def make_link(address: str) -> Link:
-    """The link, not yet open, at ``udpout:``, ``udpin:`` or ``tcp:`` HOST:PORT, or at ``serial:DEVICE:BAUD``."""
+    """The link, not yet open, at ``udpout:``, ``udpin:`` or ``tcp:`` HOST:PORT, or at
+    ``serial:DEVICE:BAUD``."""
     kind, _, rest = address.partition(":")
     if kind == "serial":
         device, _, baud = rest.partition(":")
         speed = getattr(termios, f"B{baud or 921600}", None)
         if not device or speed is None:
             raise ParameterError(
-                f"output {address!r}: give serial:DEVICE:BAUD with a usual rate, as in serial:/dev/ttyAMA0:921600"
+                f"output {address!r}: give serial:DEVICE:BAUD with a usual rate, "
+                "as in serial:/dev/ttyAMA0:921600"
             )
         return SerialLink(device, speed)
     host, _, port = rest.rpartition(":")
@@ -35,11 +43,15 @@ def make_link(address: str) -> Link:
         raise ParameterError(
             f"output {address!r}: give {kind}:HOST:PORT, as in {kind}:127.0.0.1:14540"
         )
-    return {"udpout": UdpOut, "udpin": UdpIn, "tcp": TcpLink}[kind](host, int(port))
+    links: dict[str, type[_SocketLink]] = {"udpout": UdpOut, "udpin": UdpIn, "tcp": TcpLink}
+    return links[kind](host, int(port))
 
 
 class Link(ABC):
-    """Bytes out, bytes in; where a method raises `OSError`, the link is to be closed and opened again."""
+    """Bytes out, bytes in; where a method raises `OSError`, the link is to be closed and opened
+    again."""
+
+    datagrams = False  # whether each piece received is whole in itself
 
     @abstractmethod
     def open(self) -> None: ...
@@ -51,6 +63,9 @@ class Link(ABC):
     def receive(self) -> bytes:
         """What has come, at most a few kilobytes; empty if nothing has."""
 
+    def understood(self) -> None:  # noqa: B027 - only who has several peers cares
+        """What `receive` gave last was MAVLink: its sender is a peer."""
+
     @abstractmethod
     def fileno(self) -> int: ...
 
@@ -61,7 +76,13 @@ class Link(ABC):
 class _SocketLink(Link):
     def __init__(self, host: str, port: int):
         self.address = (host, port)
-        self._socket: socket.socket | None = None
+        self._opened: socket.socket | None = None
+
+    @property
+    def _socket(self) -> socket.socket:
+        if self._opened is None:
+            raise OSError("the link is not open")
+        return self._opened
 
     def fileno(self) -> int:
         return self._socket.fileno()
@@ -73,56 +94,76 @@ class _SocketLink(Link):
             return b""
 
     def close(self) -> None:
-        if self._socket is not None:
-            self._socket.close()
-            self._socket = None
+        if self._opened is not None:
+            self._opened.close()
+            self._opened = None
 
 
 class UdpOut(_SocketLink):
     """Datagrams to one address; connected, so that a peer that has gone is heard of.
 
-    Our port stays the same when the link is opened again: PX4 goes on answering the first it has seen.
+    Our port stays the same when the link is opened again: PX4 goes on answering the first it has
+    seen.
     """
 
+    datagrams = True
     _port = 0
 
     def open(self) -> None:
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.bind(("", self._port))
         self._socket.connect(self.address)
         self._port = self._socket.getsockname()[1]
 
     def send(self, data: bytes) -> None:
-        self._socket.send(data)
+        with suppress(BlockingIOError):  # the buffer is full: the next position is the better one
+            self._socket.send(data)
 
 
 class UdpIn(_SocketLink):
-    """Datagrams on a port of ours, answered to whoever sent the latest."""
+    """Datagrams on a port of ours, answered to everybody who lately spoke MAVLink there."""
+
+    datagrams = True
+
+    def __init__(self, host: str, port: int, clock: Callable[[], float] = time.monotonic):
+        super().__init__(host, port)
+        self._clock = clock
+        self._peers: dict[tuple[str, int], float] = {}
+        self._sender: tuple[str, int] | None = None
 
     def open(self) -> None:
-        self._peer = None
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._peers.clear()
+        self._opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.bind(self.address)
 
     def send(self, data: bytes) -> None:
-        if self._peer is not None:
-            self._socket.sendto(data, self._peer)
+        for peer in list(self._peers):
+            with suppress(OSError):  # one that has gone must not keep the others from hearing
+                self._socket.sendto(data, peer)
 
     def receive(self) -> bytes:
         try:
-            data, self._peer = self._socket.recvfrom(65536)
+            data, self._sender = self._socket.recvfrom(65536)
             return data
         except BlockingIOError:
             return b""
+
+    def understood(self) -> None:  # noqa: B027 - only who has several peers cares
+        now = self._clock()
+        if self._sender is not None:
+            self._peers.pop(self._sender, None)
+            self._peers[self._sender] = now
+        fresh = [(peer, seen) for peer, seen in self._peers.items() if now - seen <= PEER_AGE]
+        self._peers = dict(fresh[-MOST_PEERS:])
 
 
 class TcpLink(_SocketLink):
     """A stream to a server."""
 
     def open(self) -> None:
-        self._socket = socket.create_connection(self.address, CONNECT_TIMEOUT)
+        self._opened = socket.create_connection(self.address, CONNECT_TIMEOUT)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self._socket.setblocking(False)
 
@@ -146,10 +187,16 @@ class SerialLink(Link):
 
     def __init__(self, device: str, speed: int):
         self.device, self._speed = device, speed
-        self._descriptor: int | None = None
+        self._opened: int | None = None
+
+    @property
+    def _descriptor(self) -> int:
+        if self._opened is None:
+            raise OSError("the link is not open")
+        return self._opened
 
     def open(self) -> None:
-        self._descriptor = os.open(self.device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self._opened = os.open(self.device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
         try:
             tty.setraw(self._descriptor)
             settings = termios.tcgetattr(self._descriptor)
@@ -174,6 +221,6 @@ class SerialLink(Link):
             return b""
 
     def close(self) -> None:
-        if self._descriptor is not None:
-            os.close(self._descriptor)
-            self._descriptor = None
+        if self._opened is not None:
+            os.close(self._opened)
+            self._opened = None

@@ -1,24 +1,29 @@
 """MAVLink messages from fixes: every field here, and why. Needs pymavlink.
 
-What PX4 and ArduPilot do with the fields was read in their sources; the book's page on autopilots tells it.
+What PX4 and ArduPilot do with the fields was read in their sources; the book's page on autopilots
+tells it.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from trexton.onboard.fix import ignorance
+from trexton.estimate import ignorance
 from trexton.onboard.local import LocalFrame, decoupled
 
 __all__ = [
-    "attitude_request", "heartbeat", "land", "mavlink", "odometry", "origin", "pose_covariance", "quality",
+    "ATTITUDE", "LANDED_STATE", "heartbeat", "interval_request", "land", "mavlink", "odometry",
+    "origin", "pose_covariance", "quality",
     "quaternion", "timesync_reply", "vision_position",
 ]  # fmt: skip
 
 NAN = math.nan
+ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
+LANDED_STATE = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
 COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER  # what we are on the vehicle's network
 UNKNOWN_HEIGHT = (
     100.0  # square metres: a height nobody measured must weigh nothing even if it is fused
@@ -45,7 +50,8 @@ def pose_covariance(
     Parameters
     ----------
     covariance : (2, 2) array
-        Of north and east, square metres; its correlation is added to both variances, for receivers fuse those
+        Of north and east, square metres; its correlation is added to both variances, for receivers
+        fuse those
         alone.
     height, angle : float
         Variances of z and of each angle; NaN for unknown.
@@ -69,13 +75,14 @@ def vision_position(
     stamp_us: int,
     position: np.ndarray,
     covariance: np.ndarray,
-    attitude: tuple | None,
+    attitude: tuple[float, float, float] | None,
     local: LocalFrame,
     resets: int,
-):
+) -> Any:
     """VISION_POSITION_ESTIMATE in local NED, the form in which PX4 takes a position as it is.
 
-    `attitude` is roll, pitch, yaw as the autopilot itself reports them; NaN goes out where there is none. The
+    `attitude` is roll, pitch, yaw as the autopilot itself reports them; NaN goes out where there is
+    none. The
     variance of z is finite: PX4 uses no variance of ours unless all three are.
     """
     north, east, down = local.ned(position)
@@ -90,30 +97,35 @@ def odometry(
     stamp_us: int,
     position: np.ndarray,
     covariance: np.ndarray,
-    attitude: tuple,
+    attitude: tuple[float, float, float],
     local: LocalFrame,
     resets: int,
     quality: int,
-):
+) -> Any:
     """ODOMETRY in MAV_FRAME_LOCAL_FRD with a BODY_FRD child, the only form that ArduPilot takes.
 
-    FRD is aligned with north: the map's heading is known. Velocities are NaN, for nothing measures them.
-    ArduPilot makes one number of the three variances, and a NaN among the six would void the message, so all
+    FRD is aligned with north: the map's heading is known. Velocities are NaN, for nothing measures
+    them.
+    ArduPilot makes one number of the three variances, and a NaN among the six would void the
+    message, so all
     are finite.
     """
     north, east, down = local.ned(position)
     ned = local.ned_covariance(covariance)
     matrix = pose_covariance(ned, _folded_height(decoupled(ned)), UNKNOWN_ANGLE, cross=0.0)
     return mavlink.MAVLink_odometry_message(
-        stamp_us, mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD, north, east, down, quaternion(*attitude),
-        NAN, NAN, NAN, NAN, NAN, NAN, matrix, [NAN] * 21, resets % 256, mavlink.MAV_ESTIMATOR_TYPE_VISION, quality,
+        stamp_us, mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD, north, east, down,
+        quaternion(*attitude),
+        NAN, NAN, NAN, NAN, NAN, NAN, matrix, [NAN] * 21, resets % 256,
+        mavlink.MAV_ESTIMATOR_TYPE_VISION, quality,
     )  # fmt: skip
 
 
 def _folded_height(covariance: np.ndarray) -> float:
     """A variance for z with which ArduPilot's position error is not less than the larger of ours.
 
-    It is the root of the sum of the three variances now; in older firmware, the cube root of the sum of their
+    It is the root of the sum of the three variances now; in older firmware, the cube root of the
+    sum of their
     squares.
     """
     variances = np.diagonal(covariance)
@@ -137,7 +149,7 @@ def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
     ]
 
 
-def heartbeat():
+def heartbeat() -> Any:
     """HEARTBEAT of an onboard computer, which is no autopilot."""
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
@@ -149,16 +161,18 @@ def heartbeat():
     )
 
 
-def origin(target: int, latitude: float, longitude: float, altitude: float, stamp_us: int):
-    """SET_GPS_GLOBAL_ORIGIN: where on Earth the map's origin lies, in degrees and metres above sea level."""
+def origin(target: int, latitude: float, longitude: float, altitude: float, stamp_us: int) -> Any:
+    """SET_GPS_GLOBAL_ORIGIN: where on Earth the map's origin lies, in degrees and metres above
+    sea level."""
     degrees = [round(1e7 * angle) for angle in (latitude, longitude)]
     return mavlink.MAVLink_set_gps_global_origin_message(
         target, *degrees, round(1000 * altitude), stamp_us
     )
 
 
-def land(target: tuple[int, int], confirmation: int, unset: float):
-    """COMMAND_LONG with MAV_CMD_NAV_LAND, here and now; `unset` stands for what the autopilot shall choose
+def land(target: tuple[int, int], confirmation: int, unset: float) -> Any:
+    """COMMAND_LONG with MAV_CMD_NAV_LAND, here and now; `unset` stands for what the autopilot shall
+    choose
     itself.
 
     PX4 takes NaN for that, ArduPilot zero.
@@ -168,13 +182,13 @@ def land(target: tuple[int, int], confirmation: int, unset: float):
     )
 
 
-def attitude_request(target: tuple[int, int], rate: float):
-    """COMMAND_LONG that asks for ATTITUDE `rate` times a second."""
+def interval_request(target: tuple[int, int], message: int, rate: float) -> Any:
+    """COMMAND_LONG that asks for a message, by its number, `rate` times a second."""
     return mavlink.MAVLink_command_long_message(
         *target,
         mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
         0,
-        mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        message,
         1e6 / rate,
         0,
         0,
@@ -184,6 +198,7 @@ def attitude_request(target: tuple[int, int], rate: float):
     )
 
 
-def timesync_reply(request, now_ns: int):
-    """TIMESYNC answer: our clock beside the stamp of the request, for the autopilot to convert our stamps."""
+def timesync_reply(request: Any, now_ns: int) -> Any:
+    """TIMESYNC answer: our clock beside the stamp of the request, for the autopilot to convert
+    our stamps."""
     return mavlink.MAVLink_timesync_message(now_ns, request.ts1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,21 +33,28 @@ class Profile:
     unset = 0.0  # what stands in a command for "choose yourself"
     needs_attitude = False
 
-    def failed(self, fix: Fix, stamp_us: int, attitude: tuple | None):
+    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
+        """The message for a usable fix."""
+        raise NotImplementedError
+
+    def failed(self, fix: Fix, stamp_us: int, attitude: Any) -> Any:
         """The message that says there is no position, or None where silence says it."""
         return None
 
 
 class Px4(Profile):
-    """VISION_POSITION_ESTIMATE at a steady 30 Hz; silence, which ends its fusion, for no position."""
+    """VISION_POSITION_ESTIMATE at a steady 30 Hz; silence, which ends its fusion, for no
+    position."""
 
     name = "px4"
     repeat_rate = 30.0
     unset = math.nan
 
-    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: tuple | None):
+    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
         """The message for a usable fix."""
-        return vision_position(stamp_us, fix.position, covariance, attitude, self.local, fix.resets)
+        return vision_position(
+            stamp_us, fix.told.position, covariance, attitude, self.local, fix.resets
+        )
 
 
 class ArduPilot(Profile):
@@ -55,19 +63,21 @@ class ArduPilot(Profile):
     name = "ardupilot"
     needs_attitude = True
 
-    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: tuple):
+    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
         """The message for a usable fix."""
         grade = quality(np.sqrt(np.diagonal(covariance)), self.area)
-        return odometry(stamp_us, fix.position, covariance, attitude, self.local, fix.resets, grade)
+        return odometry(
+            stamp_us, fix.told.position, covariance, attitude, self.local, fix.resets, grade
+        )
 
-    def failed(self, fix: Fix, stamp_us: int, attitude: tuple):
+    def failed(self, fix: Fix, stamp_us: int, attitude: Any) -> Any:
         """The filter's position, marked as failed."""
         return odometry(
             stamp_us, fix.position, fix.covariance, attitude, self.local, fix.resets, -1
         )
 
 
-PROFILES = {"px4": Px4, "ardupilot": ArduPilot}
+PROFILES: dict[str, type[Profile]] = {"px4": Px4, "ardupilot": ArduPilot}
 
 
 def profile_named(name: str, local: LocalFrame, area: tuple[float, float, float, float]) -> Profile:

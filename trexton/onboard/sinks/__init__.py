@@ -1,33 +1,50 @@
-"""Where positions go: a registry with one small module each.
+"""Where positions go: a registry of classes that declare themselves.
 
-A module has ``make(address, options) -> Sink``. An address is ``KIND`` or ``KIND:REST``; adding a sink is its
-file and its line here.
+An address is ``KIND`` or ``KIND:REST``. A sink is one file with its class, its address and its
+options, and its line here.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
+from collections.abc import Mapping
+from typing import Any
 
 from trexton.errors import ParameterError
-from trexton.onboard.sinks.base import Guard, Sink, SinkOptions
+from trexton.onboard.edges import load
+from trexton.onboard.sinks.base import Guard, Sink, Surroundings
+from trexton.options import Options
 
-__all__ = ["Guard", "SINKS", "Sink", "SinkOptions", "open_sink"]
+__all__ = ["Guard", "SINKS", "Sink", "Surroundings", "open_sink", "sink_classes"]
 
-# kind: module; several kinds may share one
+# kind: module and class; several kinds may share one
 SINKS = {
-    "json": "trexton.onboard.sinks.json_lines",
-    "csv": "trexton.onboard.sinks.csv_table",
-    "tum": "trexton.onboard.sinks.tum",
-    "udpout": "trexton.onboard.sinks.mavlink",
-    "udpin": "trexton.onboard.sinks.mavlink",
-    "tcp": "trexton.onboard.sinks.mavlink",
-    "serial": "trexton.onboard.sinks.mavlink",
-    "paparazzi": "trexton.onboard.sinks.paparazzi",
+    "json": "trexton.onboard.sinks.json_lines:JsonLines",
+    "csv": "trexton.onboard.sinks.csv_table:CsvTable",
+    "tum": "trexton.onboard.sinks.tum:TumTrajectory",
+    "udpout": "trexton.onboard.sinks.mavlink:MavlinkSink",
+    "udpin": "trexton.onboard.sinks.mavlink:MavlinkSink",
+    "tcp": "trexton.onboard.sinks.mavlink:MavlinkSink",
+    "serial": "trexton.onboard.sinks.mavlink:MavlinkSink",
+    "paparazzi": "trexton.onboard.sinks.paparazzi:PaparazziSink",
 }
 
 
-def open_sink(address: str, options: SinkOptions) -> Sink:
+def sink_classes() -> list[type[Sink]]:
+    """Every registered class once."""
+    return list(dict.fromkeys(load(place) for place in SINKS.values()))
+
+
+def open_sink(
+    address: str, around: Surroundings, options: Mapping[type[Options], Any] | None = None
+) -> Sink:
     """The sink at `address`, not yet opened.
+
+    Parameters
+    ----------
+    address : str
+    around : Surroundings
+    options : mapping, optional
+        An object for each class of options that differs from its defaults.
 
     Raises
     ------
@@ -37,6 +54,8 @@ def open_sink(address: str, options: SinkOptions) -> Sink:
     kind = address.partition(":")[0]
     if kind not in SINKS:
         raise ParameterError(
-            f"output {address!r} is of no known kind: give one of {', '.join(SINKS)}, a colon and an address"
+            f"output {address!r} is of no known kind: "
+            f"give one of {', '.join(SINKS)}, a colon and an address"
         )
-    return import_module(SINKS[kind]).make(address, options)
+    sink: type[Sink] = load(SINKS[kind])
+    return sink.make(address, (options or {}).get(sink.options, sink.options()), around)

@@ -1,4 +1,5 @@
-"""What every sink of positions is, and the guard that keeps a failing one from stopping the rest."""
+"""What every sink of positions is, and the guard that keeps a failing one from stopping the
+rest."""
 
 from __future__ import annotations
 
@@ -6,30 +7,30 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from trexton.observation import Aiding
+from trexton.onboard.edges import Edge
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.tally import Tally
-from trexton.progress import say
+from trexton.onboard.voice import say
 
-__all__ = ["Guard", "Sink", "SinkOptions"]
+__all__ = ["Guard", "Sink", "Surroundings"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 30.0
 
 
 @dataclass(frozen=True)
-class SinkOptions:
-    """What a sink may need to know beside its address.
+class Surroundings:
+    """What a sink may need to know beside its address and its options.
 
     Attributes
     ----------
     local : LocalFrame
         How the map lies on the ground.
-    autopilot : {"px4", "ardupilot"}
-    origin : (latitude, longitude, altitude) or None
-        Degrees and metres of the map's origin, to be set as the autopilot's; None sets none.
     area : (x_min, x_max, y_min, y_max)
         The map's area in metres.
     motion_rate : (2, 2) array
@@ -38,17 +39,30 @@ class SinkOptions:
     """
 
     local: LocalFrame
-    autopilot: str
-    origin: tuple[float, float, float] | None
     area: tuple[float, float, float, float]
     motion_rate: np.ndarray
     tally: Tally
 
 
-class Sink(ABC):
-    """Takes one fix after another; may raise `OSError` except in its constructor: `Guard` sees to it."""
+class Sink(Edge, ABC):
+    """Takes one fix after another; may raise `OSError` except in its constructor: `Guard` sees to
+    it.
+
+    Attributes
+    ----------
+    name : str
+        In messages to people.
+    file : str
+        The file it writes, if any: nothing that was read, and no file twice.
+    """
 
     name = "output"
+    file = ""
+
+    @classmethod
+    def make(cls, address: str, options: Any, around: Surroundings) -> Sink:
+        """The sink at `address`, as typed, not yet opened; `options` is of its class of options."""
+        raise NotImplementedError(f"{cls.__name__} is made by hand, not by an address")
 
     @abstractmethod
     def open(self) -> None:
@@ -58,12 +72,16 @@ class Sink(ABC):
     def write(self, fix: Fix) -> None:
         """Take one fix."""
 
-    def event(self, event: dict) -> None:
+    def event(self, event: dict[str, Any]) -> None:
         """Take something worth remembering that is no fix: a command, an answer, a count."""
 
-    def news(self) -> list[dict]:
+    def news(self) -> list[dict[str, Any]]:
         """What has happened on the other side since this was last asked, as events for the log."""
         return []
+
+    def aiding(self, time: float) -> Aiding | None:
+        """What the other side knows of the vehicle at that moment, where there is one to ask."""
+        return None
 
     def status(self) -> str:
         """A few words for the status line."""
@@ -93,7 +111,7 @@ class Guard:
         """Pass the fix on, if the sink works."""
         self._try(lambda: self.sink.write(fix))
 
-    def event(self, event: dict) -> None:
+    def event(self, event: dict[str, Any]) -> None:
         """Pass the event on, if the sink works."""
         self._try(lambda: self.sink.event(event))
 
@@ -107,11 +125,10 @@ class Guard:
                 self._open = True
             act()
             self._pause = FIRST_PAUSE
-        except OSError as error:
+        except (OSError, ValueError, TypeError, AttributeError) as error:
             self._tally.fault("output")
-            say(
-                f"trexton onboard: {self.sink.name}: {error.strerror or error}: trying again in {self._pause:g} s"
-            )
+            why = getattr(error, "strerror", None) or error
+            say(f"trexton onboard: {self.sink.name}: {why}: trying again in {self._pause:g} s")
             self._retry_at = now + self._pause
             self._pause = min(2 * self._pause, LONGEST_PAUSE)
             self._open = False
@@ -126,5 +143,5 @@ class Guard:
     def _close(self) -> None:
         try:
             self.sink.close()
-        except OSError:
+        except (OSError, ValueError):
             pass

@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
-from trexton.errors import ParameterError
 from trexton.onboard.fix import Fix
-from trexton.onboard.sinks.base import Sink, SinkOptions
+from trexton.onboard.sinks.base import Sink, Surroundings
 from trexton.onboard.sinks.json_lines import row
-from trexton.onboard.sinks.lines import LineFile
+from trexton.onboard.sinks.lines import LineFile, named_file
+from trexton.options import Options
 
-__all__ = ["COLUMNS", "CsvTable", "make"]
+__all__ = ["COLUMNS", "CsvTable"]
 
 COLUMNS = (
-    "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m", "observed", "lost", "stale", "resets", "latency_s", "fault",
+    "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m", 
+    "observed", "lost", "stale", "resets", "latency_s", "fault",
 )  # fmt: skip
-
-
-def make(address: str, options: SinkOptions) -> Sink:
-    path = address.partition(":")[2]
-    if not path:
-        raise ParameterError(
-            "output 'csv' names no file: give csv:FILE, or csv:- for standard output"
-        )
-    return CsvTable(path)
 
 
 class CsvTable(Sink):
     """Fixes as rows under `COLUMNS`; flags are 0 or 1."""
 
+    addresses = {"csv:FILE": "a table, a row a frame, numbered as the flight numbers it"}
+
     def __init__(self, path: str):
-        self.name = f"csv:{path}"
+        self.name, self.file = f"csv:{path}", path
         self._file = LineFile(path, ",".join(COLUMNS))
+
+    @classmethod
+    def make(cls, address: str, options: Options, around: Surroundings) -> CsvTable:
+        return cls(named_file(address))
 
     def open(self) -> None:
         self._file.open()

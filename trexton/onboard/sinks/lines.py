@@ -5,16 +5,27 @@ from __future__ import annotations
 import errno
 import os
 import select
+import stat
 import sys
 
 from trexton.errors import ParameterError
 
-__all__ = ["LineFile"]
+__all__ = ["LineFile", "named_file"]
+
+
+def named_file(address: str) -> str:
+    """The file of an address ``KIND:FILE``; raises `ParameterError` where it names none."""
+    kind, _, path = address.partition(":")
+    if not path:
+        raise ParameterError(
+            f"output {kind!r} names no file: give {kind}:FILE, or {kind}:- for standard output"
+        )
+    return path
 
 
 class LineFile:
-    """A file that takes whole lines, each with one system call, so that a crash or a full disk leaves no half
-    line behind.
+    """A file that takes whole lines, each with one system call, so that neither a crash nor a full
+    disk leaves half a line behind.
 
     Parameters
     ----------
@@ -24,6 +35,8 @@ class LineFile:
         First line of a new file; empty for none.
     keep : bool
         Add to what the file holds already; otherwise it is emptied.
+    most_bytes : int, optional
+        Size at which the file becomes ``path.1`` (over the one before) and a new one is begun.
 
     Raises
     ------
@@ -31,10 +44,11 @@ class LineFile:
         The file cannot be made at all.
     """
 
-    def __init__(self, path: str, header: str = "", keep: bool = False):
-        self.path, self._header = path, header
-        self._descriptor: int | None = None
-        self._torn = False
+    def __init__(
+        self, path: str, header: str = "", keep: bool = False, most_bytes: int | None = None
+    ):
+        self.path, self._header, self._most_bytes = path, header, most_bytes
+        self._opened: int | None = None
         if not self._standard:
             try:
                 os.close(
@@ -42,37 +56,71 @@ class LineFile:
                 )
             except OSError as error:
                 raise ParameterError(
-                    f"{path}: cannot be written ({error.strerror}): give a file in a folder that exists"
+                    f"{path}: cannot be written ({error.strerror}): "
+                    "give a file in a folder that exists"
                 ) from None
 
     @property
     def _standard(self) -> bool:
         return self.path in ("", "-")
 
+    @property
+    def _descriptor(self) -> int:
+        if self._opened is None:
+            raise OSError(errno.EBADF, "the file is not open")
+        return self._opened
+
     def open(self) -> None:
         """Open for adding; the header goes in where the file is still empty."""
         if self._standard:
-            sys.stdout.flush()
-            self._descriptor = os.dup(sys.stdout.fileno())
+            if sys.stdout is None:
+                raise OSError(errno.EBADF, "there is no standard output")
+            self._opened = os.dup(sys.stdout.fileno())
         else:
-            self._descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+            self._opened = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         if self._header and (self._standard or os.fstat(self._descriptor).st_size == 0):
-            self.write(self._header)
+            self._add(self._header)
 
     def write(self, line: str) -> None:
-        """Add one line; a pipe whose reader is too slow is an error, not a wait."""
+        """Add one line.
+
+        Raises
+        ------
+        OSError
+            The disk is full, the file was deleted or moved, or the reader of a pipe is too slow:
+            an error, not a wait.
+        """
+        if self._regular and not self._standard:
+            self._check_place(len(line))
+        self._add(line)
+
+    def _check_place(self, coming: int) -> None:
+        facts = os.fstat(self._descriptor)
+        try:
+            there = os.stat(self.path)
+        except FileNotFoundError:
+            raise OSError(errno.ENOENT, "the file was deleted; a new one is begun") from None
+        if (there.st_dev, there.st_ino) != (facts.st_dev, facts.st_ino):
+            raise OSError(errno.ENOENT, "another file was put in its place; that one goes on")
+        if self._most_bytes is not None and facts.st_size + coming > self._most_bytes:
+            os.replace(self.path, self.path + ".1")
+            self.close()
+            self.open()
+
+    def _add(self, line: str) -> None:
         if not select.select([], [self._descriptor], [], 0)[1]:
             raise BlockingIOError(errno.EAGAIN, "its reader is too slow")
         data = (line + "\n").encode()
-        if self._torn:  # the disk filled up in the middle of a line: end it before the next
-            data = b"\n" + data
+        size = os.fstat(self._descriptor).st_size
         written = os.write(self._descriptor, data)
-        self._torn = written < len(data)
-        if self._torn:
-            raise OSError(errno.ENOSPC, "only part of a line could be written")
+        if written < len(data):
+            if self._regular:
+                os.ftruncate(self._descriptor, size)  # half a line never
+            raise OSError(errno.ENOSPC, "the disk is full: a line was left out")
 
     def close(self) -> None:
         """Close; the file can be opened again."""
-        if self._descriptor is not None:
-            os.close(self._descriptor)
-            self._descriptor = None
+        if self._opened is not None:
+            os.close(self._opened)
+            self._opened = None

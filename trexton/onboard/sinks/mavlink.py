@@ -1,4 +1,5 @@
-"""MAVLink: a thread that keeps the conversation with the autopilot going, whatever the loop is busy with."""
+"""MAVLink: a thread that keeps the conversation with the autopilot going, whatever the loop is busy
+with."""
 
 from __future__ import annotations
 
@@ -7,32 +8,81 @@ import socket
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from trexton.errors import ParameterError
+from trexton.observation import Aiding
 from trexton.onboard.fix import Fix
 from trexton.onboard.mavlink.link import Link, make_link
-from trexton.onboard.sinks.base import Sink, SinkOptions
+from trexton.onboard.sinks.base import Sink, Surroundings
 from trexton.onboard.tally import Tally
+from trexton.options import Options, option
 
-__all__ = ["MavlinkSink", "make"]
+if TYPE_CHECKING:
+    from trexton.onboard.mavlink.speaker import Speaker
+
+__all__ = ["MavlinkOptions", "MavlinkSink"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 5.0
 LONGEST_WAIT = 0.05
+KEY_BYTES = 32
+SHORTEST_MESSAGE = 8  # bytes; what the parser waits for before it knows more
+ORIGIN_LIMITS = ((-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees, degrees, metres
 
 
-def make(address: str, options: SinkOptions) -> Sink:
-    link = make_link(address)
-    try:
-        from trexton.onboard.mavlink.profiles import profile_named
-        from trexton.onboard.mavlink.speaker import Speaker
-    except ImportError:
-        raise ParameterError(
-            "MAVLink needs the package pymavlink: pip install 'trexton[mavlink]'"
-        ) from None
-    profile = profile_named(options.autopilot, options.local, options.area)
-    return MavlinkSink(
-        address, link, Speaker(profile, options.motion_rate, options.origin), options.tally
+@dataclass(frozen=True)
+class MavlinkOptions(Options):
+    """Autopilot over MAVLink"""
+
+    autopilot: str = option("px4", "how positions are told to it", choices=("px4", "ardupilot"))
+    system_id: int | None = option(
+        None, "our vehicle's number; needed where more than one is heard", low=1, high=255
     )
+    origin: str | None = option(
+        None, "LAT,LON,ALT in degrees and metres: set as the autopilot's global origin"
+    )
+    sign_key: str | None = option(
+        None, "file of 32 bytes: sign every message, and believe only what is signed with it"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        _ = self.place  # checked now, not in the air
+
+    @property
+    def place(self) -> tuple[float, float, float] | None:
+        """The origin as numbers; raises `ParameterError`."""
+        if self.origin is None:
+            return None
+        try:
+            latitude, longitude, altitude = map(float, self.origin.split(","))
+        except ValueError:
+            raise ParameterError(
+                f"origin {self.origin!r}: expected LAT,LON,ALT, as in 51.9906,4.3768,0"
+            ) from None
+        for value, (low, high) in zip((latitude, longitude, altitude), ORIGIN_LIMITS, strict=True):
+            if not low <= value <= high:
+                raise ParameterError(
+                    f"origin {self.origin}: {value:g} is not within {low:g} to {high:g}: "
+                    "give latitude and longitude in degrees, altitude in metres"
+                )
+        return latitude, longitude, altitude
+
+    def key(self) -> bytes | None:
+        """The key to sign with; raises `ParameterError`."""
+        if self.sign_key is None:
+            return None
+        try:
+            key = Path(self.sign_key).read_bytes()
+        except OSError as error:
+            raise ParameterError(
+                f"{self.sign_key}: the key cannot be read ({error.strerror})"
+            ) from None
+        if len(key) != KEY_BYTES:
+            raise ParameterError(f"{self.sign_key}: {len(key)} bytes: a key has {KEY_BYTES}")
+        return key
 
 
 class MavlinkSink(Sink):
@@ -44,33 +94,56 @@ class MavlinkSink(Sink):
     link : Link
     speaker : Speaker
     tally : Tally
+    key : bytes, optional
+        To sign messages with.
     clock : callable
         Seconds, the clock that stamps live frames.
     """
+
+    addresses = {
+        "udpout:HOST:PORT": "MAVLink to one address",
+        "udpin:HOST:PORT": "MAVLink on a port of ours, to whoever speaks MAVLink there",
+        "tcp:HOST:PORT": "MAVLink to a server",
+        "serial:DEVICE:BAUD": "MAVLink on a serial line",
+    }
+    options = MavlinkOptions
 
     def __init__(
         self,
         address: str,
         link: Link,
-        speaker,
+        speaker: Speaker,
         tally: Tally,
+        key: bytes | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
-        from trexton.onboard.mavlink.messages import COMPONENT, mavlink
-
         self.name = address
-        self._link, self._speaker, self._tally, self._clock = link, speaker, tally, clock
-        self._codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=COMPONENT)
-        self._codec.robust_parsing = True  # garbage on the wire is skipped, not raised
+        self._link, self.speaker, self._tally, self._clock = link, speaker, tally, clock
+        self._key = key
+        self._codec = self._new_codec()
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._alarm, self._bell = socket.socketpair()  # a new fix ends the thread's wait
         self._alarm.setblocking(False)
         self._bell.setblocking(False)
         self._thread: threading.Thread | None = None
-        self._shift = (
-            0.0  # from our clock to the one that stamps the frames; zero for a live camera
-        )
+        self._shift = 0.0  # from our clock to the one that stamps the frames
         self.connected = self._was_present = False
+
+    @classmethod
+    def make(cls, address: str, options: MavlinkOptions, around: Surroundings) -> MavlinkSink:
+        link = make_link(address)
+        try:
+            from trexton.onboard.mavlink.listener import Listener
+            from trexton.onboard.mavlink.profiles import profile_named
+            from trexton.onboard.mavlink.speaker import Speaker
+        except ImportError:
+            raise ParameterError(
+                "MAVLink needs the package pymavlink: pip install 'trexton[mavlink]'"
+            ) from None
+        profile = profile_named(options.autopilot, around.local, around.area)
+        listener = Listener(options.system_id, around.local)
+        speaker = Speaker(profile, around.motion_rate, listener, options.place)
+        return cls(address, link, speaker, around.tally, options.key())
 
     def open(self) -> None:
         self._stop.clear()
@@ -79,55 +152,53 @@ class MavlinkSink(Sink):
 
     def write(self, fix: Fix) -> None:
         with self._lock:
-            # A replay has its own time: the fix was captured `latency` ago by either clock.
-            shift = fix.time + fix.latency - self._clock()
-            self._shift = shift if abs(shift) > 0.5 else 0.0
-            self._speaker.tell(fix, self._now())
+            self._shift = fix.clock_ahead  # a replay has its own time
+            self.speaker.tell(fix, self._now())
         self._wake()
 
     def land(self, confirmation: int) -> bool:
-        """Command a landing; False while no autopilot is there to obey it."""
+        """Command a landing; False while no autopilot is there to obey it, or it is in doubt which
+        one would."""
         with self._lock:
-            heard = (
-                self.connected
-                and self._speaker.present(self._now())
-                and self._speaker.land(confirmation)
-            )
+            queued = self.connected and self.speaker.land(confirmation, self._now())
         self._wake()
-        return heard
+        return queued
 
-    def answers(self) -> list:
+    def answers(self) -> list[Any]:
         """The autopilot's answers to commands since this was last asked."""
-        return self._drain("answers")
-
-    def news(self) -> list[dict]:
-        """What the autopilot said since this was last asked, for the log."""
-        return self._drain("news")
-
-    def _drain(self, what: str) -> list:
         with self._lock:
-            queue = getattr(self._speaker, what)
-            drained = list(queue)
-            queue.clear()
-            return drained
+            return _drained(self.speaker.listener.answers)
+
+    def news(self) -> list[dict[str, Any]]:
+        with self._lock:
+            return _drained(self.speaker.listener.news)
+
+    def on_ground(self) -> bool | None:
+        """Whether the autopilot says that the vehicle stands; None where it does not say."""
+        with self._lock:
+            return self.speaker.listener.on_ground(self._now())
+
+    def aiding(self, time: float) -> Aiding | None:
+        with self._lock:
+            return self.speaker.listener.aiding(time)
 
     def status(self) -> str:
         with self._lock:
+            listener, now = self.speaker.listener, self._now()
             if not self.connected:
                 return "no link"
-            if self._speaker.target is None:
+            if listener.target is None:
                 return "no autopilot heard"
-            if not self._speaker.present(self._now()):
+            if not listener.present(now):
                 return "autopilot silent"
-            words = {None: "", True: ", has a position", False: ", HAS NO POSITION"}[
-                self._speaker.fused
-            ]
-            held = (
-                f", {self._speaker.withheld} withheld for want of attitude"
-                if self._speaker.withheld
-                else ""
+            words = {None: "", True: ", has a position", False: ", HAS NO POSITION"}
+            held = self.speaker.withheld
+            return (
+                f"autopilot {listener.target[0]} heard"
+                + words[listener.fused(now)]
+                + ("" if listener.certain else ", SEVERAL VEHICLES: give --system-id")
+                + (f", {held} withheld for want of attitude" if held else "")
             )
-            return f"autopilot {self._speaker.target[0]} heard{words}{held}"
 
     def close(self) -> None:
         self._stop.set()
@@ -145,6 +216,18 @@ class MavlinkSink(Sink):
     def _now(self) -> float:
         return self._clock() + self._shift
 
+    def _new_codec(self) -> Any:
+        from trexton.onboard.mavlink.messages import COMPONENT, mavlink
+
+        codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=COMPONENT)
+        codec.robust_parsing = True  # garbage on the wire is skipped, not raised
+        if self._key is not None:
+            codec.signing.secret_key = self._key
+            codec.signing.sign_outgoing = True
+            # Tens of microseconds since 2015, as the protocol counts; it must only ever grow.
+            codec.signing.timestamp = int((time.time() - 1420070400) * 1e5)
+        return codec
+
     def _run(self) -> None:
         pause = FIRST_PAUSE
         while not self._stop.is_set():
@@ -156,6 +239,12 @@ class MavlinkSink(Sink):
                     pause = FIRST_PAUSE
             except OSError:
                 self._tally.fault("link")
+            except Exception as error:  # a bug must not end the conversation, nor go unsaid
+                self._tally.fault("link")
+                with self._lock:
+                    self.speaker.listener.news.append(
+                        {"event": "link failed", "why": f"{type(error).__name__}: {error}"}
+                    )
             finally:
                 self.connected = False
                 self._link.close()
@@ -166,22 +255,40 @@ class MavlinkSink(Sink):
         """Say what is due, then listen until the next may be."""
         with self._lock:
             now = self._now()
-            due = self._speaker.due(now)
-            wait = min(self._speaker.next_due(now), LONGEST_WAIT)
+            due = self.speaker.due(now)
+            wait = min(self.speaker.next_due(now), LONGEST_WAIT)
         for message in due:
             self._link.send(message.pack(self._codec))
             self._tally.count(f"sent {message.get_type()}")
-        ready, _, _ = select.select([self._link, self._alarm], [], [], wait)
-        if self._alarm in ready:
+        ready, _, _ = select.select([self._link.fileno(), self._alarm.fileno()], [], [], wait)
+        if self._alarm.fileno() in ready:
             self._alarm.recv(4096)
-        messages = self._codec.parse_buffer(self._link.receive()) or []
+        messages = self._parsed(self._link.receive())
         with self._lock:
-            now = self._now()
+            now, listener = self._now(), self.speaker.listener
             for message in messages:
-                self._speaker.hear(message, now)
-            present, target = self._speaker.present(now), self._speaker.target
+                listener.hear(message, now)
+            present, target = listener.present(now), listener.target
         if target is not None:
             self._codec.srcSystem = target[0]  # a companion shares the system of its vehicle
         if self._was_present and not present:
             self._tally.fault("silent")
         self._was_present = present
+
+    def _parsed(self, data: bytes) -> list[Any]:
+        if not data:
+            return []
+        if self._link.datagrams:  # half a message in one must not swallow the next
+            self._codec.buf, self._codec.buf_index = bytearray(), 0
+            self._codec.expected_length = SHORTEST_MESSAGE
+        found = self._codec.parse_buffer(data) or []
+        messages = [message for message in found if message.get_type() != "BAD_DATA"]
+        if messages:
+            self._link.understood()
+        return messages
+
+
+def _drained(queue: Any) -> list[Any]:
+    drained = list(queue)
+    queue.clear()
+    return drained

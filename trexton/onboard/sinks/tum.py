@@ -2,29 +2,27 @@
 
 from __future__ import annotations
 
-from trexton.errors import ParameterError
 from trexton.onboard.fix import Fix
-from trexton.onboard.sinks.base import Sink, SinkOptions
-from trexton.onboard.sinks.lines import LineFile
+from trexton.onboard.sinks.base import Sink, Surroundings
+from trexton.onboard.sinks.lines import LineFile, named_file
+from trexton.options import Options
 
-__all__ = ["TumTrajectory", "make"]
-
-
-def make(address: str, options: SinkOptions) -> Sink:
-    path = address.partition(":")[2]
-    if not path:
-        raise ParameterError(
-            "output 'tum' names no file: give tum:FILE, or tum:- for standard output"
-        )
-    return TumTrajectory(path, options.local.height)
+__all__ = ["TumTrajectory"]
 
 
 class TumTrajectory(Sink):
-    """Usable, observed fixes in the map's axes; the height is the constant one, the attitude none."""
+    """Usable, observed fixes in the map's axes; nothing measures height or attitude, which are
+    0."""
 
-    def __init__(self, path: str, height: float):
-        self.name = f"tum:{path}"
-        self._file, self._height = LineFile(path), height
+    addresses = {"tum:FILE": "a trajectory for `evo` and its like, of positions fit to steer by"}
+
+    def __init__(self, path: str):
+        self.name, self.file = f"tum:{path}", path
+        self._file = LineFile(path)
+
+    @classmethod
+    def make(cls, address: str, options: Options, around: Surroundings) -> TumTrajectory:
+        return cls(named_file(address))
 
     def open(self) -> None:
         self._file.open()
@@ -32,7 +30,7 @@ class TumTrajectory(Sink):
     def write(self, fix: Fix) -> None:
         if fix.usable and fix.observed:
             x, y = fix.position
-            self._file.write(f"{fix.time:.6f} {x:.6f} {y:.6f} {self._height:.6f} 0 0 0 1")
+            self._file.write(f"{fix.time:.6f} {x:.6f} {y:.6f} 0 0 0 0 1")
 
     def close(self) -> None:
         self._file.close()

@@ -1,30 +1,50 @@
-"""Where frames come from: a registry with one small module each.
+"""Where frames come from: a registry of classes that declare themselves.
 
-A module has ``matches(address) -> bool`` and ``make(address, options) -> Source``. The first that matches
-makes the source; ``KIND:ADDRESS`` asks for one by name. Adding a source is its file and its line here.
+The first class that matches an address makes the source; ``KIND:ADDRESS`` asks for one by name.
+Adding a source is its file and its line here.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
+from collections.abc import Mapping
+from typing import Any
 
 from trexton.errors import ParameterError
-from trexton.onboard.sources.base import CameraLost, Frame, Source, SourceOptions
+from trexton.onboard.edges import load
+from trexton.onboard.sources.base import CameraLost, Frame, Playback, Source, View
+from trexton.options import Options
 
-__all__ = ["CameraLost", "Frame", "SOURCES", "Source", "SourceOptions", "open_source"]
+__all__ = [
+    "CameraLost", "Frame", "Playback", "SOURCES", "Source", "View", "open_source", "source_classes",
+]  # fmt: skip
 
-# kind: module, in the order in which they are asked
+# kind: module and class, in the order in which they are asked
 SOURCES = {
-    "simulator": "trexton.onboard.sources.simulator",
-    "v4l2": "trexton.onboard.sources.v4l2",
-    "flight": "trexton.onboard.sources.flight",
-    "images": "trexton.onboard.sources.images",
-    "video": "trexton.onboard.sources.video",
+    "simulator": "trexton.onboard.sources.simulator:SimulatorSource",
+    "v4l2": "trexton.onboard.sources.v4l2:V4l2Source",
+    "flight": "trexton.onboard.sources.flight:FlightSource",
+    "images": "trexton.onboard.sources.images:ImageFolder",
+    "stream": "trexton.onboard.sources.video:StreamSource",
+    "video": "trexton.onboard.sources.video:VideoFile",
 }
 
 
-def open_source(address: str, options: SourceOptions = SourceOptions()) -> Source:
+def source_classes() -> list[type[Source]]:
+    """Every registered class once."""
+    return list(dict.fromkeys(load(place) for place in SOURCES.values()))
+
+
+def open_source(
+    address: str, view: View | None = None, options: Mapping[type[Options], Any] | None = None
+) -> Source:
     """The source at `address`, not yet opened.
+
+    Parameters
+    ----------
+    address : str
+    view : View, optional
+    options : mapping, optional
+        An object for each class of options that differs from its defaults.
 
     Raises
     ------
@@ -33,11 +53,15 @@ def open_source(address: str, options: SourceOptions = SourceOptions()) -> Sourc
     """
     kind, colon, rest = address.partition(":")
     if colon and kind in SOURCES:
-        return import_module(SOURCES[kind]).make(rest, options)
-    for module in map(import_module, SOURCES.values()):
-        if module.matches(address):
-            return module.make(address, options)
+        candidates = [(load(SOURCES[kind]), rest)]
+    else:
+        candidates = [(load(place), address) for place in SOURCES.values()]
+        candidates = [(source, words) for source, words in candidates if source.matches(words)]
+    for source, words in candidates[:1]:
+        chosen = (options or {}).get(source.options, source.options())
+        made: Source = source.make(words, chosen, view or View())
+        return made
     raise ParameterError(
-        f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, a video file or URL, "
-        f"simulator, or KIND:ADDRESS with KIND one of {', '.join(SOURCES)}"
+        f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, "
+        f"a video file or URL, simulator, or KIND:ADDRESS with KIND one of {', '.join(SOURCES)}"
     )

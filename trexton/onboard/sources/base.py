@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from trexton.errors import TrextonError
+from trexton.observation import Aiding
+from trexton.onboard.edges import Edge
+from trexton.options import Options, option
 
-__all__ = ["CameraLost", "Frame", "Source", "SourceOptions"]
+__all__ = ["CameraLost", "Frame", "Playback", "Source", "View"]
 
 
 class CameraLost(TrextonError):
@@ -26,15 +30,32 @@ class Frame:
         Seconds at which it was captured.
     picture : (H, W, 3) uint8 array, (K,) array or None
         Image (Y, U, V) or histogram; None where it came but cannot be decoded.
+    number : int or None
+        As the flight numbers it; None where nobody does.
+    aiding : Aiding or None
+        What the vehicle knew at this frame, where the recording tells.
     """
 
     time: float
     picture: np.ndarray | None
+    number: int | None = None
+    aiding: Aiding | None = None
 
 
 @dataclass(frozen=True)
-class SourceOptions:
-    """What a source may need to know beside its address.
+class Playback(Options):
+    """Recordings and the simulated room"""
+
+    pace: str | None = option(
+        None, "every frame as fast as possible, or at its own stamps like a live camera",
+        choices=("fast", "stamps"),
+    )  # fmt: skip
+    laps: int = option(1, "play a recording so many times", low=1)
+
+
+@dataclass(frozen=True)
+class View:
+    """What a source may need to know beside its address and its options.
 
     Attributes
     ----------
@@ -42,38 +63,46 @@ class SourceOptions:
         The image size to ask the camera for.
     period_s : float
         Seconds from frame to frame where the source itself does not say.
-    pace : {"fast", "stamps", None}
-        A recording as fast as possible, every frame; or at its own stamps, like a live camera. None leaves it
-        to the source: recordings go fast, the simulator keeps time.
-    laps : int
-        Times a recording is played.
     seed : int
-        Of the simulator.
+        Of what is drawn.
     """
 
     shape: tuple[int, int] | None = None
     period_s: float = 0.08
-    pace: str | None = None
-    laps: int = 1
     seed: int = 1
 
 
-class Source(ABC):
+class Source(Edge, ABC):
     """A camera, or something that stands for one.
 
-    A live source makes its own time: it is read in a thread, and only its newest frame counts. Any other is
+    A live source makes its own time: it is read in a thread, and only its newest frame counts. Any
+    other is
     read frame by frame by whoever works on them, so that nothing is left out.
     """
 
     live = True
+    gives: str | None = None  # "images" or "histograms", where that is known beforehand
+    files: tuple[str, ...] = ()  # files and folders that are read: no output may go there
+
+    @staticmethod
+    def matches(address: str) -> bool:
+        """Whether an address without a kind is of this one."""
+        return False
+
+    @classmethod
+    def make(cls, address: str, options: Any, view: View) -> Source:
+        """The source at `address`, without its kind, not yet opened."""
+        raise NotImplementedError(f"{cls.__name__} is made by hand, not by an address")
 
     @abstractmethod
     def open(self) -> None:
-        """Begin, or begin again after a fault; raises `CameraLost` where there is nothing to open."""
+        """Begin, or begin again after a fault; raises `CameraLost` where there is nothing
+        to open."""
 
     @abstractmethod
     def read(self) -> Frame | None:
-        """The next frame, or None after the last; raises `CameraLost` where opening again may help."""
+        """The next frame, or None after the last; raises `CameraLost` where opening again
+        may help."""
 
     def close(self) -> None:
         """Let go of the device or file."""

@@ -6,25 +6,10 @@ from pathlib import Path
 
 from trexton.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight
-from trexton.onboard.sources.base import Frame, Source, SourceOptions
+from trexton.onboard.sources.base import Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced
 
-__all__ = ["FlightSource", "make", "matches"]
-
-
-def matches(address: str) -> bool:
-    return (Path(_folder(address)) / "flight.toml").is_file()
-
-
-def make(address: str, options: SourceOptions) -> Source:
-    """`address` is a flight folder, with ``#PART`` for one of the splits that it names."""
-    flight = read_flight(_folder(address))
-    if "#" in address:
-        flight = flight.part(address.rpartition("#")[2])
-    if not len(flight):
-        raise FlightError(f"{address}: no frames: nothing to replay")
-    source = FlightSource(flight, options.laps)
-    return Paced(source) if options.pace == "stamps" else source
+__all__ = ["FlightSource"]
 
 
 def _folder(address: str) -> str:
@@ -32,12 +17,35 @@ def _folder(address: str) -> str:
 
 
 class FlightSource(Source):
-    """Every frame of a flight in order, with its own stamps; further laps go on where the last one ended."""
+    """Every frame of a flight in order, with its own stamps; further laps go on where the last
+    one ended."""
 
     live = False
 
-    def __init__(self, flight: Flight, laps: int = 1):
+    addresses = {
+        "my-flight": "a recorded flight, a folder with `flight.toml`",
+        "my-flight#test": "one of its parts",
+    }
+    options = Playback
+
+    @staticmethod
+    def matches(address: str) -> bool:
+        return (Path(_folder(address)) / "flight.toml").is_file()
+
+    @classmethod
+    def make(cls, address: str, options: Playback, view: View) -> Source:
+        flight = read_flight(_folder(address))
+        if "#" in address:
+            flight = flight.part(address.rpartition("#")[2])
+        if not len(flight):
+            raise FlightError(f"{address}: no frames: nothing to replay")
+        source = cls(flight, options.laps, _folder(address))
+        return Paced(source) if options.pace == "stamps" else source
+
+    def __init__(self, flight: Flight, laps: int = 1, folder: str | None = None):
         self.flight, self.laps = flight, laps
+        self.gives = "images" if flight.has_images else "histograms"
+        self.files = () if folder is None else (folder,)
         duration = float(flight.time[-1] - flight.time[0])
         self._lap_s = duration + duration / max(len(flight) - 1, 1)
         self._next = 0
@@ -51,9 +59,10 @@ class FlightSource(Source):
             return None
         self._next += 1
         stamp = float(self.flight.time[row]) + lap * self._lap_s
-        if not self.flight.has_images:
-            return Frame(stamp, self.flight.histograms[row])
+        number = int(self.flight.frame[row]) + lap * (int(self.flight.frame[-1]) + 1)
+        if self.flight.histograms is not None and not self.flight.has_images:
+            return Frame(stamp, self.flight.histograms[row], number)
         try:
-            return Frame(stamp, self.flight.image(row))
+            return Frame(stamp, self.flight.image(row), number)
         except ImageError:
-            return Frame(stamp, None)
+            return Frame(stamp, None, number)

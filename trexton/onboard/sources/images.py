@@ -7,24 +7,15 @@ from pathlib import Path
 
 from trexton.errors import ImageError
 from trexton.images import read_image
-from trexton.onboard.sources.base import Frame, Source, SourceOptions
+from trexton.onboard.sources.base import Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced
 
-__all__ = ["ImageFolder", "make", "matches"]
+__all__ = ["ImageFolder"]
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
 
 
-def matches(address: str) -> bool:
-    return Path(address).is_dir()
-
-
-def make(address: str, options: SourceOptions) -> Source:
-    source = ImageFolder(address, options)
-    return Paced(source) if options.pace == "stamps" else source
-
-
-def _natural(path: Path) -> list:
+def _natural(path: Path) -> list[tuple[int, int, str]]:
     """Sort key under which frame 2 comes before frame 10."""
     return [
         (0, int(part), "") if part.isdigit() else (1, 0, part)
@@ -34,32 +25,48 @@ def _natural(path: Path) -> list:
 
 
 class ImageFolder(Source):
-    """The images of a folder, `period_s` apart; an unreadable one is a frame that cannot be decoded."""
+    """The images of a folder, `period_s` apart; an unreadable one is a frame that cannot be
+    decoded."""
 
     live = False
 
-    def __init__(self, folder: str, options: SourceOptions):
-        self.options = options
-        self.files = sorted(
+    addresses = {
+        "images/": "a folder of images, in the order of the numbers in their names",
+    }
+    options = Playback
+
+    @staticmethod
+    def matches(address: str) -> bool:
+        return Path(address).is_dir()
+
+    @classmethod
+    def make(cls, address: str, options: Playback, view: View) -> Source:
+        source = cls(address, options, view)
+        return Paced(source) if options.pace == "stamps" else source
+
+    def __init__(self, folder: str, options: Playback, view: View):
+        self.playback, self.view = options, view
+        self.pictures = sorted(
             (file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES),
             key=_natural,
         )
-        if not self.files:
+        if not self.pictures:
             raise ImageError(
                 f"{folder}: no images ({', '.join(SUFFIXES)}): give a folder that holds some"
             )
+        self.gives, self.files = "images", (folder,)
         self._next = 0
 
     def open(self) -> None:
         """Nothing to open: images are read one by one."""
 
     def read(self) -> Frame | None:
-        lap, row = divmod(self._next, len(self.files))
-        if lap >= self.options.laps:
+        lap, row = divmod(self._next, len(self.pictures))
+        if lap >= self.playback.laps:
             return None
-        stamp = self._next * self.options.period_s
+        stamp = self._next * self.view.period_s
         self._next += 1
         try:
-            return Frame(stamp, read_image(self.files[row]))
+            return Frame(stamp, read_image(self.pictures[row]))
         except ImageError:
             return Frame(stamp, None)

@@ -1,9 +1,11 @@
-"""A recording played at its own stamps: then it behaves like a camera, and who is slow misses frames."""
+"""A recording played at its own stamps: then it behaves like a camera, and who is slow misses
+frames."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
 from trexton.onboard.sources.base import Frame, Source
 
@@ -30,6 +32,7 @@ class Paced(Source):
         sleep: Callable[[float], None] = time.sleep,
     ):
         self.source, self._clock, self._sleep = source, clock, sleep
+        self.gives, self.files = source.gives, source.files
         self._offset: float | None = None
 
     def open(self) -> None:
@@ -43,7 +46,7 @@ class Paced(Source):
             self._offset = self._clock() - frame.time
         due = frame.time + self._offset
         self._sleep(max(0.0, due - self._clock()))
-        return Frame(self._clock(), frame.picture)
+        return replace(frame, time=self._clock())
 
     def close(self) -> None:
         self.source.close()

@@ -3,25 +3,11 @@
 from __future__ import annotations
 
 from trexton.errors import ParameterError
-from trexton.onboard.sources.base import Frame, Source, SourceOptions
+from trexton.onboard.sources.base import Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced
 from trexton.streams import stream
 
-__all__ = ["SimulatorSource", "make", "matches"]
-
-
-def matches(address: str) -> bool:
-    return address == "simulator"
-
-
-def make(address: str, options: SourceOptions) -> Source:
-    """`address` is empty or the seed of the flight."""
-    if address not in ("", "simulator") and not address.isdigit():
-        raise ParameterError(
-            f"camera 'simulator:{address}': give simulator or simulator:SEED with a whole number"
-        )
-    source = SimulatorSource(int(address) if address.isdigit() else options.seed)
-    return source if options.pace == "fast" else Paced(source)
+__all__ = ["SimulatorSource"]
 
 
 class SimulatorSource(Source):
@@ -37,6 +23,27 @@ class SimulatorSource(Source):
     """
 
     live = False
+    gives = "images"
+
+    addresses = {
+        "simulator": "the virtual room, live",
+        "simulator:7": "the same with another seed",
+    }
+    options = Playback
+
+    @staticmethod
+    def matches(address: str) -> bool:
+        return address == "simulator"
+
+    @classmethod
+    def make(cls, address: str, options: Playback, view: View) -> Source:
+        if address not in ("", "simulator") and not address.isdigit():
+            raise ParameterError(
+                f"camera 'simulator:{address}': "
+                "give simulator or simulator:SEED with a whole number"
+            )
+        source = cls(int(address) if address.isdigit() else view.seed)
+        return source if options.pace == "fast" else Paced(source)
 
     def __init__(self, seed: int = 1):
         from trexton.simulator import Floor, Plan, Simulator, random_waypoints

@@ -5,22 +5,16 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable
+from typing import Any
 
 import cv2
 
 from trexton.errors import ImageError
 from trexton.images import yuv_from_uyvy
-from trexton.onboard.sources.base import CameraLost, Frame, Source, SourceOptions
+from trexton.onboard.sources.base import CameraLost, Frame, Source, View
+from trexton.options import Options
 
-__all__ = ["V4l2Source", "make", "matches"]
-
-
-def matches(address: str) -> bool:
-    return re.fullmatch(r"/dev/video\d+", address) is not None
-
-
-def make(address: str, options: SourceOptions) -> Source:
-    return V4l2Source(address, options)
+__all__ = ["V4l2Source"]
 
 
 class V4l2Source(Source):
@@ -29,33 +23,47 @@ class V4l2Source(Source):
     Parameters
     ----------
     device : str
-    options : SourceOptions
+    view : View
     capture : callable
         Opens the device as `cv2.VideoCapture` does.
     clock : callable
         Seconds.
     """
 
+    addresses = {
+        "/dev/video0": "a V4L2 camera, asked for UYVY at the size of the map; its bytes as they are",
+    }
+
+    @staticmethod
+    def matches(address: str) -> bool:
+        return re.fullmatch(r"/dev/video\d+", address) is not None
+
+    @classmethod
+    def make(cls, address: str, options: Options, view: View) -> Source:
+        return cls(address, view)
+
     def __init__(
         self,
         device: str,
-        options: SourceOptions,
-        capture: Callable = cv2.VideoCapture,
+        view: View,
+        capture: Callable[..., Any] = cv2.VideoCapture,
         clock: Callable[[], float] = time.monotonic,
     ):
-        self.device, self.options, self._make_capture, self._clock = device, options, capture, clock
-        self._capture = None
+        self.device, self.view, self._make_capture, self._clock = device, view, capture, clock
+        self.gives = "images"
+        self._capture: Any = None
         self._reversed = False
 
     def open(self) -> None:
         capture = self._make_capture(self.device, cv2.CAP_V4L2)
         if not capture.isOpened():
             raise CameraLost(
-                f"{self.device}: cannot be opened: check cable, permissions, and that nobody else uses it"
+                f"{self.device}: cannot be opened: "
+                "check cable, permissions, and that nobody else uses it"
             )
-        capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter_fourcc(*"UYVY"))
-        if self.options.shape is not None:
-            rows, columns = self.options.shape
+        capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"UYVY"))
+        if self.view.shape is not None:
+            rows, columns = self.view.shape
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, columns)
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, rows)
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)
@@ -64,7 +72,8 @@ class V4l2Source(Source):
         if code not in ("UYVY", "YUYV"):
             capture.release()
             raise CameraLost(
-                f"{self.device}: gives {code!r} frames: UYVY or YUYV expected; open it as video:{self.device}"
+                f"{self.device}: gives {code!r} frames: UYVY or YUYV expected; "
+                f"open it as stream:{self.device}"
             )
         self._capture, self._reversed = capture, code == "YUYV"
 

@@ -8,35 +8,26 @@ import stat
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import cv2
+import numpy as np
 
-from trexton.errors import ImageError
-from trexton.images import yuv_from_bgr
-from trexton.onboard.sources.base import CameraLost, Frame, Source, SourceOptions
+from trexton.errors import ImageError, ParameterError
+from trexton.images import decode_image, yuv_from_bgr
+from trexton.onboard.sources.base import CameraLost, Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced
+from trexton.options import Options
 
-__all__ = ["StreamSource", "VideoFile", "make", "matches"]
+__all__ = ["StreamSource", "VideoFile"]
 
-
-def matches(address: str) -> bool:
-    return _is_stream(address) or Path(address).is_file()
-
-
-def make(address: str, options: SourceOptions) -> Source:
-    if _is_stream(address) or address.startswith("/dev/"):
-        return StreamSource(address)
-    if not Path(address).is_file():
-        raise ImageError(f"{address}: no such video: give a file, a URL or a GStreamer pipeline")
-    return (
-        Paced(VideoFile(address, options))
-        if options.pace == "stamps"
-        else VideoFile(address, options)
-    )
+Capture = Callable[[str], Any]
+JPEG = b"\xff\xd8"
 
 
 def _is_stream(address: str) -> bool:
-    """A URL, a GStreamer pipeline, a device or a named pipe: what goes on whether it is read or not."""
+    """A URL, a GStreamer pipeline, a camera or a named pipe: what goes on whether it is read or
+    not."""
     if re.match(r"\w+://", address) or " ! " in address:
         return True
     try:
@@ -46,31 +37,76 @@ def _is_stream(address: str) -> bool:
     return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)
 
 
+class _Pictures:
+    """Pictures of a capture, decoded here where it is JPEG.
+
+    OpenCV's video reader fills up a JPEG that was cut short, and bends a picture of another size to
+    the first one's, and says nothing of either.
+    """
+
+    def __init__(self, capture: Any):
+        self._capture = capture
+        code = int(capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
+        raw = code.to_bytes(4, "little") in (b"MJPG", b"mjpg", b"JPEG", b"jpeg")
+        self._raw = bool(raw and capture.set(cv2.CAP_PROP_FORMAT, -1))
+
+    def picture(self, arrived: bool, image: np.ndarray | None) -> np.ndarray | None:
+        """Y, U, V of what the capture retrieved; None where it cannot be decoded."""
+        if not arrived or image is None:
+            return None
+        try:
+            if self._raw and bytes(image.reshape(-1)[:2]) == JPEG:
+                return decode_image(image.tobytes())
+            return yuv_from_bgr(image)
+        except ImageError:
+            return None
+
+
 class StreamSource(Source):
-    """A live stream (RTSP, HTTP, TCP, a named pipe, GStreamer where OpenCV has it), stamped at the grab."""
+    """A live stream (RTSP, HTTP, TCP, a named pipe, GStreamer where OpenCV has it), stamped at the
+    grab."""
+
+    addresses = {
+        "rtsp://…, http://…, tcp://…": "a stream, whatever the installed OpenCV opens, live",
+        "camera.y4m": "the same through a named pipe, or a GStreamer pipeline",
+        "stream:/dev/video0": "a camera that gives only compressed frames",
+    }
+    gives = "images"
+
+    @staticmethod
+    def matches(address: str) -> bool:
+        return _is_stream(address)
+
+    @classmethod
+    def make(cls, address: str, options: Options, view: View) -> Source:
+        path = Path(address)
+        if path.is_char_device() and not re.match(r"/dev/video\d+$", address):
+            raise ParameterError(f"camera {address!r} is no camera: give /dev/videoN")
+        return cls(address)
 
     def __init__(
         self,
         address: str,
-        capture: Callable = cv2.VideoCapture,
+        capture: Capture = cv2.VideoCapture,
         clock: Callable[[], float] = time.monotonic,
     ):
         self.address, self._make_capture, self._clock = address, capture, clock
-        self._capture = None
+        self._capture: Any = None
 
     def open(self) -> None:
         self._capture = self._make_capture(self.address)
         if not self._capture.isOpened():
             raise CameraLost(
-                f"{self.address}: cannot be opened: check that the stream runs and that OpenCV knows its kind"
+                f"{self.address}: cannot be opened: "
+                "check that the stream runs and that OpenCV knows its kind"
             )
+        self._pictures = _Pictures(self._capture)
 
     def read(self) -> Frame | None:
         if not self._capture.grab():
             raise CameraLost(f"{self.address}: the stream has ended or broken off")
         stamp = self._clock()
-        arrived, image = self._capture.retrieve()
-        return Frame(stamp, yuv_from_bgr(image) if arrived else None)
+        return Frame(stamp, self._pictures.picture(*self._capture.retrieve()))
 
     def close(self) -> None:
         if self._capture is not None:
@@ -81,33 +117,54 @@ class StreamSource(Source):
 class VideoFile(Source):
     """A recorded video, every frame of it; stamps by its frame rate."""
 
+    addresses = {"floor.avi": "a video file, every frame of it"}
+    options = Playback
     live = False
+    gives = "images"
 
-    def __init__(self, path: str, options: SourceOptions):
-        self.path, self.options = path, options
-        self._capture = None
+    @staticmethod
+    def matches(address: str) -> bool:
+        return Path(address).is_file()
+
+    @classmethod
+    def make(cls, address: str, options: Playback, view: View) -> Source:
+        if _is_stream(address) or address.startswith("/dev/"):
+            return StreamSource.make(address, Options(), view)
+        if not Path(address).is_file():
+            raise ImageError(
+                f"{address}: no such video: give a file, a URL or a GStreamer pipeline"
+            )
+        source = cls(address, options, view)
+        return Paced(source) if options.pace == "stamps" else source
+
+    def __init__(self, path: str, options: Playback, view: View):
+        self.path, self.playback, self.view = path, options, view
+        self.files = (path,)
+        self._capture: Any = None
         self._index, self._lap = 0, 0
 
     def open(self) -> None:
         self._capture = cv2.VideoCapture(self.path)
         if not self._capture.isOpened():
             raise ImageError(
-                f"{self.path}: not a video that OpenCV can open: convert it, or give a folder of images"
+                f"{self.path}: not a video that OpenCV can open: "
+                "convert it, or give a folder of images"
             )
         rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.options.period_s
+        self.period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.view.period_s
+        self._pictures = _Pictures(self._capture)
 
     def read(self) -> Frame | None:
         arrived, image = self._capture.read()
         while not arrived:
             self._lap += 1
-            if self._lap >= self.options.laps:
+            if self._lap >= self.playback.laps:
                 return None
             self.close()
             self.open()
             arrived, image = self._capture.read()
         self._index += 1
-        return Frame((self._index - 1) * self.period_s, yuv_from_bgr(image))
+        return Frame((self._index - 1) * self.period_s, self._pictures.picture(arrived, image))
 
     def close(self) -> None:
         if self._capture is not None:

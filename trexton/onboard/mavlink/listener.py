@@ -1,0 +1,207 @@
+"""What is heard on the wire, and which of it counts: an autopilot among others who also speak.
+
+Times are seconds of the clock that stamps fixes.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trexton.observation import Aiding
+from trexton.onboard.local import LocalFrame
+from trexton.onboard.mavlink.messages import COMPONENT, mavlink
+
+__all__ = ["Answer", "Listener"]
+
+SILENCE = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
+REPORT_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
+KNOWN_AGE = 0.5  # attitude, height or velocity farther from the frame in time say nothing about it
+NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
+DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
+
+
+@dataclass(frozen=True)
+class Answer:
+    """A COMMAND_ACK: the command, and what became of it."""
+
+    command: int
+    result: int
+
+
+class Listener:
+    """Listens to one autopilot, whoever else is on the wire.
+
+    Only an autopilot's heartbeat can make somebody the target: gimbals, cameras and ground stations
+    name none, or the generic one. The first vehicle that is heard is ours, and after a silence only
+    the same vehicle is taken up again, unless none but another has been heard ever since.
+
+    Parameters
+    ----------
+    system_id : int or None
+        The vehicle's system number; None for the only one that is heard.
+    local : LocalFrame
+    """
+
+    def __init__(self, system_id: int | None = None, local: LocalFrame | None = None):
+        self._system_id, self._local = system_id, local or LocalFrame()
+        self.target: tuple[int, int] | None = None
+        self.systems: set[int] = set()  # every vehicle whose autopilot was ever heard
+        self.heard_at = -np.inf
+        self.answers: deque[Answer] = deque(maxlen=64)
+        self.news: deque[dict[str, Any]] = deque(maxlen=256)
+        self.timesyncs: deque[Any] = deque(maxlen=16)
+        self.origin: tuple[float, float] | None = None
+        self._fused: tuple[float, bool] | None = None
+        self._grounded: tuple[float, bool] | None = None
+        self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=64)
+        self._heights: deque[tuple[float, float]] = deque(maxlen=64)
+        self._velocities: deque[tuple[float, tuple[float, float]]] = deque(maxlen=64)
+        self._handlers = {
+            "HEARTBEAT": self._on_heartbeat,
+            "ATTITUDE": self._on_attitude,
+            "DISTANCE_SENSOR": self._on_distance,
+            "LOCAL_POSITION_NED": self._on_velocity,
+            "TIMESYNC": self._on_timesync,
+            "COMMAND_ACK": self._on_command_ack,
+            "GPS_GLOBAL_ORIGIN": self._on_origin,
+            "STATUSTEXT": self._on_text,
+            "ESTIMATOR_STATUS": self._on_estimator,
+            "EKF_STATUS_REPORT": self._on_estimator,
+            "EXTENDED_SYS_STATE": self._on_landed_state,
+        }
+
+    def hear(self, message: Any, now: float) -> None:
+        """Take in one message."""
+        kind = message.get_type()
+        handler = self._handlers.get(kind)
+        if handler is None:
+            return
+        if kind in ("HEARTBEAT", "TIMESYNC") or self._from_autopilot(message):
+            handler(message, now)
+
+    def present(self, now: float) -> bool:
+        """Whether the autopilot has been heard lately."""
+        return self.target is not None and now - self.heard_at <= SILENCE
+
+    @property
+    def certain(self) -> bool:
+        """Whether the target is beyond doubt: named by its number, or the only vehicle around."""
+        return self.target is not None and (self._system_id is not None or len(self.systems) == 1)
+
+    def fused(self, now: float) -> bool | None:
+        """Whether the autopilot has a horizontal position; None where it has not said so lately."""
+        return _recent(self._fused, now)
+
+    def on_ground(self, now: float) -> bool | None:
+        """Whether the vehicle stands; None where the autopilot has not said so lately."""
+        return _recent(self._grounded, now)
+
+    def attitude(self, time: float) -> tuple[float, float, float] | None:
+        """The autopilot's own roll, pitch, yaw nearest to that moment, if near enough."""
+        entry = _nearest(self._attitudes, time)
+        return None if entry is None else entry[1]
+
+    def aiding(self, time: float) -> Aiding:
+        """What the autopilot knows of that moment, in the map's axes."""
+        attitude = _nearest(self._attitudes, time)
+        height, velocity = _nearest(self._heights, time), _nearest(self._velocities, time)
+        roll, pitch, yaw = (None, None, None) if attitude is None else attitude[1]
+        if yaw is not None:
+            ahead = self._local.ned_from_map @ (np.cos(yaw), np.sin(yaw))  # its own inverse
+            yaw = float(np.arctan2(ahead[1], ahead[0]))
+        return Aiding(
+            roll, pitch, yaw,
+            None if height is None else height[1],
+            None if velocity is None else self._local.ned_from_map @ velocity[1],
+            *(None if entry is None else entry[0] for entry in (attitude, height, velocity)),
+        )  # fmt: skip
+
+    def _from_autopilot(self, message: Any) -> bool:
+        return self.target == (message.get_srcSystem(), message.get_srcComponent())
+
+    def _on_heartbeat(self, message: Any, now: float) -> None:
+        system, component = message.get_srcSystem(), message.get_srcComponent()
+        if message.autopilot in NO_AUTOPILOTS or message.type == mavlink.MAV_TYPE_GCS:
+            return
+        if self._system_id is not None and system != self._system_id:
+            return
+        if system not in self.systems:
+            self.systems.add(system)
+            if len(self.systems) > 1:
+                heard = ", ".join(map(str, sorted(self.systems)))
+                self.news.append({"event": "several vehicles", "systems": heard,
+                                  "do": "name ours with --system-id; no landing until"})  # fmt: skip
+        gone = self.target is not None and now - self.heard_at > 10 * SILENCE
+        if self.target is None or (gone and system != self.target[0]):
+            self._adopt(system, component)
+        if self.target == (system, component):
+            self.heard_at = now
+
+    def _adopt(self, system: int, component: int) -> None:
+        self.target = (system, component)
+        self._fused = self._grounded = self.origin = None
+        for known in (self._attitudes, self._heights, self._velocities):
+            known.clear()
+        self.news.append({"event": "autopilot", "system": system, "component": component})
+
+    def _on_attitude(self, message: Any, now: float) -> None:
+        angles = (message.roll, message.pitch, message.yaw)
+        if np.isfinite(angles).all():
+            self._attitudes.append((now, angles))
+
+    def _on_distance(self, message: Any, now: float) -> None:
+        distance = message.current_distance  # centimetres
+        if (
+            message.orientation == DOWNWARD
+            and message.min_distance <= distance <= message.max_distance
+        ):
+            self._heights.append((now, 0.01 * distance))
+
+    def _on_velocity(self, message: Any, now: float) -> None:
+        if np.isfinite((message.vx, message.vy)).all():
+            self._velocities.append((now, (message.vx, message.vy)))
+
+    def _on_timesync(self, message: Any, now: float) -> None:
+        if message.tc1 == 0:  # a request; anything else answers somebody's
+            self.timesyncs.append(message)
+
+    def _on_command_ack(self, message: Any, now: float) -> None:
+        # Target 0 is everybody, or an autopilot of before targets were in the message.
+        ours = (0, message.get_srcSystem())
+        if message.target_system in ours and message.target_component in (0, COMPONENT):
+            self.answers.append(Answer(message.command, message.result))
+            self.news.append(
+                {"event": "answer", "command": message.command, "result": message.result}
+            )
+
+    def _on_origin(self, message: Any, now: float) -> None:
+        self.origin = (message.latitude * 1e-7, message.longitude * 1e-7)
+        self.news.append(
+            {"event": "origin", "latitude": self.origin[0], "longitude": self.origin[1]}
+        )
+
+    def _on_text(self, message: Any, now: float) -> None:
+        text = message.text if isinstance(message.text, str) else repr(message.text)
+        self.news.append({"event": "autopilot says", "severity": message.severity, "text": text})
+
+    def _on_estimator(self, message: Any, now: float) -> None:
+        horizontal = mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_POS_HORIZ_ABS
+        self._fused = (now, bool(message.flags & horizontal))
+
+    def _on_landed_state(self, message: Any, now: float) -> None:
+        if message.landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED:
+            grounded = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
+            self._grounded = (now, grounded)
+
+
+def _recent(said: tuple[float, bool] | None, now: float) -> bool | None:
+    return said[1] if said is not None and now - said[0] <= REPORT_AGE else None
+
+
+def _nearest(entries: deque[tuple[float, Any]], time: float) -> tuple[float, Any] | None:
+    nearest = min(entries, key=lambda entry: abs(entry[0] - time), default=None)
+    return nearest if nearest is not None and abs(nearest[0] - time) <= KNOWN_AGE else None

@@ -1,0 +1,128 @@
+"""Everything that can be chosen, declared once: the command line is made from these classes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from trexton.errors import ParameterError
+from trexton.landing import LandingZone
+from trexton.onboard.edges import Edge
+from trexton.onboard.local import LocalFrame
+from trexton.options import Options, option
+from trexton.streams import MOST_SEED
+
+__all__ = ["GROUPS", "Flying", "Landing", "Placement", "Settings", "numbers"]
+
+T = TypeVar("T", bound=Options)
+
+
+@dataclass(frozen=True)
+class Flying(Options):
+    """What is flown"""
+
+    camera: str = option("/dev/video0", "where frames come from")
+    log: str | None = option(None, "file for every position, fault and answer, as JSON lines")
+    log_megabytes: float = option(100.0, "size at which the log is moved to FILE.1", low=0.01)
+    rate: float | None = option(
+        None, "frames a second; the map's own unless given", low=0.01, high=1000
+    )
+    samples: int = option(400, "patches drawn a frame, 0 for all", low=0)
+    particles: int | None = option(None, "particles of the filter", low=1)
+    method: str | None = option(None, "another method than the map was trained for")
+    seed: int = option(1, "of everything that is drawn", low=0, high=MOST_SEED)
+    frames: int | None = option(None, "stop after so many frames", low=1)
+
+
+@dataclass(frozen=True)
+class Placement(Options):
+    """How the map lies"""
+
+    heading: float = option(0.0, "compass heading of the map's +y axis, degrees")
+    height: float = option(
+        1.0, "flying height in metres, which is not estimated", low=0.01, high=1000
+    )
+
+    @property
+    def local(self) -> LocalFrame:
+        """The map's place in the autopilot's axes."""
+        return LocalFrame(math.radians(self.heading), self.height)
+
+
+@dataclass(frozen=True)
+class Landing(Options):
+    """Landing"""
+
+    land: str | None = option(None, "X,Y of the landing zone's centre on the map, metres")
+    radius: float = option(0.6, "its radius in metres")
+    spread: str = option("0.6", "largest spread of the position in metres, one number or X,Y")
+    consecutive: int = option(3, "estimates in a row that must agree", low=1)
+    arm_landing: bool = option(False, "command the landing; without it, it is only said")
+
+    def zone(self, area: tuple[float, float, float, float]) -> LandingZone | None:
+        """The zone on a map of this area; raises `ParameterError` where it lies outside."""
+        if self.land is None:
+            if self.arm_landing:
+                raise ParameterError(
+                    "--arm-landing is given without --land: say where, as in --land 2.5,2.5"
+                )
+            return None
+        x, y = numbers("--land", self.land, (2,))
+        spread = numbers("--spread", self.spread, (1, 2))
+        x_min, x_max, y_min, y_max = area
+        if not (x_min <= x <= x_max and y_min <= y <= y_max):
+            raise ParameterError(
+                f"--land {self.land}: outside the map, which reaches from x {x_min:g} to "
+                f"{x_max:g} m and y {y_min:g} to {y_max:g} m: give a place on it"
+            )
+        return LandingZone((x, y), self.radius, spread, self.consecutive)
+
+
+def numbers(flag: str, text: str, counts: tuple[int, ...]) -> tuple[float, ...]:
+    """Finite numbers with commas between them; raises `ParameterError` for another count of
+    them."""
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) not in counts or not all(map(math.isfinite, values)):
+        expected = " or ".join(map(str, counts))
+        raise ParameterError(f"{flag} {text!r}: expected {expected} numbers with commas between")
+    return values
+
+
+def _group(declared: type[Options]) -> type[Edge]:
+    return type(declared.__name__, (Edge,), {"options": declared})
+
+
+GROUPS = [_group(Flying), _group(Placement), _group(Landing)]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """A flight of the script.
+
+    Attributes
+    ----------
+    map : str
+        File of the texton map.
+    outputs : tuple of str
+        See `trexton.onboard.sinks`.
+    choices : tuple of str
+        ``role=part`` and ``role.option=value``; see `trexton.methods`.
+    options : mapping
+        An object for each class of options that differs from its defaults: `Flying`, `Placement`,
+        `Landing`, and those of sinks and sources.
+    """
+
+    map: str
+    outputs: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()
+    options: Mapping[type[Options], Any] = field(default_factory=dict)
+
+    def of(self, kind: type[T]) -> T:
+        """The options of one class."""
+        chosen: T = self.options.get(kind) or kind()
+        return chosen
