@@ -14,6 +14,7 @@ import numpy as np
 
 from trexton import wording
 from trexton.errors import FlightError
+from trexton.estimate import LOST_SHARE, ignorance
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import trained_map
@@ -21,7 +22,6 @@ from trexton.flights.flight import Flight
 from trexton.histograms import sampled_histogram
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import wilson_interval
-from trexton.estimate import LOST_SHARE, ignorance
 from trexton.progress import progress
 from trexton.records import Record
 from trexton.streams import stream
