@@ -86,12 +86,15 @@ class Estimate:
     def ahead(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
         """``(2,)`` position and ``(2, 2)`` covariance in metres if the velocity lasts so long.
 
-        The position and covariance as they are where no velocity is known.
+        The position and covariance as they are where no velocity is known. Where the covariance was
+        calibrated since, the velocity's is taken to be off by as much.
         """
         if self.velocity is None or self.joint is None:
             return self.position, self.covariance
         carry = np.hstack([np.eye(2), seconds * np.eye(2)])
-        covariance: np.ndarray = carry @ self.joint @ carry.T
+        claimed = np.trace(self.joint[:2, :2])
+        scale = np.trace(self.covariance) / claimed if claimed > 0 else 1.0
+        covariance: np.ndarray = scale * (carry @ self.joint @ carry.T)
         return self.position + seconds * self.velocity, covariance
 
     @property

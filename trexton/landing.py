@@ -168,7 +168,7 @@ class TouchdownZone(LandingZone):
 
 
 def _inside(offset: np.ndarray, deviation: np.ndarray, radius: float) -> float:
-    """Mass within a circle of a normal distribution with independent axes, `offset` from its centre."""
+    """Mass of a normal distribution within a circle whose centre is `offset` from its mean."""
     nodes, weights = np.polynomial.legendre.leggauss(24)
     x = radius * nodes
     density = np.exp(-0.5 * ((x - offset[0]) / deviation[0]) ** 2) / (deviation[0] * math.tau**0.5)

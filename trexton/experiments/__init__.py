@@ -115,6 +115,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "beyond": Experiment(
         "Beyond the paper: a field instead of neighbours", needs=("positions",), cost_s=20
     ),
+    "light": Experiment("Other light", needs=_SURVEYED, cost_s=30),
     "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=300),
     "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=120, alone=True),
     "map_loss": Experiment(

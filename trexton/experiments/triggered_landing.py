@@ -11,7 +11,9 @@ from trexton.experiments.closed_loop import Attempt, Mission, fly_all
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
-from trexton.landing import LandingZone
+from trexton.landing import TRIGGERS, LandingZone
+from trexton.localizer import TextonMap
+from trexton.methods import METHODS
 from trexton.metrics import wilson_interval
 from trexton.records import Record
 from trexton.simulator import Floor
@@ -36,6 +38,9 @@ class Parameters(MapParameters):
         60.0, "seconds after which a landing counts as never triggered", low=0
     )
     speed: float = option(0.6, "of the vehicle, metres a second", low=0)
+    method: str = option("paper", "that localizes; see trexton.methods")
+    trigger: str = option("inside", "that lands: inside (the paper's) or touchdown")
+    cells: int = option(1, "parts of the image a side, each with a histogram", low=1)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -44,6 +49,11 @@ class Parameters(MapParameters):
                 f"armed after {self.armed_after} s of at most {self.time_limit} s: "
                 "expected a limit after the zone is armed"
             )
+        for name, known in (("method", METHODS), ("trigger", TRIGGERS)):
+            if getattr(self, name) not in known:
+                raise ParameterError(
+                    f"{name} {getattr(self, name)!r} is unknown: choose one of {', '.join(known)}"
+                )
         LandingZone((0, 0), self.radius, self.spread, self.consecutive)  # refuses the rest
 
 
@@ -66,23 +76,20 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             f"flight {train.name!r} has no picture of its floor or no camera: the closed loop needs both, as "
             "trexton simulate gives them"
         )
-    options = {
-        "samples": parameters.samples,
-        "particles": parameters.particles,
-        "neighbors": parameters.neighbors,
-    }
+    options = {"samples": parameters.samples}
+    if parameters.method == "paper":
+        options |= {"particles": parameters.particles, "neighbors": parameters.neighbors}
     choices = {
         "radius": parameters.radius,
         "spread": parameters.spread,
         "consecutive": parameters.consecutive,
         "speed": parameters.speed,
         "seed": parameters.seed,
+        "trigger": parameters.trigger,
     }
     choices |= {"armed_after": parameters.armed_after, "time_limit": parameters.time_limit}
     mission = Mission(
-        texton_map=trained_map(
-            train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-        ),
+        texton_map=_trained(train, parameters),
         floor=Floor(train.floor),
         camera=train.camera,
         height=1.0 if train.height is None else float(np.nanmean(train.height)),
@@ -101,6 +108,21 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         series=_series(attempts, mission) | {"area_m": train.area} | floor,
         images=pictures,
         timings={"frame_s": {"median": np.median(frame_s), "p99": np.percentile(frame_s, 99)}},
+    )
+
+
+def _trained(train: Flight, parameters: Parameters) -> TextonMap:
+    """The paper's map, from the cache where it is; another method's is trained here."""
+    if (parameters.method, parameters.cells) == ("paper", 1):
+        return trained_map(
+            train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+        )
+    return TextonMap.train(
+        train,
+        method=parameters.method,
+        n_textons=parameters.textons,
+        cells=parameters.cells,
+        rng=stream(parameters.seed, "training"),
     )
 
 

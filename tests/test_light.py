@@ -1,0 +1,55 @@
+"""Other light: one path under every light, values and figure agree."""
+
+import cv2
+import numpy as np
+import pytest
+
+from trexton.camera import Camera, MapImage
+from trexton.errors import ParameterError
+from trexton.experiments import light
+from trexton.figures import light as figures
+from trexton.simulator import Floor, record_flight
+
+SMALL = Camera(160, 120, 130.0)
+
+
+@pytest.fixture(scope="module")
+def train(tmp_path_factory):
+    coarse = np.random.default_rng(1).integers(0, 256, (16, 16, 3), dtype=np.uint8)
+    picture = cv2.resize(coarse, (768, 768), interpolation=cv2.INTER_CUBIC)
+    floor = Floor(MapImage.from_extent(picture, 0.0, 3.0, 256))
+    return record_flight(
+        tmp_path_factory.mktemp("light") / "room", frames=110, every=6, floor=floor, camera=SMALL
+    )
+
+
+@pytest.fixture(scope="module")
+def record(train):
+    parameters = light.Parameters(frames=8, samples=100, textons=8, particles=30, neighbors=3)
+    return light.run(train, train, parameters)
+
+
+def test_every_light_is_flown_by_every_method(record):
+    errors = record.values["error_cm"]
+    assert len(errors) == len(light.DRIFTS) + len(light.WARMTHS) - 1
+    for found in errors.values():
+        assert set(found) == set(light.METHODS) and min(found.values()) > 0
+
+
+def test_the_ratio_is_that_of_its_two_lights(record):
+    errors = record.values["error_cm"]
+    ratio = errors["drift 0.05"]["field"] / errors["drift 0"]["field"]
+    assert record.values["ratio"]["field"] == ratio
+    assert "instead of" in light.finding(record)
+
+
+def test_the_figure_shows_the_record(record):
+    lines = figures.sweeps(record).axes[0].lines
+    np.testing.assert_allclose(lines[0].get_ydata(), record.series["by_drift_cm"]["paper"])
+
+
+def test_a_flight_without_floor_is_refused(train):
+    from dataclasses import replace
+
+    with pytest.raises(ParameterError, match="no picture of its floor"):
+        light.run(replace(train, floor_file=None), train, light.Parameters())
