@@ -1,1 +1,1 @@
-"""Every figure of the book, drawn from result records only; one module an experiment, the common look in `style`."""
+"""Every figure of the book, drawn from records only; the common look is in `style`."""

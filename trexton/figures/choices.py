@@ -11,7 +11,7 @@ __all__ = ["costs"]
 
 
 def costs(record: Record) -> Figure:
-    """Mean error of every variant with its 95 % interval; the line is the method as the paper has it."""
+    """Mean error of every variant with its 95 % interval; the line is the paper's method."""
     variants = [record.values["variants"][key] for key in record.values["order"]]
     with canvas(size=(7.2, 0.7 + 0.3 * len(variants))) as (figure, axes):
         plot = axes[0, 0]

@@ -19,7 +19,7 @@ MAPS = {
 
 
 def fixes(record: Record) -> Figure:
-    """The fixes on the stitched map, each joined to the true position; frames without a fix as crosses."""
+    """The fixes on the stitched map, each joined to the true position; crosses without a fix."""
     series = record.series
     truth, position = np.array(series["truth_m"]), np.array(series["mosaic_m"], dtype=float)
     lost = ~np.isfinite(position).all(axis=1)
@@ -27,8 +27,10 @@ def fixes(record: Record) -> Figure:
         plan = axes[0, 0]
         floor_axes(plan, series["area_m"])
         show_floor(plan, series["map"], record.images["map"])
-        for true, found in zip(truth[~lost], position[~lost]):
-            plan.plot(*zip(true, found), color=COLORS["estimate"], linewidth=0.6, alpha=0.6)
+        for true, found in zip(truth[~lost], position[~lost], strict=True):
+            plan.plot(
+                *zip(true, found, strict=True), color=COLORS["estimate"], linewidth=0.6, alpha=0.6
+            )
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="motion capture")
         plan.plot(
             *position[~lost].T, ".", color=COLORS["estimate"], markersize=3, label="homography"

@@ -1,4 +1,4 @@
-"""Figures of training on homography positions: how far off those are, and what the filter makes of them."""
+"""Figures of training on homography positions: their errors, and what the filter makes of them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of being carried away: when the vehicle is found, its error meanwhile, how well "lost" is told."""
+"""Figures of being carried away: when the vehicle is found, its error, when it says "lost"."""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
-"""Figures of the map evaluation: loss and error over the floor, what the loss foretells, choice of sigma."""
+"""Figures of the map evaluation: loss and error over the floor, what the loss foretells."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -12,11 +14,11 @@ __all__ = ["errors_by_loss", "heat_maps", "sigma_sweep", "similarity_by_distance
 
 
 def heat_maps(record: Record) -> Figure:
-    """The smoothed loss over the floor, and beside it the smoothed error of the k-NN on the same frames."""
+    """The smoothed loss over the floor, and beside it the smoothed error of the k-NN."""
     heat, positions = record.series["heat"], np.array(record.series["positions_m"])
     panels = (("Loss", "loss", 1, ""), ("Error of the k-NN alone", "error_m", 100, " (cm)"))
     with canvas(1, 2, size=(7.2, 4.0), sharey=True) as (figure, axes):
-        for plan, (title, key, scale, unit) in zip(axes[0], panels):
+        for plan, (title, key, scale, unit) in zip(axes[0], panels, strict=True):
             floor_axes(plan, record.series["area_m"])
             show_floor(plan, record.series.get("floor"), record.images.get("floor"), fade=0.3)
             values = scale * np.array(heat[key], dtype=float)
@@ -33,7 +35,7 @@ def heat_maps(record: Record) -> Figure:
 
 
 def errors_by_loss(record: Record) -> Figure:
-    """Mean error in tenths of the frames, ordered by loss: one that foretells errors gives rising lines."""
+    """Mean error in tenths of the frames, ordered by loss: foretelling gives rising lines."""
     lines = (
         ("train_knn", "training frames, k-NN without the frame", COLORS["accent"], "o"),
         ("test_knn", "test flight, k-NN", COLORS["knn"], "s"),
@@ -59,13 +61,13 @@ def errors_by_loss(record: Record) -> Figure:
 
 
 def similarity_by_distance(record: Record) -> Figure:
-    """Similarity of pairs of frames by their distance, median and quartiles, and the ideal beside it."""
+    """Similarity of pairs of frames by distance, median and quartiles, and the ideal."""
     series, sigma = record.series["similarity"], record.parameters["sigma"]
     distance = np.array(series["distance_m"])
     low, median, high = (np.array(series[key], dtype=float) for key in ("low", "median", "high"))
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
-        style = {"color": COLORS["accent"]}
+        style: dict[str, Any] = {"color": COLORS["accent"]}
         plot.fill_between(
             distance, low, high, alpha=0.2, linewidth=0, label="half of all pairs", **style
         )
@@ -97,13 +99,13 @@ def sigma_sweep(record: Record) -> Figure:
         for key, label, color, marker in lines:
             values = [row[key] for row in sweep]
             if isinstance(values[0], dict):
-                low, high, values = (
-                    [row[name] for row in values] for name in ("low", "high", "value")
+                low, high = (
+                    np.array([row[end] for row in values], dtype=float) for end in ("low", "high")
                 )
-                low, high = np.array([low, high], dtype=float)
                 plot.fill_between(sigma, low, high, color=color, alpha=0.15, linewidth=0)
-            values = np.array(values, dtype=float)
-            plot.plot(sigma, values, color=color, marker=marker, markersize=4, label=label)
+                values = [row["value"] for row in values]
+            drawn = np.array(values, dtype=float)
+            plot.plot(sigma, drawn, color=color, marker=marker, markersize=4, label=label)
         plot.set(xlabel="σ (m)", ylabel="correlation", xscale="log", ylim=(None, 1.05))
         plot.set_xticks(sigma, labels=[f"{value:g}" for value in sigma])
         plot.minorticks_off()

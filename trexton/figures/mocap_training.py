@@ -1,6 +1,8 @@
-"""Figures of the experiments that follow one track of estimates: floor plan, error over time, spread."""
+"""Figures of one track of estimates: floor plan, error over time, spread."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -23,7 +25,7 @@ def floor_plan(record: Record) -> Figure:
             0, len(truth), 5
         ):  # every fifth frame: where the estimate was against the truth
             plan.plot(
-                *zip(truth[start], estimate[start]),
+                *zip(truth[start], estimate[start], strict=True),
                 color=COLORS["estimate"],
                 linewidth=0.5,
                 alpha=0.6,
@@ -64,7 +66,7 @@ def spread_over_time(record: Record) -> Figure:
     time, spread = np.array(series["time_s"]), 100 * np.array(series["spread_m"])
     with canvas(size=(7.2, 2.4)) as (figure, axes):
         for axis, (name, style) in enumerate((("x", "-"), ("y", ":"))):
-            look = {"color": COLORS["spread"], "linestyle": style, "linewidth": 1.2}
+            look: dict[str, Any] = {"color": COLORS["spread"], "linestyle": style, "linewidth": 1.2}
             axes[0, 0].plot(time, spread[:, axis], label=f"spread in {name}", **look)
         axes[0, 0].set(xlabel="time (s)", ylabel="particle spread (cm)", ylim=(0, None))
         legend_above(axes[0, 0])

@@ -1,6 +1,8 @@
-"""Figures of the stitched map: the map with the flight over it, and where it deviates from the true floor."""
+"""Figures of the stitched map: the flight over it, and where it deviates from the true floor."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -20,7 +22,11 @@ def stitched(record: Record) -> Figure:
         floor_axes(plan, series["area_m"])
         show_floor(plan, series["map"], record.images["map"], fade=1.0)
         plan.plot(*frames.T, color="white", linewidth=0.7, alpha=0.8)
-        dots = {"color": COLORS["estimate"], "markeredgecolor": "white", "markersize": 6}
+        dots: dict[str, Any] = {
+            "color": COLORS["estimate"],
+            "markeredgecolor": "white",
+            "markersize": 6,
+        }
         plan.plot(*anchors.T, "o", **dots, label="frames that place it")
         plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1))
     return figure
@@ -35,7 +41,7 @@ def deviation(record: Record, magnified: float = 20.0) -> Figure:
         floor_axes(plan, series["area_m"])
         show_floor(plan, series["map"], record.images["map"], fade=0.35)
         length = 100 * np.hypot(*offsets.T)
-        as_long = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.004}
+        as_long: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.004}
         arrows = plan.quiver(*places.T, *(magnified * offsets.T), length, cmap="viridis", **as_long)
         # A mismatch or two on a tiled mat must not set the scale.
         arrows.set_clim(0, np.percentile(length, 98))

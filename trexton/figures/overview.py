@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -13,11 +15,11 @@ from trexton.records import Record
 
 __all__ = ["pipeline"]
 
-_MARK = {"markeredgecolor": "white", "markeredgewidth": 0.8, "linestyle": "none"}
+_MARK: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.8, "linestyle": "none"}
 
 
 def pipeline(record: Record) -> Figure:
-    """Image and sampled patches, histogram, nearest training images; their places, particles, position."""
+    """Image and patches, histogram, nearest training images; their places, particles, position."""
     steps = (
         ("Image, {samples} random patches", _image),
         ("Texton histogram", _histogram),
@@ -27,7 +29,7 @@ def pipeline(record: Record) -> Figure:
         ("Position, {error_cm:.0f} cm off", _position),
     )
     with canvas(2, 3, size=(9, 5.9), height_ratios=(0.8, 1)) as (figure, axes):
-        for number, (axis, (title, draw)) in enumerate(zip(axes.flat, steps), start=1):
+        for number, (axis, (title, draw)) in enumerate(zip(axes.flat, steps, strict=True), start=1):
             draw(axis, record)
             title = title.format(**record.parameters | {"error_cm": record.values["error_cm"]})
             axis.set_title(f"{number}  {title}", fontsize=10)
@@ -39,7 +41,7 @@ def pipeline(record: Record) -> Figure:
 def _colors(record: Record) -> np.ndarray:
     """``(K, 3)``: the mean colour of each texton, 0 to 1."""
     strip, patch = record.images["textons"], record.values["patch"]
-    return strip[..., ::-1].reshape(patch, -1, patch, 3).mean(axis=(0, 2)) / 255
+    return np.asarray(strip[..., ::-1].reshape(patch, -1, patch, 3).mean(axis=(0, 2)) / 255)
 
 
 def _bare(axes: Axes) -> None:
@@ -66,7 +68,7 @@ def _image(axes: Axes, record: Record) -> None:
 def _histogram(axes: Axes, record: Record) -> None:
     histogram, strip = np.array(record.series["histogram"]), record.images["textons"][..., ::-1]
     count = len(histogram)
-    style = {"color": _colors(record), "edgecolor": "#555555", "linewidth": 0.5}
+    style: dict[str, Any] = {"color": _colors(record), "edgecolor": "#555555", "linewidth": 0.5}
     axes.bar(np.arange(count), 100 * histogram, width=0.9, **style)
     # The textons themselves stand under their bars.
     pictures = axes.inset_axes((0, -0.1, 1, 0.075))
@@ -101,13 +103,19 @@ def _similar(axes: Axes, record: Record) -> None:
 
 
 def _number(axes: Axes, number: int, at: tuple[float, float], size: float = 10) -> None:
-    box = {
+    box: dict[str, Any] = {
         "boxstyle": "circle,pad=0.2",
         "facecolor": COLORS["accent"],
         "edgecolor": "white",
         "linewidth": 0.6,
     }
-    style = {"color": "white", "fontsize": size, "fontweight": "bold", "ha": "left", "va": "top"}
+    style: dict[str, Any] = {
+        "color": "white",
+        "fontsize": size,
+        "fontweight": "bold",
+        "ha": "left",
+        "va": "top",
+    }
     axes.text(*at, str(number), bbox=box, **style)
 
 
@@ -150,7 +158,12 @@ def _neighbors(axes: Axes, record: Record) -> None:
             **_MARK,
         )
         if len(places) <= 9:
-            style = {"color": "white", "fontsize": 7.5, "ha": "center", "va": "center_baseline"}
+            style: dict[str, Any] = {
+                "color": "white",
+                "fontsize": 7.5,
+                "ha": "center",
+                "va": "center_baseline",
+            }
             axes.annotate(str(rank), place, fontweight="bold", zorder=4.005 - rank / 100, **style)
     _legend(axes)
 
@@ -158,10 +171,15 @@ def _neighbors(axes: Axes, record: Record) -> None:
 def _particles(axes: Axes, record: Record) -> None:
     _plan(axes, record)
     places, weights = np.array(record.series["particles_m"]), np.array(record.series["weights"])
-    look = {"color": COLORS["spread"], "alpha": 0.7, "edgecolors": "white", "linewidths": 0.5}
-    axes.scatter(
-        *places.T, s=6 + 110 * weights / weights.max(), label="particles, size by weight", **look
-    )
+    look: dict[str, Any] = {
+        "color": COLORS["spread"],
+        "alpha": 0.7,
+        "edgecolors": "white",
+        "linewidths": 0.5,
+    }
+    x, y = places.T
+    sizes = 6 + 110 * weights / weights.max()
+    axes.scatter(x, y, s=sizes, label="particles, size by weight", **look)
     _truth(axes, record)
     _legend(axes)
 

@@ -1,6 +1,8 @@
-"""Figures of speed: every stage against its limit, the machine's roofs, and how cost grows with size."""
+"""Figures of speed: every stage against its limit, the machine's roofs, how cost grows."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -38,7 +40,7 @@ def limits(record: Record) -> Figure:
     return figure
 
 
-def _label(row: dict) -> str:
+def _label(row: dict[str, Any]) -> str:
     threads = f", {row['threads']} threads" if row["threads"] > 1 else ""
     return f"{row['stage']}, {row['size']}{threads} / {row['yardstick']}"
 
@@ -57,7 +59,7 @@ def roofline(record: Record) -> Figure:
         plot.plot(span, roof / 1e9, color=COLORS["truth"], label=label)
         plot.fill_between(span, roof / 1e9, color=COLORS["truth"], alpha=0.07, linewidth=0)
         colors = ("accent", "knn", "warm", "truth", "spread", "estimate")
-        for point, color, marker in zip(points, colors, "os^Dvp"):
+        for point, color, marker in zip(points, colors, "os^Dvp", strict=False):
             at = point["operations_per_byte"], point["operations_per_s"] / 1e9
             label = f"{point['stage']}, {point['size']}"
             plot.plot(*at, marker, color=COLORS[color], markersize=8, linestyle="none", label=label)
@@ -70,7 +72,7 @@ def roofline(record: Record) -> Figure:
 
 def growth(record: Record) -> Figure:
     """Time against each size on logarithmic axes, with the fitted exponent."""
-    families: dict[str, list[dict]] = {}
+    families: dict[str, list[dict[str, Any]]] = {}
     for row in record.timings["rows"]:
         if row["stage"].startswith("growth, "):
             families.setdefault(row["stage"].removeprefix("growth, "), []).append(row)
@@ -79,7 +81,7 @@ def growth(record: Record) -> Figure:
     with canvas(lines, columns, size=(7.6, 2.5 * lines)) as (figure, axes):
         for axis in axes.flat[len(families) :]:
             axis.set_axis_off()
-        for axis, (name, rows) in zip(axes.flat, families.items()):
+        for axis, (name, rows) in zip(axes.flat, families.items(), strict=False):
             size, fitted = (
                 [float(row["size"]) for row in rows],
                 [1000 * row["yardstick_s"] for row in rows],

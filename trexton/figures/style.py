@@ -1,13 +1,15 @@
-"""The look that all figures share: colours that survive colour blindness, readable on light and dark pages."""
+"""The look that all figures share: colours for all eyes, readable on light and dark pages."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any, cast
 
-import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 __all__ = ["COLORS", "canvas", "floor_axes", "legend_above", "mean_line", "show_floor"]
@@ -23,7 +25,7 @@ COLORS = {
     "warm": "#E69F00",
 }
 
-_STYLE = {
+_STYLE: dict[str, Any] = {
     "svg.hashsalt": "trexton",
     "svg.fonttype": "path",
     "font.size": 10,
@@ -36,7 +38,7 @@ _STYLE = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "axes.prop_cycle": matplotlib.cycler(
+    "axes.prop_cycle": cycler(
         color=["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4d4d4d"]
     ),
     "grid.color": "#e3e3e3",
@@ -56,17 +58,17 @@ _STYLE = {
 
 @contextmanager
 def canvas(
-    rows: int = 1, columns: int = 1, *, size=(7.2, 3.2), **options
+    rows: int = 1, columns: int = 1, *, size: tuple[float, float] = (7.2, 3.2), **options: Any
 ) -> Iterator[tuple[Figure, np.ndarray]]:
     """A figure and its axes (always a 2-D array) in the common style; it is not kept by pyplot."""
-    with plt.rc_context(_STYLE):
+    with plt.rc_context(cast(Any, _STYLE)):
         figure = Figure(figsize=size)
         yield figure, figure.subplots(rows, columns, squeeze=False, **options)
         # Text and ticks take their style when they are drawn.
         figure.draw_without_rendering()
 
 
-def floor_axes(axes, area) -> None:
+def floor_axes(axes: Axes, area: Sequence[float]) -> None:
     """Axes of a floor plan in metres, both to the same scale."""
     x_min, x_max, y_min, y_max = area
     axes.set(
@@ -75,7 +77,9 @@ def floor_axes(axes, area) -> None:
     axes.grid(False)
 
 
-def show_floor(axes, floor: dict | None, picture: np.ndarray | None, fade: float = 0.45) -> None:
+def show_floor(
+    axes: Axes, floor: dict[str, Any] | None, picture: np.ndarray | None, fade: float = 0.45
+) -> None:
     """Put the floor's picture (BGR) under a plan; `floor` holds its extent, as records carry it."""
     if floor is None or picture is None:
         axes.grid(True)
@@ -86,7 +90,7 @@ def show_floor(axes, floor: dict | None, picture: np.ndarray | None, fade: float
     axes.imshow(faded, extent=floor["extent_m"], interpolation="bilinear", zorder=0)
 
 
-def legend_above(axes, columns: int = 3) -> None:
+def legend_above(axes: Axes, columns: int = 3) -> None:
     """A legend between the axes and whatever is above them, where no data are."""
     axes.legend(
         loc="lower left",
@@ -97,7 +101,7 @@ def legend_above(axes, columns: int = 3) -> None:
     )
 
 
-def mean_line(axes, values: np.ndarray, color: str, unit: str) -> None:
+def mean_line(axes: Axes, values: np.ndarray, color: str, unit: str) -> None:
     """A dashed line at the mean, its value at its right end."""
     mean = float(np.mean(values))
     axes.axhline(mean, color=color, linestyle="--", linewidth=1.0)

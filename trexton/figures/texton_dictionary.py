@@ -1,4 +1,4 @@
-"""Figures of the dictionary: the textons, how they were learnt, where each occurs, a frame in textons."""
+"""Figures of the dictionary: the textons, how they were learnt, where each occurs."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ def textons(record: Record) -> Figure:
 
 
 def convergence(record: Record) -> Figure:
-    """Distance of patches to their nearest texton while the dictionary is learnt, for both methods."""
+    """Distance of patches to their nearest texton while the dictionary is learnt."""
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
         for (method, errors), color in zip(
-            record.series["convergence"].items(), ("accent", "estimate")
+            record.series["convergence"].items(), ("accent", "estimate"), strict=False
         ):
             seen = np.arange(1, len(errors) + 1) * record.values["patches"] / len(errors)
             final = record.values["methods"][method]
@@ -90,7 +90,9 @@ def places(record: Record) -> Figure:
 def labelled(record: Record) -> Figure:
     """A frame, and the same with every patch in the colour of its texton."""
     with canvas(1, 2, size=(7.2, 2.9)) as (figure, axes):
-        for axis, name, title in zip(axes[0], ("frame", "labelled"), ("A frame", "Its textons")):
+        for axis, name, title in zip(
+            axes[0], ("frame", "labelled"), ("A frame", "Its textons"), strict=True
+        ):
             axis.imshow(record.images[name][..., ::-1], interpolation="bilinear")
             axis.set_title(title)
             _bare(axis)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -24,7 +26,7 @@ _ROWS = {
 }
 
 
-def times(record: Record) -> dict[str, dict]:
+def times(record: Record) -> dict[str, dict[str, Any]]:
     """Median and 99th percentile in ms of every row of the figure that this flight has."""
     timings = record.timings
     found = dict(timings["stages_ms"])
@@ -38,7 +40,7 @@ def times(record: Record) -> dict[str, dict]:
 
 
 def stages(record: Record) -> Figure:
-    """Each stage on one logarithmic axis: median to 99th percentile here, the paper's value beside it."""
+    """Each stage on a logarithmic axis: median to 99th percentile, the paper's value beside it."""
     ours, paper = times(record), dict(published()["timing"])
     paper["full_sampling_ms"] = 1000 / paper["full_sampling_hz"]
     with canvas(size=(7.2, 0.8 + 0.42 * len(ours))) as (figure, axes):
@@ -50,7 +52,7 @@ def stages(record: Record) -> Figure:
             )
             label = "here, to the 99th percentile" if not place else None
             plot.plot(*at, "o", color=COLORS["accent"], label=label)
-            style = {"textcoords": "offset points", "ha": "center", "fontsize": 8}
+            style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "fontsize": 8}
             plot.annotate(f"{time['median']:.3g} ms", at, xytext=(0, 6), **style)
             if (key := _ROWS[name][1]) is not None:
                 label = "the paper" if key == "total_ms" else None
@@ -76,7 +78,11 @@ def frames(record: Record) -> Figure:
     del split["total"]
     total = record.timings["total_ms"]
     colors = dict(
-        zip(("histogram", "neighbors", "filter", "estimate"), ("accent", "warm", "spread", "knn"))
+        zip(
+            ("histogram", "neighbors", "filter", "estimate"),
+            ("accent", "warm", "spread", "knn"),
+            strict=True,
+        )
     )
     with canvas(size=(7.2, 3.0)) as (figure, axes):
         plot = axes[0, 0]

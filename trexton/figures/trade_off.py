@@ -1,6 +1,8 @@
-"""Figures of speed against accuracy: one parameter at a time, error against rate, stored histograms."""
+"""Figures of speed against accuracy: one parameter at a time, stored histograms, a grid."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -47,19 +49,24 @@ def error_by_frequency(record: Record) -> Figure:
     with canvas(size=(6.4, 4.2)) as (figure, axes):
         plot = axes[0, 0]
         for name, color, marker in lines:
-            rows, clocks = record.series.get(name), record.timings.get(name)
+            rows, clocks = record.series.get(name, []), record.timings.get(name, [])
             if not rows:
                 continue
             rate = _column(clocks, "frequency_hz")
             error = _column(rows, "error_cm_x")
-            bars = {"xerr": _whiskers(rate), "yerr": _whiskers(error)}
+            bars: dict[str, Any] = {"xerr": _whiskers(rate), "yerr": _whiskers(error)}
+            look: dict[str, Any] = {"color": color, "alpha": 0.9, "marker": marker, "markersize": 5}
+            label = f"{_AXIS[name]}: {_ends(rows, name)}"
             plot.errorbar(
-                rate["median"], error["median"], **bars, color=color, alpha=0.9, marker=marker, markersize=5,
-                elinewidth=0.8, label=f"{_AXIS[name]}: {_ends(rows, name)}",
-            )  # fmt: skip
+                rate["median"], error["median"], **bars, **look, elinewidth=0.8, label=label
+            )
             for i, place in ((0, (6, 2)), (-1, (-4, 8))):
                 at = (rate["median"][i], error["median"][i])
-                style = {"textcoords": "offset points", "color": color, "fontsize": 9}
+                style: dict[str, Any] = {
+                    "textcoords": "offset points",
+                    "color": color,
+                    "fontsize": 9,
+                }
                 plot.annotate(_name(rows[i][name]), at, xytext=place, **style)
         plot.set(xlabel="rate (Hz)", ylabel="error in x (cm)", xscale="log", ylim=(0, None))
         _camera(plot, record, vertical=True)
@@ -70,7 +77,7 @@ def error_by_frequency(record: Record) -> Figure:
 
 
 def stored(record: Record) -> Figure:
-    """Rate of the whole loop against the number of stored histograms, searched in turn or by a tree."""
+    """Rate of the loop against the number of stored histograms, searched in turn or by a tree."""
     clocks = record.timings["stored"]
     count = [row["stored"] for row in clocks]
     lines = (
@@ -98,7 +105,7 @@ def grid(record: Record) -> Figure:
     groups = dict.fromkeys((row["samples"], row["particles"]) for row in rows)
     with canvas(size=(6.4, 3.8)) as (figure, axes):
         plot = axes[0, 0]
-        for (drawn, count), color, marker in zip(groups, _GROUPS, "os^Dvp"):
+        for (drawn, count), color, marker in zip(groups, _GROUPS, "os^Dvp", strict=False):
             mine = [row for row in rows if (row["samples"], row["particles"]) == (drawn, count)]
             k, error = [row["neighbors"] for row in mine], _column(mine, "axis_mean_cm")
             of_all = "" if not record.values["applies"]["samples"] else f"{_name(drawn)} samples, "
@@ -106,7 +113,11 @@ def grid(record: Record) -> Figure:
             label = f"{of_all}{_name(count)} particles"
             plot.plot(k, error["median"], color=color, marker=marker, markersize=5, label=label)
         at = (best["neighbors"], record.values["best_error_cm"]["median"])
-        ring = {"markersize": 15, "markerfacecolor": "none", "markeredgecolor": COLORS["truth"]}
+        ring: dict[str, Any] = {
+            "markersize": 15,
+            "markerfacecolor": "none",
+            "markeredgecolor": COLORS["truth"],
+        }
         plot.plot(*at, "o", label="best", **ring)
         plot.set(
             xlabel=_AXIS["neighbors"],
@@ -151,7 +162,12 @@ def _error_and_rate(record: Record, name: str) -> Figure:
             ),
         )
         for label, table, key, color, style, marker in lines:
-            look = {"color": color, "linestyle": style, "marker": marker, "label": label}
+            look: dict[str, Any] = {
+                "color": color,
+                "linestyle": style,
+                "marker": marker,
+                "label": label,
+            }
             _band(error, value, _column(table, key), swept, **look)
         _band(
             rate, value, _column(clocks, "frequency_hz"), swept, color=COLORS["truth"], marker="o"
@@ -175,7 +191,7 @@ def _error_and_rate(record: Record, name: str) -> Figure:
     return figure
 
 
-def _band(axes: Axes, x: np.ndarray, y: dict, swept: slice, **style) -> None:
+def _band(axes: Axes, x: np.ndarray, y: dict[str, Any], swept: slice, **style: Any) -> None:
     """A line with its interval; full sampling, which no line leads to, as a point with whiskers."""
     axes.fill_between(
         x[swept], y["low"][swept], y["high"][swept], color=style["color"], alpha=0.13, linewidth=0
@@ -184,7 +200,12 @@ def _band(axes: Axes, x: np.ndarray, y: dict, swept: slice, **style) -> None:
     if swept.stop is not None:
         last = {key: values[-1:] for key, values in y.items()}
         marker = style.get("marker") or "D"
-        look = {"color": style["color"], "marker": marker, "markersize": 6, "capsize": 2}
+        look: dict[str, Any] = {
+            "color": style["color"],
+            "marker": marker,
+            "markersize": 6,
+            "capsize": 2,
+        }
         axes.errorbar(x[-1:], last["median"], yerr=_whiskers(last), **look)
 
 
@@ -192,7 +213,7 @@ def _camera(axes: Axes, record: Record, vertical: bool = False) -> None:
     """The camera's rate: faster than this nothing is gained."""
     hz, color = record.values["camera_hz"], COLORS["truth"]
     name = f"camera, {hz:.3g} Hz"
-    style = {"color": color, "fontsize": 9, "textcoords": "offset points"}
+    style: dict[str, Any] = {"color": color, "fontsize": 9, "textcoords": "offset points"}
     if vertical:
         axes.axvline(hz, color=color, linewidth=1.6, linestyle="-.")
         axes.annotate(name, (hz, 1), xycoords=("data", "axes fraction"), xytext=(4, -10), **style)
@@ -202,23 +223,22 @@ def _camera(axes: Axes, record: Record, vertical: bool = False) -> None:
         axes.margins(y=0.12)
 
 
-def _column(rows: list[dict], key: str) -> dict[str, np.ndarray]:
+def _column(rows: list[dict[str, Any]], key: str) -> dict[str, np.ndarray]:
     names = ("median", "low", "high")
     return {name: np.array([row[key][name] for row in rows], dtype=float) for name in names}
 
 
 def _whiskers(column: dict[str, np.ndarray]) -> np.ndarray:
     """Lengths below and above, as `Axes.errorbar` takes them."""
-    return np.maximum(
-        0, np.stack([column["median"] - column["low"], column["high"] - column["median"]])
-    )
+    below, above = column["median"] - column["low"], column["high"] - column["median"]
+    return np.asarray(np.maximum(0, np.stack([below, above])))
 
 
 def _name(value: int | None) -> str:
     return "all" if value is None else f"{value:,}".replace(",", "\u202f")
 
 
-def _labels(values: list) -> list[str]:
+def _labels(values: list[Any]) -> list[str]:
     """Names of the ticks; every other one where there are many, the last always."""
     step = 2 if len(values) > 8 else 1
     return [
@@ -227,7 +247,7 @@ def _labels(values: list) -> list[str]:
     ]
 
 
-def _ends(rows: list[dict], name: str) -> str:
+def _ends(rows: list[dict[str, Any]], name: str) -> str:
     return f"{_name(rows[0][name])} to {_name(rows[-1][name])}"
 
 

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 import pandas as pd
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
@@ -16,10 +21,10 @@ __all__ = ["causes", "first_flights", "table", "targets", "waiting"]
 _COUNTS = ("", "Landings", "Inside", "Rate", "Triggered inside", "Never triggered")
 _DISTANCES = ("Beyond the circle (cm), mean", "furthest")
 INSIDE, OUTSIDE = COLORS["accent"], COLORS["warm"]
-_EDGE = {"edgecolors": "white", "linewidths": 0.7, "zorder": 5}
+_EDGE: dict[str, Any] = {"edgecolors": "white", "linewidths": 0.7, "zorder": 5}
 
 
-def _array(values: list) -> np.ndarray:
+def _array(values: list[Any]) -> np.ndarray:
     """Numbers of a record; what was not a number is NaN again."""
     return np.array(
         [[np.nan if value is None else value for value in np.atleast_1d(row)] for row in values],
@@ -46,13 +51,21 @@ def first_flights(record: Record) -> Figure:
             axes.plot(
                 *np.array(series["paths_m"][number]).T, color=COLORS["truth"], lw=1.1, label="flown"
             )
-            ring = {"fill": False, "color": COLORS["spread"], "lw": 2, "label": "zone"}
+            ring: dict[str, Any] = {
+                "fill": False,
+                "color": COLORS["spread"],
+                "lw": 2,
+                "label": "zone",
+            }
             axes.add_patch(Circle(zones[number], series["radius_m"], **ring))
             axes.set_title(_outcome(series, number), fontsize=9)
             axes.label_outer()
             if series["triggered"][number]:
                 axes.plot(
-                    *zip(truth[number], estimate[number]), color=COLORS["truth"], lw=0.8, ls=":"
+                    *zip(truth[number], estimate[number], strict=True),
+                    color=COLORS["truth"],
+                    lw=0.8,
+                    ls=":",
                 )
                 outcome = INSIDE if series["beyond_cm"][number] <= 0 else OUTSIDE
                 for place, marker, area, color, label in (
@@ -67,25 +80,26 @@ def first_flights(record: Record) -> Figure:
     return figure
 
 
-def _outcome(series: dict, number: int) -> str:
+def _outcome(series: dict[str, Any], number: int) -> str:
     if not series["triggered"][number]:
         return f"{number + 1}: never triggered"
     beyond = series["beyond_cm"][number]
     return f"{number + 1}: inside" if beyond <= 0 else f"{number + 1}: {beyond:.0f} cm outside"
 
 
-def _legend(figure: Figure, grid) -> None:
+def _legend(figure: Figure, grid: Iterable[Axes]) -> None:
     """One legend below all panels, each entry once."""
-    entries = {}
+    entries: dict[str, Artist] = {}
     for axes in grid:
-        entries |= dict(reversed(pair) for pair in zip(*axes.get_legend_handles_labels()))
-    options = {
+        handles, labels = axes.get_legend_handles_labels()
+        entries |= dict(zip(labels, handles, strict=True))
+    options: dict[str, Any] = {
         "loc": "outside lower center",
         "ncols": 5,
         "columnspacing": 1.2,
         "handletextpad": 0.4,
     }
-    figure.legend(entries.values(), entries.keys(), **options)
+    figure.legend(list(entries.values()), list(entries), **options)
 
 
 def targets(record: Record) -> Figure:
@@ -96,7 +110,7 @@ def targets(record: Record) -> Figure:
     titles = {"truth": "Where the trigger fired", "touchdown": "Where it touched down"}
     reach = radius
     with canvas(1, 2, size=(7.2, 3.9), sharex=True, sharey=True) as (figure, grid):
-        for axes, (name, title) in zip(grid[0], titles.items()):
+        for axes, (name, title) in zip(grid[0], titles.items(), strict=True):
             place = _array(series[f"{name}_m"]) - zones
             distance = np.hypot(*place.T)
             reach = max(reach, np.nanmax(np.abs(place), initial=0))
@@ -104,7 +118,8 @@ def targets(record: Record) -> Figure:
             axes.add_patch(Circle((0, 0), radius, fill=False, color=COLORS["spread"], lw=2))
             for inside, color, marker in ((True, INSIDE, "o"), (False, OUTSIDE, "^")):
                 rows = ((distance <= radius) == inside) & np.isfinite(beyond)
-                share = f"{'inside' if inside else 'outside'}: {rows.sum()} of {np.isfinite(beyond).sum()}"
+                where = "inside" if inside else "outside"
+                share = f"{where}: {rows.sum()} of {np.isfinite(beyond).sum()}"
                 axes.scatter(*place[rows].T, marker=marker, s=30, color=color, label=share, **_EDGE)
             axes.set(title=title, xlabel="x from the zone's centre (m)", aspect="equal")
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
@@ -117,7 +132,11 @@ def waiting(record: Record) -> Figure:
     """Share of the flights whose trigger has fired, over time."""
     series = record.series
     wait = np.sort(
-        [seconds for seconds, fired in zip(series["wait_s"], series["triggered"]) if fired]
+        [
+            seconds
+            for seconds, fired in zip(series["wait_s"], series["triggered"], strict=True)
+            if fired
+        ]
     )
     total, limit = len(series["wait_s"]), record.parameters["time_limit"]
     with canvas(size=(7.2, 2.5)) as (figure, axes):
@@ -152,7 +171,7 @@ def table(record: Record) -> pd.DataFrame:
 
 
 def causes(record: Record) -> pd.DataFrame:
-    """What a miss is made of: the estimate's error, its lag behind the vehicle, the drift while landing."""
+    """What a miss is made of: the estimate's error, its lag, the drift while landing."""
     columns = {
         "Error at the trigger": "trigger_error_cm",
         "Lag of the estimate": "lag_cm",
@@ -168,7 +187,7 @@ def causes(record: Record) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _range(quantiles: dict | None) -> str:
+def _range(quantiles: dict[str, Any] | None) -> str:
     if quantiles is None:
         return ""
     return (
@@ -176,20 +195,20 @@ def _range(quantiles: dict | None) -> str:
     )
 
 
-def _row(name: str, counts: dict, **more) -> dict:
+def _row(name: str, counts: dict[str, Any], **more: Any) -> dict[str, Any]:
     distances = counts["outliers_cm"]
     summary = (f"{np.mean(distances):.0f}", f"{max(distances):.0f}") if distances else ("", "")
-    row = dict(zip(_COUNTS, (name, counts["landings"], counts["inside"])))
-    return row | dict(zip(_DISTANCES, summary)) | more
+    row = dict(zip(_COUNTS[:3], (name, counts["landings"], counts["inside"]), strict=True))
+    return row | dict(zip(_DISTANCES, summary, strict=True)) | more
 
 
-def _rates(summary: dict) -> dict:
+def _rates(summary: dict[str, Any]) -> dict[str, Any]:
     rates = {"Rate": "inside_rate", "Triggered inside": "triggered_inside_rate"}
     cells = {column: _percent(summary[key]) for column, key in rates.items()}
     return cells | {"Never triggered": summary["never_triggered"]}
 
 
-def _percent(rate: dict | None) -> str:
+def _percent(rate: dict[str, Any] | None) -> str:
     if rate is None:
         return ""
     return f"{rate['median']:.0%} <small>[{rate['low']:.0%}, {rate['high']:.0%}]</small>"
