@@ -5,9 +5,15 @@ A flight becomes a map, a map and a frame become a position.
 Names are imported on first use, so that ``import trexton`` costs next to nothing.
 """
 
+import os
 from importlib import import_module
 
 __version__ = "0.1.0"
+
+# OpenCV reads these once, when it is loaded: no picture may declare more pixels than a camera has (every format),
+# and what it would print about a damaged one is said by an error of ours.
+os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "50000000")
+os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 
 _EXPORTS = {
     "Flight": "trexton.flights",

@@ -17,6 +17,7 @@ from trexton.errors import ImageError
 __all__ = [
     "checked_bytes",
     "check_size",
+    "decode",
     "decode_image",
     "read_image",
     "check_image",
@@ -126,6 +127,14 @@ def declared_size(data: bytes) -> tuple[int, int] | None:
     return None
 
 
+def decode(data: bytes, flags: int = cv2.IMREAD_COLOR) -> np.ndarray | None:
+    """The picture in the bytes of a file as OpenCV decodes it (BGR); None where it cannot, or declares too much."""
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error:
+        return None
+
+
 def check_size(path: Path) -> tuple[int, int]:
     """Width and height of an image file as it will be decoded (turned as its EXIF says).
 
@@ -134,9 +143,7 @@ def check_size(path: Path) -> tuple[int, int]:
     ImageError
         See `read_image`.
     """
-    image = cv2.imdecode(
-        np.frombuffer(checked_bytes(path), np.uint8), cv2.IMREAD_REDUCED_GRAYSCALE_8
-    )
+    image = decode(checked_bytes(path), cv2.IMREAD_REDUCED_GRAYSCALE_8)
     size = declared_size(path.read_bytes()[:65536])
     if image is None:
         raise ImageError(f"{path}: not an image that OpenCV can decode: copy it again")
@@ -174,11 +181,7 @@ def decode_image(data: bytes) -> np.ndarray:
     """
     # OpenCV fills the missing part of a truncated JPEG with grey and says nothing.
     truncated = data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]
-    image = (
-        None
-        if truncated or not data
-        else cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
-    )
+    image = None if truncated else decode(data)
     if image is None:
         fault = "the file is cut short" if truncated else "not an image that OpenCV can decode"
         raise ImageError(f"{fault} ({len(data)} bytes)")

@@ -125,7 +125,7 @@ class Record:
                 )
             pictures = content.pop("images")
             record = cls(**content)
-        except (OSError, ValueError, KeyError, TypeError) as error:
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             raise TrextonError(
                 f"{path}: not a readable record ({error}): run its experiment again"
             ) from None

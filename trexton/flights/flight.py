@@ -13,7 +13,7 @@ import numpy as np
 from trexton.camera import Camera, MapImage
 from trexton.errors import FlightError
 from trexton.files import digest
-from trexton.images import checked_bytes, read_image
+from trexton.images import checked_bytes, decode, read_image
 
 __all__ = ["Flight"]
 
@@ -129,8 +129,7 @@ class Flight:
             return None
         import cv2
 
-        data = np.frombuffer(checked_bytes(self.floor_file), np.uint8)
-        picture = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if len(data) else None
+        picture = decode(checked_bytes(self.floor_file), cv2.IMREAD_UNCHANGED)
         if picture is None:
             raise FlightError(
                 f"{self.floor_file}: the floor picture cannot be read: restore it or drop [floor] "

@@ -69,10 +69,13 @@ def read_table(path: Path, names: list[str] | None = None) -> pd.DataFrame:
             io.StringIO("\n".join(lines)), sep=separator, decimal=decimal, header=None,
             skipinitialspace=True, engine="python" if len(separator) > 1 else "c",
         )  # fmt: skip
-    except (pd.errors.ParserError, ValueError) as error:
+    except (pd.errors.ParserError, ValueError, OverflowError) as error:
+        reason = " ".join(str(error).split())
         raise FlightError(
-            f"{path}: not a table ({error}): every row needs as many fields"
+            f"{path}: not a table ({reason[:200]}): every row needs as many fields"
         ) from None
+    if twice := sorted({name for name in names if names.count(name) > 1}):
+        raise FlightError(f"{path}: column {twice[0]!r} appears twice: name each column once")
     if len(table.columns) < len(names):
         raise FlightError(
             f"{path}: rows have {len(table.columns)} fields where {len(names)} are named "

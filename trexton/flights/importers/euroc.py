@@ -11,7 +11,7 @@ import numpy as np
 from trexton.errors import FlightError
 from trexton.flights.importers.calibration import read_calibration
 from trexton.flights.importers.recording import Recording, Track, attitude_from_quaternions
-from trexton.flights.tables import read_table
+from trexton.flights.tables import column, read_table
 from trexton.options import Options, option
 
 __all__ = ["Settings", "read", "recognises"]
@@ -67,7 +67,8 @@ def _stamps(path: Path, values: Any) -> np.ndarray:
 
 def _track(path: Path) -> Track:
     table = read_table(path)
-    values = table.iloc[:, 1:8].to_numpy(dtype=float)
+    names = list(table.columns[1:8])
+    values = np.column_stack([column(path, table, name) for name in names] or [np.empty((0, 0))])
     if values.shape[1] < 3:
         raise FlightError(f"{path}: {values.shape[1] + 1} columns: expected stamp, x, y, z")
     attitude = None

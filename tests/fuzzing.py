@@ -1,0 +1,213 @@
+"""Damaged and hostile input for everything that reads a file: no crash, no hang, no flood of memory.
+
+A target takes bytes, puts them where a person's file would be, and reads it; only a `TrextonError` may come out. The
+suite spends seconds on it; ``python tests/fuzzing.py --minutes 10`` goes on for longer, each input in a limit of two
+seconds and 500 MB, and keeps what broke a target in ``tests/fuzz_corpus``, which the suite then tries first.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import re
+import resource
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from trexton.errors import TrextonError
+from trexton.flights import Flight, write_flight
+from trexton.flights.check import check_flight
+from trexton.flights.importers import importer
+from trexton.images import read_image
+from trexton.localizer import TextonMap
+from trexton.progress import set_quiet
+from trexton.records import Record
+
+CORPUS = Path(__file__).parent / "fuzz_corpus"
+SECONDS, MEGABYTES = 2, 500
+# What a careless or a hostile hand puts into text.
+TOKENS = (
+    b"1e300", b"-1e300", b"nan", b"inf", b"-0", b"", b"9" * 400, b"1_000", b"0x10", b"\x00", b"\xff\xfe",
+    b"\xef\xbb\xbf", b"'", b'"', b'"""', b",", b";", b"\t", b"\n\n", b"\r", b"[", b"[" * 5000, b"{", b"]", b"=",
+    b"../../../etc/passwd", b"/dev/zero", b"true", b"null", b"2026-01-01", b"#", b"%s", "é".encode(),
+)  # fmt: skip
+
+
+def small() -> Flight:
+    rng = np.random.default_rng(3)
+    return Flight(
+        name="small",
+        frame=np.arange(12),
+        time=np.arange(12) * 0.4,
+        position=rng.uniform(0, 2, (12, 2)),
+        area=(0.0, 2.0, 0.0, 2.0),
+        histograms=rng.dirichlet(np.ones(4), 12),
+        split={"train": (0, 7), "test": (8, 11)},
+    )
+
+
+def _flight_file(name: str, folder: Path) -> Callable[[bytes], object]:
+    flight = write_flight(small(), folder / "flight")
+
+    def target(data: bytes) -> object:
+        (flight / name).write_bytes(data)
+        return str(check_flight(flight))
+
+    return target
+
+
+def _file(name: str, folder: Path, read: Callable[[Path], object]) -> Callable[[bytes], object]:
+    def target(data: bytes) -> object:
+        (folder / name).write_bytes(data)
+        return read(folder / name)
+
+    return target
+
+
+def _importer(kind: str, name: str, folder: Path, whole: bool = False, **settings: object):
+    """Reads the file `name` by an importer, or the `whole` folder with the file in its place."""
+    module = importer(kind)
+
+    def read(path: Path) -> object:
+        where = folder if whole else path
+        return module.read(where, module.Settings(**settings))
+
+    return _file(name, folder, read)
+
+
+def _encoded(suffix: str) -> bytes:
+    rng = np.random.default_rng(0)
+    return cv2.imencode(suffix, rng.integers(0, 256, (24, 32, 3), dtype=np.uint8))[1].tobytes()
+
+
+def _euroc(folder: Path) -> bytes:
+    for place in ("cam0", "vicon0"):
+        (folder / "mav0" / place).mkdir(parents=True)
+    rows = ["#timestamp [ns],filename", *(f"{i * 10**8},{i}.png" for i in range(5))]
+    (folder / "mav0" / "cam0" / "data.csv").write_text("\n".join(rows))
+    header = "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_w, q_x, q_y, q_z"
+    return "\n".join([header, *(f"{i * 10**8},{i},2,1,1,0,0,0" for i in range(5))]).encode()
+
+
+def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[bytes]]]:
+    """Each target by name, with sound inputs to begin from."""
+    parts = {name: folder / name for name in ("toml", "frames", "hist", "map", "euroc", "tum")}
+    for part in parts.values():
+        part.mkdir()
+    sound = write_flight(small(), folder / "sound")
+    table = {name: (sound / name).read_bytes() for name in ("flight.toml", "frames.csv")}
+    texton_map = TextonMap.train(small(), neighbors=2, rng=np.random.default_rng(1))
+    map_bytes = texton_map.save(folder / "sound.npz").read_bytes()
+    record = Record("e", "f", {"a": 1}, {"b": 2.0}, series={"time_s": [0.0, 1.0]})
+    record_bytes = record.save(folder / "records").read_bytes()
+    (folder / "p.csv").write_text("t,x,y\n0,1,2\n1,1,2\n2,1,3\n")
+    camera = (
+        b'\n[camera]\nwidth_px = 32\nheight_px = 24\nfocal_px = 20.0\n[floor]\nimage = "f.png"\n'
+        b"world_from_pixel = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]\n"
+    )
+    euroc = _euroc(parts["euroc"])
+    track = b"# stamp x y z qx qy qz qw\n" + b"".join(b"%d.5 1 2 3 0 0 0 1\n" % i for i in range(5))
+    (parts["tum"] / "rgb.txt").write_text("".join(f"{i}.5 rgb/{i}.png\n" for i in range(5)))
+    rows = b"t,x,y,image\n" + b"".join(b"%d,1.5,2,a%d.png\n" % (i, i) for i in range(5))
+    values = b"x,y,a,b,c,d\n" + b"".join(b"%d,1,.1,.2,.3,.4\n" % i for i in range(5))
+    return {
+        "flight.toml": (_flight_file("flight.toml", parts["toml"]), [table["flight.toml"], table["flight.toml"] + camera]),
+        "frames.csv": (_flight_file("frames.csv", parts["frames"]), [table["frames.csv"]]),
+        "histograms.csv": (_flight_file("histograms.csv", parts["hist"]), [(sound / "histograms.csv").read_bytes()]),
+        "image": (_file("i.png", folder, read_image), [_encoded(s) for s in (".png", ".jpg", ".bmp", ".webp", ".tiff")]),
+        "map": (_file("m.npz", parts["map"], TextonMap.load), [map_bytes]),
+        "record": (_file("r.json", folder, Record.load), [record_bytes]),
+        "import euroc": (_importer("euroc", "mav0/vicon0/data.csv", parts["euroc"], True), [euroc]),
+        "import tum": (_importer("tum", "groundtruth.txt", parts["tum"], True), [track]),
+        "import csv": (_importer("csv", "t.csv", folder), [rows]),
+        "import features": (_importer("features", "v.csv", folder), [values]),
+        "import video": (_importer("video", "v.avi", folder, positions="p.csv", offset="0"), [b"RIFF" + bytes(60)]),
+        "import bag": (_importer("bag", "b.bag", folder), [b"#ROSBAG V2.0\n" + bytes(60)]),
+    }  # fmt: skip
+
+
+def mutate(data: bytes, rng: np.random.Generator) -> bytes:
+    """One to four changes: bytes flipped, cut, doubled, moved, or a token put in."""
+    for _ in range(int(rng.integers(1, 5))):
+        place, end = sorted(int(each) for each in rng.integers(0, len(data) + 1, 2))
+        end = min(end, place + 64)
+        kind = rng.integers(5)
+        if kind == 0 and data:
+            flipped = bytearray(data)
+            flipped[min(place, len(data) - 1)] ^= 1 << int(rng.integers(8))
+            data = bytes(flipped)
+        elif kind == 1:
+            data = data[:place] + data[end:]
+        elif kind == 2:
+            data = data[:end] + data[place:end] * int(rng.integers(1, 4)) + data[end:]
+        elif kind == 3:
+            data = data[:place] if rng.integers(4) == 0 else data[place:] + data[:place]
+        else:
+            token = TOKENS[int(rng.integers(len(TOKENS)))]
+            data = data[:place] + token + data[end if rng.integers(2) else place :]
+    return data
+
+
+def attempt(target: Callable[[bytes], object], data: bytes) -> str | None:
+    """What is wrong with how a target took `data`; None if it read it, or refused it in a sentence."""
+    try:
+        target(data)
+    except TrextonError as error:
+        text = str(error)
+        return f"more than a line: {text[:200]!r}" if "\n" in text.strip() else None
+    except Exception as error:
+        return f"{type(error).__name__}: {str(error)[:200]}"
+    return None
+
+
+def _too_slow(*_: object) -> None:
+    raise TimeoutError(f"more than {SECONDS} s")
+
+
+def search(seconds: float, seed: int, folder: Path, corpus: Path | None = None) -> list[str]:
+    """Try mutations of all targets in turn; what broke, one line each, kept in `corpus`."""
+    rng, broken = np.random.default_rng(seed), []
+    entries = list(targets(folder).items())
+    resource.setrlimit(resource.RLIMIT_DATA, (3 * 2**30, 3 * 2**30))
+    signal.signal(signal.SIGALRM, _too_slow)
+    until, tried = time.monotonic() + seconds, 0
+    while time.monotonic() < until:
+        name, (target, seeds) = entries[tried % len(entries)]
+        tried += 1
+        data = mutate(seeds[int(rng.integers(len(seeds)))], rng)
+        before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        signal.alarm(SECONDS + 1)  # whole seconds; a little more on a busy machine
+        fault = attempt(target, data)
+        signal.alarm(0)
+        grown = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+        if fault is None and grown > MEGABYTES:
+            fault = f"{grown:.0f} MB"
+        if fault:
+            line = f"{name}: {re.sub(r'[0-9]+', '#', fault)[:160]}"
+            if corpus and line not in broken:
+                corpus.mkdir(exist_ok=True)
+                short = hashlib.sha256(data).hexdigest()[:12]
+                (corpus / f"{name.replace(' ', '-')}-{short}").write_bytes(data)
+            broken.append(line)
+    print(json.dumps({"tried": tried, "broken": len(broken)}))
+    return broken
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--minutes", type=float, default=10)
+    parser.add_argument("--seed", type=int, default=0)
+    chosen = parser.parse_args()
+    set_quiet(True)
+    with tempfile.TemporaryDirectory() as temporary:
+        found = search(60 * chosen.minutes, chosen.seed, Path(temporary), CORPUS)
+    print("\n".join(sorted(set(found))))
+    sys.exit(bool(found))
