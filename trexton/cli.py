@@ -28,6 +28,7 @@ COMMANDS = {
     "onboard": ("onboard", "localize live frames and report positions"),
     "bench": ("bench", "measure the speed of every stage"),
     "suitability": ("suitability", "will it work over this floor? A picture is enough"),
+    "play": ("play", "look at a flight frame by frame in a browser"),
     "tune": ("tune", "choose samples and particles for a rate on this machine"),
 }
 

@@ -24,7 +24,9 @@ from trexton.files import atomic_file
 from trexton.flights import Flight
 from trexton.flights.pair import load_pair
 from trexton.options import Options
+from trexton.flights.names import flight_title
 from trexton.paper import look_up, published
+from trexton.player import Recording, player_html
 from trexton.records import Record
 from trexton.wording import Tree, middle, template_environment
 
@@ -109,6 +111,45 @@ class Page:
                 stream.write(content)
         return SVG(svg)
 
+    def play(self, recording: Recording) -> HTML:
+        """Write ``<experiment>-player.html`` beside the record, and show it in the page."""
+        name = f"{self.record.experiment}-player.html"
+        with atomic_file(self.folder / name) as stream:
+            stream.write(player_html(recording, flight_title(self.record.flight)))
+        return HTML(
+            f'<iframe class="player" src="{name}" title="Flight player" loading="lazy"></iframe>'
+        )
+
+    def explore(
+        self,
+        rows: list[dict[str, Any]],
+        chosen: dict[str, str],
+        answers: dict[str, str],
+        caption: str,
+    ) -> HTML:
+        """A table that sliders explore: what was chosen, and what each choice gave.
+
+        Parameters
+        ----------
+        rows : list of dict
+            One a choice.
+        chosen, answers : dict of str to str
+            Head of each column, and its key in the rows; the chosen ones come first.
+        caption : str
+        """
+        table = pd.DataFrame(
+            [
+                {
+                    head: "all" if row[key] is None else _number(row[key])
+                    for head, key in chosen.items()
+                }
+                | {head: _interval(row[key]) for head, key in answers.items()}
+                for row in rows
+            ]
+        )
+        html = self.frame(table, caption).data
+        return HTML(html.replace("<table", f'<table data-explore="{len(chosen)}"', 1))
+
     def finding(self) -> HTML:
         """What the experiment found on this flight, in one sentence made from the record."""
         module = importlib.import_module(type(self.given.parameters).__module__)
@@ -165,7 +206,7 @@ class Page:
             }
             table.append({"cm": "Paper", **cells})
         for label, path in rows.items():
-            summary = look_up(self.record.values, path) or {}
+            summary: Any = look_up(self.record.values, path) or {}
             cells = {
                 f"{title} in {axis}": _interval(summary.get(f"{key}_{axis}"))
                 for key, title in columns.items()
@@ -178,7 +219,9 @@ class Page:
 
     def quantities(self, rows: dict[str, str], caption: str) -> HTML:
         """Single numbers of the record: label, and place in its values; what the record does not have is left out."""
-        found = {label: look_up(self.record.values, path) for label, path in rows.items()}
+        found: dict[str, Any] = {
+            label: look_up(self.record.values, path) for label, path in rows.items()
+        }
         table = [
             {"": label, " ": _number(value)} for label, value in found.items() if value is not None
         ]

@@ -30,7 +30,8 @@ _FORMATS = {".ipynb": "notebook", ".md": "notebook as text", ".json": "record", 
 def finish_book(html: Path) -> None:
     """Finish every page below `html`, and drop files that no page asks for."""
     for path in sorted(html.rglob("*.html")):
-        if "_static" not in path.relative_to(html).parts:
+        # A player is whole as it is.
+        if "_static" not in path.relative_to(html).parts and not path.stem.endswith("-player"):
             text = finish_page(path)
             with atomic_file(path) as stream:
                 stream.write(text)

@@ -128,6 +128,8 @@ def _context(contents: Contents) -> dict:
             "test": pair.test,
             "notes": pair.train.notes,
             "experiments": [(name, _title(name)) for name in contents.good(pair.name)],
+            "players": [name for name in contents.good(pair.name)
+                        if (contents.results / pair.name / f"{name}-player.html").is_file()],
             "skipped": [(_title(o.experiment), o.reasons[0]) for o in contents.outcomes
                         if o.flight == pair.name and o.status in ("skipped", "failed")],
         }

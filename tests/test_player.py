@@ -1,0 +1,111 @@
+"""The player: what it keeps is what the localizer did; its page is whole and without hosts."""
+
+from __future__ import annotations
+
+import json
+import re
+import threading
+from urllib.error import HTTPError
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+from conftest import small_flight
+from small_room import picture_flight
+
+from trexton.cli import main
+from trexton.commands.play import serve
+from trexton.errors import ParameterError
+from trexton.localizer import Localizer, TextonMap
+from trexton.patches import gather_patches
+from trexton.player import player_html, record_replay
+
+
+def localizer(texton_map, seed=5, **options):
+    return Localizer(texton_map, rng=np.random.default_rng(seed), **options)
+
+
+@pytest.fixture
+def texton_map(rng):
+    return TextonMap.train(small_flight(), neighbors=3, rng=rng)
+
+
+def embedded(page: str) -> dict:
+    return json.loads(re.search(r'type="application/json">(.*?)</script>', page, re.DOTALL)[1])
+
+
+def test_it_keeps_what_every_step_gave(texton_map):
+    flight = small_flight()
+    recording = record_replay(
+        {"one": localizer(texton_map), "two": localizer(texton_map, 6)}, flight, most_frames=10
+    )
+    assert recording.names == ["one", "neighbours alone", "two"]
+    assert [each["frame"] for each in recording.frames] == list(flight.frame[::4])
+    again = localizer(texton_map)
+    steps = [again.step(row) for row in flight.histograms][::4]
+    for kept, step, truth in zip(recording.frames, steps, flight.position[::4], strict=True):
+        assert kept["estimates_cm"]["one"] == np.rint(100 * step.position).astype(int).tolist()
+        assert kept["neighbors_cm"] == np.rint(100 * step.neighbors.position).astype(int).tolist()
+        assert kept["errors_cm"]["one"] == round(100 * float(np.hypot(*(step.position - truth))))
+        assert len(kept["particles_cm"]) == len(step.particles) and kept["image"] is None
+
+
+def test_patches_are_those_that_the_step_sampled(tmp_path, rng):
+    flight = picture_flight(tmp_path, "room")
+    texton_map = TextonMap.train(flight, n_textons=4, neighbors=2, rng=rng)
+    recording = record_replay({"one": localizer(texton_map, samples=30)}, flight, most_frames=5)
+    dictionary = texton_map.dictionary
+    for kept, row in zip(recording.frames, range(0, len(flight), 10), strict=True):
+        image = flight.image(row)
+        size = np.array([image.shape[1], image.shape[0]])
+        places = np.ceil(np.array(kept["patches"]) * size / 1000).astype(int)[:, ::-1]
+        labels = dictionary.label(gather_patches(image, places, dictionary.patch))
+        share = np.bincount(labels, minlength=4) / 30
+        assert kept["histogram"] == np.rint(1000 * share).astype(int).tolist()
+        assert kept["image"].startswith("data:image/webp;base64,")
+    full = record_replay({"all": localizer(texton_map, samples=None)}, flight, most_frames=2)
+    assert full.frames[0]["patches"] is None
+
+
+def test_a_truth_that_is_unknown_stays_unknown(texton_map):
+    flight = small_flight()
+    flight.position[3] = np.nan
+    recording = record_replay({"one": localizer(texton_map)}, flight)
+    assert recording.frames[3]["truth_cm"] is None
+    assert recording.frames[3]["errors_cm"]["one"] is None
+    assert "NaN" not in player_html(recording)
+
+
+def test_it_asks_for_something_to_play(texton_map):
+    with pytest.raises(ParameterError, match="0 localizers"):
+        record_replay({}, small_flight())
+
+
+def test_the_page_is_one_file_with_a_still(texton_map):
+    recording = record_replay({"a </script>": localizer(texton_map)}, small_flight())
+    page = player_html(recording, "A <hall>")
+    assert "A &lt;hall&gt;" in page and "http" not in re.sub(r"http://www.w3.org\S*", "", page)
+    assert embedded(page)["frames"] == recording.frames
+    assert page.count("<script") == page.count("</script>") == 2
+    assert '<noscript><svg class="still"' in page
+
+
+def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, capsys):
+    assert main(["train", str(flight_folder), "-o", str(tmp_path / "map.npz")]) == 0
+    words = ["play", str(flight_folder), "--map", str(tmp_path / "map.npz")]
+    assert main([*words, "--out", str(tmp_path / "player.html")]) == 0
+    page = (tmp_path / "player.html").read_text()
+    assert len(embedded(page)["frames"]) == 20  # the test split
+    with serve(page) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        host = f"http://127.0.0.1:{server.server_port}"
+        with urlopen(host + "/") as answer:
+            assert answer.read().decode() == page
+        with pytest.raises(HTTPError, match="404"):
+            urlopen(host + "/etc/passwd")
+        server.shutdown()
+
+
+def test_a_map_that_is_not_there_is_said(flight_folder, tmp_path, capsys):
+    assert main(["play", str(flight_folder), "--map", str(tmp_path / "no.npz")]) == 1
+    assert "no such map" in capsys.readouterr().err

@@ -1,0 +1,85 @@
+"""``trexton play FLIGHT --map MAP``"""
+
+from __future__ import annotations
+
+import argparse
+from functools import partial
+from http.server import BaseHTTPRequestHandler, HTTPServer
+
+from trexton.progress import say
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("flight", help="flight folder; its test split is played where it has one")
+    parser.add_argument("--map", required=True, metavar="MAP", help="the texton map (.npz)")
+    parser.add_argument(
+        "--method", action="append", metavar="NAME",
+        help="a method that the map was trained for, repeatable; the first is shown in detail "
+        "(default: the map's own)",
+    )  # fmt: skip
+    parser.add_argument("--samples", type=int, default=400, help="a frame (default %(default)s)")
+    parser.add_argument("--frames", type=int, default=180, help="to show (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="(default %(default)s)")
+    parser.add_argument(
+        "--out", metavar="FILE", help="write the page to this file instead of serving it"
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=0,
+        help="to serve on, of this machine only (default: a free one)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from trexton.files import atomic_file
+    from trexton.flights import read_flight
+    from trexton.localizer import Localizer, TextonMap
+    from trexton.player import player_html, record_replay
+    from trexton.streams import stream
+
+    texton_map = TextonMap.load(arguments.map)
+    flight = read_flight(arguments.flight)
+    flight = flight.part("test") if "test" in flight.split else flight
+    localizers = {
+        name or "filter": Localizer(
+            texton_map,
+            method=name,
+            samples=arguments.samples,
+            rng=stream(arguments.seed, "flight", 0),
+        )
+        for name in arguments.method or [None]
+    }
+    say(f"replaying {len(flight)} frames of {flight.name}")
+    page = player_html(record_replay(localizers, flight, most_frames=arguments.frames))
+    if arguments.out:
+        with atomic_file(arguments.out) as out:
+            out.write(page)
+        say(f"the player is {arguments.out}: open it in a browser")
+        return 0
+    with serve(page, arguments.port) as server:
+        print(f"http://127.0.0.1:{server.server_port}/ (Ctrl-C ends)", flush=True)
+        server.serve_forever()
+    return 0
+
+
+def serve(page: str, port: int = 0) -> HTTPServer:
+    """A server of one page on this machine, to be started with ``serve_forever``."""
+    return HTTPServer(("127.0.0.1", port), partial(_Handler, page.encode()))
+
+
+class _Handler(BaseHTTPRequestHandler):
+    def __init__(self, page: bytes, *arguments: object):
+        self._page = page
+        super().__init__(*arguments)  # type: ignore[arg-type]
+
+    def do_GET(self) -> None:
+        self.send_response(200 if self.path.split("?")[0] == "/" else 404)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.end_headers()
+        self.wfile.write(self._page if self.path.split("?")[0] == "/" else b"no such page")
+
+    def log_message(self, format: str, *arguments: object) -> None:
+        """The terminal belongs to the person."""

@@ -1,0 +1,171 @@
+"""Fly a recorded flight once more and keep what every step saw, small enough for a page."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.errors import ParameterError
+from trexton.flights.flight import Flight
+from trexton.images import bgr_from_yuv
+from trexton.localizer import Localizer
+from trexton.patches import sample_positions
+
+__all__ = ["Recording", "record_replay"]
+
+_WIDTH = 200  # pixels of a frame on the page
+_FLOOR_WIDTH = 420
+_QUALITY = 38
+_PIXELS_TOLD = 250  # of the sampled patches, no more is told apart by eye
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a player shows.
+
+    Attributes
+    ----------
+    flight : str
+    area : (x_min, x_max, y_min, y_max)
+        Metres.
+    frames : list of dict
+        One a shown frame: ``frame``, ``time_s``, ``truth_cm``, ``histogram`` (per mille),
+        ``neighbors_cm``, ``particles_cm``, ``spread_cm``, ``estimates_cm`` by name, ``errors_cm``
+        by name, ``image`` (a data URI) and ``patches`` (left, top in thousandths of the image).
+        What a flight or a method does not have is None.
+    floor : dict or None
+        ``image``, a data URI, and ``extent_m`` (left, right, bottom, top).
+    """
+
+    flight: str
+    area: tuple[float, float, float, float]
+    frames: list[dict[str, Any]] = field(default_factory=list)
+    floor: dict[str, Any] | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """Of the estimates, in their order."""
+        return list(self.frames[0]["estimates_cm"]) if self.frames else []
+
+
+def record_replay(
+    localizers: Mapping[str, Localizer],
+    flight: Flight,
+    *,
+    most_frames: int = 180,
+    floor: tuple[np.ndarray, tuple[float, float, float, float]] | None = None,
+) -> Recording:
+    """Step every localizer through all frames of `flight`, and keep a part of them evenly.
+
+    Parameters
+    ----------
+    localizers : mapping of str to Localizer
+        The first one is shown in detail; beside it the plain mean of its neighbours.
+    most_frames : int
+        Frames to keep at most; the localizers see all of them.
+    floor : (picture, extent), optional
+        BGR, and (left, right, bottom, top) in metres; None takes the flight's own.
+
+    Raises
+    ------
+    ParameterError
+        No localizer, or no frame to keep.
+    ImageError, MapError
+        The flight does not fit the map.
+    """
+    if not localizers or most_frames < 1:
+        raise ParameterError(
+            f"{len(localizers)} localizers and {most_frames} frames: expected at least one of each"
+        )
+    first, *others = localizers.items()
+    every = -(-len(flight) // most_frames)
+    kept = []
+    for row in range(len(flight)):
+        frame = flight.image(row) if flight.has_images else _histograms(flight)[row]
+        before = deepcopy(first[1].rng)
+        estimate = first[1].step(frame)
+        estimates = {first[0]: estimate.position}
+        if estimate.neighbors is not None:
+            estimates["neighbours alone"] = estimate.neighbors.position.mean(axis=0)
+        estimates |= {name: each.step(frame).position for name, each in others}
+        if row % every:
+            continue
+        truth = flight.position[row]
+        neighbors, particles = estimate.neighbors, estimate.particles
+        kept.append(
+            {
+                "frame": int(flight.frame[row]),
+                "time_s": round(float(flight.time[row] - flight.time[0]), 2),
+                "truth_cm": _cm(truth),
+                "histogram": None
+                if estimate.histogram is None
+                else np.rint(1000 * estimate.histogram).astype(int).tolist(),
+                "neighbors_cm": None if neighbors is None else _cm(neighbors.position),
+                "particles_cm": None if particles is None else _cm(particles),
+                "spread_cm": _cm(estimate.spread),
+                "estimates_cm": {name: _cm(place) for name, place in estimates.items()},
+                "errors_cm": {
+                    name: _cm(np.hypot(*(place - truth))) for name, place in estimates.items()
+                },
+                "image": _uri(_small(bgr_from_yuv(frame), _WIDTH)) if flight.has_images else None,
+                "patches": _patches(first[1], frame, before) if flight.has_images else None,
+            }
+        )
+    return Recording(flight.name, flight.area, kept, _floor(flight, floor))
+
+
+def _histograms(flight: Flight) -> np.ndarray:
+    if flight.histograms is None:
+        raise ParameterError(f"flight {flight.name!r} has neither images nor histograms to replay")
+    return flight.histograms
+
+
+def _cm(metres: Any) -> Any:
+    """Whole centimetres, nested as they were; None where a position is not known."""
+    values = np.asarray(metres, dtype=float)
+    if values.ndim:
+        return None if np.isnan(values).all() else [_cm(each) for each in values]
+    return None if np.isnan(values) else round(100 * float(values))
+
+
+def _patches(
+    localizer: Localizer, frame: np.ndarray, rng: np.random.Generator
+) -> list[list[int]] | None:
+    """Where the step sampled: drawn again from the generator as it was before the step."""
+    dictionary = localizer.map.dictionary
+    if localizer.samples is None or dictionary is None:
+        return None
+    drawn = sample_positions(frame.shape, dictionary.patch, localizer.samples, rng)
+    share = 1000 * drawn[:_PIXELS_TOLD, ::-1] / np.array([frame.shape[1], frame.shape[0]])
+    return [[int(x), int(y)] for x, y in share]
+
+
+def _floor(flight: Flight, given: Any) -> dict[str, Any] | None:
+    if given is None and flight.floor is not None:
+        rows, columns = flight.floor.image.shape[:2]
+        corners = flight.floor.to_world(np.array([(-0.5, -0.5), (columns - 0.5, rows - 0.5)]))
+        (left, top), (right, bottom) = corners
+        given = flight.floor.image, (left, right, bottom, top)
+    if given is None:
+        return None
+    picture, extent = given
+    return {
+        "image": _uri(_small(picture, _FLOOR_WIDTH)),
+        "extent_m": [round(float(each), 3) for each in extent],
+    }
+
+
+def _small(picture: np.ndarray, width: int) -> np.ndarray:
+    height = max(1, round(picture.shape[0] * width / picture.shape[1]))
+    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def _uri(picture: np.ndarray) -> str:
+    coded = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1]
+    return "data:image/webp;base64," + base64.b64encode(coded.tobytes()).decode()
