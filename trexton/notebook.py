@@ -22,9 +22,9 @@ from trexton.experiments import EXPERIMENTS
 from trexton.figures.drawing import to_png, to_svg
 from trexton.files import atomic_file
 from trexton.flights import Flight
+from trexton.flights.names import flight_title
 from trexton.flights.pair import load_pair
 from trexton.options import Options
-from trexton.flights.names import flight_title
 from trexton.paper import look_up, published
 from trexton.player import Recording, player_html
 from trexton.records import Record

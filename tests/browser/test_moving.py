@@ -1,0 +1,151 @@
+"""What moves: the player, charts that tell their values, sliders, filters of the ledger."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+
+def first_page(book, pattern: str) -> str:
+    found = sorted(book.rglob(pattern))
+    if not found:
+        pytest.skip(f"this book has no {pattern}")
+    return str(found[-1].relative_to(book))
+
+
+def recording(book, name: str) -> dict:
+    text = (book / name).read_text()
+    return json.loads(re.search(r'type="application/json">(.*?)</script>', text, re.DOTALL)[1])
+
+
+@pytest.mark.parametrize("width", [360, 1400])
+def test_the_player_shows_the_numbers_of_its_frame(open_page, book, width):
+    name = first_page(book, "*-player.html")
+    data = recording(book, name)
+    page, faults = open_page(name, width)
+    for row in (0, len(data["frames"]) // 2, len(data["frames"]) - 1):
+        page.evaluate(
+            "row => { const s = document.getElementById('scrub'); s.value = row;"
+            " s.dispatchEvent(new Event('input')); }", row,
+        )  # fmt: skip
+        kept, said = data["frames"][row], page.inner_text("#readout")
+        assert said.startswith(f"Frame {kept['frame']}, {kept['time_s']:.1f} s.")
+        for method, error in kept["errors_cm"].items():
+            assert f"{method} {error} cm" in said
+    assert faults == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+
+
+def test_the_player_plays_stops_and_steps_by_keys(open_page, book):
+    name = first_page(book, "*-player.html")
+    page, _ = open_page(name)
+    page.select_option("#speed", "10")
+    page.click("#play")
+    page.wait_for_function("Number(document.getElementById('scrub').value) > 2")
+    page.click("#play")
+    assert page.inner_text("#play") == "Play"
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press("Home")
+    assert page.input_value("#scrub") == "0"
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press("ArrowRight")
+    assert page.input_value("#scrub") == "2"
+    page.keyboard.press("End")
+    assert int(page.input_value("#scrub")) == len(recording(book, name)["frames"]) - 1
+
+
+def test_layers_of_the_player_change_what_is_drawn(open_page, book):
+    page, _ = open_page(first_page(book, "*-player.html"))
+    drawn = "document.getElementById('floor').toDataURL()"
+    before = page.evaluate(drawn)
+    page.click("#layers label:has-text('particles') input")
+    assert page.evaluate(drawn) != before
+
+
+def test_without_scripts_the_player_is_a_still(open_page, book):
+    page, _ = open_page(first_page(book, "*-player.html"), scripts=False)
+    assert page.query_selector("svg.still polyline") is not None
+
+
+def test_a_player_is_under_two_megabytes(book):
+    first_page(book, "*-player.html")
+    assert all(path.stat().st_size < 2_000_000 for path in book.rglob("*-player.html"))
+
+
+def test_a_chart_tells_the_value_under_the_pointer_and_by_keys(open_page, book):
+    name = first_page(book, "mocap_training.html")
+    page, _ = open_page(name)
+    chart = page.query_selector_all("figure.plate:has(svg.chart)")[-1]
+    chart.scroll_into_view_if_needed()
+    data = json.loads(chart.query_selector("script.chart-data").text_content())
+    axes = data[0]
+    chart.focus()
+    page.keyboard.press("ArrowRight")
+    told = chart.query_selector(".tell").inner_text()
+    line = axes["lines"][0]
+    assert line["label"] in told
+    assert str(float(f"{line['x'][0]:.4g}")).removesuffix(".0") in told
+    assert str(float(f"{line['y'][0]:.4g}")).removesuffix(".0") in told
+    box, (left, top, right, bottom) = chart.query_selector("svg").bounding_box(), axes["box"]
+    scale = box["width"] / page.evaluate(
+        "s => s.viewBox.baseVal.width", chart.query_selector("svg")
+    )
+    low, high = axes["x"]["limits"]
+    bottom_value, top_value = axes["y"]["limits"]
+    i = len(line["x"]) // 2
+    x = left + (line["x"][i] - low) / (high - low) * (right - left)
+    y = bottom + (line["y"][i] - bottom_value) / (top_value - bottom_value) * (top - bottom)
+    page.mouse.move(box["x"] + scale * x, box["y"] + scale * y)
+    assert f"{axes['y']['label']}: {float(f'{line["y"][i]:.4g}'):g}"[:6] in (
+        chart.query_selector(".tell").inner_text()
+    )
+
+
+def test_a_chart_enlarges_and_closes(open_page, book):
+    page, _ = open_page(first_page(book, "mocap_training.html"))
+    page.hover("figure.plate:has(svg.chart)")
+    page.click("figure.plate:has(svg.chart) .enlarge")
+    whole = page.get_attribute("dialog.enlarged svg", "viewBox")
+    page.click("dialog.enlarged button:has-text('Closer')")
+    assert page.get_attribute("dialog.enlarged svg", "viewBox") != whole
+    page.keyboard.press("Escape")
+    page.wait_for_selector("dialog.enlarged", state="detached")
+
+
+def test_sliders_tell_the_cell_of_their_table(open_page, book):
+    name = first_page(book, "trade_off.html")
+    page, _ = open_page(name)
+    if page.query_selector("table[data-explore]") is None:
+        pytest.skip("this book was made before it had sliders")
+    heads = page.eval_on_selector("table[data-explore]", "t => Number(t.dataset.explore)")
+    rows = page.eval_on_selector(
+        "table[data-explore]",
+        "t => [...t.tBodies[0].rows].map(r => [...r.cells].map(c => c.textContent.trim()))",
+    )
+    columns = [list(dict.fromkeys(row[i] for row in rows)) for i in range(heads)]
+    for row in (rows[0], rows[len(rows) // 2], rows[-1]):
+        for i in range(heads):
+            page.evaluate(
+                "([i, v]) => { const s = document.querySelectorAll('.explore input')[i];"
+                " s.value = v; s.dispatchEvent(new Event('input')); }",
+                [i, columns[i].index(row[i])],
+            )
+        assert row[heads] in page.inner_text(".explore output.answer")
+
+
+def test_filters_of_the_ledger_change_what_is_counted(open_page, book):
+    page, _ = open_page(first_page(book, "claims.html"))
+    controls = page.query_selector_all("select, .filters input, .filters button")
+    if not controls:
+        pytest.skip("this ledger has no filters")
+    shown = "[...document.querySelectorAll('article table tbody tr')].filter(r => r.offsetParent).length"
+    before = page.evaluate(shown)
+    select = page.query_selector("article select")
+    values = select.evaluate("s => [...s.options].map(o => o.value)")
+    counts = set()
+    for value in values:
+        select.select_option(value)
+        counts.add(page.evaluate(shown))
+    assert before in counts and len(counts) > 1
