@@ -6,7 +6,7 @@
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
   const layers = { patches: true, neighbours: true, particles: true, truth: true };
   names.forEach((name) => { layers[name] = true; });
-  if (location.hash.includes("small")) root.classList.add("small");
+  if (location.search === "?small") root.classList.add("small");
 
   let now = 0, playing = null, floorImage = null;
   const pictures = new Map(), color = (name) => getComputedStyle(root).getPropertyValue(name).trim();

@@ -7,6 +7,8 @@ import re
 
 import pytest
 
+pytest_plugins = ["browser_book"]
+
 
 def first_page(book, pattern: str) -> str:
     found = sorted(book.rglob(pattern))

@@ -5,9 +5,19 @@ from __future__ import annotations
 import re
 
 import pytest
+from browser_book import BUILT, page_names
+
+pytest_plugins = ["browser_book"]
 
 PAGE_BYTES = 1_000_000
 SHIFT = 0.05
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    if "name" in metafunc.fixturenames:
+        names = page_names(BUILT) if (BUILT / "index.html").is_file() else []
+        absent = pytest.mark.skip("no book is built here: make book, or name one in TREXTON_BOOK")
+        metafunc.parametrize("name", names or [pytest.param("", marks=absent)])
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])

@@ -1,4 +1,4 @@
-"""A browser and a built book for tests of what a reader sees.
+"""A browser and a built book for tests of what a reader sees: a plugin of those tests alone.
 
 The book is that of this clone, or the folder that ``TREXTON_BOOK`` names.
 """
@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[1]
 BUILT = Path(os.environ.get("TREXTON_BOOK", ROOT / "book" / "_build" / "html"))
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 # The browser's own errands are no requests of a page.
@@ -33,15 +33,6 @@ def page_names(book: Path) -> list[str]:
         for name in names
         if not name.startswith("_static") and not name.endswith("-player.html")
     ]
-
-
-def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    if "name" in metafunc.fixturenames:
-        names = page_names(BUILT) if (BUILT / "index.html").is_file() else []
-        metafunc.parametrize("name", names or [pytest.param("", marks=NO_BOOK)])
-
-
-NO_BOOK = pytest.mark.skip("no book is built here: make book, or name one in TREXTON_BOOK")
 
 
 @pytest.fixture(scope="session")
