@@ -65,7 +65,7 @@ class Run:
         self.out, self.pairs, self.workers = out, pairs, workers
         self.root = out / ".engine"
         self.outcomes: dict[Key, Outcome] = {}
-        self._turns = engine.Turns()
+        self._turns, self._stopping = engine.Turns(), threading.Event()
         for leftover in self.root.glob(".work.*"):  # of a run that was killed
             shutil.rmtree(leftover, ignore_errors=True)
 
@@ -91,10 +91,15 @@ class Run:
             )
             for name, step in ready.items()
         ]
-        reports = engine.build(tasks, self.root, self.workers.jobs, self.workers.stop)
+        self._stopping.clear()
+        reports = engine.build(tasks, self.root, self.workers.jobs, self._stop)
         for name, step in ready.items():
             if step.key not in self.outcomes:
                 self._settle(self._outcome(step, reports[name], facts[name]), display)
+
+    def _stop(self) -> None:
+        self._stopping.set()
+        self.workers.stop()
 
     def _settle(self, outcome: Outcome, display: Display) -> None:
         self.outcomes[outcome.flight, outcome.experiment] = outcome
@@ -145,6 +150,8 @@ class Run:
             )
             display.moved(slot, None)
         failed = folder / f"{name}.failed.ipynb"
+        if done.error and self._stopping.is_set():
+            raise TrextonError(f"{step.name} was interrupted")
         if done.error:
             kept = ""
             if done.partial:
