@@ -233,7 +233,9 @@ class FloorTracker:
     def _candidates(self, seen: _Seen, moved: Array) -> list[_Candidate]:
         """Align the frame at the most likely places, and at the place where the last pose moved to."""
         starts, continued = [], -1
-        for heading, row, column, held in self.belief.modes(_PLACES, _MODE, _SHARE):
+        # As long as it is lost, a place is worth a look however little is believed of it.
+        share = 0.0 if self._missed else _SHARE
+        for heading, row, column, held in self.belief.modes(_PLACES, _MODE, share):
             starts.append((np.array([column, row]), self.belief.headings[heading], held))
         if self._pose is not None:
             followed = self.coarse.ground.to_cells(self._aimed) + moved
