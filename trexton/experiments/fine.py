@@ -58,7 +58,7 @@ class Parameters(SeedParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Fly coarse to fine over the test flight, over virtual floors, kidnapped, and in drifting light.
+    """Fly coarse to fine over the test flight, over virtual floors, kidnapped, in drifting light.
 
     Parameters
     ----------
@@ -372,6 +372,6 @@ def finding(record: Record) -> str:
     stitched = values["flight"]["stitched"]["attitude"]["mean_cm"]
     return (
         f"Over {len(values['floors'])} floors the image says where to {' and '.join(parts)}; "
-        f"{gross} of {frames} frames are off by more than {100 * GROSS:.0f} cm. On the stitched map "
-        f"of the recorded flight the mean error is {wording.number(stitched)} cm."
+        f"{gross} of {frames} frames are off by more than {100 * GROSS:.0f} cm. On the stitched "
+        f"map of the recorded flight the mean error is {wording.number(stitched)} cm."
     )

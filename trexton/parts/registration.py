@@ -35,9 +35,9 @@ class Registration(Filter):
     Parameters
     ----------
     picture : {"auto", "surveyed", "stitched"}
-        The training flight's picture of the floor, a mosaic of its frames, or the former if there is one.
+        The training flight's picture of the floor, a mosaic of its frames, or the former if any.
     attitude_sigma, height_sigma : float
-        Standard deviations of the autopilot's attitude (radians) and height (metres), where they come.
+        Standard deviations of the autopilot's attitude (radians) and height (metres), if they come.
     """
 
     picture: str = "auto"
@@ -68,8 +68,8 @@ class Registration(Filter):
             or self.camera.shape != (6,)
         ):
             raise MapError(
-                f"a picture of the floor of shape {self.floor.shape}, its mask {self.mapped.shape}, a "
-                f"camera of {self.camera.size} numbers: expected (H, W) twice, and 6"
+                f"a picture of the floor of shape {self.floor.shape}, its mask {self.mapped.shape}, "
+                f"a camera of {self.camera.size} numbers: expected (H, W) twice, and 6"
             )
 
     def fit(self, training: Training) -> Self:
@@ -199,13 +199,14 @@ def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, Camera, float]
     """The picture of the floor, the camera, and its usual height."""
     if wanted == "surveyed" and flight.floor is None:
         raise MapError(
-            f"flight {flight.name!r} has no picture of its floor: name one in flight.toml, or stitch it"
+            f"flight {flight.name!r} has no picture of its floor: "
+            "name one in flight.toml, or stitch it"
         )
     if flight.floor is not None and wanted != "stitched":
         if flight.camera is None or flight.height is None:
             raise MapError(
-                f"flight {flight.name!r} lacks its camera or heights, without which its frames cannot be "
-                "laid on a picture: add them to the flight, or stitch the picture"
+                f"flight {flight.name!r} lacks its camera or heights, without which its frames cannot "
+                "be laid on a picture: add them to the flight, or stitch the picture"
             )
         return flight.floor, flight.camera, float(np.median(flight.height))
     from trexton.mosaic.stitching import camera_of, stitch  # SciPy: on the ground only

@@ -33,7 +33,7 @@ class Alignment:
     covariance : (6, 6) array
         From the curvature at the solution, points taken as independent.
     score : float
-        Correlation of the frame with the view expected at the pose; 0 where too few points were found.
+        Correlation of the frame with the view expected at the pose; 0 where too few points were seen.
     noise : float
         Standard deviation of a point in pixels, robust.
     flow : float
@@ -145,7 +145,7 @@ class Aligner:
         expected: np.ndarray,
         deviation: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The pose whose `rays` meet the floor at `floor`, its covariance, a point's noise in pixels.
+        """The pose whose `rays` meet the floor at `floor`, its covariance, a point's noise (pixels).
 
         Gauss-Newton over what is expected of the pose, points weighed by Huber's function.
         """
@@ -178,7 +178,7 @@ def _middle(values: np.ndarray) -> float:
 def _linearised(
     pose: np.ndarray, rays: np.ndarray, floor: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Where rays should meet the floor minus where they do, ``(N, 2)``, and the latter's Jacobian."""
+    """Where rays should meet the floor minus where they do, ``(N, 2)``; the latter's Jacobian."""
     turned = rays @ rotation_matrix(*pose[3:]).T
     x, y, z = turned.T
     height = pose[2]

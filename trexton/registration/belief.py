@@ -86,7 +86,7 @@ class CellBelief:
         self.headings, self.mass = self.headings[keep], self.mass[keep]
 
     def modes(self, count: int, radius: int, share: float) -> list[tuple[int, int, int, float]]:
-        """Up to `count` peaks (heading, row, column, belief around), more than `radius` cells apart.
+        """Up to `count` peaks (heading, row, column, belief around), over `radius` cells apart.
 
         Only those that hold at least `share` of the belief, and the first whatever it holds.
         """

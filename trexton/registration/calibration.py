@@ -90,7 +90,7 @@ class FloorFix:
 def learn_trust(fixes: list[FloorFix], truth: Array, height: float, trust: Trust) -> Trust:
     """The trust under which the 90 % regions of a flight's fixes hold 90 % of its true positions.
 
-    Scale and floor are the most likely ones of Gaussian errors, then both are scaled to hold the region.
+    Scale and floor are the most likely ones of Gaussian errors, then scaled to hold the region.
 
     Parameters
     ----------
@@ -109,8 +109,8 @@ def learn_trust(fixes: list[FloorFix], truth: Array, height: float, trust: Trust
     right = np.array([not fix.lost for fix in fixes]) & (np.hypot(*error.T) < _RIGHT * height)
     if right.sum() < _FEWEST:
         raise MapError(
-            f"{right.sum()} of {len(fixes)} training frames were found on the map image, {_FEWEST} are "
-            "needed to learn how far to trust it: check the map image, the camera and the positions"
+            f"{right.sum()} of {len(fixes)} training frames were found on the map image, "
+            f"{_FEWEST} are needed to learn how far to trust it: check the map image, the camera and the positions"
         )
     given = np.array([fix.covariance for fix in fixes])[right] - trust.floor * np.eye(2)
     raw, error = given / trust.scale, error[right]

@@ -22,9 +22,9 @@ _FEWEST = 0.25  # of a footprint that must lie on the map
 class CoarseMatcher:
     """Correlates the footprint of a frame with the whole floor or a part of it.
 
-    Each place is compared by the pixels that are both in the frame and on the map (Padfield, "Masked
-    object registration in the Fourier domain", 2012). What depends on the map and on the footprint's
-    shape alone is kept for each heading and height that comes by.
+    Each place is compared by the pixels that are both in the frame and on the map (Padfield,
+    "Masked object registration in the Fourier domain", 2012). What depends on the map and on the
+    footprint's shape alone is kept for each heading and height that comes by.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class CoarseMatcher:
         return np.where(overlap < _FEWEST, 0, correlation), overlap
 
     def _footprint(self, height: float, yaw: float) -> tuple[np.ndarray, ...]:
-        """The footprint's shape in cells; the map's count, sum and squares under it at each cell."""
+        """The footprint's shape in cells; the map's count, sum and squares under it, by cell."""
         key = (
             round(yaw % (2 * np.pi) / _TURN) % round(2 * np.pi / _TURN),
             round(np.log(height) / _GROWTH),

@@ -122,12 +122,12 @@ class FloorTracker:
         image : (H, W, 3) or (H, W) uint8 array or None
             Y, U, V, or luma alone; None for a frame that did not come.
         attitude : (3,) array, optional
-            Roll, pitch, yaw in radians as the autopilot measured them; NaN for what it does not know.
+            Roll, pitch, yaw in radians as the autopilot measured them; NaN for what it cannot.
         height : float, optional
             Metres above the floor, measured.
         places : callable, optional
-            Gives ``(k, 2)`` positions in metres where the vehicle may be. Asked when it must be looked
-            for on a floor too large to be searched at each frame.
+            Gives ``(k, 2)`` positions in metres where the vehicle may be. Asked when it must be
+            looked for on a floor too large to be searched at each frame.
 
         Raises
         ------
@@ -231,7 +231,7 @@ class FloorTracker:
         self.belief.drop_headings()
 
     def _candidates(self, seen: _Seen, moved: Array) -> list[_Candidate]:
-        """Align the frame at the most likely places, and at the place where the last pose moved to."""
+        """Align the frame at the most likely places, and where the last pose moved to."""
         starts, continued = [], -1
         # As long as it is lost, a place is worth a look however little is believed of it.
         share = 0.0 if self._missed else _SHARE
