@@ -68,7 +68,7 @@ class Registration(Filter):
             or self.camera.shape != (6,)
         ):
             raise MapError(
-                f"a picture of the floor of shape {self.floor.shape}, its mask {self.mapped.shape}, "
+                f"a floor of shape {self.floor.shape}, its mask {self.mapped.shape}, "
                 f"a camera of {self.camera.size} numbers: expected (H, W) twice, and 6"
             )
 
@@ -205,8 +205,8 @@ def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, Camera, float]
     if flight.floor is not None and wanted != "stitched":
         if flight.camera is None or flight.height is None:
             raise MapError(
-                f"flight {flight.name!r} lacks its camera or heights, without which its frames cannot "
-                "be laid on a picture: add them to the flight, or stitch the picture"
+                f"flight {flight.name!r} lacks its camera or heights, without which its frames "
+                "cannot be laid on a picture: add them to the flight, or stitch the picture"
             )
         return flight.floor, flight.camera, float(np.median(flight.height))
     from trexton.mosaic.stitching import camera_of, stitch  # SciPy: on the ground only

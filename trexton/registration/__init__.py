@@ -2,7 +2,8 @@
 
 Textons say where about a vehicle is; the image itself says where exactly. Normalised
 cross-correlation at a coarse resolution gives a belief over the whole floor, moved from frame to
-frame by visual odometry; optical flow against the view expected at the most likely places gives the camera's pose.
+frame by visual odometry; optical flow against the view expected at the most likely places gives the
+camera's pose.
 """
 
 from trexton.registration.calibration import FloorFix, Trust

@@ -33,7 +33,7 @@ class Alignment:
     covariance : (6, 6) array
         From the curvature at the solution, points taken as independent.
     score : float
-        Correlation of the frame with the view expected at the pose; 0 where too few points were seen.
+        Correlation of the frame with the view expected at the pose; 0 for too few points.
     noise : float
         Standard deviation of a point in pixels, robust.
     flow : float
@@ -145,7 +145,7 @@ class Aligner:
         expected: np.ndarray,
         deviation: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, float]:
-        """The pose whose `rays` meet the floor at `floor`, its covariance, a point's noise (pixels).
+        """The pose whose `rays` meet the floor at `floor`, its covariance, a point's noise.
 
         Gauss-Newton over what is expected of the pose, points weighed by Huber's function.
         """

@@ -110,7 +110,8 @@ def learn_trust(fixes: list[FloorFix], truth: Array, height: float, trust: Trust
     if right.sum() < _FEWEST:
         raise MapError(
             f"{right.sum()} of {len(fixes)} training frames were found on the map image, "
-            f"{_FEWEST} are needed to learn how far to trust it: check the map image, the camera and the positions"
+            f"{_FEWEST} are needed to learn how far to trust it: "
+            "check the map image, the camera and the positions"
         )
     given = np.array([fix.covariance for fix in fixes])[right] - trust.floor * np.eye(2)
     raw, error = given / trust.scale, error[right]
