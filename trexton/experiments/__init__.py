@@ -126,6 +126,9 @@ EXPERIMENTS: dict[str, Experiment] = {
     "choices": Experiment(
         "What the open choices cost", needs=("positions",), after=("mocap_training",), cost_s=30
     ),
+    "calibration": Experiment(
+        "What the uncertainty is worth", needs=("positions",), after=("mocap_training",), cost_s=20
+    ),
     "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=15),
     "fine": Experiment(
         "Coarse to fine: the image says where exactly",

@@ -1,0 +1,51 @@
+"""Claims against errors: what the record counts, and that the figures show it."""
+
+import numpy as np
+import pytest
+from small_room import histogram_flight
+
+from trexton.experiments import calibration
+from trexton.figures import calibration as figures
+
+
+@pytest.fixture(scope="module")
+def record():
+    train = histogram_flight("hall", frames=160, turns=6.0)
+    test = histogram_flight("again", frames=100, turns=6.0, noise=5)
+    return calibration.run(train, test, calibration.Parameters(repeats=2))
+
+
+def test_every_method_is_judged_by_its_own_claims(record):
+    assert record.values["order"] == ["paper", "guarded", "field"]
+    for name in record.values["order"]:
+        values = record.values[name]
+        assert len(values["quarters"]) == 4 and len(record.series[name]) == 10
+        held = values["within_90"]
+        assert held["low"] <= held["median"] <= held["high"]
+        assert np.mean(values["quarters"]) == pytest.approx(held["median"], abs=0.03)
+        assert values["nees"]["median"] > 0 and 0 <= values["landing_allowed_rate"] <= 1
+        claimed = [group["claimed_cm"] for group in record.series[name]]
+        assert claimed == sorted(claimed)
+    guarded, paper = record.values["guarded"], record.values["paper"]
+    assert paper["single_frame"]["nees"] is None and paper["independent_s"] is None
+    assert guarded["single_frame"]["within_90"] > 0.5 and guarded["independent_s"] > 0
+    off = {name: abs(record.values[name]["within_90"]["median"] - 0.9) for name in METHODS}
+    assert off["guarded"] <= off["paper"] + 0.05
+
+
+METHODS = ("paper", "guarded")
+
+
+def test_figures_and_sentence_come_from_the_record(record):
+    (plot,) = figures.error_against_claim(record).axes
+    for line, name in zip(plot.lines, record.values["order"], strict=False):
+        drawn = [group["error_cm"] for group in record.series[name]]
+        np.testing.assert_allclose(line.get_ydata(), drawn)
+    (bars,) = figures.regions_by_quarter(record).axes
+    heights = [bar.get_height() for bar in bars.patches]
+    shares = [
+        100 * share for name in record.values["order"] for share in record.values[name]["quarters"]
+    ]
+    np.testing.assert_allclose(heights, shares)
+    text = calibration.finding(record)
+    assert text.startswith("The paper's filter claims") and text.count("90 % regions") == 3

@@ -1,0 +1,216 @@
+"""What a position's uncertainty is worth: errors against what was claimed, for several methods."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from trexton.estimate import Estimate
+from trexton.executor import spread
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import trained_map
+from trexton.flights.flight import Flight
+from trexton.histograms import sampled_histogram
+from trexton.localizer import Localizer, TextonMap
+from trexton.metrics import block_rows
+from trexton.progress import progress
+from trexton.records import Record
+from trexton.streams import stream
+from trexton.wording import number, percent
+
+__all__ = ["Parameters", "finding", "run"]
+
+METHODS = {
+    "paper": "the paper's filter",
+    "guarded": "the guarded filter",
+    "field": "the field",
+}
+SETTLED_S = 2.0
+REGION = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
+WRONG = 16.0  # squared deviations: four
+QUARTERS, GROUPS = 4, 10
+LANDING_SPREAD_M = 0.6  # the paper's threshold: no landing where the spread is wider
+
+
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    repeats: int = option(5, "independent runs of each filter over the test flight", low=1)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly the test flight with each method, and compare errors with what was claimed of them.
+
+    Where there are images, one histogram is drawn for each frame and used in all runs. The first two
+    seconds are left out: filters begin there with no idea.
+    """
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
+    samples = parameters.samples if test.has_images else None
+    histograms = _histograms(test, texton_map, parameters)
+    values: dict[str, Any] = {}
+    series: dict[str, Any] = {}
+    for name in METHODS:
+        method = texton_map.for_method(name, rng=stream(parameters.seed, "calibration"))
+        fly = partial(_fly, method, histograms, samples, parameters.seed)
+        flown = spread(fly, range(parameters.repeats), METHODS[name])
+        claims = _Claims.of(flown, test)
+        values[name] = claims.values(stream(parameters.seed, "intervals"))
+        values[name]["independent_s"] = _independent(flown[0])
+        series[name] = claims.groups()
+    values["order"] = list(METHODS)
+    values["counts"] = {"test": len(test), "repeats": parameters.repeats}
+    return parameters.record(train, test, values=values, series=series)
+
+
+def _histograms(
+    test: Flight, texton_map: TextonMap, parameters: Parameters
+) -> Sequence[np.ndarray]:
+    if not test.has_images or texton_map.dictionary is None:
+        return list(test.histograms)
+    rng = stream(parameters.seed, "samples")
+    images = progress(test.images(), "histograms", len(test))
+    return [
+        sampled_histogram(image, texton_map.dictionary, parameters.samples, rng=rng)
+        for image in images
+    ]
+
+
+def _fly(
+    texton_map: TextonMap,
+    histograms: Sequence[np.ndarray],
+    samples: int | None,
+    seed: int,
+    repeat: int,
+) -> list[Estimate]:
+    localizer = Localizer(texton_map, rng=stream(seed, "flight", repeat))
+    return [
+        localizer.advance(localizer.observation(histogram, samples=samples))
+        for histogram in histograms
+    ]
+
+
+def _independent(flown: list[Estimate]) -> float | None:
+    measured = flown[-1].measurement
+    return None if measured is None else measured.independent_s
+
+
+@dataclass(frozen=True, eq=False)
+class _Claims:
+    """Errors and claims of all runs; arrays ``(R, N)``, the settled frames only.
+
+    Attributes
+    ----------
+    squared : array
+        Errors over what was claimed, squared (NEES; 2 on average if all is honest).
+    error, claimed : arrays
+        Lengths of errors, and deviations claimed along an axis, metres.
+    lost : array
+    measured : array
+        As `squared`, of what single frames measured; NaN where nothing was.
+    spread : array
+        The larger deviation of both axes, which the landing asks for, metres.
+    """
+
+    squared: np.ndarray
+    error: np.ndarray
+    claimed: np.ndarray
+    lost: np.ndarray
+    measured: np.ndarray
+    spread: np.ndarray
+
+    @classmethod
+    def of(cls, flown: list[list[Estimate]], test: Flight) -> _Claims:
+        first = int(np.searchsorted(test.time, test.time[0] + SETTLED_S))
+        first = min(first, len(test) // 2)
+        rows = []
+        for run in flown:
+            errors = np.array([each.position for each in run[first:]]) - test.position[first:]
+            claimed = np.array([each.covariance for each in run[first:]])
+            rows.append((
+                _squared(errors, claimed),
+                np.hypot(*errors.T),
+                np.sqrt(np.trace(claimed, axis1=1, axis2=2) / 2),
+                np.array([each.lost for each in run[first:]]),
+                _measured(run[first:], test.position[first:]),
+                np.array([each.spread.max() for each in run[first:]]),
+            ))  # fmt: skip
+        return cls(*(np.array(column) for column in zip(*rows, strict=True)))
+
+    def values(self, rng: np.random.Generator) -> dict[str, Any]:
+        held = self.squared < REGION
+        wrong = self.squared > WRONG
+        alone = self.measured[np.isfinite(self.measured)]
+        return {
+            "error_cm": 100 * self.error.mean(),
+            "axis_cm": 100 * np.sqrt(np.square(self.error).mean() / 2),
+            "claimed_cm": 100 * np.sqrt(np.square(self.claimed).mean()),
+            "within_90": _interval(held, rng),
+            "quarters": [part.mean() for part in np.array_split(held, QUARTERS, axis=1)],
+            "nees": _interval(self.squared, rng),
+            "single_frame": {
+                "within_90": (alone < REGION).mean() if len(alone) else None,
+                "nees": alone.mean() if len(alone) else None,
+            },
+            "wrong_rate": wrong.mean(),
+            "wrong_told_rate": self.lost[wrong].mean() if wrong.any() else None,
+            "false_alarm_rate": self.lost[~wrong].mean() if (~wrong).any() else None,
+            "landing_allowed_rate": (self.spread < LANDING_SPREAD_M).mean(),
+        }
+
+    def groups(self) -> list[dict[str, float]]:
+        """Tenths of the frames by what was claimed: that, and the error that was made, cm an axis."""
+        order = np.argsort(self.claimed, axis=None, kind="stable")
+        claimed, error = self.claimed.ravel()[order], self.error.ravel()[order]
+        return [
+            {
+                "claimed_cm": 100 * np.sqrt(np.square(a).mean()),
+                "error_cm": 100 * np.sqrt(np.square(b).mean() / 2),
+            }
+            for a, b in zip(
+                np.array_split(claimed, GROUPS), np.array_split(error, GROUPS), strict=True
+            )
+        ]
+
+
+def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+    squared: np.ndarray = np.einsum("ni,nij,nj->n", errors, np.linalg.inv(covariances), errors)
+    return squared
+
+
+def _measured(run: list[Estimate], truth: np.ndarray) -> np.ndarray:
+    found = np.full(len(run), np.nan)
+    for row, estimate in enumerate(run):
+        if estimate.measurement is not None:
+            off = estimate.measurement.position - truth[row]
+            found[row] = off @ np.linalg.solve(estimate.measurement.covariance, off)
+    return found
+
+
+def _interval(rows: np.ndarray, rng: np.random.Generator, draws: int = 500) -> dict[str, float]:
+    """Mean of an ``(R, N)`` array with its 95 % interval over runs and stretches of the flight."""
+    drawn = [
+        rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)].mean() for _ in range(draws)
+    ]
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    return {"median": rows.mean(), "low": low, "high": high}
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    said = []
+    for name in record.values["order"]:
+        values = record.values[name]
+        said.append(
+            f"{METHODS[name]} claims {number(values['claimed_cm'])} cm along an axis, errs by "
+            f"{number(values['axis_cm'])} and has {percent(values['within_90']['median'])} of the "
+            "truth in its 90 % regions"
+        )
+    text = "; ".join(said)
+    return f"{text[0].upper()}{text[1:]}."

@@ -1,0 +1,56 @@
+"""Figures of what a position's uncertainty is worth: error against claim, and regions by quarter."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from trexton.experiments.calibration import METHODS
+from trexton.figures.style import COLORS, canvas, legend_above
+from trexton.records import Record
+
+__all__ = ["error_against_claim", "regions_by_quarter"]
+
+_COLOR = {"paper": "paper", "guarded": "estimate", "field": "accent"}
+
+
+def error_against_claim(record: Record) -> Figure:
+    """Tenths of the frames by what was claimed; on the diagonal the claim is honest."""
+    with canvas(size=(5.6, 4.6)) as (figure, axes):
+        plot = axes[0, 0]
+        most = 1.0
+        for name in record.values["order"]:
+            groups = record.series[name]
+            claimed = [group["claimed_cm"] for group in groups]
+            error = [group["error_cm"] for group in groups]
+            plot.plot(
+                claimed, error, "o-", color=COLORS[_COLOR[name]], markersize=4, label=METHODS[name]
+            )
+            most = max(most, *claimed, *error)
+        plot.plot([0, most], [0, most], color=COLORS["truth"], linewidth=0.9, linestyle="--")
+        plot.set(
+            xlabel="deviation claimed along an axis (cm)",
+            ylabel="error along an axis (cm)",
+            xlim=(0, None),
+            ylim=(0, None),
+        )
+        legend_above(plot)
+    return figure
+
+
+def regions_by_quarter(record: Record) -> Figure:
+    """Share of the truth inside the 90 % regions in each quarter of the flight."""
+    with canvas(size=(6.4, 3.2)) as (figure, axes):
+        plot = axes[0, 0]
+        order = record.values["order"]
+        width = 0.8 / len(order)
+        for place, name in enumerate(order):
+            shares = 100 * np.array(record.values[name]["quarters"])
+            at = np.arange(len(shares)) + (place - (len(order) - 1) / 2) * width
+            plot.bar(at, shares, width, color=COLORS[_COLOR[name]], label=METHODS[name])
+        plot.axhline(90, color=COLORS["truth"], linewidth=0.9, linestyle="--")
+        plot.set_xticks(range(4), ["first quarter", "second", "third", "last"])
+        plot.set(ylabel="truth in the 90 % region (%)", ylim=(0, 100))
+        plot.grid(axis="x", visible=False)
+        legend_above(plot)
+    return figure
