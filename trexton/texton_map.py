@@ -223,7 +223,6 @@ class TextonMap:
             self.parts["distance"],
             self.dictionary,
             flight,
-            None,
             np.random.default_rng(0) if rng is None else rng,
         )
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from trexton.errors import FlightError
 from trexton.estimate import Estimate
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
@@ -46,14 +47,14 @@ class Parameters(MapParameters):
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Fly the test flight with each method, and compare errors with what was claimed of them.
 
-    Where there are images, one histogram is drawn for each frame and used in all runs. The first two
-    seconds are left out: filters begin there with no idea.
+    Where there are images, one histogram is drawn for each frame and used in all runs. The first
+    two seconds are left out: filters begin there with no idea.
     """
     texton_map = trained_map(
         train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
     )
     samples = parameters.samples if test.has_images else None
-    histograms = _histograms(test, texton_map, parameters)
+    histograms = _histograms(train, test, texton_map, parameters)
     values: dict[str, Any] = {}
     series: dict[str, Any] = {}
     for name in METHODS:
@@ -70,10 +71,15 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _histograms(
-    test: Flight, texton_map: TextonMap, parameters: Parameters
+    train: Flight, test: Flight, texton_map: TextonMap, parameters: Parameters
 ) -> Sequence[np.ndarray]:
-    if not test.has_images or texton_map.dictionary is None:
+    if test.histograms is not None and not test.has_images:
         return list(test.histograms)
+    if texton_map.dictionary is None:
+        raise FlightError(
+            f"flight {test.name!r} has images, but {train.name!r} trained on histograms: "
+            "give two flights of one kind"
+        )
     rng = stream(parameters.seed, "samples")
     images = progress(test.images(), "histograms", len(test))
     return [
@@ -165,7 +171,7 @@ class _Claims:
         }
 
     def groups(self) -> list[dict[str, float]]:
-        """Tenths of the frames by what was claimed: that, and the error that was made, cm an axis."""
+        """Tenths of the frames by what was claimed: that, and the error made, cm an axis."""
         order = np.argsort(self.claimed, axis=None, kind="stable")
         claimed, error = self.claimed.ravel()[order], self.error.ravel()[order]
         return [

@@ -1,4 +1,4 @@
-"""Figures of what a position's uncertainty is worth: error against claim, and regions by quarter."""
+"""Figures of what an uncertainty is worth: error against claim, and regions by quarter."""
 
 from __future__ import annotations
 

@@ -45,9 +45,9 @@ class Training:
         None where the flight came as histograms.
     flight : Flight or None
         The frames themselves, in the same order; None where only their histograms were kept.
+    rng : numpy.random.Generator
     texton_map : TextonMap or None
         For calibration and integrity, which judge a method: the map with all other parts trained.
-    rng : numpy.random.Generator
     """
 
     histograms: np.ndarray
@@ -58,8 +58,8 @@ class Training:
     distance: Distance
     dictionary: TextonDictionary | None
     flight: Flight | None
-    texton_map: TextonMap | None
     rng: np.random.Generator
+    texton_map: TextonMap | None = None
 
     @cached_property
     def nearest(self) -> NearestHistograms:
