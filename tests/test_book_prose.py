@@ -73,6 +73,13 @@ def test_the_first_page_says_what_the_records_say():
     assert numbers(landing.text) == [13, 38, 4, 6, 41, 46]
 
 
+def test_a_method_beyond_the_paper_takes_the_third_place():
+    beyond = {"field": {"mean_cm": 21.0, "held": 0.88}, "paper": {"mean_cm": 87.0}}
+    records = {"cyberzoo": {"choices": choices(87, 58), "beyond": beyond}}
+    (found,) = what_we_found(records)
+    assert found.page == "cyberzoo/beyond" and numbers(found.text) == [21, 87, 90, 88]
+
+
 def test_other_records_give_other_verdicts():
     records = {"sim-survey": {"mocap_training": mocap(20, 25, 40, 0.95, 9)}}
     accuracy, filtered, spread = what_we_found(records)

@@ -33,7 +33,7 @@ def what_we_found(records: Records) -> list[Found]:
     records : mapping
         Values by flight and experiment, as `trexton.book.prose.records_by_name` gives them.
     """
-    makers = (_accuracy, _filter, _noise, _spread, _landing)
+    makers = (_accuracy, _filter, _better, _spread, _landing)
     return [found for make in makers if (found := make(records)) is not None]
 
 
@@ -86,6 +86,20 @@ def _filter(records: Records) -> Found | None:
         says = "errs more" if worse[0] else "errs less"
     text = f"Its particle filter {says} than the plain mean of its own neighbours: {text}"
     return Found(f"{text}.", page)
+
+
+def _better(records: Records) -> Found | None:
+    """The method beyond the paper; where it was not run, the one number that changes most."""
+
+    def say(values: Mapping[str, Any]) -> str:
+        field, paper = values["field"], values["paper"]
+        error = f"{number(field['mean_cm'])} cm instead of {number(paper['mean_cm'])} cm"
+        return f"{error} (its 90 % region holds {percent(field['held'])})"
+
+    text, values, page = _on_each(records, "beyond", say)
+    if not values:
+        return _noise(records)
+    return Found(f"Beyond the paper, a field in place of the neighbours gives {text}.", page)
 
 
 def _noise(records: Records) -> Found | None:
