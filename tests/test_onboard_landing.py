@@ -164,3 +164,54 @@ class TestAnswers:
         flight.fly(1)
         flight.autopilot.answer(0, command=511)
         assert flight.fly() is State.ASKED
+
+
+class TestFaults:
+    def test_an_old_position_lands_nothing(self):
+        flight = Flight()
+        for _ in range(20):
+            fix = make_fix(flight.now - 1.2, INSIDE)  # a step of 1.2 s: not stale by its own word
+            flight.commander.update(make_estimate(INSIDE), fix, flight.now)
+            flight.now += 0.1
+        assert flight.autopilot.confirmations == []
+
+    def test_at_the_edge_five_times_at_most_with_confirmations_counted_up(self):
+        flight = Flight(consecutive=1)
+        near = (INSIDE[0] + 0.65, INSIDE[1])  # just outside
+        for number in range(600):
+            flight.fly(position=near if number % 2 else INSIDE)
+        assert flight.autopilot.confirmations == [0, 1, 2, 3, 4]
+
+    def test_a_denial_during_a_flicker_is_heard(self):
+        flight = Flight(consecutive=1)
+        flight.fly()
+        flight.fly(observed=False)
+        flight.autopilot.answer(2)
+        assert flight.fly(observed=False) is State.REFUSED
+        assert flight.fly(50) is State.REFUSED and flight.autopilot.confirmations == [0]
+
+    def test_a_late_answer_means_nothing(self):
+        flight = Flight(consecutive=1)
+        flight.fly()
+        flight.fly(200, observed=False)
+        flight.autopilot.answer(0)
+        assert flight.fly(observed=False) is State.WATCHING
+
+    def test_accepted_then_failed_is_refused(self):
+        flight = Flight()
+        flight.fly(3)
+        flight.autopilot.answer(0)
+        assert flight.fly() is State.LANDING
+        flight.autopilot.answer(4)
+        assert flight.fly() is State.REFUSED and flight.commander.why == "failed"
+
+    def test_the_ground_is_not_landed_on_and_ends_a_landing(self):
+        flight = Flight()
+        flight.autopilot.grounded = True
+        assert flight.fly(30) is State.WATCHING and flight.autopilot.confirmations == []
+        flight.autopilot.grounded = False
+        flight.fly(3)
+        flight.autopilot.answer(0)
+        flight.fly()
+        flight.autopilot.grounded = True
+        assert flight.fly() is State.LANDED

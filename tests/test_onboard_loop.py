@@ -437,3 +437,45 @@ def test_kidnapped_and_found_again():
         declared += any(Fix.of(estimate, 0.0, 1, AREA).lost for estimate, _ in track[:10])
     assert all(index is not None and index < 25 for index in recovered)
     assert declared >= 2  # most are found within a few frames, before the particles have spread
+
+
+def test_a_step_that_takes_long_makes_a_stale_fix(film):
+    """Age counts from capture to report: a stamp compared with itself is always fresh."""
+    localizer = room_localizer()
+    clock, quick = Clock(), localizer.step
+
+    def slow(picture):
+        clock.now += 1.2
+        return quick(picture)
+
+    localizer.step = slow
+    kept, tally = Kept(), Tally()
+    source = Live([film[0]], clock=clock)
+    Onboard(localizer, source, [Guard(kept, tally)], tally=tally, clock=clock).run(
+        threading.Event()
+    )
+    assert kept.fixes[0].observed and kept.fixes[0].latency >= 1.2
+    assert kept.fixes[0].stale and not kept.fixes[0].usable
+
+
+def test_frames_are_numbered_as_the_flight_numbers_them():
+    flight = small_flight(60)
+    fixes, _, _ = run(
+        Localizer(histogram_map(flight), rng=np.random.default_rng(1)),
+        FlightSource(flight, laps=2),
+    )
+    assert [fix.number for fix in fixes] == list(range(120))
+
+
+def test_a_number_of_frames_ends_even_where_none_comes(film):
+    clock = Clock()
+
+    class Never(Live):
+        def read(self):
+            clock.now += 1
+            raise CameraLost("nothing there")
+
+    with pytest.raises(CameraLost, match="no frame in"):
+        Onboard(room_localizer(), Never([]), [], tally=Tally(), clock=clock, frames=5).run(
+            threading.Event()
+        )

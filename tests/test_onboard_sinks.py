@@ -193,3 +193,28 @@ def test_a_reader_that_went_away_or_does_not_read_is_an_error_and_no_wait(monkey
             file.write("x")
     file.close()
     os.close(writer)
+
+
+def test_a_deleted_log_is_counted_and_begun_anew(tmp_path):
+    tally, clock = Tally(), Clock()
+    guard = Guard(JsonLines(f"{tmp_path}/log", events=True), tally, clock)
+    guard.event({"event": "first"})
+    (tmp_path / "log").unlink()
+    guard.event({"event": "lost"})
+    assert tally["output"] == 1
+    clock.now += 2
+    guard.event({"event": "second"})
+    guard.close()
+    assert json.loads((tmp_path / "log").read_text()) == {"event": "second"}
+
+
+def test_a_log_that_grows_is_moved_on_once(tmp_path):
+    log = JsonLines(f"{tmp_path}/log", events=True, most_bytes=200)
+    log.open()
+    for number in range(20):
+        log.event({"event": "number", "number": number})
+    log.close()
+    rows = [json.loads(line)["number"] for name in ("log.1", "log")
+            for line in (tmp_path / name).read_text().splitlines()]  # fmt: skip
+    assert rows == list(range(20 - len(rows), 20)) and len(rows) > 5
+    assert max((tmp_path / name).stat().st_size for name in ("log", "log.1")) <= 200

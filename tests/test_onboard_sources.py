@@ -335,3 +335,19 @@ class TestGrabber:
 def test_unknown_faults_cannot_be_counted():
     with pytest.raises(ParameterError, match="FAULTS"):
         Tally().fault("gremlins")
+
+
+def test_jpegs_cut_short_or_of_another_size_are_not_hidden(tmp_path, rng):
+    """OpenCV's reader fills the one up and bends the other, and says nothing."""
+
+    def jpeg(width: int, height: int) -> bytes:
+        small = rng.integers(0, 255, (height // 8, width // 8, 3), dtype=np.uint8)
+        return cv2.imencode(".jpg", cv2.resize(small, (width, height)))[1].tobytes()
+
+    pictures = [jpeg(128, 96) for _ in range(6)]
+    pictures[2] = pictures[2][: len(pictures[2]) // 3]
+    pictures[4] = jpeg(64, 48)
+    (tmp_path / "film.mjpeg").write_bytes(b"".join(pictures))
+    seen = [frame.picture for frame in everything(open_source(str(tmp_path / "film.mjpeg")))]
+    assert seen[2] is None and seen[4].shape == (48, 64, 3)
+    assert [seen[row].shape for row in (0, 1, 3, 5)] == [(96, 128, 3)] * 4

@@ -18,6 +18,7 @@ from trexton.onboard.commander import Commander, Lander
 from trexton.onboard.fix import STALE_AFTER, Fix, JumpCounter
 from trexton.onboard.grabber import Grabber, Recording, feed_from
 from trexton.onboard.inspection import Inspector
+from trexton.onboard.service import Service
 from trexton.onboard.sinks.base import Guard
 from trexton.onboard.sources.base import CameraLost, Frame, Source
 from trexton.onboard.status import Status
@@ -61,8 +62,8 @@ class Onboard:
 
     def __init__(
         self, localizer: Localizer, source: Source, sinks: list[Guard], *, tally: Tally,
-        rate: float | None = None,        zone: LandingZone | None = None, landers: Sequence[Lander] = (), log: Guard | None = None,
-        frames: int | None = None, clock: Callable[[], float] = time.monotonic,
+        rate: float | None = None, zone: LandingZone | None = None, landers: Sequence[Lander] = (),
+        log: Guard | None = None, frames: int | None = None, clock: Callable[[], float] = time.monotonic,
     ):  # fmt: skip
         self.localizer, self.source, self.sinks, self.log = localizer, source, sinks, log
         self.tally, self._frames, self._clock = tally, frames, clock
@@ -78,11 +79,13 @@ class Onboard:
         self._observed_at = -np.inf
         self._fix: Fix | None = None
         self._number = 0
+        self._service = Service()
 
     def run(self, stop: threading.Event) -> dict[str, Any]:
         """Go on until the source ends, `frames` are done or `stop` is set; returns the summary."""
         feed = feed_from(self.source, self.tally)
         began = self._clock()
+        self._service.ready()
         if self.log is not None:
             clocks = {"unix_s": time.time(), "clock_s": self._clock()}
             self.log.event({"event": "start", **clocks, "map": self.localizer.map.provenance})
@@ -91,6 +94,7 @@ class Onboard:
                 self._frames is None or self.tally["frames"] < self._frames
             ):
                 started = self._clock()
+                self._service.alive(started)
                 frame = feed.next(1.5 * self._period)
                 if frame is not None:
                     self._take(frame, feed)
@@ -103,6 +107,7 @@ class Onboard:
                 if self.source.live:
                     stop.wait(max(0.0, EAGERNESS * self._period - (self._clock() - started)))
         finally:
+            self._service.stopping()
             feed.close()
             summary = self.status.summary()
             for sink in self._everything():
@@ -207,6 +212,7 @@ class Onboard:
         if self.status.due(now):
             line = self.status.line(self._fix, now)
             say(line)
+            self._service.status(line)
             if self.log is not None:
                 self.log.event({"event": "status", "time_s": self._time(), "line": line})
 

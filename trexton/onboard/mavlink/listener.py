@@ -133,8 +133,8 @@ class Listener:
             self.systems.add(system)
             if len(self.systems) > 1:
                 heard = ", ".join(map(str, sorted(self.systems)))
-                self.news.append({"event": "several vehicles", "systems": heard,
-                                  "do": "name ours with --system-id; no landing until"})  # fmt: skip
+                advice = "name ours with --system-id; no landing until then"
+                self.news.append({"event": "several vehicles", "systems": heard, "do": advice})
         gone = self.target is not None and now - self.heard_at > 10 * SILENCE
         if self.target is None or (gone and system != self.target[0]):
             self._adopt(system, component)

@@ -31,7 +31,7 @@ class V4l2Source(Source):
     """
 
     addresses = {
-        "/dev/video0": "a V4L2 camera, asked for UYVY at the size of the map; its bytes as they are",
+        "/dev/video0": "a V4L2 camera, asked for UYVY at the map's size; its bytes as they are",
     }
 
     @staticmethod

@@ -1,0 +1,58 @@
+"""What is refused before anything flies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import small_flight
+from onboard_tools import room_map
+
+from trexton.cli import main
+from trexton.flights import write_flight
+from trexton.localizer import TextonMap
+
+
+@pytest.fixture
+def flight(tmp_path):
+    folder = write_flight(small_flight(60), tmp_path / "flight")
+    path = TextonMap.train(small_flight(60), neighbors=3, rng=np.random.default_rng(1)).save(
+        tmp_path / "map.npz"
+    )
+    return folder, path
+
+
+@pytest.mark.parametrize(
+    "outputs",
+    [
+        ["csv:{map}"], ["json:{flight}/frames.csv"], ["tum:{flight}/flight.toml"],
+        ["csv:{tmp}/a", "tum:{tmp}/a"], ["csv:{tmp}/flight/../a", "json:{tmp}/a"],
+    ],
+)  # fmt: skip
+def test_nothing_is_written_over_what_is_read_and_no_file_twice(outputs, flight, tmp_path, capsys):
+    folder, path = flight
+    before = {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()}
+    words = []
+    for output in outputs:
+        words += ["--output", output.format(map=path, flight=folder, tmp=tmp_path)]
+    assert main(["onboard", str(path), "--camera", str(folder), *words]) == 1
+    assert "give" in capsys.readouterr().err
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
+
+
+def test_the_log_neither(flight, tmp_path, capsys):
+    folder, path = flight
+    words = ["--output", f"csv:{tmp_path}/a", "--log", f"{tmp_path}/a"]
+    assert main(["onboard", str(path), "--camera", str(folder), *words]) == 1
+    assert "two outputs" in capsys.readouterr().err
+
+
+def test_images_for_a_map_of_histograms(flight, capsys):
+    assert main(["onboard", str(flight[1]), "--camera", "simulator", "--frames", "2"]) == 1
+    assert "holds no textons" in capsys.readouterr().err
+
+
+def test_a_flight_of_which_nothing_could_be_used_is_a_failure(flight, tmp_path, capsys):
+    path = room_map().save(tmp_path / "room.npz")  # 16 textons, and the histograms have another K
+    words = ["onboard", str(path), "--camera", str(flight[0]), "--output", "csv:/dev/null"]
+    assert main(words) == 1
+    assert "not one frame" in capsys.readouterr().err

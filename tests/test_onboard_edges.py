@@ -1,0 +1,94 @@
+"""Edges that declare themselves: a stranger's sink in one file, and what is made of declarations."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import pytest
+from onboard_tools import make_fix, surroundings
+
+from trexton.errors import ParameterError
+from trexton.onboard import sinks
+from trexton.onboard.edges import add_options, chosen_options, markdown_table
+from trexton.onboard.sources import source_classes
+
+STRANGER = '''
+"""One line of text a fix, in any unit."""
+
+from dataclasses import dataclass
+
+from trexton.onboard.sinks.base import Sink
+from trexton.onboard.sinks.lines import LineFile, named_file
+from trexton.options import Options, option
+
+
+@dataclass(frozen=True)
+class PlainOptions(Options):
+    """Plain text"""
+
+    unit: str = option("m", "unit of length", choices=("m", "cm"))
+    digits: int = option(2, "digits after the point", low=0, high=9)
+
+
+class Plain(Sink):
+    addresses = {"plain:FILE": "a line of text a position"}
+    options, prefix = PlainOptions, "plain"
+
+    def __init__(self, path, options):
+        self.name = self.file = path
+        self.lines, self.chosen = LineFile(path), options
+
+    @classmethod
+    def make(cls, address, options, around):
+        return cls(named_file(address), options)
+
+    def open(self):
+        self.lines.open()
+
+    def write(self, fix):
+        x, y = fix.position * {"m": 1, "cm": 100}[self.chosen.unit]
+        self.lines.write(f"{x:.{self.chosen.digits}f} {y:.{self.chosen.digits}f}")
+'''
+
+
+@pytest.fixture
+def plain(tmp_path, monkeypatch):
+    (tmp_path / "plain_sink.py").write_text(STRANGER)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setitem(sinks.SINKS, "plain", "plain_sink:Plain")
+    yield
+    sys.modules.pop("plain_sink", None)
+
+
+def parsed(*words: str):
+    parser = argparse.ArgumentParser()
+    add_options(parser, sinks.sink_classes())
+    return parser, chosen_options(parser.parse_args(words), sinks.sink_classes())
+
+
+def test_a_strangers_sink_in_one_file_of_forty_lines(plain, tmp_path):
+    assert len(STRANGER.strip().splitlines()) <= 40
+    parser, options = parsed("--plain-unit", "cm", "--plain-digits", "1")
+    assert "Plain text" in parser.format_help() and "unit of length" in parser.format_help()
+    sink = sinks.open_sink(f"plain:{tmp_path}/out", surroundings(), options)
+    sink.open()
+    sink.write(make_fix(1.0, (1.25, 2.0)))
+    sink.close()
+    assert (tmp_path / "out").read_text() == "125.0 200.0\n"
+    table = markdown_table(sinks.sink_classes(), "--output")
+    assert "| `plain:FILE` | a line of text a position |" in table
+    assert "| `--plain-digits` | `2` | digits after the point |" in table
+
+
+@pytest.mark.parametrize("words", [["--plain-unit", "ell"], ["--plain-digits", "10"]])
+def test_its_options_are_checked_and_named_as_typed(plain, words):
+    with pytest.raises(ParameterError, match=words[0]):
+        parsed(*words)
+
+
+def test_the_book_shows_the_tables_that_the_declarations_make():
+    page = (Path(__file__).parent.parent / "book" / "onboard.md").read_text()
+    assert markdown_table(sinks.sink_classes(), "--output") in page
+    assert markdown_table(source_classes(), "--camera") in page

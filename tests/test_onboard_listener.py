@@ -1,0 +1,190 @@
+"""Which of the voices on the wire counts: an autopilot among gimbals, stations, other vehicles."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
+
+from hypothesis import given, settings  # noqa: E402
+from hypothesis import strategies as st  # noqa: E402
+from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT  # noqa: E402
+from onboard_tools import make_fix  # noqa: E402
+from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
+
+from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.mavlink.link import UdpIn  # noqa: E402
+from trexton.onboard.mavlink.listener import Listener  # noqa: E402
+from trexton.onboard.mavlink.profiles import profile_named  # noqa: E402
+from trexton.onboard.mavlink.speaker import Speaker  # noqa: E402
+
+GIMBAL = mavlink.MAVLink_heartbeat_message(26, 0, 0, 0, 4, 3)
+
+
+def said_by(message, system=1, component=1):
+    packed = message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=component))
+    return mavlink.MAVLink(None).parse_buffer(packed)[0]
+
+
+def listener(*systems, **options) -> Listener:
+    made = Listener(**options)
+    for system in systems:
+        made.hear(said_by(AUTOPILOT_HEARTBEAT, system), 0.0)
+    return made
+
+
+def speaker(ear: Listener, name="px4") -> Speaker:
+    profile = profile_named(name, LocalFrame(), (0.0, 5.0, 0.0, 5.0))
+    return Speaker(profile, 0.01 * np.eye(2), ear)
+
+
+def test_a_gimbal_is_no_autopilot():
+    ear = Listener()
+    ear.hear(said_by(GIMBAL, component=154), 0.0)
+    assert ear.target is None
+    ear.hear(said_by(AUTOPILOT_HEARTBEAT), 1.0)
+    ear.hear(said_by(GIMBAL, component=154), 9.0)
+    assert ear.target == (1, 1) and not ear.present(9.0)  # its life is not the autopilot's
+
+
+def test_two_vehicles_are_told_of_and_neither_is_landed():
+    ear = listener(7, 1)
+    assert not ear.certain and any(news["event"] == "several vehicles" for news in ear.news)
+    assert not speaker(ear).land(0, 0.0)
+    named = listener(7, 1, system_id=1)
+    talk = speaker(named)
+    assert named.target == (1, 1) and talk.land(0, 0.0)
+    assert [m.target_system for m in talk.due(0.0) if m.get_type() == "COMMAND_LONG"][0] == 1
+
+
+def test_another_is_taken_up_only_after_a_long_silence():
+    ear = listener(7)
+    ear.hear(said_by(AUTOPILOT_HEARTBEAT, 1), 5.0)
+    assert ear.target == (7, 1)
+    ear.hear(said_by(AUTOPILOT_HEARTBEAT, 1), 60.0)
+    assert ear.target == (1, 1) and not ear.certain
+
+
+def test_what_was_said_of_position_and_ground_grows_old():
+    ear = listener(1)
+    ear.hear(said_by(mavlink.MAVLink_estimator_status_message(0, 8, *[0.0] * 8)), 1.0)
+    ear.hear(said_by(mavlink.MAVLink_extended_sys_state_message(0, 1)), 1.0)
+    assert ear.fused(2.0) is True and ear.on_ground(2.0) is True
+    assert ear.fused(60.0) is None and ear.on_ground(60.0) is None
+
+
+@pytest.mark.parametrize(
+    ("target", "ours"), [((0, 0), True), ((1, 191), True), ((255, 191), False), ((1, 190), False)]
+)
+def test_an_answer_counts_only_if_it_is_for_us(target, ours):
+    ear = listener(1)
+    ear.hear(said_by(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, *target)), 0.0)
+    assert bool(ear.answers) == ours
+
+
+def test_aiding_is_in_the_maps_axes_and_of_the_moment():
+    ear = listener(1, local=LocalFrame(math.pi / 2))  # the map's +y points east
+    ear.hear(said_by(mavlink.MAVLink_attitude_message(0, 0.1, -0.2, math.pi / 2, 0, 0, 0)), 10.0)
+    ear.hear(said_by(mavlink.MAVLink_distance_sensor_message(0, 10, 900, 150, 0, 0, 25, 0)), 10.0)
+    ear.hear(said_by(mavlink.MAVLink_local_position_ned_message(0, 0, 0, 0, 0, 0.5, 0)), 10.0)
+    known = ear.aiding(10.1)
+    assert (known.roll, known.pitch, known.height) == pytest.approx((0.1, -0.2, 1.5))
+    assert known.yaw == pytest.approx(math.pi / 2)  # east is +y: a quarter turn from +x
+    assert known.velocity == pytest.approx([0.0, 0.5])
+    late = ear.aiding(12.0)
+    assert late.roll is None and late.height is None and late.velocity is None
+
+
+def test_a_landing_is_not_pushed_out_by_requests():
+    talk = speaker(listener(1))
+    assert talk.land(0, 0.0)
+    for number in range(100):
+        talk.listener.hear(said_by(mavlink.MAVLink_timesync_message(0, number + 1)), 0.0)
+    kinds = [message.get_type() for message in talk.due(0.0)]
+    assert "COMMAND_LONG" in kinds and kinds.count("TIMESYNC") == 16
+
+
+def test_a_slow_step_is_not_sent_as_fresh():
+    talk = speaker(listener(1))
+    talk.tell(make_fix(10.0), 11.2)  # captured 1.2 s ago
+    assert not [m for m in talk.due(11.2) if m.get_type() == "VISION_POSITION_ESTIMATE"]
+
+
+@pytest.mark.parametrize("rate", [12.5, 20.0, 60.0])
+def test_the_beat_is_steady_whatever_the_camera_does(rate):
+    talk, sent, told = speaker(listener(1)), [], -1
+    for tick in range(2000):
+        now = 10 + tick / 1000
+        if math.floor(tick / 1000 * rate) != told:
+            told = math.floor(tick / 1000 * rate)
+            talk.tell(make_fix(now), now)
+        sent += [now for m in talk.due(now) if m.get_type() == "VISION_POSITION_ESTIMATE"]
+    assert len(sent) == pytest.approx(60, abs=1)
+    assert np.abs(np.diff(sent) - 1 / 30).max() < 0.0015
+
+
+def test_a_stray_byte_takes_nobodys_place():
+    clock = [0.0]
+    link = UdpIn("127.0.0.1", 1, clock=lambda: clock[0])
+    sent = []
+    link._opened = type(  # a socket on paper
+        "Wire", (), {"recvfrom": lambda self, size: (b"x", self.sender),
+                     "sendto": lambda self, data, peer: sent.append(peer)}
+    )()  # fmt: skip
+    link._opened.sender = ("10.0.0.1", 5)
+    link.receive()
+    link.understood()
+    link._opened.sender = ("10.0.0.9", 9)
+    link.receive()  # not understood
+    link.send(b"position")
+    assert sent == [("10.0.0.1", 5)]
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.binary(max_size=300), max_size=8))
+def test_no_bytes_harm_the_conversation(pieces):
+    ear = listener(1)
+    talk, codec = speaker(ear), mavlink.MAVLink(None)
+    codec.robust_parsing = True
+    for piece in pieces:
+        for message in codec.parse_buffer(piece) or []:
+            ear.hear(message, 1.0)
+    assert all(message.pack(mavlink.MAVLink(None)) for message in talk.due(1.0))
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.data())
+def test_no_message_harms_the_conversation(data):
+    """Every kind that is listened to, with any values in its fields."""
+    kinds = {
+        mavlink.MAVLink_attitude_message: (mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)),
+        mavlink.MAVLink_heartbeat_message: AUTOPILOT_HEARTBEAT,
+        mavlink.MAVLink_command_ack_message: mavlink.MAVLink_command_ack_message(21, 0),
+        mavlink.MAVLink_gps_global_origin_message: mavlink.MAVLink_gps_global_origin_message(
+            1, 2, 3, 0
+        ),
+        mavlink.MAVLink_statustext_message: mavlink.MAVLink_statustext_message(3, b"text"),
+        mavlink.MAVLink_timesync_message: mavlink.MAVLink_timesync_message(0, 5),
+        mavlink.MAVLink_distance_sensor_message: mavlink.MAVLink_distance_sensor_message(
+            0, 10, 900, 150, 0, 0, 25, 0
+        ),
+    }
+    ear = listener(1)
+    talk = speaker(ear, data.draw(st.sampled_from(["px4", "ardupilot"])))
+    for _ in range(5):
+        base = data.draw(st.sampled_from(list(kinds.values())))
+        packet = bytearray(base.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=1)))
+        message = mavlink.MAVLink(None).parse_buffer(bytes(packet))[0]
+        for name in message.fieldnames:
+            value = getattr(message, name)
+            if isinstance(value, float):
+                setattr(message, name, data.draw(st.floats(width=32)))
+            elif isinstance(value, int):
+                setattr(message, name, data.draw(st.integers(0, 255)))
+        ear.hear(message, 1.0)
+    talk.tell(make_fix(1.0), 1.0)
+    for message in talk.due(1.0):
+        message.pack(mavlink.MAVLink(None))

@@ -1,0 +1,104 @@
+"""What is only for eyes may neither hold up nor end a flight."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from conftest import small_flight
+from onboard_tools import eventually
+
+from trexton.flights import write_flight
+from trexton.localizer import TextonMap
+from trexton.onboard.voice import Voice
+
+
+@pytest.fixture
+def words(tmp_path) -> list[str]:
+    """A flight at its own stamps that would go on for ever, with a log."""
+    flight = small_flight(120)
+    folder = write_flight(flight, tmp_path / "flight")
+    path = TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(1)).save(
+        tmp_path / "map.npz"
+    )
+    return [
+        sys.executable, "-m", "trexton.cli", "onboard", str(path), "--camera", str(folder),
+        "--pace", "stamps", "--laps", "1000", "--output", f"csv:{tmp_path}/out.csv",
+        "--log", str(tmp_path / "log"),
+    ]  # fmt: skip
+
+
+def lines(tmp_path) -> list[str]:
+    log = tmp_path / "log"
+    return log.read_text().splitlines() if log.exists() else []
+
+
+def test_a_reader_of_standard_error_that_has_gone_ends_nothing(words, tmp_path):
+    reader, writer = os.pipe()
+    process = subprocess.Popen(words, stderr=writer)
+    os.close(writer)
+    try:
+        assert eventually(lambda: len(lines(tmp_path)) > 5)
+        os.close(reader)
+        count = len(lines(tmp_path))
+        assert eventually(lambda: len(lines(tmp_path)) > count + 30)  # several status lines later
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+    assert json.loads(lines(tmp_path)[-1])["event"] == "end"
+
+
+def test_a_reader_that_sleeps_holds_nothing_up(words, tmp_path):
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    try:
+        while True:
+            os.write(writer, b"x" * 4096)
+    except BlockingIOError:
+        os.set_blocking(writer, True)  # full now: the script's first word would wait for ever
+    process = subprocess.Popen(words, stderr=writer)
+    try:
+        assert eventually(lambda: len(lines(tmp_path)) > 30)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+        os.close(reader)
+        os.close(writer)
+    assert json.loads(lines(tmp_path)[-1])["event"] == "end"
+
+
+def test_a_terminal_that_is_closed_ends_nothing(words, tmp_path):
+    process = subprocess.Popen(words, stderr=subprocess.DEVNULL)
+    try:
+        assert eventually(lambda: len(lines(tmp_path)) > 5)
+        process.send_signal(signal.SIGHUP)
+        count = len(lines(tmp_path))
+        assert eventually(lambda: len(lines(tmp_path)) > count + 20)
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 0
+    finally:
+        process.kill()
+
+
+def test_what_cannot_be_written_in_time_is_left_out_and_counted(monkeypatch):
+    reader, writer = os.pipe()
+
+    class Asleep:
+        def fileno(self):
+            return writer
+
+    monkeypatch.setattr(sys, "stderr", Asleep())
+    voice = Voice(size=4)
+    for _ in range(100):
+        voice.say("x" * 60_000)
+    assert voice.left_out >= 90
+    os.close(reader)  # lets the thread go
+    voice.flush(5)
+    os.close(writer)
