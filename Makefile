@@ -10,7 +10,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test test-slow bench full lab lock clean
+.PHONY: help env book test check test-slow bench full lab lock clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -30,6 +30,13 @@ book: env  ## run the notebooks, build book/_build/html/index.html
 
 test: env  ## the tests
 	@$(BIN)/python -m pytest -m "not slow" $(ARGS)
+
+check: env  ## format, lint, types, import directions, dead code
+	@$(BIN)/ruff format --check --quiet .
+	@$(BIN)/ruff check --quiet .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports --no-logo
+	@$(BIN)/vulture
 
 test-slow: env  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow $(ARGS)

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help=f"KIND or KIND:ADDRESS, repeatable; kinds: {', '.join(SINKS)} (default json)",
     )  # fmt: skip
     parser.add_argument(
-        "--set", dest="choices", action="append", default=[], metavar="ROLE[.OPTION]=VALUE",
+        "--set", dest="choices", nargs="+", action="extend", default=[], metavar="ROLE[.OPTION]=VALUE",
         help="another part, or an option of one, repeatable: recovery=augmented",
     )  # fmt: skip
     parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {', '.join(SOURCES)}."

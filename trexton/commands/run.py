@@ -20,7 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these experiments only")
     parser.add_argument(
-        "--set", nargs="+", default=[], metavar="KEY=VALUE", dest="settings",
+        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="settings",
         help="a parameter of the notebooks, or of one: mocap_training.samples=200",
     )  # fmt: skip
     parser.add_argument(

@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--plan", metavar="TOML", help=f"a file with any of {', '.join(_KEYS)}")
     parser.add_argument("--experiment", metavar="NAME", help="what is run in every cell")
     parser.add_argument(
-        "--set", nargs="+", default=[], metavar="KEY=A,B,C", dest="settings",
+        "--set", nargs="+", action="extend", default=[], metavar="KEY=A,B,C", dest="settings",
         help="values of a parameter; all combinations are run",
     )  # fmt: skip
     parser.add_argument("--floors", type=int, metavar="N", help="simulate so many floors")

@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--neighbors", type=int, help="short for --set measurement.neighbors (default 5)"
     )
     parser.add_argument(
-        "--set", dest="choices", action="append", default=[], metavar="ROLE[.OPTION]=VALUE",
+        "--set", dest="choices", nargs="+", action="extend", default=[], metavar="ROLE[.OPTION]=VALUE",
         help="another part, or an option of one, repeatable: distance=hellinger, motion.sigma=0.2",
     )  # fmt: skip
     parser.add_argument(

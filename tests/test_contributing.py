@@ -1,0 +1,105 @@
+"""CONTRIBUTING.md, carried out exactly as printed, in a copy of the package."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from trexton.flights import Flight, write_flight
+
+ROOT = Path(__file__).parent.parent
+SECTION = re.compile(r"^## (?P<title>.+?)\n(?P<body>.*?)(?=^## |\Z)", re.S | re.M)
+FILE = re.compile(r"`(?P<path>trexton/[\w/]+\.py)`:\n\n```python\n(?P<code>.*?)```", re.S)
+LINE = re.compile(
+    r"One line in `(?P<path>[^`]+)`, under `(?P<anchor>[^`]+)`:\n\n```python\n(?P<line>[^\n]+)\n```"
+)
+SECTIONS = {
+    found["title"]: found["body"]
+    for found in SECTION.finditer((ROOT / "CONTRIBUTING.md").read_text())
+}
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory) -> Path:
+    """A flight of histograms that follow the place, with splits."""
+    rng = np.random.default_rng(1)
+    angle = np.linspace(0, 8 * np.pi, 120)
+    place = np.column_stack([np.cos(angle), np.sin(1.3 * angle)])
+    values = np.exp(-((place[:, None] - rng.uniform(-1, 1, (8, 2))) ** 2).sum(axis=2)) + 0.05
+    recorded = Flight(
+        "loop", np.arange(120), np.arange(120) * 0.08, place, (-1.1, 1.1, -1.1, 1.1),
+        histograms=values / values.sum(axis=1, keepdims=True), split={"train": (0, 69), "test": (70, 119)},
+    )  # fmt: skip
+    return write_flight(recorded, tmp_path_factory.mktemp("flights") / "loop")
+
+
+def test_there_are_the_five_that_are_promised():
+    assert list(SECTIONS) == [
+        "A motion model", "A histogram distance", "A sink", "A flight importer", "An experiment"
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("title", SECTIONS)
+def test_it_is_done_as_printed(title, tmp_path, flight):
+    body = SECTIONS[title]
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "trexton", tmp_path / "trexton", ignore=ignored)
+    for name in ("notebooks", "data/paper"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
+    shutil.copy(ROOT / "pyproject.toml", tmp_path)
+    (file,), (line,) = FILE.findall(body), LINE.findall(body)
+    assert len(file[1].splitlines()) <= 40
+    (tmp_path / file[0]).write_text(file[1])
+    registry = tmp_path / line[0]
+    before, anchor, after = registry.read_text().partition(line[1] + "\n")
+    assert anchor, f"{line[1]!r} is not in {line[0]}"
+    registry.write_text(f"{before}{anchor}{line[2]}\n{after}")
+    work = tmp_path / "work"
+    work.mkdir()
+    write_recording(work / "recording.npz")
+    for command in re.search(r"```bash\n(.*?)```", body, re.S)[1].splitlines():
+        words = shlex.split(command.replace("FLIGHT", str(flight)))
+        run = subprocess.run(
+            [sys.executable, "-m", "trexton.cli", *words[1:]],
+            cwd=work, capture_output=True, text=True, timeout=300,
+            env=os.environ | {"PYTHONPATH": str(tmp_path), "TREXTON_CACHE": str(tmp_path / "cache")},
+        )  # fmt: skip
+        assert run.returncode == 0, f"{command}\n{run.stdout}\n{run.stderr}"
+    check(title, work)
+
+
+def write_recording(path: Path) -> None:
+    rng = np.random.default_rng(2)
+    histograms = rng.dirichlet(np.ones(5), 30)
+    np.savez(
+        path,
+        time_s=np.arange(30) * 0.1,
+        position_m=rng.uniform(0, 2, (30, 2)),
+        histograms=histograms,
+    )
+
+
+def check(title: str, work: Path) -> None:
+    """What the commands must have left."""
+    if title == "A motion model":
+        assert len((work / "fixes.csv").read_text().splitlines()) == 6
+    elif title == "A histogram distance":
+        assert (work / "map.npz").stat().st_size > 1000
+    elif title == "A sink":
+        lines = (work / "fixes.txt").read_text().splitlines()
+        assert len(lines) == 5 and all(re.fullmatch(r"-?\d+ -?\d+ cm", line) for line in lines)
+    elif title == "A flight importer":
+        assert (work / "imported" / "histograms.csv").is_file()
+    else:
+        results = work / "results" / "loop"
+        names = {path.name for path in results.iterdir()}
+        assert {"stillness.json", "stillness.ipynb", "stillness-steps.svg"} <= names
+        assert "A frame looks like the one before" in (results / "stillness.ipynb").read_text()
