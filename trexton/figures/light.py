@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from matplotlib.figure import Figure
 
-from trexton.experiments.beyond import VARIANTS
 from trexton.figures.style import COLORS, canvas, legend_above
 from trexton.records import Record
 
 __all__ = ["sweeps"]
 
-SHADES = {"paper": COLORS["paper"], "both": COLORS["knn"], "field": COLORS["estimate"]}
+STYLE = {
+    "paper": ("paper", COLORS["paper"]),
+    "both": ("paper, agile", COLORS["knn"]),
+    "field": ("field", COLORS["estimate"]),
+}
 
 
 def sweeps(record: Record) -> Figure:
@@ -23,7 +26,8 @@ def sweeps(record: Record) -> Figure:
         ):
             shares = [100 * share for share in series[what]]
             for name, errors in series[f"by_{what}_cm"].items():
-                plot.plot(shares, errors, "o-", color=SHADES[name], label=VARIANTS[name].label)
+                short, color = STYLE[name]
+                plot.plot(shares, errors, "o-", color=color, label=short)
             plot.set(xlabel=label, ylim=(0, None))
         axes[0, 0].set_ylabel("mean error (cm)")
         legend_above(axes[0, 0], 3)
