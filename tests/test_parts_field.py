@@ -40,7 +40,16 @@ def training(count: int = 500, scale: float = 1.0, **changes) -> Training:
     places, time = path(count)
     area = tuple(scale * edge for edge in AREA)
     given = Training(
-        look(places, rng), scale * places, time, area, 0.08, Hellinger(), None, None, rng
+        histograms=look(places, rng),
+        positions=scale * places,
+        time=time,
+        area=area,
+        period_s=0.08,
+        distance=Hellinger(),
+        dictionary=None,
+        flight=None,
+        texton_map=None,
+        rng=rng,
     )
     return replace(given, **changes)
 

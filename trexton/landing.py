@@ -130,7 +130,7 @@ class TouchdownZone(LandingZone):
         *,
         drift_s: float = 0.5,
         gust: float = 0.14,
-        confidence: float = 0.95,
+        confidence: float = 0.9,
         least: float = 0.8,
         time_limit: float = 60.0,
         consecutive: int = 1,

@@ -75,7 +75,7 @@ class Singer(MotionModel):
         return rest
 
     def start(self, rng: np.random.Generator, area: Area, count: int) -> np.ndarray:
-        states = rng.standard_normal((count, 6)) * np.sqrt(self.rest)
+        states: np.ndarray = rng.standard_normal((count, 6)) * np.sqrt(self.rest)
         states[:, :2] = uniform_places(rng, area, count)
         return states
 
