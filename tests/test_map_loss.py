@@ -172,6 +172,18 @@ def test_figures_show_the_record(record, tmp_path):
     np.testing.assert_allclose(plot.lines[1].get_ydata()[0], 1)
 
 
+@pytest.mark.parametrize("count", [18, 30, 75])
+def test_a_short_flight_is_evaluated_and_drawn(count, flights, tmp_path, monkeypatch):
+    monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
+    whole, again = flights
+    rows = np.linspace(0, len(whole) - 1, count).astype(int)
+    train = replace(whole.select(rows), time=np.arange(count) * 1.0)
+    half = replace(again.select(np.arange(count // 2)), time=np.arange(count // 2) * 1.0)
+    record = map_loss.run(train, half, map_loss.Parameters())
+    for name in figures.__all__:
+        assert getattr(figures, name)(record).axes
+
+
 def test_rank_correlation(rng):
     a = rng.normal(size=200)
     b = a + rng.normal(size=200)

@@ -14,6 +14,7 @@ from typing import Any
 import jinja2
 
 from trexton.errors import DataError
+from trexton.flights.importers import describe
 from trexton.paper import published
 from trexton.wording import Tree, template_environment
 from trexton.workflow import Outcome
@@ -62,7 +63,13 @@ def render(path: Path, context: dict[str, Any], pages: set[str], pictures: dict[
     try:
         template = environment.from_string(path.read_text(encoding="utf-8"))
         return template.render(
-            context | {"paper": Tree(published()), "see": see, "picture": pictures.get}
+            context
+            | {
+                "paper": Tree(published()),
+                "see": see,
+                "picture": pictures.get,
+                "importers": describe,
+            }
         )
     except jinja2.TemplateSyntaxError as error:
         raise DataError(

@@ -45,9 +45,11 @@ def errors_by_loss(record: Record) -> Figure:
         plot = axes[0, 0]
         for key, label, color, marker in lines:
             rows = record.series["groups"][key]
-            loss = [row["loss"] for row in rows]
+            # A tenth of very few frames may hold none: its numbers are missing.
+            loss = np.array([row["loss"] for row in rows], dtype=float)
             error = {
-                name: [row["error_cm"][name] for row in rows] for name in ("value", "low", "high")
+                name: np.array([row["error_cm"][name] for row in rows], dtype=float)
+                for name in ("value", "low", "high")
             }
             plot.fill_between(
                 loss, error["low"], error["high"], color=color, alpha=0.15, linewidth=0

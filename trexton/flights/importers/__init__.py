@@ -15,7 +15,7 @@ from trexton.errors import ParameterError
 from trexton.flights.importers.recording import Recording
 from trexton.options import Options
 
-__all__ = ["IMPORTERS", "Importer", "guess_kind", "importer"]
+__all__ = ["IMPORTERS", "Importer", "describe", "guess_kind", "importer"]
 
 IMPORTERS = {
     "euroc": "trexton.flights.importers.euroc",
@@ -55,6 +55,20 @@ def importer(kind: str) -> Importer:
     except ImportError as error:
         raise ParameterError(f"the importer {kind!r} cannot be loaded: {error}") from None
     return cast(Importer, module)
+
+
+def describe() -> str:
+    """A table (Markdown) of every kind and its settings, as they are declared."""
+    lines = ["| kind | reads | its own settings |", "|---|---|---|"]
+    for kind in IMPORTERS:
+        module = importer(kind)
+        first = (module.__doc__ or "").strip().splitlines()[0].rstrip(".")
+        settings = "<br>".join(
+            f"`--{each.name.replace('_', '-')}` {each.meaning}"
+            for each in module.Settings.declared()
+        )
+        lines.append(f"| `{kind}` | {first} | {settings} |")
+    return "\n".join(lines)
 
 
 def guess_kind(source: Path) -> str:
