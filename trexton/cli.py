@@ -26,6 +26,7 @@ COMMANDS = {
     "report": ("report", "will it work here? A printable page and a small book"),
     "book": ("book", "run every experiment and build the book"),
     "onboard": ("onboard", "localize live frames and report positions"),
+    "replay": ("replay", "show what a flight of the script sent, and what the autopilot said"),
     "bench": ("bench", "measure the speed of every stage"),
     "suitability": ("suitability", "will it work over this floor? A picture is enough"),
     "play": ("play", "look at a flight frame by frame in a browser"),

@@ -1,0 +1,62 @@
+"""What is made of a log and of JSON lines: the replay, and the conversion for ROS 2."""
+
+from __future__ import annotations
+
+import json
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+from onboard_tools import make_fix
+
+from trexton.cli import main
+from trexton.onboard.local import LocalFrame
+from trexton.onboard.sinks.json_lines import JsonLines, row
+
+EXAMPLE = Path(__file__).parent.parent / "examples" / "ros2_node.py"
+
+
+@pytest.fixture
+def log(tmp_path) -> Path:
+    sink = JsonLines(f"{tmp_path}/log", events=True)
+    sink.open()
+    sink.write(make_fix(1.0, (1.5, 2.5)))
+    sink.event({"time_s": 1.1, "event": "answer", "command": 21, "result": 2})
+    sink.event({"time_s": 1.1, "event": "status", "line": "not repeated"})
+    sink.write(make_fix(2.0, (9.0, 9.0), lost=True))
+    sink.write(make_fix(3.0, (1.0, 1.0), fault="dark", observed=False))
+    sink.write(make_fix(4.0, (3.0, 3.5)))
+    sink.close()
+    return tmp_path / "log"
+
+
+def test_what_was_sent_stands_beside_what_was_answered(log, capsys):
+    assert main(["replay", str(log)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "told x 1.50 y 2.50" in lines[0] and "answer: command 21, result 2" in lines[0]
+    assert "silence: lost" in lines[1] and "told x 3.00 y 3.50" in lines[2]
+    assert lines[3] == "fixes 4, told 2, event answer 1, event status 1, fault dark 1"
+
+
+@pytest.mark.parametrize("text", ["not json\n", "[1, 2]\n"])
+def test_another_file_gets_a_sentence(text, tmp_path, capsys):
+    (tmp_path / "other").write_text(text)
+    assert main(["replay", str(tmp_path / "other")]) == 1
+    assert "line 1 is none of a log" in capsys.readouterr().err
+    assert main(["replay", str(tmp_path / "none")]) == 1
+    assert "cannot be read" in capsys.readouterr().err
+
+
+def test_the_pose_for_ros_is_that_of_the_autopilots_axes(rng):
+    pose = runpy.run_path(str(EXAMPLE))["pose"]
+    for heading in (0.0, 0.7, -2.0):
+        half = rng.normal(size=(2, 2))
+        fix = make_fix(1.0, rng.normal(size=2), half @ half.T)
+        found = pose(json.loads(json.dumps(row(fix))), heading)
+        local = LocalFrame(heading)
+        np.testing.assert_allclose(found["position"][:2], local.enu(fix.position)[:2])
+        ned = local.ned_covariance(fix.covariance)
+        covariance = np.reshape(found["covariance"], (6, 6))
+        np.testing.assert_allclose(covariance[:2, :2], ned[::-1, ::-1])
+    assert pose(row(make_fix(1.0, lost=True)), 0.0) is None

@@ -1,0 +1,80 @@
+"""What a log of ``trexton onboard`` tells afterwards: what was sent beside what was answered."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from trexton.errors import DataError
+
+__all__ = ["events", "summary"]
+
+
+def rows(path: str | Path) -> Iterator[dict[str, Any]]:
+    """The lines of a log, in order; raises `DataError` where one is none."""
+    try:
+        with open(path, encoding="utf-8") as stream:
+            for number, line in enumerate(stream, 1):
+                row = json.loads(line)
+                if not isinstance(row, dict):
+                    raise ValueError("no object")
+                yield row
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror}): give a log") from None
+    except ValueError as error:
+        raise DataError(
+            f"{path}: line {number} is none of a log ({error}): give what --log wrote"
+        ) from None
+
+
+def events(path: str | Path) -> Iterator[str]:
+    """A line for each thing that happened, with the position that was told last before it.
+
+    Status lines are left out: they repeat what the rest tells.
+    """
+    told, usable = "nothing told yet", True
+    for row in rows(path):
+        if "event" not in row:
+            fit = bool(row["observed"] and not row["lost"] and not row["stale"])
+            if fit:
+                told = f"told x {row['told_m'][0]:.2f} y {row['told_m'][1]:.2f} m"
+            if fit != usable:
+                word = "positions are told again" if fit else f"silence: {_why(row)}"
+                yield f"{_time(row)}  {told:28}  {word}"
+            usable = fit
+        elif row["event"] != "status":
+            rest = {key: value for key, value in row.items() if key not in ("event", "time_s")}
+            words = ", ".join(f"{key} {_short(value)}" for key, value in rest.items())
+            yield f"{_time(row)}  {told:28}  {row['event']}: {words}"
+
+
+def summary(path: str | Path) -> dict[str, int]:
+    """Counts of fixes, of those that were fit to be told, of faults and of each event."""
+    counts: Counter[str] = Counter()
+    for row in rows(path):
+        if "event" in row:
+            counts[f"event {row['event']}"] += 1
+            continue
+        counts["fixes"] += 1
+        counts["told"] += bool(row["observed"] and not row["lost"] and not row["stale"])
+        if row["fault"]:
+            counts[f"fault {row['fault']}"] += 1
+    return dict(counts)
+
+
+def _time(row: dict[str, Any]) -> str:
+    time = row.get("time_s")
+    return "         -" if time is None else f"{time:10.2f}"
+
+
+def _why(row: dict[str, Any]) -> str:
+    words = [word for word in ("lost", "stale") if row[word]]
+    return " and ".join(words) or row["fault"] or "no image"
+
+
+def _short(value: object) -> str:
+    text = str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
