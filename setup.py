@@ -1,4 +1,4 @@
-"""The wheel carries what a run needs besides the code: notebooks, the paper's numbers, the small book.
+"""The wheel carries what a run needs besides the code: notebooks, the paper's numbers, a book.
 
 The repository keeps each of them in one place; building copies them to ``trexton/_shipped``.
 """

@@ -1,4 +1,4 @@
-"""The same tasks on a Dask cluster: equal records, and a worker that dies costs only what it did."""
+"""The same tasks on a Dask cluster: equal records; a worker that dies costs only what it did."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Installed from the wheel, in an empty folder without the repository: a flight of one's own is run."""
+"""Installed from the wheel, in an empty folder without the repository: one runs a flight."""
 
 from __future__ import annotations
 

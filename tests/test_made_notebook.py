@@ -1,4 +1,4 @@
-"""An experiment of one file and one line: its notebook, its picture and its claim are made from it."""
+"""An experiment of one file and one line: notebook, picture and claim are made from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The workflow: parameters checked, results reused only while true, failures named, nothing half-written."""
+"""The workflow: parameters checked, results reused while true, failures named, nothing halved."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from trexton.workflow.notebooks import Notebook
 
 @pytest.fixture
 def house(tmp_path, flight_folder):
-    """A flight, a folder of two tiny notebooks of which the second reads the first, and a way to run them."""
+    """A flight, two tiny notebooks of which the second reads the first, and a way to run them."""
 
     class House:
         notebooks, out, flight = tmp_path / "notebooks", tmp_path / "out", flight_folder
@@ -173,9 +173,11 @@ def test_unknown_parameters_and_wrong_types_are_errors(house, settings, message)
 
 def test_a_failing_notebook_names_its_cell_and_the_others_go_on(house):
     house.experiments = {
-        "broken": Experiment("Broken", module="tiny_experiment"), "heir": Experiment("Heir", module="tiny_experiment", after=("broken",)),
-        "dead": Experiment("Dead", module="tiny_experiment"), "first": Experiment("First", module="tiny_experiment"),
-    }  # fmt: skip
+        "broken": Experiment("Broken", module="tiny_experiment"),
+        "heir": Experiment("Heir", module="tiny_experiment", after=("broken",)),
+        "dead": Experiment("Dead", module="tiny_experiment"),
+        "first": Experiment("First", module="tiny_experiment"),
+    }
     write_notebook(house.notebooks, "broken", "print('so far')\n" + FAILING)
     write_notebook(house.notebooks, "heir")
     write_notebook(house.notebooks, "dead", "import os\nos._exit(3)")
@@ -276,8 +278,8 @@ def test_the_ledger_runs_once_over_the_records_of_every_flight(without_kernels, 
 
 def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
     body = (
-        "import time, os\nstart = time.time()\ntime.sleep(1.0)\nprint(os.environ.get('OMP_NUM_THREADS'))\n"
-        + BODY
+        "import time, os\nstart = time.time()\ntime.sleep(1.0)\n"
+        "print(os.environ.get('OMP_NUM_THREADS'))\n" + BODY
     )
     body = body.replace('"timings": {}', '"timings": {"start": start, "end": time.time()}')
     house.experiments = {
@@ -300,7 +302,7 @@ def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
 def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     without_kernels, house, tmp_path
 ):
-    """Killed outright while a notebook runs; the next run starts over and finds nothing half-made."""
+    """Killed outright while a notebook runs; the next run starts over, nothing is half-made."""
     marker = tmp_path / "kernel.pid"
     body = (
         BODY
@@ -321,10 +323,10 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
         str(house.out),
         str(house.notebooks),
     ]
-    runner = subprocess.Popen(command, stderr=subprocess.DEVNULL)
+    run = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     kernel = wait_for(lambda: marker.exists() and marker.read_text())
-    runner.send_signal(signal.SIGKILL)
-    runner.wait()
+    run.send_signal(signal.SIGKILL)
+    run.wait()
     wait_for(lambda: not alive(int(kernel)))
     assert not (house.out / "small" / "first.json").exists()
 

@@ -1,4 +1,4 @@
-"""Intermediate results, keyed by everything that went in: code, parameters, data; never by a file name."""
+"""Intermediate results, keyed by all that went in: code, parameters, data; not by file name."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def cache_folder() -> Path:
 
 @lru_cache
 def code_hashes(module: str) -> dict[str, str]:
-    """SHA-256 of the source of `module` and of every module of this package that it imports, however deep."""
+    """SHA-256 of the source of `module` and of all of this package it imports, however deep."""
     hashes: dict[str, str] = {}
     waiting = [module]
     while waiting:

@@ -60,7 +60,7 @@ def working_on(cluster: str | None = None, processes: int = 1) -> Iterator[None]
 
 @contextmanager
 def limited(threads: int | None) -> Iterator[None]:
-    """Within the block, processes that are started give their libraries so many threads (None: all)."""
+    """Within the block, started processes give their libraries so many threads (None: all)."""
     before = dict(os.environ)
     if threads is not None:
         os.environ |= dict.fromkeys(THREAD_VARIABLES, str(threads))

@@ -1,4 +1,4 @@
-"""What every experiment notebook does around its one library call: load flights, keep the record, show figures, tables."""
+"""What every notebook does around its one library call: flights, record, figures, tables."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _resolve(path: str) -> Path:
 
 @dataclass(frozen=True)
 class Given:
-    """What a notebook was given: flights, the folder of results, and the experiment's parameters."""
+    """What a notebook was given: flights, folder of results, and the experiment's parameters."""
 
     flight: str
     test_flight: str | None
@@ -218,7 +218,7 @@ class Page:
         return self.frame(pd.DataFrame(table).fillna(""), caption)
 
     def quantities(self, rows: dict[str, str], caption: str) -> HTML:
-        """Single numbers of the record: label, and place in its values; what the record does not have is left out."""
+        """Single numbers of the record: label, and place in its values; the absent are left out."""
         found: dict[str, Any] = {
             label: look_up(self.record.values, path) for label, path in rows.items()
         }
@@ -228,7 +228,7 @@ class Page:
         return self.frame(pd.DataFrame(table), caption)
 
     def footer(self) -> HTML:
-        """The command that runs this experiment again, its parameters, and what can be downloaded."""
+        """The command that runs this experiment again, its parameters, and the downloads."""
         record = self.record
         files = sorted(
             path.name
@@ -290,7 +290,7 @@ def _number(value: float | None) -> str:
 
 
 def ledger(out: str) -> tuple[HTML, HTML]:
-    """Judge all records below the folder `out`, write ``claims.json``; the counts of verdicts and the whole ledger."""
+    """Judge all records below `out`, write ``claims.json``; counts of verdicts, and the ledger."""
     rows = write_ledger(Path(out))
     table = claims_html(rows, "Table 2. Every claim of the paper, and our test of it.")
     return HTML(counts_html(rows, "Table 1. Verdicts by flight.")), HTML(filters_html(rows) + table)

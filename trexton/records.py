@@ -1,6 +1,6 @@
 """What an experiment returns: one frozen record, written as JSON with its pictures beside it.
 
-Equal inputs give equal bytes, except under ``timings``: whatever depends on the clock belongs there.
+Equal inputs give equal bytes, except under ``timings``: what depends on the clock belongs there.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class Record:
             object.__setattr__(self, name, plain(getattr(self, name)))
 
     def save(self, folder: str | Path) -> Path:
-        """Write ``<experiment>.json`` and its pictures into `folder`; returns the path of the JSON file."""
+        """Write ``<experiment>.json`` and its pictures into `folder`; the path of the JSON file."""
         import cv2
 
         folder, pictures = Path(folder), {}
@@ -121,7 +121,8 @@ class Record:
             content = json.loads(path.read_text(encoding="utf-8"))
             if content["schema"] > SCHEMA:
                 raise TrextonError(
-                    f"{path}: record schema {content['schema']} is newer than {SCHEMA}: update trexton"
+                    f"{path}: record schema {content['schema']} is newer than {SCHEMA}: "
+                    "update trexton"
                 )
             pictures = content.pop("images")
             record = cls(**content)
@@ -133,7 +134,8 @@ class Record:
             picture = cv2.imread(str(path.parent / entry["file"]), cv2.IMREAD_UNCHANGED)
             if picture is None:
                 raise TrextonError(
-                    f"{path}: its picture {entry['file']} is missing or damaged: run its experiment again"
+                    f"{path}: its picture {entry['file']} is missing or damaged: "
+                    "run its experiment again"
                 )
             record.images[name] = picture
         return record

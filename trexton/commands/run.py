@@ -73,7 +73,7 @@ def parse_settings(words: list[str]) -> dict[str, str]:
 
 
 def print_outcomes(outcomes: list[Outcome], explain: bool) -> None:
-    """One line an experiment; reasons where it failed or was skipped, and everywhere if `explain`."""
+    """One line an experiment; reasons where it failed or was skipped, or everywhere (`explain`)."""
     for outcome in outcomes:
         print(outcome)
         if explain or outcome.status in ("failed", "skipped"):

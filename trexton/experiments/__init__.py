@@ -11,8 +11,8 @@ A module ``trexton/experiments/<name>.py`` declares what can be chosen and what 
         return parameters.record(train, test, values={"error_cm": error})
 
 and the line here says what the engine must know: a title, what the flights must have, what it waits
-for. Defaults, types and ranges stand in `Parameters` alone: the command line, the notebook, the checks
-and the record take them from there. Independent repeats and trials go through
+for. Defaults, types and ranges stand in `Parameters` alone: the command line, the notebook, the
+checks and the record take them from there. Independent repeats and trials go through
 `trexton.executor.spread`. The notebook ``notebooks/<name>.md`` begins with::
 
     given = notebook.given(name.Parameters, globals())

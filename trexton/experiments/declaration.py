@@ -1,4 +1,4 @@
-"""What every experiment declares: its parameters, told once, and the record that is made with them."""
+"""What every experiment declares: its parameters, told once, and the record made with them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""One progress display for all notebooks: a bar on a terminal, a line each elsewhere, nothing when quiet."""
+"""One progress display: a bar on a terminal, a line a notebook elsewhere, nothing when quiet."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ __all__ = ["Display", "Outcome"]
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of an experiment on a flight: ``ran``, ``reused``, ``skipped`` or ``failed``, and why."""
+    """An experiment on a flight ``ran``, was ``reused``, ``skipped`` or ``failed``, and why."""
 
     flight: str
     experiment: str

@@ -1,7 +1,7 @@
 """Run one notebook with papermill in a folder of its own; its files are handed back, not written.
 
-The same function serves a thread of this process and a worker of a cluster: what goes in and what comes
-out is plain data.
+The same function serves a thread of this process and a worker of a cluster: what goes in and what
+comes out is plain data.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What goes into an experiment and what comes out of it, as nodes that the engine compares by content."""
+"""What goes into an experiment and comes out of it: nodes that the engine compares by content."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def outputs_fact(owner: str, folder: Path, name: str) -> Fact:
 
 
 def outputs_of(folder: Path, name: str) -> list[Path]:
-    """What the experiment `name` left in `folder`: record, executed notebook, figures and pictures."""
+    """What the experiment `name` left in `folder`: record, executed notebook, figures, pictures."""
     kept = [path for path in (folder / f"{name}.json", folder / f"{name}.ipynb") if path.is_file()]
     return kept + sorted(path for path in folder.glob(f"{name}-*") if path.is_file())
 

@@ -65,7 +65,7 @@ page.show("{name}", experiment.FIGURES["{name}"](record))
 
 
 def made_notebook(name: str, experiment: Experiment) -> str:
-    """MyST text from the module's docstring, its ``FIGURES`` and its ``CLAIMS``; empty without them.
+    """MyST text from the module's docstring, ``FIGURES`` and ``CLAIMS``; empty without them.
 
     ``FIGURES`` maps a name to a function of the record, whose docstring describes the picture.
     """

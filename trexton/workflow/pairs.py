@@ -16,7 +16,7 @@ __all__ = ["FlightPair"]
 
 @dataclass(frozen=True)
 class FlightPair:
-    """Two Flight folders, or one with the splits ``train`` and ``test``; paths as notebooks will see them."""
+    """Two Flight folders, or one with two splits; paths as notebooks will see them."""
 
     flight: str
     test_flight: str | None = None
@@ -26,12 +26,14 @@ class FlightPair:
         flight = read_flight(self.flight)
         if self.test_flight is None and not {"train", "test"} <= set(flight.split):
             raise FlightError(
-                f"{self.flight} has no splits 'train' and 'test': name a second flight (--test-flight), "
+                f"{self.flight} has no splits 'train' and 'test': name a second flight "
+                "(--test-flight), "
                 "or give flight.toml a [split] with both"
             )
         if not re.fullmatch(r"\w[\w .+-]*", flight.name):
             raise FlightError(
-                f"{self.flight}: the name {flight.name!r} cannot name a folder of results: use letters, digits, - and _"
+                f"{self.flight}: the name {flight.name!r} cannot name a folder of results: "
+                "use letters, digits, - and _"
             )
         return flight
 

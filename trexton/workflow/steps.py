@@ -207,7 +207,8 @@ class Run:
         if report.outcome == pytask.TaskOutcome.SKIP_PREVIOUS_FAILED:
             broken = next(
                 name for name in step.experiment.after
-                if (one := self.outcomes.get((step.key[0], name))) and one.status in ("failed", "skipped")
+                if (one := self.outcomes.get((step.key[0], name)))
+                and one.status in ("failed", "skipped")
             )  # fmt: skip
             return Outcome(*step.key, "skipped", (f"{broken}, which it builds on, failed",))
         error = report.exc_info[1] if report.exc_info else "no reason given"

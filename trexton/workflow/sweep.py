@@ -1,7 +1,7 @@
 """A sweep: one experiment over floors, flights and settings, resumable, its results as one table.
 
-Each cell, one setting on one flight, is a task of the engine: it is run once, on this machine or on a
-cluster, and reused while flight, parameters, code and versions are the same.
+Each cell, one setting on one flight, is a task of the engine: it is run once, on this machine or on
+a cluster, and reused while flight, parameters, code and versions are the same.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ def _grid(plan: Plan, experiment: Experiment) -> list[Options]:
 
 @contextmanager
 def _calls(crew: Workers, cluster: str | None) -> Iterator[Call]:
-    """How a function of plain arguments is called: in a process of this machine, or on the cluster."""
+    """Calls a function of plain arguments: in a process of this machine, or on the cluster."""
     if cluster is not None:
         yield crew.call
         return
