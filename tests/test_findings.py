@@ -70,7 +70,7 @@ def test_homography():
 @pytest.mark.parametrize(("noise", "said"), [((6, 5, 68), True), ((6, 68, 5), False)])
 def test_jitter_is_named_as_the_cause_only_where_it_orders_the_errors(noise, said):
     names, values = ("filter", "remedy", "drifting"), {}
-    for name, error, width in zip(names, (73, 100, 54), noise):
+    for name, error, width in zip(names, (73, 100, 54), noise, strict=True):
         values |= {
             name: {"mean_cm": entry(error, 0, 0)},
             f"{name}_knn": {"mean_cm": entry(50, 0, 0)},

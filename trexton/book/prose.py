@@ -1,4 +1,4 @@
-"""Prose pages are templates: ``{{ sim.mocap_training.knn.error_cm_x.median | fixed }}`` is a number.
+"""Prose pages are templates: ``{{ sim.mocap_training.knn.mean_cm.median | fixed }}`` is a number.
 
 None is typed. A name that no record has stops the build with the page and the line; what may be
 absent stands in ``{% if %}``.
@@ -46,7 +46,7 @@ def render(path: Path, context: dict[str, Any], pages: set[str], pictures: dict[
     context : dict
         Names that the page may use; ``paper`` (the published values) is added.
     pages : set of str
-        Pages that are in the book: ``{{ see("page", "text") }}`` links to one of them, or is plain text.
+        Pages that are in the book: ``{{ see("page", "text") }}`` links to one, or is plain text.
     pictures : dict of str to str
         The first figure of each experiment, for ``{{ picture("overview") }}``.
 

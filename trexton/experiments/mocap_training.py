@@ -1,8 +1,10 @@
-"""Training on motion-capture positions (paper, Analysis, "Training Set based on Motion Tracking System")."""
+"""Training on motion-capture positions (paper, "Training Set based on Motion Tracking System")."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +53,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     texton_map = trained_map(
         train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
     )
-    options = {
+    options: dict[str, Any] = {
         "samples": parameters.samples,
         "particles": parameters.particles,
         "resampling": parameters.resampling,
@@ -98,7 +100,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _exchanged(train: Flight, test: Flight, parameters: Parameters, options: dict) -> dict:
+def _exchanged(
+    train: Flight, test: Flight, parameters: Parameters, options: dict[str, Any]
+) -> dict[str, Any]:
     """Where both are parts of one flight: trained on the later, tested on the earlier part."""
     texton_map = trained_map(
         test, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
@@ -113,9 +117,14 @@ def _exchanged(train: Flight, test: Flight, parameters: Parameters, options: dic
 
 
 def _estimators(
-    texton_map: TextonMap, frames, test: Flight, runs: list[Track], seed: int, options: dict
-) -> dict:
-    """Mean Euclidean error in cm under each point estimate; the filter draws the same particles under all of them."""
+    texton_map: TextonMap,
+    frames: Sequence[np.ndarray],
+    test: Flight,
+    runs: list[Track],
+    seed: int,
+    options: dict[str, Any],
+) -> dict[str, Any]:
+    """Mean Euclidean error in cm under each point estimate; particles are the same under all."""
     result = {}
     for name in ROLES["estimation"]:
         same = name == options["estimation"]
@@ -133,8 +142,10 @@ def _estimators(
     return result
 
 
-def _spread(runs: list[Track], test: Flight, rng: np.random.Generator, draws: int = 500) -> dict:
-    """Is the particles' spread an honest uncertainty? Shares of errors of an axis that it covers."""
+def _spread(
+    runs: list[Track], test: Flight, rng: np.random.Generator, draws: int = 500
+) -> dict[str, Any]:
+    """Is the particles' spread honest? Shares of the errors of an axis that it covers."""
     ratio = np.array(
         [
             absolute_errors(run.estimate, test.position) / np.maximum(run.spread, 1e-9)
@@ -156,7 +167,7 @@ def _spread(runs: list[Track], test: Flight, rng: np.random.Generator, draws: in
     }
 
 
-def _lag(runs: list[Track], test: Flight) -> dict:
+def _lag(runs: list[Track], test: Flight) -> dict[str, Any]:
     """By how much the estimates trail: the shift in time under which they fit the truth best."""
     shifts = range(min(MOST_LAG_FRAMES, len(test) // 4))
     errors = [
