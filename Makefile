@@ -44,9 +44,12 @@ test-slow: env  ## the tests that take minutes
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)
 
-full: env  ## the long sweeps of data/sweeps, their tables to data/reference; resumable
+full: env  ## the long sweeps of data/sweeps and coarse to fine over many floors, results to data/reference
 	@for plan in data/sweeps/*.toml; do name=$$(basename $$plan .toml); \
 	  $(BIN)/trexton sweep --plan $$plan --out results/sweeps/$$name --keep data/reference/sweep-$$name.json $(ARGS) || exit 1; done
+	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only fine --out results/full \
+	  --set floors=10 frames=2525 training=250 kidnappings=200 drifts=3 peer_frames=10
+	cp results/full/sim-survey/fine.json data/reference/fine.json
 
 lab: env  ## open the notebooks in JupyterLab
 	@$(BIN)/jupyter lab notebooks

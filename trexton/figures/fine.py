@@ -26,7 +26,7 @@ def over_time(record: Record) -> Figure:
             for name, (label, color, style) in _KINDS.items():
                 error = np.array(record.series[f"{where}_{name}_cm"], dtype=float)
                 plot.plot(time, error, color=color, linestyle=style, linewidth=1.0, label=label)
-            plot.set(ylabel=f"{where} map:\nerror (cm)", yscale="log")
+            plot.set(ylabel=f"{where} map:\nerror (cm)", ylim=(0, None))
         legend_above(axes[0, 0])
         axes[1, 0].set(xlabel="time (s)", xlim=(0, time[-1]))
     return figure
@@ -45,6 +45,7 @@ def over_floors(*records: Record) -> Figure:
                     label=f"{label}, {frames:,} frames",
                 )  # fmt: skip
         plot.set(xlabel="error (cm)", ylabel="frames (%)", xscale="log", ylim=(0, 101))
+        plot.xaxis.set_major_formatter("{x:g}")
         legend_above(plot, columns=2)
     return figure
 
