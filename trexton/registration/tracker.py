@@ -264,8 +264,10 @@ class FloorTracker:
         gains = self.trust.gain(np.array([each.aligned.score for each in found]), self.trust.fine)
         factors = np.exp(gains - gains.max())
         weights = factors * [each.held for each in found]
-        for each, factor in zip(found, factors, strict=True):
-            self.belief.scale(each.place, _MODE, float(factor))
+        if len(found) > 1:
+            for each, factor in zip(found, factors, strict=True):
+                self.belief.scale(each.place, _MODE, float(factor))
+            self.belief.normalize()
         best = found[int(np.argmax(weights))].aligned
         others = max(0.0, 1 - sum(each.held for each in found))
         held = float(weights.max() / (weights.sum() + others))
@@ -276,7 +278,6 @@ class FloorTracker:
             if not seen.turned:
                 nearest = int(np.argmin(abs(_wrapped(self.belief.headings - best.pose[5]))))
                 self.belief.headings[nearest] = best.pose[5]
-        self.belief.normalize()
         lost = held < _HELD or best.score < self.trust.least
         return FloorFix(best.pose, self._covariance(best, lost), best.score, held, lost, True)
 
