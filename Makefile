@@ -10,7 +10,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test check test-slow bench full lab lock clean
+.PHONY: help env book test check test-slow bench full lab lock sbom audit pdf clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -59,6 +59,18 @@ lock:  ## renew environment.lock from pyproject.toml
 	.venv-lock/bin/uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --generate-hashes --upgrade \
 	  --no-emit-index-url --no-emit-find-links --no-annotate --no-header --quiet -o environment.lock
 	rm -rf .venv-lock
+
+sbom: env  ## what the environment is made of: bom.json (CycloneDX) and licences.csv, in results/supply
+	@mkdir -p results/supply
+	@$(BIN)/python -m cyclonedx_py environment --output-reproducible --of JSON -o results/supply/bom.json $(BIN)/python
+	@$(BIN)/pip-licenses --format=csv --with-urls --output-file=results/supply/licences.csv
+	@echo "results/supply/bom.json and results/supply/licences.csv"
+
+audit: env  ## ask the advisory databases about every locked version (needs a network)
+	@$(BIN)/pip-audit --disable-pip --require-hashes -r environment.lock
+
+pdf: env  ## the built book for print: book/_build/trexton.pdf (needs chromium)
+	@$(BIN)/python -m trexton.book.pdf
 
 clean:  ## remove the environment, results, caches and the built book
 	rm -rf .venv .venv-lock results data/cache data/flights book/_build

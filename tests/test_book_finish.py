@@ -132,6 +132,19 @@ def test_a_page_is_finished(tmp_path, figure):
         assert f'href="{name}"' in text
 
 
+def test_the_first_picture_of_the_book_scrolls_where_it_is_too_wide(tmp_path, figure):
+    (tmp_path / "_images").mkdir()
+    (tmp_path / "_images" / "hero.svg").write_bytes(to_svg(figure))
+    (tmp_path / "page.html").write_text(
+        "<html><head></head><body><article>"
+        '<a class="image-reference" href="x"><img class="hero" alt="all" src="_images/hero.svg"></a>'
+        "</article></body></html>"
+    )
+    text = finish_page(tmp_path / "page.html")
+    assert '<div aria-label="all" class="hero" role="group" tabindex="0"><svg' in text
+    assert "<figcaption" not in text and "<a " not in text
+
+
 def test_pictures_have_their_size_before_they_come(tmp_path):
     (tmp_path / "drawn.svg").write_text('<svg viewBox="0 0 30 20"/>')
     (tmp_path / "page.html").write_text(

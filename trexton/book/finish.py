@@ -113,16 +113,21 @@ def _figures(article: Tag, path: Path) -> None:
     """Our figures into the page; one without a caption gets what it shows as its caption."""
     for count, image in enumerate(article.find_all("img"), start=1):
         source, alt = str(image.get("src", "")), str(image.get("alt", ""))
-        if "_images/" not in source or "hero" in image.get_attribute_list("class"):
+        if "_images/" not in source:
             continue
+        text = (path.parent / source).read_text("utf-8") if source.endswith(".svg") else ""
         figure = image.find_parent("figure")
-        if figure is None:
+        if "hero" in image.get_attribute_list("class"):
+            (image.find_parent("a", class_="image-reference") or image).wrap(
+                _new("div", class_="hero", tabindex="0", role="group", aria_label=alt)
+            )
+        elif figure is None:
             figure = image.wrap(_new("figure"))
             caption = _new("figcaption")
             caption.append(alt + ("" if alt.endswith(".") else "."))
             figure.append(caption)
-        figure["class"] = " ".join(["plate", *map(str, figure.get_attribute_list("class"))])
-        text = (path.parent / source).read_text("utf-8") if source.endswith(".svg") else ""
+        if figure is not None:
+            figure["class"] = " ".join(["plate", *map(str, figure.get_attribute_list("class"))])
         if is_figure(text):
             drawn = BeautifulSoup(inline_figure(text, f"f{count}", alt), "html.parser")
             (image.find_parent("a", class_="image-reference") or image).replace_with(drawn)
@@ -217,8 +222,8 @@ def _size(file: Path) -> tuple[float, float] | None:
 
 
 def _new(name: str, **attributes: str) -> Tag:
-    """A new element; ``class_`` for class."""
+    """A new element; ``class_`` for class, ``aria_label`` for aria-label."""
     made = BeautifulSoup("", "lxml").new_tag(name)
     for key, value in attributes.items():
-        made[key.rstrip("_")] = value
+        made[key.rstrip("_").replace("_", "-")] = value
     return made
