@@ -85,6 +85,10 @@ def test_replay_flies_what_its_map_did_not_see(plain):
     assert min(gaps) > 0  # the frame itself is never its neighbour
     assert not warm(first[0], plain.period_s) and warm(first[-1], plain.period_s)
     assert len(every[0]) * plain.period_s == pytest.approx(STRETCH_S + WARM_S, abs=0.3)
+    short = np.arange(130) * 0.1  # two stretches of a short flight leave half of it
+    every = stretches(short)
+    left_out = {row for rows in (every[0], every[len(every) // 2]) for row in rows}
+    assert len(left_out) < 70 and all(rows[-1] * 0.1 > WARM_S for rows in every)
     with pytest.raises(MapError, match="longer one"):
         stretches(np.arange(20) * 0.25)
 

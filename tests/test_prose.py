@@ -21,7 +21,7 @@ from trexton.histograms import sampled_histogram
 from trexton.homography import HomographyLocalizer
 from trexton.landing import LandingZone
 from trexton.mosaic import stitch
-from trexton.observation import Observation
+from trexton.observation import Aiding, Observation
 from trexton.simulator import Floor, Light, Simulator, record_flight
 from trexton.suitability import heat_map, local_losses
 from trexton.textons import draw_patches, learn_textons
@@ -56,7 +56,7 @@ def names(tmp_path_factory):
     flight = record_flight(
         folder / "data" / "flights" / "sim-survey",
         frames=40,
-        every=2,
+        every=4,
         floor=floor,
         camera=Camera(width=640, height=480, focal=520.0),
     )
@@ -73,9 +73,9 @@ def names(tmp_path_factory):
         "draw_patches": draw_patches, "learn_textons": learn_textons, "stitch": stitch,
         "sampled_histogram": sampled_histogram, "local_losses": local_losses, "heat_map": heat_map,
         "HomographyLocalizer": HomographyLocalizer, "LandingZone": LandingZone,
-        "Simulator": Simulator, "Light": Light, "Observation": Observation,
+        "Simulator": Simulator, "Light": Light, "Observation": Observation, "Aiding": Aiding,
         "flight": flight, "train": flight, "test": flight, "texton_map": texton_map, "floor": floor,
-        "image": image, "frame": image, "camera": [image, flight.image(4)],
+        "roll": 0.0, "pitch": 0.0, "yaw": 0.0, "image": image, "frame": image, "camera": [image, flight.image(4)],
         "mosaic": SimpleNamespace(map=flight.floor), "center": center,
         "plan": SimpleNamespace(goal=lambda position: center),
     }  # fmt: skip

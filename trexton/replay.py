@@ -64,16 +64,17 @@ def stretches(time: np.ndarray) -> list[np.ndarray]:
     Raises
     ------
     MapError
-        The flight is too short for two.
+        The flight is too short.
     """
-    whole = STRETCH_S + WARM_S
-    count = min(MOST_STRETCHES, int((time[-1] - time[0]) / STRETCH_S))
-    if count < 2:
+    lasts = float(time[-1] - time[0])
+    if lasts < 4 * (WARM_S + 1):
         raise MapError(
-            f"the training flight lasts {time[-1] - time[0]:.1f} s: what a method's errors are like "
-            f"takes at least {2 * STRETCH_S:g} s, "
+            f"the training flight lasts {lasts:.1f} s: what a method's errors are like "
+            f"takes at least {4 * (WARM_S + 1):g} s, "
             "record a longer one or choose calibration=none"
         )
+    whole = min(STRETCH_S + WARM_S, lasts / 4)  # two of them leave at least half to learn from
+    count = max(2, min(MOST_STRETCHES, int(lasts / (whole - WARM_S))))
     starts = np.linspace(time[0], time[-1] - whole, count)
     return [np.flatnonzero((time >= start) & (time < start + whole)) for start in starts]
 
