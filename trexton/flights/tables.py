@@ -99,7 +99,10 @@ def column(path: Path, table: pd.DataFrame, name: str) -> pd.Series[float]:
     if name not in table.columns:
         there = ", ".join(str(each) for each in table.columns)
         raise FlightError(f"{path}: no column {name!r}: it has {there}")
-    values = pd.to_numeric(table[name], errors="coerce")
+    try:
+        values = pd.to_numeric(table[name], errors="coerce").astype(float)
+    except OverflowError:
+        raise FlightError(f"{path}: {name} holds a whole number beyond all others") from None
     wrong = values.isna() & table[name].notna() & (table[name].astype(str).str.strip() != "")
     if wrong.any():
         row = int(wrong.to_numpy().argmax())

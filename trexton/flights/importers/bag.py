@@ -83,7 +83,7 @@ class _Bag:
         try:
             reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
-        except (AnyReaderError, OSError, ValueError, KeyError) as error:
+        except (AnyReaderError, OSError, ValueError, KeyError, MemoryError) as error:
             raise FlightError(
                 f"{self.source}: not a readable bag ({error}): record it again"
             ) from None

@@ -56,7 +56,10 @@ def read(source: Path, settings: Settings) -> Recording:
     table = places if where == source else read_table(source)
     used = {settings.x, settings.y, settings.time, "frame", "id"} if where == source else {"frame"}
     values = table[[name for name in table.columns if name not in used]]
-    numbers = values.apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
+    try:
+        numbers = values.apply(pd.to_numeric, errors="coerce").to_numpy(dtype=float)
+    except OverflowError:
+        raise FlightError(f"{source}: a value is a whole number beyond all others") from None
     if len(numbers) != len(places) or not numbers.shape[1] or not np.isfinite(numbers).all():
         raise FlightError(
             f"{source}: {numbers.shape[0]} rows of {numbers.shape[1]} values, {len(places)} positions: "
