@@ -65,6 +65,7 @@ def build(settings: Settings) -> Onboard:
         rate=flying.rate,
         log=log,
         frames=flying.frames,
+        aiding=flying.aiding,
         zone=zone,
         landers=_landers(sinks) if landing.arm_landing else (),
     )

@@ -13,6 +13,8 @@ from trexton.errors import TrextonError
 from trexton.estimate import Estimate
 from trexton.landing import LandingZone
 from trexton.localizer import Localizer
+from trexton.observation import Aiding
+from trexton.onboard.aids import Aids
 from trexton.onboard.clock import OLDEST, StampKeeper
 from trexton.onboard.commander import Commander, Lander
 from trexton.onboard.fix import STALE_AFTER, Fix, JumpCounter
@@ -56,6 +58,8 @@ class Onboard:
         Shared with source and sinks.
     frames : int, optional
         Stop after so many.
+    aiding : {"tilt", "all", "none"}
+        What the recording and the sinks may tell of the vehicle; see `trexton.onboard.aids`.
     clock : callable
         Steady clock in seconds, the one that stamps live frames.
     """
@@ -63,13 +67,15 @@ class Onboard:
     def __init__(
         self, localizer: Localizer, source: Source, sinks: list[Guard], *, tally: Tally,
         rate: float | None = None, zone: LandingZone | None = None, landers: Sequence[Lander] = (),
-        log: Guard | None = None, frames: int | None = None, clock: Callable[[], float] = time.monotonic,
+        log: Guard | None = None, frames: int | None = None, aiding: str = "tilt",
+        clock: Callable[[], float] = time.monotonic,
     ):  # fmt: skip
         self.localizer, self.source, self.sinks, self.log = localizer, source, sinks, log
         self.tally, self._frames, self._clock = tally, frames, clock
         self.commander = None if zone is None else Commander(zone, landers, self.report)
         self._model_period = localizer.map.period_s
         self._period = 1 / rate if rate else self._model_period
+        self._aids = Aids(aiding, sinks)
         self._inspector = Inspector(localizer.map.image_shape)
         self._stamps = StampKeeper(tally, clock)
         self._jumps = JumpCounter(localizer.growth)
@@ -142,7 +148,7 @@ class Onboard:
         if self.source.live and self._model_time is not None:
             self._predict(round((stamp - self._model_time) / self._model_period) - 1)
         self._model_time = stamp
-        estimate, fault = self._step(frame.picture, fault)
+        estimate, fault = self._step(frame.picture, fault, self._aids.of(frame, stamp))
         if estimate.observed:
             self._observed_at = stamp
             self.tally.count("observed")
@@ -155,11 +161,13 @@ class Onboard:
             self._inspector.frozen = 0
             feed.reopen()
 
-    def _step(self, picture: np.ndarray | None, fault: str | None) -> tuple[Estimate, str | None]:
+    def _step(
+        self, picture: np.ndarray | None, fault: str | None, aiding: Aiding | None
+    ) -> tuple[Estimate, str | None]:
         """The estimate of a frame, predicted only where the frame is at fault."""
         if fault is None:
             try:
-                return self.localizer.step(picture), None
+                return self.localizer.step(picture, aiding=aiding), None
             except TrextonError as error:
                 fault = "misfit"
                 if not self.tally[fault]:

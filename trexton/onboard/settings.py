@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 
 from trexton.errors import ParameterError
 from trexton.landing import LandingZone
+from trexton.onboard.aids import AIDS
 from trexton.onboard.edges import Edge
 from trexton.onboard.local import LocalFrame
 from trexton.options import Options, option
@@ -34,6 +35,12 @@ class Flying(Options):
     method: str | None = option(None, "another method than the map was trained for")
     seed: int = option(1, "of everything that is drawn", low=0, high=MOST_SEED)
     frames: int | None = option(None, "stop after so many frames", low=1)
+    aiding: str = option(
+        "tilt",
+        "what the autopilot or a recording may tell: roll, pitch and height; all of it, yaw and "
+        "velocity too; none",
+        choices=AIDS,
+    )
 
 
 @dataclass(frozen=True)

@@ -46,7 +46,9 @@ class Paced(Source):
             self._offset = self._clock() - frame.time
         due = frame.time + self._offset
         self._sleep(max(0.0, due - self._clock()))
-        return replace(frame, time=self._clock())
+        now = self._clock()
+        aiding = None if frame.aiding is None else frame.aiding.shifted(now - frame.time)
+        return replace(frame, time=now, aiding=aiding)
 
     def close(self) -> None:
         self.source.close()

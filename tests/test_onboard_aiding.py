@@ -1,0 +1,104 @@
+"""Attitude and height that came beside a frame: gathered, checked for their age, and worth it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from onboard_tools import AREA, CAMERA, Clock, colourful_floor
+from test_onboard_loop import Kept, run
+
+from trexton.localizer import Localizer, TextonMap
+from trexton.observation import Aiding
+from trexton.onboard.aids import Aids
+from trexton.onboard.sinks import Guard
+from trexton.onboard.sources import Frame
+from trexton.onboard.sources.flight import FlightSource
+from trexton.onboard.sources.pacing import Paced
+from trexton.onboard.tally import Tally
+from trexton.simulator import record_flight
+
+FULL = Aiding(0.1, -0.2, 0.3, 1.5, np.array([0.4, 0.5]), 10.0, 10.0, 10.0)
+
+
+@pytest.fixture(scope="module")
+def flights(tmp_path_factory):
+    folder, floor = tmp_path_factory.mktemp("flights"), colourful_floor()
+    common = {"camera": CAMERA, "floor": floor}
+    return (
+        record_flight(folder / "train", frames=110, speed=1.0, every=3, **common),
+        record_flight(folder / "test", pattern="waypoints", frames=40, **common),
+    )
+
+
+class Autopilot(Kept):
+    """An output that knows something of the vehicle."""
+
+    def __init__(self, known: Aiding):
+        super().__init__()
+        self.known = known
+
+    def aiding(self, time):
+        return self.known
+
+
+def aids(wanted: str, *known: Aiding) -> Aids:
+    return Aids(wanted, [Guard(Autopilot(each), Tally()) for each in known])
+
+
+def test_a_replay_is_better_for_what_was_recorded_beside_it(flights):
+    train, test = flights
+    texton_map = TextonMap.train(train, method="fine", n_textons=6, rng=np.random.default_rng(1))
+    part, rng = texton_map.parts["filter"], np.random.default_rng(3)
+    test = replace(  # as far off as an autopilot may be
+        test.select(slice(40)),
+        attitude=test.attitude[:40] + part.attitude_sigma * rng.standard_normal((40, 3)),
+        height=test.height[:40] + part.height_sigma * rng.standard_normal(40),
+    )
+    errors = {}
+    for wanted in ("none", "tilt"):
+        localizer = Localizer(texton_map, rng=np.random.default_rng(2))
+        fixes, _, _ = run(localizer, FlightSource(test), aiding=wanted)
+        error = np.array([fix.position for fix in fixes]) - test.position
+        errors[wanted] = float(np.hypot(*error[10:].T).mean())
+    assert errors["tilt"] < 0.85 * errors["none"]
+
+
+def test_what_is_told_is_what_was_asked_for_and_only_if_it_is_of_that_moment():
+    frame = Frame(10.0, None)
+    assert aids("none", FULL).of(frame, 10.0) is None
+    tilt = aids("tilt", FULL).of(frame, 10.0)
+    assert (tilt.roll, tilt.pitch, tilt.yaw, tilt.height) == (0.1, -0.2, None, 1.5)
+    assert tilt.velocity is None
+    everything = aids("all", FULL).of(frame, 10.0)
+    assert everything.yaw == 0.3 and everything.velocity is FULL.velocity
+    late = aids("all", FULL).of(frame, 10.2)  # a tilt of then is no tilt of now
+    assert late.roll is None and late.yaw is None and late.height == 1.5
+    assert aids("all", FULL).of(frame, 10.5) is None and aids("all", FULL).of(frame, 9.5) is None
+    unstamped = replace(FULL, attitude_time=None, height_time=None, velocity_time=None)
+    assert aids("all", unstamped).of(frame, 10.0) is None
+    broken = replace(FULL, roll=float("nan"), height=float("inf"))
+    told = aids("all", broken).of(frame, 10.0)
+    assert told.roll is None and told.height is None and told.pitch == -0.2
+    assert aids("all").of(frame, 10.0) is None
+
+
+def test_the_frame_is_believed_before_an_autopilot_which_adds_what_is_missing():
+    own = Aiding(height=0.9, height_time=3.0)
+    told = aids("all", FULL, replace(FULL, roll=9.0)).of(Frame(3.0, None, aiding=own), 10.0)
+    assert told.height == 0.9 and told.roll == 0.1 and told.height_time == 10.0
+
+
+def test_the_columns_of_a_flight_come_with_its_frames_also_when_it_is_paced(flights):
+    test = flights[1]
+    frame = FlightSource(test).read()
+    assert (frame.aiding.roll, frame.aiding.pitch, frame.aiding.yaw) == tuple(test.attitude[0])
+    assert frame.aiding.height == test.height[0]
+    clock = Clock(500.0)
+    paced = Paced(FlightSource(test), clock, clock.sleep)
+    paced.read()
+    late = paced.read()
+    assert late.time > 500 and late.aiding.at(late.time).roll == test.attitude[1, 0]
+    bare = FlightSource(replace(test, attitude=None, height=None)).read().aiding
+    assert bare.roll is None and bare.height is None and test.area == AREA
