@@ -37,7 +37,7 @@ def test_contestants_take_turns_and_all_calls_count():
         {name: lambda name=name: calls.append(name) for name in "ab"}, seconds=1e-4, rounds=4
     )
     assert calls[:4] == ["a", "a", "b", "b"]  # to warm up
-    turns = [name for name, before in zip(calls[4:], [None, *calls[4:]]) if name != before]
+    turns = [name for name, before in zip(calls[4:], [None, *calls[4:]], strict=False) if name != before]
     assert turns == list("abababab")
     assert {name: times[name].repeats for name in "ab"} == {
         name: calls.count(name) - 2 for name in "ab"

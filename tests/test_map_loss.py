@@ -98,7 +98,7 @@ def test_sigma(record, flights):
 
 def test_groups_hold_all_frames(record, flights):
     for key, flight in zip(
-        ("train_knn", "test_knn", "test_filter"), (flights[0], flights[1], flights[1])
+        ("train_knn", "test_knn", "test_filter"), (flights[0], flights[1], flights[1]), strict=False
     ):
         groups = record.series["groups"][key]
         losses = [group["loss"] for group in groups]

@@ -19,7 +19,7 @@ def test_summary_of_one_run_equals_the_plain_definitions(rng):
     estimate = truth + rng.normal(0, [0.3, 0.6], (200, 2))
     found = summarize([estimate], truth, 10.0, rng=rng, draws=50)
     absolute = 100 * np.abs(estimate - truth)
-    euclidean = [100 * float(np.linalg.norm(e - t)) for e, t in zip(estimate, truth)]
+    euclidean = [100 * float(np.linalg.norm(e - t)) for e, t in zip(estimate, truth, strict=False)]
     expected = {
         "error_cm_x": sum(absolute[:, 0]) / 200,
         "error_cm_y": sum(absolute[:, 1]) / 200,

@@ -70,7 +70,7 @@ def test_sparse_matrices_are_their_plain_definitions(rng):
     pairs = np.array([[0, 2], [1, 2], [0, 2]])
     blocks = rng.normal(size=(3, 4, 4))
     expected = np.zeros((8, 8))
-    for (first, second), block in zip(pairs, blocks):
+    for (first, second), block in zip(pairs, blocks, strict=False):
         rows = [2 * first, 2 * first + 1, 2 * second, 2 * second + 1]
         for i in range(4):
             for j in range(4):
@@ -206,7 +206,7 @@ def test_matching_looks_only_within_reach_of_the_prediction(rng):
 def test_frames_of_different_floors_do_not_match(rng):
     points = rng.uniform(0, 240, (2, 100, 2))
     words = rng.integers(0, 200, (2, 100, 128)).astype(np.float32)
-    first, second = (Keypoints(*each) for each in zip(points, words))
+    first, second = (Keypoints(*each) for each in zip(points, words, strict=False))
     assert match_frames(first, second, CAMERA) is None
     assert match_frames(Keypoints(points[0, :3], words[0, :3]), second, CAMERA) is None
 

@@ -11,7 +11,7 @@ from trexton.neighbors import NearestHistograms, neighbors_in_flight
 
 def plain_neighbors(histograms, histogram, k):
     distances = [
-        (sum((a - b) ** 2 for a, b in zip(row, histogram)), index)
+        (sum((a - b) ** 2 for a, b in zip(row, histogram, strict=False)), index)
         for index, row in enumerate(histograms.tolist())
     ]
     return [index for _, index in sorted(distances)[:k]]

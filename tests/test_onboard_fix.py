@@ -30,7 +30,7 @@ def test_covariance_is_the_second_moment_about_the_reported_position(rng):
         estimate = random_estimate(rng)
         expected = sum(
             weight * np.outer(particle - estimate.position, particle - estimate.position)
-            for particle, weight in zip(estimate.particles, estimate.weights)
+            for particle, weight in zip(estimate.particles, estimate.weights, strict=False)
         )
         np.testing.assert_allclose(estimate.about_position, expected)
         assert np.linalg.eigvalsh(estimate.about_position - estimate.covariance).min() > -1e-12

@@ -129,7 +129,7 @@ def test_trials_are_what_the_localizer_gives(flights):
 
 def test_figures_draw_the_record(record):
     axes = figures.time_to_recover(record).axes[0]
-    for line, name in zip(axes.lines, ("plain", "augmented")):
+    for line, name in zip(axes.lines, ("plain", "augmented"), strict=False):
         times = record.series[name]["recovery_s"]
         np.testing.assert_allclose(line.get_xdata()[1:-1], times)
         np.testing.assert_allclose(line.get_ydata()[-1], 2 * len(times))  # per cent of 50

@@ -101,7 +101,7 @@ class TestReplayEquality:
         expected = [notebook.step(picture) for picture in film]
         fixes, tally, _ = run(room_localizer(recovery=recovery), Film(film))
         assert len(fixes) == len(expected) and not tally.faults
-        for fix, estimate in zip(fixes, expected):
+        for fix, estimate in zip(fixes, expected, strict=False):
             assert fix.position.tobytes() == estimate.position.tobytes()
             assert fix.spread.tobytes() == estimate.spread.tobytes()
             assert fix.observed == estimate.observed and fix.lost >= estimate.lost

@@ -28,7 +28,7 @@ def decoded(text: str) -> dict:
     sender, name, *values = text.split()
     assert (sender, name) == ("datalink", "REMOTE_GPS_LOCAL")
     assert len(values) == len(FIELDS)
-    return {name: kind(value) for (name, kind), value in zip(FIELDS, values)}
+    return {name: kind(value) for (name, kind), value in zip(FIELDS, values, strict=False)}
 
 
 def test_every_field():

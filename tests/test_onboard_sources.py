@@ -99,7 +99,7 @@ class TestImages:
         frames = everything(open_source(str(tmp_path), View(period_s=0.5)))
         assert [frame.time for frame in frames] == [0.0, 0.5, 1.0, 1.5]
         assert frames[0].picture is None
-        for frame, number in zip(frames[1:], (2, 9, 10)):
+        for frame, number in zip(frames[1:], (2, 9, 10), strict=False):
             np.testing.assert_array_equal(frame.picture, yuv_from_bgr(pictures[number]))
 
     def test_an_empty_folder_is_an_error(self, tmp_path):
@@ -151,7 +151,7 @@ class TestVideo:
             *(
                 (frame.picture[..., 0].mean(), frame.time)
                 for frame in (source.read() for _ in range(3))
-            )
+            ), strict=False
         )
         assert shades == pytest.approx((50, 100, 150), abs=2)
         assert stamps[0] < stamps[1] < stamps[2]

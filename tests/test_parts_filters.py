@@ -121,7 +121,7 @@ def test_the_predictive_equals_the_plain_double_sum():
     particles, previous = rng.normal(2, 0.3, (30, 2)), rng.normal(2, 0.3, (30, 2))
     weights = rng.dirichlet(np.ones(30))
     plain = [
-        sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, weights)) for x in particles
+        sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, weights, strict=False)) for x in particles
     ]
     found = RandomWalk.of(PROCESS).density(particles, previous, weights)
     constant = np.log(2 * np.pi * np.sqrt(np.linalg.det(PROCESS)))
@@ -134,7 +134,7 @@ def test_the_map_estimate_is_the_best_of_the_plain_scores():
     before, now = rng.dirichlet(np.ones(25)), rng.dirichlet(np.ones(25))
     likelihood = rng.random(25)
     score = [
-        likelihood[i] * sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, before))
+        likelihood[i] * sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, before, strict=False))
         for i, x in enumerate(particles)
     ]
     belief = Belief(particles, now, np.log(likelihood))

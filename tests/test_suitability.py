@@ -17,9 +17,9 @@ from trexton.suitability import (
 def printed_loss(histograms, positions, sigma_x, sigma_y):
     """L(D) as the paper prints it: every term of the double sum, one by one."""
     total, local = 0.0, []
-    for h_i, (x_i, y_i) in zip(histograms, positions):
+    for h_i, (x_i, y_i) in zip(histograms, positions, strict=False):
         row = 0.0
-        for h_j, (x_j, y_j) in zip(histograms, positions):
+        for h_j, (x_j, y_j) in zip(histograms, positions, strict=False):
             similarity = (h_i @ h_j) / (np.linalg.norm(h_i) * np.linalg.norm(h_j))
             f_x = np.exp(-((x_i - x_j) ** 2) / (2 * sigma_x**2))
             f_y = np.exp(-((y_i - y_j) ** 2) / (2 * sigma_y**2))

@@ -82,7 +82,7 @@ def test_figures_show_the_record(record, tmp_path):
         f"{i}:  {100 * share:.1f} %" for i, share in enumerate(record.values["frequency"])
     ]
     plot = figures.convergence(loaded).axes[0]
-    for line, errors in zip(plot.lines[::2], record.series["convergence"].values()):
+    for line, errors in zip(plot.lines[::2], record.series["convergence"].values(), strict=False):
         np.testing.assert_allclose(line.get_ydata(), errors)
         assert line.get_xdata()[-1] == 2.0  # thousands
     maps = [axis for axis in figures.places(loaded).axes if axis.get_title(loc="right")]

@@ -128,7 +128,7 @@ def test_the_record_agrees_with_its_series(record, train):
     assert values["landings"] + values["never_triggered"] == 3
     low, high = train.position.min(axis=0) + 0.6, train.position.max(axis=0) - 0.6
     for zone, fired, beyond, touchdown, path in zip(
-        *(series[key] for key in ("zone_m", "triggered", "beyond_cm", "touchdown_m", "paths_m"))
+        *(series[key] for key in ("zone_m", "triggered", "beyond_cm", "touchdown_m", "paths_m")), strict=False
     ):
         assert (zone >= low).all() and (zone <= high).all()
         assert fired == (beyond is not None)
@@ -205,7 +205,7 @@ def test_the_figures_show_the_record(record):
     points = np.concatenate([collection.get_offsets() for collection in shown.collections])
     expected = [
         np.subtract(t, z)
-        for t, z, fired in zip(*(record.series[k] for k in ("touchdown_m", "zone_m", "triggered")))
+        for t, z, fired in zip(*(record.series[k] for k in ("touchdown_m", "zone_m", "triggered")), strict=False)
         if fired
     ]
     assert sorted(map(tuple, np.round(points, 9))) == sorted(map(tuple, np.round(expected, 9)))

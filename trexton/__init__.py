@@ -7,6 +7,7 @@ Names are imported on first use, so that ``import trexton`` costs next to nothin
 
 import os
 from importlib import import_module
+from typing import Any
 
 __version__ = "0.1.0"
 
@@ -33,7 +34,7 @@ _EXPORTS = {
 __all__ = ["__version__", *_EXPORTS]
 
 
-def __getattr__(name: str):
+def __getattr__(name: str) -> Any:
     if name in _EXPORTS:
         return getattr(import_module(_EXPORTS[name]), name)
     raise AttributeError(f"module 'trexton' has no attribute {name!r}")

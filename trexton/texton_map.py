@@ -77,6 +77,15 @@ class TextonMap:
         return math.isqrt(self.histograms.shape[1] // len(self.dictionary.textons))
 
     @property
+    def alphabet(self) -> TextonDictionary:
+        """The dictionary of a map that was trained on images; `MapError` where there is none."""
+        if self.dictionary is None:
+            raise MapError(
+                "this map was trained on histograms and holds no textons: train on images"
+            )
+        return self.dictionary
+
+    @property
     def neighbors(self) -> int:
         """k: neighbours that the measurement model was trained for; 5 where it asks for none."""
         return int(getattr(self.parts.get("measurement"), "neighbors", 5))

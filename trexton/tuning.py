@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -67,7 +68,7 @@ def tune(
             f"the headroom is {headroom}: expected a share from 0 up to 1, 0.5 to keep half of the time free"
         )
     errors = predicted_errors(record, with_samples=texton_map.dictionary is not None)
-    samples, particles = zip(*errors)
+    samples, particles = zip(*errors, strict=False)
     frame_s = costs(texton_map, sorted(set(samples), key=_amount), sorted(set(particles)), rng=rng)
     settings = [Setting(*key, frame_s[key], error) for key, error in errors.items()]
     return choose(settings, (1 - headroom) / rate)
@@ -124,7 +125,7 @@ def predicted_errors(
     }
 
 
-def _sweep(record: Record, name: str) -> dict[int | None, float]:
+def _sweep(record: Record, name: str) -> dict[Any, float]:
     return {row[name]: row[_ERROR]["median"] for row in record.series[name]}
 
 
@@ -142,9 +143,9 @@ def costs(
         of_samples = dict.fromkeys(samples, 0.0)
     else:
         # What is in the picture does not change the time; reading fresh memory does.
-        frames = [
-            rng.integers(0, 256, (*texton_map.image_shape, 3), dtype=np.uint8) for _ in range(8)
-        ]
+        assert texton_map.image_shape is not None  # it has a dictionary
+        shape = (*texton_map.image_shape, 3)
+        frames = [np.asarray(rng.integers(0, 256, shape, dtype=np.uint8)) for _ in range(8)]
         of_samples = {
             drawn: _stage_medians(texton_map, frames, repeats, rng, samples=drawn)["histogram"]
             for drawn in samples
@@ -159,7 +160,7 @@ def costs(
 
 
 def _stage_medians(
-    texton_map: TextonMap, frames, repeats: int, rng: np.random.Generator, **options
+    texton_map: TextonMap, frames: Any, repeats: int, rng: np.random.Generator, **options: Any
 ) -> dict[str, float]:
     clock = StageClock(texton_map, rng=rng, **options)
     for index in range(repeats + 3):

@@ -6,7 +6,7 @@ import os
 import platform
 from collections.abc import Iterable, Iterator
 from importlib import import_module
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from trexton.bench.clock import Row, table
 from trexton.errors import ParameterError
@@ -68,7 +68,7 @@ def measure(
             ) from None
 
 
-def machine() -> dict:
+def machine() -> dict[str, Any]:
     """What the figures depend on: processor, how many of them, how busy they are."""
     model = platform.processor() or platform.machine()
     try:

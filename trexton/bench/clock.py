@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from typing import Any, TypeVar
 
 import cv2
 import numpy as np
 
 __all__ = ["Row", "Times", "duration", "interleave", "limited_threads", "table"]
 
+K = TypeVar("K", str, int)
 _PAUSE = 0.05  # seconds; threads of a BLAS spin for about as long after their last product
 
 
@@ -25,7 +27,7 @@ class Times:
     repeats: int
 
     @classmethod
-    def of(cls, seconds) -> Times:
+    def of(cls, seconds: Any) -> Times:
         return cls(float(np.median(seconds)), float(np.percentile(seconds, 99)), len(seconds))
 
 
@@ -84,16 +86,16 @@ class Row:
         """Whether the limit holds; None where there is none."""
         return None if self.limit is None else self.ratio <= self.limit
 
-    def as_dict(self) -> dict:
+    def as_dict(self) -> dict[str, Any]:
         return asdict(self) | {"holds": self.holds}
 
 
 def interleave(
-    contestants: dict[str, Callable[[], object]],
+    contestants: Mapping[K, Callable[[], object]],
     seconds: float = 1.0,
     rounds: int = 9,
     pause: bool = False,
-) -> dict[str, Times]:
+) -> dict[K, Times]:
     """Time calls in turn, so that whatever else the machine does falls on all of them alike.
 
     Parameters
@@ -107,7 +109,8 @@ def interleave(
     pause : bool
         Sleep between turns until the threads of a BLAS have gone to sleep too.
     """
-    chunk, taken = {}, {name: [] for name in contestants}
+    chunk: dict[K, int] = {}
+    taken: dict[K, list[float]] = {name: [] for name in contestants}
     for name, call in contestants.items():
         call()
         start = time.perf_counter()
@@ -172,7 +175,7 @@ def table(rows: list[Row]) -> str:
             row.note,
         )
         lines.append(ours + theirs)
-    widths = [max(map(len, column)) for column in zip(*lines)]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=False)]
     cells = (map(str.ljust, line, widths) for line in lines)
     return "\n".join("  ".join(line).rstrip() for line in cells)
 

@@ -6,6 +6,7 @@ import os
 import time
 from collections.abc import Iterator
 from itertools import cycle
+from typing import Any
 
 import numpy as np
 
@@ -59,13 +60,14 @@ def filter_step(scene: Scene, quick: bool) -> Iterator[Row]:
         filter_ = ParticleFilter(motion, mixture, scene.map.area, count, rng=scene.rng("filter"))
         seen = cycle(observations(2.5 + 0.4 * rng.standard_normal((100, _K, 2))))
 
-        def ours():
+        def ours() -> Any:
             filter_.step(next(seen))
             return filter_.position()
 
         ours()
         ours()
         now, before = filter_.belief, filter_.previous
+        assert before is not None  # two steps were made
         inputs = (now.states, now.log_likelihood, before.states, before.weights, precision)
         contestants = {"ours": ours, "einsum": lambda: _map_by_einsum(*inputs)}
         if count <= 500:
@@ -79,7 +81,9 @@ def filter_step(scene: Scene, quick: bool) -> Iterator[Row]:
         yield Row.compare("filter step", count, threads, times["ours"], "target", target, 1.0)
 
 
-def _map_by_einsum(particles, log_likelihood, previous, weights, precision) -> np.ndarray:
+def _map_by_einsum(
+    particles: np.ndarray, log_likelihood: Any, previous: Any, weights: Any, precision: Any
+) -> np.ndarray:
     density = np.empty(len(particles))
     for first in range(0, len(particles), 100):
         difference = particles[first : first + 100, None] - previous
@@ -88,10 +92,12 @@ def _map_by_einsum(particles, log_likelihood, previous, weights, precision) -> n
     return particles[np.argmax(log_likelihood + np.log(density + 1e-300))]
 
 
-def _map_by_sums(particles, log_likelihood, previous, weights, precision) -> np.ndarray:
+def _map_by_sums(
+    particles: np.ndarray, log_likelihood: Any, previous: Any, weights: Any, precision: Any
+) -> np.ndarray:
     (a, b), (_, d) = precision.tolist()
     best, place = -np.inf, 0
-    known = list(zip(previous.tolist(), weights.tolist()))
+    known = list(zip(previous.tolist(), weights.tolist(), strict=False))
     for i, (x, y) in enumerate(particles.tolist()):
         total = 1e-300
         for (u, v), weight in known:
@@ -132,7 +138,7 @@ def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
     yield Row.compare(tenth, size, 1, last, "first tenth", first, 1.1, f"memory {grown}")
 
 
-def _many_frames(localizer, frames, count: int) -> tuple[np.ndarray, tuple[int, int]]:
+def _many_frames(localizer: Any, frames: Any, count: int) -> tuple[np.ndarray, tuple[int, int]]:
     """Seconds of each of `count` frames, and the resident bytes after the first tenth and at the end."""
     seconds, before = np.empty(count), 0
     for index in range(count):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import cv2
 import numpy as np
@@ -61,7 +62,7 @@ def sampled(scene: Scene, quick: bool) -> Iterator[Row]:
     image, dictionary, rng = scene.frame, scene.dictionary, scene.rng("samples")
     textons = dictionary.textons.reshape(dictionary.n_textons, -1).astype(float)
 
-    def by_cdist():
+    def by_cdist() -> Any:
         patches = gather_patches(image, sample_positions(image.shape, 6, 400, rng), 6).reshape(
             400, -1
         )
@@ -88,7 +89,7 @@ def homography(scene: Scene, quick: bool) -> Iterator[Row]:
         HomographyLocalizer(scene.simulator.floor.picture, scale=scale) for scale in (1.0, 0.5)
     )
     turn = iter(np.tile(np.arange(len(frames)), 10_000))
-    found = cv2.SIFT_create(nfeatures=whole.keypoints)
+    found = cv2.SIFT.create(nfeatures=whole.keypoints)
     luma = [np.ascontiguousarray(frame[..., 0]) for frame in frames]
     contestants = {
         "whole": lambda: whole.locate(frames[next(turn)]),
@@ -100,7 +101,7 @@ def homography(scene: Scene, quick: bool) -> Iterator[Row]:
         right = {
             name: np.mean([
                 np.hypot(*(localizer.locate(frame).position - position)) < _FOUND
-                for frame, position in zip(frames, positions)
+                for frame, position in zip(frames, positions, strict=False)
             ])
             for name, localizer in (("whole", whole), ("half", half))
         }  # fmt: skip
@@ -124,12 +125,12 @@ def simulator(scene: Scene, quick: bool) -> Iterator[Row]:
     view = np.linalg.inv(picture.world_from_pixel) @ seen
     size = (room.camera.width, room.camera.height)
 
-    def warp():
+    def warp() -> Any:
         return cv2.warpPerspective(
             picture.image, view, size, flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
         )
 
-    def render():
+    def render() -> Any:
         room.step(np.array([2.5, 2.5]))
         return room.render()
 
@@ -139,7 +140,7 @@ def simulator(scene: Scene, quick: bool) -> Iterator[Row]:
     yield Row.compare("simulator", name, 1, times["ours"], "warpPerspective", times["warp"], 8.0)
 
 
-def _by_cdist(image: np.ndarray, dictionary, rows: int = 16) -> np.ndarray:
+def _by_cdist(image: np.ndarray, dictionary: Any, rows: int = 16) -> np.ndarray:
     """Full sampling with SciPy, a few rows at a time."""
     from scipy.spatial.distance import cdist
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -43,8 +44,12 @@ def observations(positions: np.ndarray) -> list[Observation]:
     for places in positions:
         index = np.arange(len(places))
         neighbors = Neighbors(index, index.astype(float), places)
-        seen.append(Observation(histogram=nothing.copy, neighbors=lambda _, it=neighbors: it))
+        seen.append(Observation(histogram=nothing.copy, neighbors=partial(_always, neighbors)))
     return seen
+
+
+def _always(neighbors: Neighbors, histogram: np.ndarray) -> Neighbors:
+    return neighbors
 
 
 class Scene:
@@ -110,5 +115,5 @@ class Scene:
             },
         )
 
-    def localizer(self, **options) -> Localizer:
+    def localizer(self, **options: Any) -> Localizer:
         return Localizer(self.map, rng=self.rng("flight"), **options)

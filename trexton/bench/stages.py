@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +30,7 @@ class StageClock:
         a frame.
     """
 
-    def __init__(self, texton_map: TextonMap, **options):
+    def __init__(self, texton_map: TextonMap, **options: Any) -> None:
         self.localizer = Localizer(texton_map, mark=self._mark, **options)
         self.seconds: dict[str, list[float]] = {name: [] for name in STAGES}
         self._last = 0.0

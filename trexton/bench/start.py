@@ -32,7 +32,7 @@ _PROGRAMS = {
 
 def start(scene: Scene, quick: bool) -> Iterator[Row]:
     """The command's help, and a process from nothing to its first estimate, with the kernels' cache warm."""
-    seconds = {name: [] for name in _PROGRAMS}
+    seconds: dict[str, list[float]] = {name: [] for name in _PROGRAMS}
     with tempfile.TemporaryDirectory() as folder:
         texton_map, frame = scene.map.save(Path(folder) / "map.npz"), Path(folder) / "frame.npy"
         np.save(frame, scene.frame)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from trexton.cache import code_hashes
 from trexton.errors import DataError, FlightError
@@ -25,7 +26,7 @@ _PATTERN = dict(zip(SIMULATED, ("survey", "waypoints"), strict=True))
 class Prepared:
     """Flights that are ready, and sentences on what was made, reused or missing."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.pairs: list[FlightPair] = []
         self.absent: dict[str, str] = {}
         self.said: list[str] = []
@@ -55,7 +56,7 @@ def _simulate(path: Path) -> None:
     record_flight(path, pattern=_PATTERN[path.name], replace=True)
 
 
-def _simulation_inputs(name: str) -> dict:
+def _simulation_inputs(name: str) -> dict[str, Any]:
     return {
         "code": code_hashes("trexton.simulator"),
         "pattern": _PATTERN[name],
@@ -63,11 +64,13 @@ def _simulation_inputs(name: str) -> dict:
     }
 
 
-def _real_inputs() -> dict:
+def _real_inputs() -> dict[str, Any]:
     return {"code": code_hashes("trexton.flights.cyberzoo"), "files": raw_files(REAL)}
 
 
-def _prepare(path: Path, inputs: dict, make: Callable[[Path], object], prepared: Prepared) -> None:
+def _prepare(
+    path: Path, inputs: dict[str, Any], make: Callable[[Path], object], prepared: Prepared
+) -> None:
     """Keep the flight at `path` if whole and of the same inputs, make it otherwise."""
     stamp = path.parent / f".{path.name}.stamp"
     reason = _reason_to_make(path, stamp, inputs)
@@ -81,7 +84,7 @@ def _prepare(path: Path, inputs: dict, make: Callable[[Path], object], prepared:
     prepared.said.append(f"flight {path.name}: made, because {reason}")
 
 
-def _reason_to_make(path: Path, stamp: Path, inputs: dict) -> str | None:
+def _reason_to_make(path: Path, stamp: Path, inputs: dict[str, Any]) -> str | None:
     try:
         old = json.loads(stamp.read_text(encoding="utf-8"))
         flight: Flight = read_flight(path)

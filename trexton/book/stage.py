@@ -7,6 +7,7 @@ import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import nbformat
 import yaml
@@ -109,7 +110,7 @@ def _copy_notebook(
     with_flight(notebook, flight, twins)
     describe_notebook(notebook)
 
-    def link(found: re.Match) -> str:
+    def link(found: re.Match[str]) -> str:
         return found[0] if found["page"] in pages else found["text"]
 
     for cell in notebook.cells:
@@ -118,7 +119,7 @@ def _copy_notebook(
     nbformat.write(notebook, target)
 
 
-def _context(contents: Contents) -> dict:
+def _context(contents: Contents) -> dict[str, Any]:
     """The names that prose may use."""
     records = records_by_name(contents.results, contents.outcomes)
     flights = [
@@ -162,7 +163,7 @@ def _title(name: str) -> str:
     return EXPERIMENTS[name].title if name in EXPERIMENTS else name
 
 
-def _table_of_contents(contents: Contents, toc_file: str) -> dict:
+def _table_of_contents(contents: Contents, toc_file: str) -> dict[str, Any]:
     """``_toc.yml`` with ``- flight: NAME`` replaced by the pages of that flight.
 
     A chapter marked ``optional: true`` is left out where its page is not there.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from trexton.errors import ParameterError
 from trexton.progress import say
@@ -84,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _effects(settings: list[str], off: list[str]):
+def _effects(settings: list[str], off: list[str]) -> Any:
     from dataclasses import replace
 
     from trexton.simulator import Effects

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from trexton.errors import ParameterError
 from trexton.progress import say
@@ -71,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _floor(name, arguments):  # type: ignore[no-untyped-def]
+def _floor(name: str, arguments: argparse.Namespace) -> Any:
     from trexton.experiments.floors import named_floor
     from trexton.simulator import Floor
 
@@ -92,7 +93,7 @@ def _floor(name, arguments):  # type: ignore[no-untyped-def]
     return Floor.from_file(name, arguments.width)
 
 
-def _write(folder: Path, floors: dict, judged: dict) -> None:  # type: ignore[type-arg]
+def _write(folder: Path, floors: dict[str, Any], judged: dict[str, dict[str, Any]]) -> None:
     import re
 
     from trexton.figures.floors import expected_errors

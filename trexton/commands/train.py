@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
 from trexton.progress import say
 
@@ -47,6 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     flight = read_flight(arguments.flight)
     flight = flight.part("train") if "train" in flight.split else flight
+    choices: dict[str, Any] = {**parse_choices(arguments.choices)}
     texton_map = TextonMap.train(
         flight,
         method=arguments.method,
@@ -56,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         neighbors=arguments.neighbors,
         # The stream that experiments train with, so that equal seeds give equal maps.
         rng=stream(arguments.seed, "training"),
-        **parse_choices(arguments.choices),
+        **choices,
     )
     path = texton_map.save(arguments.output)
     say(f"{len(texton_map.positions)} frames of {flight.name} became {path}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 from trexton.errors import ParameterError
 
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _record_file(given: str | None, texton_map) -> Path:
+def _record_file(given: str | None, texton_map: Any) -> Path:
     """The file asked for, or the one that the book's run leaves for the map's flight."""
     if given is not None:
         path = Path(given)

@@ -99,7 +99,9 @@ def _flown(
     texton_map: TextonMap, frames: Sequence[np.ndarray], parameters: Parameters
 ) -> tuple[np.ndarray, dict[str, float]]:
     """``(N, 2)`` estimates, and median and 99th percentile of the seconds a frame takes."""
-    options = {"particles": parameters.particles} if texton_map.method == "paper" else {}
+    options: dict[str, Any] = (
+        {"particles": parameters.particles} if texton_map.method == "paper" else {}
+    )
     localizer = Localizer(
         texton_map, samples=parameters.samples, rng=stream(parameters.seed, "flight", 0), **options
     )

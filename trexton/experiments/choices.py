@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class _Variant:
     label: str
     texton_map: TextonMap
     frames: Sequence[np.ndarray]
-    options: dict = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict[str, Any])
 
 
 def with_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
@@ -173,7 +174,7 @@ def _variants(
     if test.has_images and train.has_images:
         rng = stream(seed, "samples")
         drawn = np.array(
-            [sampled_histogram(frame, texton_map.dictionary, samples, rng=rng) for frame in frames]
+            [sampled_histogram(frame, texton_map.alphabet, samples, rng=rng) for frame in frames]
         )
         yield _Variant(
             "trace",
@@ -193,6 +194,7 @@ def _variants(
         cleared = replace(
             texton_map, histograms=without_trace(texton_map.histograms, _PUBLISHED_SAMPLES)
         )
+        assert test.histograms is not None  # a flight without images
         frames = list(without_trace(test.histograms, _PUBLISHED_SAMPLES))
         yield _Variant(
             "trace_removed", "histogram", "the trace of the frame before removed", cleared, frames
@@ -202,7 +204,7 @@ def _variants(
 def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:
     """The map of a dictionary learned as the flight code did, from the cache if it was made before."""
 
-    def compute():
+    def compute() -> Any:
         rng = stream(seed, "training")
         dictionary = TextonDictionary.learn(train, rng=rng, method="winner-take-all")
         return TextonMap.train(

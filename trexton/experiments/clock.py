@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ __all__ = ["frequency", "milliseconds"]
 _STRETCH = 20  # measurements
 
 
-def milliseconds(runs: Sequence[np.ndarray], stretch: int = _STRETCH) -> dict:
+def milliseconds(runs: Sequence[np.ndarray], stretch: int = _STRETCH) -> dict[str, Any]:
     """``median``, ``low``, ``high`` in ms of times in seconds.
 
     Single frames now and then wait for the rest of the machine; a median over a stretch does not feel that.
@@ -26,7 +27,7 @@ def milliseconds(runs: Sequence[np.ndarray], stretch: int = _STRETCH) -> dict:
     }
 
 
-def frequency(time_ms: dict) -> dict:
+def frequency(time_ms: dict[str, Any]) -> dict[str, Any]:
     """The same as a rate in Hz."""
     return {
         "median": 1000 / time_ms["median"],

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class Mission:
     consecutive: int
     armed_after: float
     time_limit: float
-    options: dict
+    options: dict[str, Any]
     seed: int
     trigger: str = "inside"
 
@@ -132,8 +133,8 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
 
 def _certain(state: VehicleState) -> Estimate:
     """An estimate without any doubt."""
-    still = {"velocity": state.velocity[:2], "joint": np.zeros((4, 4))}
-    return Estimate(state.position[:2], np.zeros((2, 2)), **still)
+    place, velocity = state.position[:2], state.velocity[:2]
+    return Estimate(place, np.zeros((2, 2)), velocity=velocity, joint=np.zeros((4, 4)))
 
 
 def fly_all(mission: Mission, landings: int, perfect: bool = False) -> list[Attempt]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from trexton.metrics import BLOCK, block_rows
@@ -11,7 +13,7 @@ __all__ = ["pair_correlation", "pearson", "rank_correlation"]
 
 def rank_correlation(
     a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 400, block: int = BLOCK
-) -> dict:
+) -> dict[str, Any]:
     """Spearman's correlation of two ``(N,)`` arrays: ``value``, ``low`` and ``high`` of its 95 % interval.
 
     The interval draws whole blocks of rows; `block` = 1 draws single rows. NaN where one side is constant.
@@ -26,7 +28,7 @@ def rank_correlation(
 
 def pair_correlation(
     a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 200
-) -> dict:
+) -> dict[str, Any]:
     """Spearman's correlation of two symmetric ``(N, N)`` arrays over all pairs, with its 95 % interval.
 
     Frames, not pairs, are drawn anew in blocks: N (N - 1) / 2 pairs are far from independent. Ranks are kept.
@@ -75,7 +77,7 @@ def _pair_ranks(matrix: np.ndarray) -> np.ndarray:
     return ranks + ranks.T
 
 
-def _with_interval(value: float, drawn: list[float]) -> dict:
+def _with_interval(value: float, drawn: list[float]) -> dict[str, Any]:
     low, high = (
         np.nanpercentile(drawn, (2.5, 97.5)) if np.isfinite(drawn).any() else (np.nan, np.nan)
     )

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from time import perf_counter
+from typing import Any
 
 import cv2
 import numpy as np
@@ -37,7 +38,7 @@ __all__ = [
 ]
 
 
-def provenance(*flights: Flight) -> dict:
+def provenance(*flights: Flight) -> dict[str, Any]:
     """Data hashes of the flights and the versions of the software."""
     return {
         "flights": {flight.name: flight.data_hash for flight in flights},
@@ -46,7 +47,13 @@ def provenance(*flights: Flight) -> dict:
 
 
 def trained_map(
-    train: Flight, *, textons=20, patch=6, neighbors=5, seed=1, positions: np.ndarray | None = None
+    train: Flight,
+    *,
+    textons: int = 20,
+    patch: int = 6,
+    neighbors: int = 5,
+    seed: int = 1,
+    positions: np.ndarray | None = None,
 ) -> TextonMap:
     """The texton map of `train`, from the cache if the same inputs were seen before."""
     inputs = {
@@ -59,9 +66,9 @@ def trained_map(
     if positions is not None:
         inputs["positions"] = [[float(value).hex() for value in row] for row in positions]
 
-    def compute():
+    def compute() -> Any:
         rng = stream(seed, "training")
-        options = {
+        options: dict[str, Any] = {
             "n_textons": textons,
             "patch": patch,
             "neighbors": neighbors,
@@ -74,7 +81,10 @@ def trained_map(
 
 def frames_of(flight: Flight) -> Sequence[np.ndarray]:
     """What the localizer takes, one a frame: the images where there are any, else the histograms."""
-    return list(flight.images()) if flight.has_images else list(flight.histograms)
+    if flight.has_images:
+        return list(flight.images())
+    assert flight.histograms is not None  # a flight has one or the other
+    return list(flight.histograms)
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +108,7 @@ def fly(localizer: Localizer, frames: Sequence[np.ndarray]) -> Track:
         start = perf_counter()
         estimate = localizer.step(frame)
         step_s.append(perf_counter() - start)
+        assert estimate.neighbors is not None  # of the paper's method, which asks for them
         rows.append(
             (
                 estimate.position,
@@ -106,7 +117,7 @@ def fly(localizer: Localizer, frames: Sequence[np.ndarray]) -> Track:
                 estimate.lost,
             )
         )
-    position, spread, knn, lost = (np.array(column) for column in zip(*rows))
+    position, spread, knn, lost = (np.array(column) for column in zip(*rows, strict=False))
     return Track(position, spread, knn, lost, np.array(step_s))
 
 
@@ -117,7 +128,7 @@ def tracks(
     repeats: int,
     seed: int,
     first: int = 0,
-    **options,
+    **options: Any,
 ) -> list[Track]:
     """`repeats` independent runs; run i draws from stream ``"flight", first + i``."""
     run = partial(_run, texton_map, frames, seed, options)
@@ -125,12 +136,18 @@ def tracks(
 
 
 def _run(
-    texton_map: TextonMap, frames: Sequence[np.ndarray], seed: int, options: dict, number: int
+    texton_map: TextonMap,
+    frames: Sequence[np.ndarray],
+    seed: int,
+    options: dict[str, Any],
+    number: int,
 ) -> Track:
     return fly(Localizer(texton_map, rng=stream(seed, "flight", number), **options), frames)
 
 
-def drift(runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 500) -> dict:
+def drift(
+    runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 500
+) -> dict[str, Any]:
     """Slope of the Euclidean error over time in cm a minute, with its 95 % interval: does the error accumulate?"""
     minutes = (test.time - test.time[0]) / 60
     euclidean = [100 * np.hypot(*absolute_errors(run.estimate, test.position).T) for run in runs]
@@ -138,7 +155,7 @@ def drift(runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: i
     def slope(run: int, rows: np.ndarray) -> float:
         return float(np.polyfit(minutes[rows], euclidean[run][rows], 1)[0])
 
-    drawn = [slope(rng.integers(len(runs)), block_rows(len(test), rng)) for _ in range(draws)]
+    drawn = [slope(int(rng.integers(len(runs))), block_rows(len(test), rng)) for _ in range(draws)]
     low, high = np.percentile(drawn, (2.5, 97.5))
     return {
         "median": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]),
@@ -149,7 +166,7 @@ def drift(runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: i
 
 def evaluate(
     runs: list[Track], train_positions: np.ndarray, test: Flight, *, k: int, seed: int
-) -> tuple[dict, dict]:
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Values and series of a set of runs beside the k-NN alone and the yardsticks.
 
     Returns
@@ -161,7 +178,7 @@ def evaluate(
     """
     rng = stream(seed, "intervals")
 
-    def summary(estimates):
+    def summary(estimates: list[np.ndarray]) -> dict[str, Any]:
         return summarize(estimates, test.position, test.diagonal, rng=rng)
 
     values = {
@@ -183,13 +200,13 @@ def evaluate(
     return values, series
 
 
-def floor_picture(flight: Flight, width: int = 700) -> tuple[dict, dict]:
+def floor_picture(flight: Flight, width: int = 700) -> tuple[dict[str, Any], dict[str, Any]]:
     """The floor as figures draw it: its extent (a series) and a picture of `width` pixels; both empty where unknown."""
     if flight.floor is None:
         return {}, {}
     rows, columns = flight.floor.image.shape[:2]
     (left, top), (right, bottom) = flight.floor.to_world(
-        [(-0.5, -0.5), (columns - 0.5, rows - 0.5)]
+        np.array([(-0.5, -0.5), (columns - 0.5, rows - 0.5)])
     )
     picture = cv2.resize(
         flight.floor.image, (width, round(width * rows / columns)), interpolation=cv2.INTER_AREA

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "half": locate_all({"mosaic": mosaic}, test, scale=0.5)["mosaic"]
     }
     rng = stream(parameters.seed, "intervals")
-    values = {
+    values: dict[str, Any] = {
         name: summarize([each.position], test.position, test.diagonal, rng=rng)
         | _counts(each, test)
         for name, each in located.items()
@@ -70,7 +71,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         values["tilt_offset_cm"] = 100 * float(offset.mean())
     extent, picture = picture_of(mosaic)
     floor, floor_image = floor_picture(test)
-    series = {f"{name}_m": each.position for name, each in located.items()}
+    series: dict[str, Any] = {f"{name}_m": each.position for name, each in located.items()}
     series |= {f"{name}_inliers": each.inliers for name, each in located.items()}
     series |= {"time_s": test.time - test.time[0], "truth_m": test.position}
     series |= {"area_m": test.area, "map": extent}
@@ -88,7 +89,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _counts(located: Located, test: Flight) -> dict:
+def _counts(located: Located, test: Flight) -> dict[str, Any]:
     """Frames without a homography, and with one that is off by more than half the width of the area."""
     error = np.hypot(*(located.position - test.position).T)
     x_min, x_max, y_min, y_max = test.area

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
@@ -69,7 +70,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         sources["drifting"] = found["drifting"].position
     frames = frames_of(test)
     rng = stream(parameters.seed, "intervals")
-    values: dict = {
+    values: dict[str, Any] = {
         "failures": int((~located.found).sum()),
         "remedy_uses": {
             "median_frames": MEDIAN_FRAMES,
@@ -77,7 +78,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "smoothing_frames": SMOOTHING_FRAMES,
         },
     }
-    series: dict = {}
+    series: dict[str, Any] = {}
     step_s = []
     for name, positions in sources.items():
         texton_map = trained_map(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -123,11 +124,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 def _histograms(
     test: Flight, texton_map: TextonMap, samples: int, rng: np.random.Generator
 ) -> np.ndarray:
-    if not test.has_images:
+    if test.histograms is not None and not test.has_images:
         return test.histograms
     images = progress(test.images(), "histograms", total=len(test))
     return np.stack(
-        [sampled_histogram(image, texton_map.dictionary, samples, rng=rng) for image in images]
+        [sampled_histogram(image, texton_map.alphabet, samples, rng=rng) for image in images]
     )
 
 
@@ -181,7 +182,9 @@ def _trial(
     )
 
 
-def _values(trials: list[Trial], tolerance: float, consecutive: int, period: float) -> dict:
+def _values(
+    trials: list[Trial], tolerance: float, consecutive: int, period: float
+) -> dict[str, Any]:
     found = [trial.found_after(tolerance, consecutive) for trial in trials]
     times = [period * frames for frames in found if frames is not None]
     undisturbed = [
@@ -191,7 +194,7 @@ def _values(trials: list[Trial], tolerance: float, consecutive: int, period: flo
     control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
     return {
         "recovered_rate": _rate(len(times), len(trials)),
-        "recovery_s": dict(zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100))))
+        "recovery_s": dict(zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100)), strict=False))
         if times
         else None,
         "control_rate": _rate(sum(frames is not None for frames in control), len(trials)),
@@ -206,21 +209,18 @@ def _values(trials: list[Trial], tolerance: float, consecutive: int, period: flo
 
 def _lost(
     trials: list[Trial], flags: list[np.ndarray], found: list[int | None], tolerance: float
-) -> dict:
+) -> dict[str, Any]:
     """How well "lost" is told: in which share of kidnappings, of wrong frames until found, of calm frames."""
-    declared, wrong, calm, calm_error = [], [], [], []
-    for trial, lost, frames in zip(trials, flags, found):
+    declared, wrongs, calms, errors = [], [], [], []
+    for trial, lost, frames in zip(trials, flags, found, strict=False):
         end = len(trial.error) if frames is None else trial.cut + frames
         if end > trial.cut:
-            declared.append(lost[trial.cut : end].any())
-            wrong.append(lost[trial.cut : end][trial.error[trial.cut : end] >= tolerance])
-        calm.append(lost[trial.calm])
-        calm_error.append(trial.error[trial.calm])
-    calm, calm_error, wrong = (
-        np.concatenate(calm),
-        np.concatenate(calm_error),
-        np.concatenate([[], *wrong]),
-    )
+            declared.append(bool(lost[trial.cut : end].any()))
+            wrongs.append(lost[trial.cut : end][trial.error[trial.cut : end] >= tolerance])
+        calms.append(lost[trial.calm])
+        errors.append(trial.error[trial.calm])
+    calm, calm_error = np.concatenate(calms), np.concatenate(errors)
+    wrong = np.concatenate([[], *wrongs])
     return {
         "declared_rate": _rate(sum(declared), len(declared)),
         "wrong_frames_rate": wrong.mean() if len(wrong) else None,
@@ -232,7 +232,9 @@ def _lost(
     }
 
 
-def _series(trials: list[Trial], tolerance: float, consecutive: int, period: float) -> dict:
+def _series(
+    trials: list[Trial], tolerance: float, consecutive: int, period: float
+) -> dict[str, Any]:
     found = [trial.found_after(tolerance, consecutive) for trial in trials]
     error = np.array([trial.error[trial.cut :] for trial in trials])
     lost = np.array([(trial.lost | (trial.width > LOST_SHARE))[trial.cut :] for trial in trials])
@@ -242,14 +244,14 @@ def _series(trials: list[Trial], tolerance: float, consecutive: int, period: flo
     ]
     return {
         "recovery_s": sorted(period * frames for frames in found if frames is not None),
-        "error_m": dict(zip(("low", "median", "high"), np.percentile(error, (10, 50, 90), axis=0))),
+        "error_m": dict(zip(("low", "median", "high"), np.percentile(error, (10, 50, 90), axis=0), strict=False)),
         "lost": lost.mean(axis=0),
         "told": [entry["wrong_frames_rate"] for entry in shares],
         "for_nothing": [entry["calm_frames_rate"] for entry in shares],
     }
 
 
-def _rate(successes: int, trials: int) -> dict | None:
+def _rate(successes: int, trials: int) -> dict[str, Any] | None:
     if not trials:
         return None
     low, high = wilson_interval(int(successes), trials)

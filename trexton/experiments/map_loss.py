@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -102,7 +103,7 @@ def _euclidean(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
 
 def _similarity(
     histograms: np.ndarray, positions: np.ndarray, sigma: float, seed: int
-) -> tuple[dict, dict]:
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Actual similarity of all pairs of frames against their distance."""
     rows = _evenly(len(histograms))
     alike, place = cosine_similarity(histograms[rows]), positions[rows]
@@ -131,7 +132,7 @@ def _similarity(
 
 def _sweep(
     histograms: np.ndarray, positions: np.ndarray, errors: np.ndarray, sigma: float, seed: int
-) -> tuple[list, dict]:
+) -> tuple[list[Any], dict[str, Any]]:
     """What another sigma would have given, from an eighth of the paper's to four times it."""
     frames = _evenly(len(histograms))
     alike, place = cosine_similarity(histograms[frames]), positions[frames]
@@ -159,7 +160,7 @@ def _sweep(
 
 def _prediction(
     positions: np.ndarray, losses: np.ndarray, errors: np.ndarray, sigma: float, seed: int
-) -> tuple[dict, dict]:
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Does the loss of a training frame tell its error, and which part of the loss does?
 
     The loss is mean similarity less mean ideal, and the ideal knows nothing of the floor: its mean only
@@ -167,7 +168,7 @@ def _prediction(
     """
     crowding = ideal_similarity(positions, positions, sigma).mean(axis=1)
 
-    def correlation(a, b):
+    def correlation(a: np.ndarray, b: np.ndarray) -> Any:
         return rank_correlation(a, b, rng=stream(seed, "parts"))
 
     values = {
@@ -179,8 +180,13 @@ def _prediction(
 
 
 def _unseen(
-    texton_map: TextonMap, test: Flight, losses: np.ndarray, sigma: float, options: dict, seed: int
-) -> tuple[dict, dict]:
+    texton_map: TextonMap,
+    test: Flight,
+    losses: np.ndarray,
+    sigma: float,
+    options: dict[str, Any],
+    seed: int,
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """The same on another flight: the smoothed loss of each place against the errors made there."""
     expected = smooth(losses, texton_map.positions, test.position, sigma)
     track = fly(Localizer(texton_map, rng=stream(seed, "flight"), **options), frames_of(test))
@@ -193,7 +199,7 @@ def _unseen(
     return values, {name: _grouped(expected, wrong, seed) for name, wrong in errors.items()}
 
 
-def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict]:
+def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict[str, Any]]:
     """Mean error in cm in tenths of the frames by rising loss, intervals over stretches of the flight."""
     order = np.argsort(losses, kind="stable")
     group = np.empty(len(order), dtype=np.int64)

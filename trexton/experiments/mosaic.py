@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -68,7 +69,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _spread(values: np.ndarray) -> dict:
+def _spread(values: np.ndarray) -> dict[str, Any]:
     rms = np.sqrt(np.mean(np.square(values)))
     return {"median": np.median(values), "p95": np.percentile(values, 95), "rms": rms}
 

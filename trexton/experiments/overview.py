@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -63,9 +64,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     row = _typical(errors) if parameters.frame is None else _row(test, parameters.frame)
     image, estimate = test.image(row), estimates[row]
     rng.bit_generator.state = states[row]
-    drawn, labels = sampled_patches(image, texton_map.dictionary, parameters.samples, rng=rng)
+    drawn, labels = sampled_patches(image, texton_map.alphabet, parameters.samples, rng=rng)
     trail = np.flatnonzero((test.time <= test.time[row]) & (test.time >= test.time[row] - _TRAIL_S))
     floor, pictures = floor_picture(test)
+    assert estimate.neighbors is not None  # the paper's method asks for them
     similar = estimate.neighbors.index
     return parameters.record(
         train, test,
@@ -77,7 +79,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "spread_cm": 100 * estimate.spread,
             "neighbors": {"frame": train.frame[similar], "distance": estimate.neighbors.distance},
             "image_shape": image.shape[:2],
-            "patch": texton_map.dictionary.patch,
+            "patch": texton_map.alphabet.patch,
         },
         series={
             "patches": drawn,
@@ -92,7 +94,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         images={
             **pictures,
             "frame": bgr_from_yuv(image),
-            "textons": _texton_strip(texton_map.dictionary),
+            "textons": _texton_strip(texton_map.alphabet),
             "similar": np.concatenate([_thumbnail(train.image(index)) for index in similar], axis=1),
         },
     )  # fmt: skip
@@ -114,7 +116,8 @@ def sampled_patches(
     return positions, dictionary.label(gather_patches(image, positions, dictionary.patch))
 
 
-def _belief(estimate: Estimate) -> dict:
+def _belief(estimate: Estimate) -> dict[str, Any]:
+    assert estimate.neighbors is not None
     return {
         "histogram": estimate.histogram,
         "neighbors_m": estimate.neighbors.position,

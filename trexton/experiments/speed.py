@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _roofs(rng: np.random.Generator) -> dict:
+def _roofs(rng: np.random.Generator) -> dict[str, Any]:
     source = np.zeros(_COPIED, np.uint8)
     target, square = np.empty_like(source), rng.random((1024, 1024), dtype=np.float32)
     times = interleave(
@@ -75,7 +76,7 @@ def _roofs(rng: np.random.Generator) -> dict:
     }
 
 
-def _points(rows: list[Row]) -> list[dict]:
+def _points(rows: list[Row]) -> list[dict[str, Any]]:
     """Work and rate of the stages whose work can be counted, on one thread where that was timed."""
     points = {}
     for row in rows:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import cv2
 import numpy as np
@@ -70,7 +71,7 @@ def homography_maps(train: Flight, anchors: int = 12) -> dict[str, MapImage]:
     return maps
 
 
-def _kept(kind: str, inputs: dict, compute: Callable[[], Mosaic]) -> Mosaic:
+def _kept(kind: str, inputs: dict[str, Any], compute: Callable[[], Mosaic]) -> Mosaic:
     def arrays() -> dict[str, np.ndarray]:
         mosaic = compute()
         return {
@@ -114,7 +115,7 @@ def locate_all(
         name: HomographyLocalizer(picture, scale=scale) for name, picture in pictures.items()
     }
     describe = next(iter(localizers.values())).describe
-    rows: dict = {name: [] for name in localizers}
+    rows: dict[str, Any] = {name: [] for name in localizers}
     for image in progress(flight.images(), "locating", len(flight)):
         start = perf_counter()
         keypoints = describe(image)
@@ -124,7 +125,7 @@ def locate_all(
             fix = localizer.fix(keypoints, image.shape[:2])
             rows[name].append((fix.position, fix.inliers, described_s + perf_counter() - start))
     return {
-        name: Located(*(np.array(column) for column in zip(*found))) for name, found in rows.items()
+        name: Located(*(np.array(column) for column in zip(*found, strict=False))) for name, found in rows.items()
     }
 
 
@@ -145,7 +146,7 @@ def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.n
             detect_keypoints(cv2.cvtColor(each.image, cv2.COLOR_BGR2GRAY), limit=20_000, mask=mask)
         )
     cv2.setRNGSeed(0)
-    index = cv2.flann_Index(found[1].descriptors, {"algorithm": 1, "trees": 4})
+    index = cv2.flann.Index(found[1].descriptors, {"algorithm": 1, "trees": 4})
     nearest, squared = index.knnSearch(found[0].descriptors, 2, params={"checks": 64})
     good = squared[:, 0] < 0.75**2 * squared[:, 1]
     truth = floor.to_world(found[1].points[nearest[good, 0]])
@@ -156,12 +157,14 @@ def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.n
     return truth[alike], deviation[alike]
 
 
-def picture_of(picture: MapImage, width: int = 900) -> tuple[dict, np.ndarray]:
+def picture_of(picture: MapImage, width: int = 900) -> tuple[dict[str, Any], np.ndarray]:
     """A map as figures draw it: its extent, and a picture of `width` pixels; what is not mapped is white."""
     image = picture.image
     if picture.mask is not None:
         image = np.where(picture.mask[..., None], image, 255).astype(np.uint8)
     rows, columns = image.shape[:2]
-    (left, top), (right, bottom) = picture.to_world([(-0.5, -0.5), (columns - 0.5, rows - 0.5)])
+    (left, top), (right, bottom) = picture.to_world(
+        np.array([(-0.5, -0.5), (columns - 0.5, rows - 0.5)])
+    )
     small = cv2.resize(image, (width, round(width * rows / columns)), interpolation=cv2.INTER_AREA)
     return {"extent_m": [left, right, bottom, top]}, small

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -36,8 +37,8 @@ def multiplied(
 
 
 def time_stored(
-    texton_map: TextonMap, frames, *, samples: int, particles: int, most: int, seed: int
-) -> tuple[list, list, float, dict]:
+    texton_map: TextonMap, frames: Any, *, samples: int, particles: int, most: int, seed: int
+) -> tuple[list[Any], list[Any], float, dict[str, Any]]:
     """Time the search and the whole step on 100, 300, 1000 ... histograms, up to `most`.
 
     Returns
@@ -50,19 +51,17 @@ def time_stored(
         What the claims need of the shortest and the longest.
     """
     crowd, origin = multiplied(texton_map.histograms, most, rng=stream(seed, "stored"))
-    rng, options = (
-        stream(seed, "queries"),
-        {"samples": samples, "particles": particles},
-    )
+    rng = stream(seed, "queries")
 
-    def localizer(**more) -> Localizer:
-        return Localizer(texton_map, rng=rng, **options, **more)
+    def localizer(**more: Any) -> Localizer:
+        return Localizer(texton_map, rng=rng, samples=samples, particles=particles, **more)
 
     looking = localizer()
     asked = [looking.observe(frame) for frame in frames[:_FRAMES]]
     rows, clocks = [], []
     for count in progress(_numbers(most), "stored histograms"):
-        clock, found = {"stored": count}, []
+        clock: dict[str, Any] = {"stored": count}
+        found = []
         for method in _METHODS:
             start = perf_counter()
             store = NearestHistograms(
@@ -73,7 +72,7 @@ def time_stored(
             )
             built_s = perf_counter() - start
             step_ms = milliseconds([fly(localizer(nearest=store), frames[:_FRAMES]).step_s], 4)
-            query_s, neighbors = zip(*(_timed(store, histogram) for histogram in asked))
+            query_s, neighbors = zip(*(_timed(store, histogram) for histogram in asked), strict=False)
             found.append(np.array(neighbors))
             clock[method] = {
                 "build_s": built_s, "query_ms": milliseconds([np.array(query_s)], 4),

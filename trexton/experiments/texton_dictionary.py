@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import islice
+from typing import Any
 
 import cv2
 import numpy as np
@@ -67,7 +68,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "patches": len(patches),
             "patches_per_image": int(np.prod(position_grid(shown.shape, dictionary.patch))),
             "patch": dictionary.patch,
-            "is_the_map's": np.array_equal(dictionary.textons, texton_map.dictionary.textons),
+            "is_the_map's": np.array_equal(dictionary.textons, texton_map.alphabet.textons),
             "frequency": frequency,
             "methods": {method: _summary(one, patches) for method, one in learned.items()},
             "chroma_share": _chroma_share(dictionary.textons),
@@ -88,7 +89,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def place_frequencies(
-    histograms: np.ndarray, positions: np.ndarray, area, cells: int
+    histograms: np.ndarray, positions: np.ndarray, area: Any, cells: int
 ) -> np.ndarray:
     """``(K, cells, cells)``: mean frequency of each texton over the frames of each square, NaN without any.
 
@@ -104,7 +105,7 @@ def place_frequencies(
     return mean.reshape(-1, cells, cells)
 
 
-def _summary(learned: Learning, patches: np.ndarray) -> dict:
+def _summary(learned: Learning, patches: np.ndarray) -> dict[str, Any]:
     """How well a dictionary fits the patches it was learnt from."""
     labels = learned.dictionary.label(patches)
     difference = patches.astype(np.float32) - learned.dictionary.textons[labels]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -51,7 +52,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         {"samples": parameters.samples, "particles": parameters.particles},
     )
 
-    def localizer(**changes) -> Localizer:
+    def localizer(**changes: Any) -> Localizer:
         return Localizer(texton_map, rng=stream(parameters.seed, "flight", 0), **options | changes)
 
     def clocked() -> StageClock:
@@ -70,7 +71,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     stages_s = {
         name: np.median([one[name] for one in clocks], axis=0) for name in STAGES if clocks[0][name]
     }
-    timings = {
+    timings: dict[str, Any] = {
         "machine": machine(),
         "total_ms": _distribution(total_s),
         "frequency_hz": frequency(milliseconds([total_s])),
@@ -99,13 +100,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )  # fmt: skip
 
 
-def _distribution(seconds: np.ndarray) -> dict:
+def _distribution(seconds: np.ndarray) -> dict[str, Any]:
     """Median in ms with its interval, and the 99th percentile of frames."""
     stretch = min(20, max(1, len(seconds) // 5))
     return milliseconds([seconds], stretch) | {"p99": 1000 * np.percentile(seconds, 99)}
 
 
-def _full_sampling(localizer: Localizer, frames) -> dict:
+def _full_sampling(localizer: Localizer, frames: Any) -> dict[str, Any]:
     step_s = fly(localizer, frames).step_s
     return {
         "full_sampling_ms": _distribution(step_s),
@@ -113,7 +114,8 @@ def _full_sampling(localizer: Localizer, frames) -> dict:
     }
 
 
-def _homography(test: Flight, frames) -> dict:
+def _homography(test: Flight, frames: Any) -> dict[str, Any]:
+    assert test.floor is not None  # asked for where this is called
     localizer, seconds = HomographyLocalizer(test.floor), []
     for frame in progress(frames, "homography"):
         start = perf_counter()
@@ -122,7 +124,7 @@ def _homography(test: Flight, frames) -> dict:
     return _distribution(np.array(seconds[1:] or seconds))
 
 
-def _patches(texton_map) -> int:
+def _patches(texton_map: Any) -> int:
     return int(np.prod(position_grid(texton_map.image_shape, texton_map.dictionary.patch)))
 
 

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -25,7 +27,7 @@ from trexton.wording import interval, middle, number
 
 __all__ = ["finding", "Parameters", "retrained", "run"]
 
-SWEPT = {
+SWEPT: dict[str, tuple[Any, ...]] = {
     "samples": (25, 50, 100, 200, 400, 800, 1600, 3200, 6400, None),  # None: full sampling
     "particles": (5, 10, 25, 50, 100, 200, 400, 800),
     "neighbors": (1, 2, 3, 5, 7, 10, 15, 20),
@@ -130,8 +132,8 @@ def retrained(
 class _Sweep:
     """One parameter's rows, its times in the same order, and the runs behind them by value."""
 
-    rows: list[dict] = field(default_factory=list)
-    clocks: list[dict] = field(default_factory=list)
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    clocks: list[dict[str, Any]] = field(default_factory=list)
     runs: dict[int | None, list[Track]] = field(default_factory=dict)
 
 
@@ -143,7 +145,7 @@ class _Bench:
         texton_map: TextonMap,
         train: Flight,
         test: Flight,
-        defaults: dict,
+        defaults: dict[str, Any],
         repeats: int,
         seed: int,
     ):
@@ -157,9 +159,9 @@ class _Bench:
     def full(self) -> list[np.ndarray]:
         """The test frames' histograms of full sampling."""
         if not self.test.has_images:
-            return self.frames
+            return list(self.frames)
         images = progress(self.frames, "full sampling")
-        return [texton_histogram(image, self.map.dictionary) for image in images]
+        return [texton_histogram(image, self.map.alphabet) for image in images]
 
     @cached_property
     def wide(self) -> TextonMap:
@@ -200,12 +202,12 @@ class _Bench:
             )
         return result
 
-    def summary(self, estimates: list[np.ndarray]) -> dict:
+    def summary(self, estimates: list[np.ndarray]) -> dict[str, Any]:
         """Statistics of several runs over the test flight."""
         rng = stream(self.seed, "intervals")
         return summarize(estimates, self.test.position, self.test.diagonal, rng=rng, draws=300)
 
-    def _runs(self, setting: dict, repeats: int) -> list[Track]:
+    def _runs(self, setting: dict[str, Any], repeats: int) -> list[Track]:
         texton_map, frames = self.wide, self.frames
         if any((setting[key] or 0) > most for key, most in _SLOW.items()):
             repeats = max(3, repeats // 3)
@@ -222,15 +224,15 @@ class _Bench:
         localizer = Localizer(self.wide, samples=None, rng=stream(self.seed, "warm-up"), **options)
         return [fly(localizer, self.frames[:_TIMED_FULL]).step_s]
 
-    def _patches(self, setting: dict) -> dict:
+    def _patches(self, setting: dict[str, Any]) -> dict[str, Any]:
         """How many patches of an image are looked at; none where the flight came as histograms."""
         if not self.test.has_images:
             return {"patches": None}
-        every = int(np.prod(position_grid(self.frames[0].shape, self.map.dictionary.patch)))
+        every = math.prod(position_grid(self.frames[0].shape, self.map.alphabet.patch))
         return {"patches": setting["samples"] or every}
 
 
-def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict, dict]:
+def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict[str, Any], dict[str, Any]]:
     """The ends of both sweeps of the paper (errors in x, as it plots them), and what it concludes."""
     values, timings, errors, rates = {}, {}, [], []
     for name in ("samples", "particles"):
@@ -248,7 +250,9 @@ def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict, dict]:
         errors += [row["error_cm_x"]["median"] for row in sweep.rows]
         rates += [clock["frequency_hz"]["median"] for clock in sweep.clocks]
     rng = stream(bench.seed, "correlation")
-    timings["error_frequency_correlation"] = rank_correlation(errors, rates, rng=rng, block=1)
+    timings["error_frequency_correlation"] = rank_correlation(
+        np.array(errors), np.array(rates), rng=rng, block=1
+    )
     return values, timings
 
 
@@ -259,7 +263,7 @@ def _gain(
     *,
     rng: np.random.Generator,
     draws: int = 1000,
-) -> dict:
+) -> dict[str, Any]:
     """By which share the error in x falls from one setting to another, with its 95 % interval."""
     first, second = (
         np.stack([absolute_errors(run.estimate, test.position)[:, 0] for run in runs])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -79,7 +80,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     options = {"samples": parameters.samples}
     if parameters.method == "paper":
         options |= {"particles": parameters.particles, "neighbors": parameters.neighbors}
-    choices = {
+    choices: dict[str, Any] = {
         "radius": parameters.radius,
         "spread": parameters.spread,
         "consecutive": parameters.consecutive,
@@ -139,7 +140,7 @@ def _zone_places(train: Flight, radius: float) -> np.ndarray:
     return np.array([low, high])
 
 
-def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict:
+def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict[str, Any]:
     """Rates with 95 % intervals, distances beyond the circle, waiting times, the yardstick of chance."""
     done = [attempt for attempt in attempts if attempt.triggered]
     beyond = np.array([_beyond(attempt, attempt.touchdown, mission.radius) for attempt in done])
@@ -194,14 +195,14 @@ def _lag(attempt: Attempt) -> float:
     )
 
 
-def _rate(successes: int, trials: int) -> dict | None:
+def _rate(successes: int, trials: int) -> dict[str, Any] | None:
     if not trials:
         return None
     low, high = wilson_interval(successes, trials)
     return {"median": successes / trials, "low": low, "high": high}
 
 
-def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> dict | None:
+def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> dict[str, Any] | None:
     """Mean and its 95 % bootstrap interval."""
     if not len(values):
         return None
@@ -210,13 +211,13 @@ def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> di
     return {"median": values.mean(), "low": low, "high": high}
 
 
-def _quantiles(values: list[float]) -> dict | None:
+def _quantiles(values: list[float]) -> dict[str, Any] | None:
     return (
-        dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)))) if values else None
+        dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)), strict=False)) if values else None
     )
 
 
-def _chance(rate: dict | None) -> float | None:
+def _chance(rate: dict[str, Any] | None) -> float | None:
     """Chance of at most the paper's number inside, in as many landings as the paper's, at our rate."""
     if rate is None:
         return None
@@ -225,7 +226,7 @@ def _chance(rate: dict | None) -> float | None:
     return float(binom.cdf(PAPER_INSIDE, PAPER_LANDINGS, rate["median"]))
 
 
-def _series(attempts: list[Attempt], mission: Mission) -> dict:
+def _series(attempts: list[Attempt], mission: Mission) -> dict[str, Any]:
     """What the figures draw; paths in millimetres' resolution, of the first attempts only."""
     columns = {
         f"{name}_m": np.array([getattr(a, name) for a in attempts])

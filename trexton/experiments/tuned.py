@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -21,8 +23,15 @@ NEIGHBORS = (1, 3, 5, 10)
 
 
 def search_settings(
-    texton_map: TextonMap, test: Flight, frames, full, *, samples: int, repeats: int, seed: int
-) -> tuple[list[dict], dict]:
+    texton_map: TextonMap,
+    test: Flight,
+    frames: Any,
+    full: Any,
+    *,
+    samples: int,
+    repeats: int,
+    seed: int,
+) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     """Try a grid of settings on a test flight.
 
     Parameters
@@ -47,10 +56,13 @@ def search_settings(
         the flight
         and measured on the other, both ways.
     """
-    flights = {None: [full] * max(3, repeats // 3)}
+    flights: dict[int | None, list[list[np.ndarray]]] = {None: [full] * max(3, repeats // 3)}
     if test.has_images:
         rngs = [stream(seed, "samples", i) for i in range(len(flights[None]))]
-        flights = {samples: [_sampled(frames, texton_map, samples, rng) for rng in rngs]} | flights
+        drawn_once: dict[int | None, list[list[np.ndarray]]] = {
+            samples: [_sampled(frames, texton_map, samples, rng) for rng in rngs]
+        }
+        flights = drawn_once | flights
     counts = [k for k in NEIGHBORS if k <= texton_map.neighbors]
     grid, summaries, errors = [], [], []
     for (drawn, flown), m, k in progress(
@@ -80,13 +92,18 @@ def search_settings(
 
 
 def _sampled(
-    images, texton_map: TextonMap, samples: int, rng: np.random.Generator
+    images: list[np.ndarray], texton_map: TextonMap, samples: int, rng: np.random.Generator
 ) -> list[np.ndarray]:
-    return [sampled_histogram(image, texton_map.dictionary, samples, rng=rng) for image in images]
+    return [sampled_histogram(image, texton_map.alphabet, samples, rng=rng) for image in images]
 
 
 def _fly(
-    texton_map: TextonMap, histograms, seed: int, number: int, particles: int, neighbors: int
+    texton_map: TextonMap,
+    histograms: Sequence[np.ndarray],
+    seed: int,
+    number: int,
+    particles: int,
+    neighbors: int,
 ) -> np.ndarray:
     options = {"particles": particles, "neighbors": neighbors}
     (run,) = tracks(texton_map, histograms, repeats=1, seed=seed, first=number, **options)

@@ -261,7 +261,7 @@ def _read_histograms(
     reading.warnings += table.warnings
     if not np.array_equal(values[:, 0], frames):
         odd = next(
-            (i for i, (a, b) in enumerate(zip(values[:, 0], frames)) if a != b),
+            (i for i, (a, b) in enumerate(zip(values[:, 0], frames, strict=False)) if a != b),
             min(len(values), len(frames)),
         )
         reading.faults.append(
@@ -313,7 +313,7 @@ def write_tables(flight: Flight, folder: Path) -> None:
     if flight.height is not None:
         columns["z_m"] = flight.height
     if flight.attitude is not None:
-        columns |= dict(zip(("roll_rad", "pitch_rad", "yaw_rad"), flight.attitude.T))
+        columns |= dict(zip(("roll_rad", "pitch_rad", "yaw_rad"), flight.attitude.T, strict=False))
     if flight.image_files is not None:
         columns["image"] = [file.name for file in flight.image_files]
     _write_csv(folder / "frames.csv", columns)
@@ -329,4 +329,4 @@ def _write_csv(path: Path, columns: Columns) -> None:
     with open(path, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(zip(*lists))  # str of a Python float reads back to the same bits
+        writer.writerows(zip(*lists, strict=False))  # str of a Python float reads back to the same bits

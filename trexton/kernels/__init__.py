@@ -79,7 +79,7 @@ def in_strips(work: Callable[[slice], T], rows: int, threads: int | None = None)
     """
     strips = min(thread_count(threads), rows)
     bounds = [rows * i // strips for i in range(strips + 1)]
-    slices = [slice(first, last) for first, last in zip(bounds, bounds[1:])]
+    slices = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
     if strips == 1:
         return [work(slices[0])]
     with ThreadPoolExecutor(strips - 1) as pool:

@@ -63,7 +63,7 @@ def blend(
     with threads() as pool:
         # Placed in parallel, added in order, a few at a time so that the waiting ones do not fill the
         # memory.
-        jobs = iter(zip(rows, matrices, outlines))
+        jobs = iter(zip(rows, matrices, outlines, strict=False))
         bar = progress(range(len(rows)), "blending", len(rows))
         while batch := list(islice(jobs, 16)):
             for corner, size, image, weight in pool.map(place, batch):

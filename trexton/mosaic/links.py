@@ -202,7 +202,7 @@ def _all_links(
     # The pool keeps every core busy; more threads inside the products would only wait for one another.
     with threadpool_limits(1, "blas"), threads() as pool:
         matched = progress(pool.map(match, pairs), label, len(pairs))
-        return [(pair, *found) for pair, found in zip(pairs, matched) if found]
+        return [(pair, *found) for pair, found in zip(pairs, matched, strict=False) if found]
 
 
 def _as_links(found: list[Linked], camera: Camera) -> Links:

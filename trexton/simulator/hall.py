@@ -93,7 +93,7 @@ class _Hall:
         """A target in the middle of the hall."""
         x, y, radius = LANDING_CIRCLE
         for reach, color in zip(
-            (1.0, 0.93, 0.62, 0.55), bgr("f8f9fa", "1d3557", "f8f9fa", "d62828")
+            (1.0, 0.93, 0.62, 0.55), bgr("f8f9fa", "1d3557", "f8f9fa", "d62828"), strict=False
         ):
             self._disc((x, y), radius * reach, color)
         white = bgr("f8f9fa")[0]

@@ -68,7 +68,9 @@ def _stamps(path: Path, values: Any) -> np.ndarray:
 def _track(path: Path) -> Track:
     table = read_table(path)
     names = list(table.columns[1:8])
-    values = np.column_stack([column(path, table, name) for name in names] or [np.empty((0, 0))])
+    values = np.column_stack(
+        [column(path, table, name).to_numpy() for name in names] or [np.empty((0, 0))]
+    )
     if values.shape[1] < 3:
         raise FlightError(f"{path}: {values.shape[1] + 1} columns: expected stamp, x, y, z")
     attitude = None

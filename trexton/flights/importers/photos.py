@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime, timezone
+from datetime import datetime, timezone, UTC
 from pathlib import Path
 from typing import Any
 
@@ -168,7 +168,7 @@ def _stamp(path: Path, text: str) -> int:
     try:
         date, _, clock = text.strip().partition(" ")
         moment = datetime.fromisoformat(f"{date.replace(':', '-')} {clock}".strip())
-        return int(moment.replace(tzinfo=timezone.utc).timestamp()) * NANO
+        return int(moment.replace(tzinfo=UTC).timestamp()) * NANO
     except ValueError:
         raise FlightError(f"{path}: {text!r} is no time: expected 2013:06:04 13:37:29") from None
 

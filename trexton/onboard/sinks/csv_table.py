@@ -11,7 +11,7 @@ from trexton.options import Options
 __all__ = ["COLUMNS", "CsvTable"]
 
 COLUMNS = (
-    "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m", 
+    "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m",
     "observed", "lost", "stale", "resets", "latency_s", "fault",
 )  # fmt: skip
 
