@@ -1,8 +1,10 @@
-"""Damaged and hostile input for everything that reads a file: no crash, no hang, no flood of memory.
+"""Damaged and hostile input for everything that reads a file: no crash, no hang, no flood of
+memory.
 
-A target takes bytes, puts them where a person's file would be, and reads it; only a `TrextonError` may come out. The
-suite spends seconds on it; ``python tests/fuzzing.py --minutes 10`` goes on for longer, each input in a limit of two
-seconds and 500 MB, and keeps what broke a target in ``tests/fuzz_corpus``, which the suite then tries first.
+A target takes bytes, puts them where a person's file would be, and reads it; only a `TrextonError`
+may come out. The suite spends seconds on it; ``python tests/fuzzing.py --minutes 10`` goes on for
+longer, each input in a limit of two seconds and 500 MB, and keeps what broke a target in
+``tests/fuzz_corpus``, which the suite then tries first.
 """
 
 from __future__ import annotations
@@ -35,10 +37,40 @@ CORPUS = Path(__file__).parent / "fuzz_corpus"
 SECONDS, MEGABYTES = 2, 500
 # What a careless or a hostile hand puts into text.
 TOKENS = (
-    b"1e300", b"-1e300", b"nan", b"inf", b"-0", b"", b"9" * 400, b"1_000", b"0x10", b"\x00", b"\xff\xfe",
-    b"\xef\xbb\xbf", b"'", b'"', b'"""', b",", b";", b"\t", b"\n\n", b"\r", b"[", b"[" * 5000, b"{", b"]", b"=",
-    b"../../../etc/passwd", b"/dev/zero", b"true", b"null", b"2026-01-01", b"#", b"%s", "é".encode(),
-)  # fmt: skip
+    b"1e300",
+    b"-1e300",
+    b"nan",
+    b"inf",
+    b"-0",
+    b"",
+    b"9" * 400,
+    b"1_000",
+    b"0x10",
+    b"\x00",
+    b"\xff\xfe",
+    b"\xef\xbb\xbf",
+    b"'",
+    b'"',
+    b'"""',
+    b",",
+    b";",
+    b"\t",
+    b"\n\n",
+    b"\r",
+    b"[",
+    b"[" * 5000,
+    b"{",
+    b"]",
+    b"=",
+    b"../../../etc/passwd",
+    b"/dev/zero",
+    b"true",
+    b"null",
+    b"2026-01-01",
+    b"#",
+    b"%s",
+    "é".encode(),
+)
 
 
 def small() -> Flight:
@@ -119,19 +151,31 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
     rows = b"t,x,y,image\n" + b"".join(b"%d,1.5,2,a%d.png\n" % (i, i) for i in range(5))
     values = b"x,y,a,b,c,d\n" + b"".join(b"%d,1,.1,.2,.3,.4\n" % i for i in range(5))
     return {
-        "flight.toml": (_flight_file("flight.toml", parts["toml"]), [table["flight.toml"], table["flight.toml"] + camera]),
+        "flight.toml": (
+            _flight_file("flight.toml", parts["toml"]),
+            [table["flight.toml"], table["flight.toml"] + camera],
+        ),
         "frames.csv": (_flight_file("frames.csv", parts["frames"]), [table["frames.csv"]]),
-        "histograms.csv": (_flight_file("histograms.csv", parts["hist"]), [(sound / "histograms.csv").read_bytes()]),
-        "image": (_file("i.png", folder, read_image), [_encoded(s) for s in (".png", ".jpg", ".bmp", ".webp", ".tiff")]),
+        "histograms.csv": (
+            _flight_file("histograms.csv", parts["hist"]),
+            [(sound / "histograms.csv").read_bytes()],
+        ),
+        "image": (
+            _file("i.png", folder, read_image),
+            [_encoded(s) for s in (".png", ".jpg", ".bmp", ".webp", ".tiff")],
+        ),
         "map": (_file("m.npz", parts["map"], TextonMap.load), [map_bytes]),
         "record": (_file("r.json", folder, Record.load), [record_bytes]),
         "import euroc": (_importer("euroc", "mav0/vicon0/data.csv", parts["euroc"], True), [euroc]),
         "import tum": (_importer("tum", "groundtruth.txt", parts["tum"], True), [track]),
         "import csv": (_importer("csv", "t.csv", folder), [rows]),
         "import features": (_importer("features", "v.csv", folder), [values]),
-        "import video": (_importer("video", "v.avi", folder, positions="p.csv", offset="0"), [b"RIFF" + bytes(60)]),
+        "import video": (
+            _importer("video", "v.avi", folder, positions="p.csv", offset="0"),
+            [b"RIFF" + bytes(60)],
+        ),
         "import bag": (_importer("bag", "b.bag", folder), [b"#ROSBAG V2.0\n" + bytes(60)]),
-    }  # fmt: skip
+    }
 
 
 def mutate(data: bytes, rng: np.random.Generator) -> bytes:
@@ -157,7 +201,9 @@ def mutate(data: bytes, rng: np.random.Generator) -> bytes:
 
 
 def attempt(target: Callable[[bytes], object], data: bytes) -> str | None:
-    """What is wrong with how a target took `data`; None if it read it, or refused it in a sentence."""
+    """What is wrong with how a target took `data`; None if it read it, or refused it in a
+    sentence.
+    """
     try:
         target(data)
     except TrextonError as error:

@@ -1,4 +1,6 @@
-"""A receiver of its own for MAVLink over loopback UDP, and a small autopilot made of it. Needs pymavlink."""
+"""A receiver of its own for MAVLink over loopback UDP, and a small autopilot made of it. Needs
+pymavlink.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,8 @@ class Peer:
 
 
 class Autopilot(Peer):
-    """Beats, tells its attitude, and answers the landing command: "accepts", "denies" or "is silent".
+    """Beats, tells its attitude, and answers the landing command: "accepts", "denies" or "is
+    silent".
 
     `land` is called once it has accepted.
     """

@@ -1,4 +1,6 @@
-"""A small colourful room in which a small camera knows where it is, and what else the onboard tests share."""
+"""A small colourful room in which a small camera knows where it is, and what else the onboard tests
+share.
+"""
 
 from __future__ import annotations
 

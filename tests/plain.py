@@ -6,7 +6,9 @@ import numpy as np
 
 
 def plain_labels(image: np.ndarray, textons: np.ndarray) -> np.ndarray:
-    """``(H - P + 1, W - P + 1)``: the texton with the smallest squared Euclidean distance, the first of equals."""
+    """``(H - P + 1, W - P + 1)``: the texton with the smallest squared Euclidean distance, the
+    first of equals.
+    """
     patch = textons.shape[1]
     rows, columns = image.shape[0] - patch + 1, image.shape[1] - patch + 1
     labels = np.empty((rows, columns), dtype=np.int64)

@@ -56,7 +56,9 @@ def picture_flight(
 
 
 def histogram_flight(name: str, frames: int = 60, turns: float = 3.0, noise: int = 1) -> Flight:
-    """Histograms of five textons that change smoothly with the place; a quarter of a second apart."""
+    """Histograms of five textons that change smoothly with the place; a quarter of a second
+    apart.
+    """
     rng = np.random.default_rng(noise)
     position = lanes(frames, turns) + rng.normal(
         scale=0.02, size=(frames, 2)

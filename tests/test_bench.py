@@ -1,4 +1,6 @@
-"""The bench: its yardsticks compute what they claim to, its rows say what was measured. No time is asserted."""
+"""The bench: its yardsticks compute what they claim to, its rows say what was measured. No time is
+asserted.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ def test_contestants_take_turns_and_all_calls_count():
         {name: lambda name=name: calls.append(name) for name in "ab"}, seconds=1e-4, rounds=4
     )
     assert calls[:4] == ["a", "a", "b", "b"]  # to warm up
-    turns = [name for name, before in zip(calls[4:], [None, *calls[4:]], strict=False) if name != before]
+    turns = [
+        name for name, before in zip(calls[4:], [None, *calls[4:]], strict=False) if name != before
+    ]
     assert turns == list("abababab")
     assert {name: times[name].repeats for name in "ab"} == {
         name: calls.count(name) - 2 for name in "ab"
@@ -173,7 +177,14 @@ def test_the_machine_is_described():
 def test_every_stage_runs():
     rows = list(measure(quick=True))
     assert {row.stage.split(",")[0] for row in rows} >= {
-        "full histogram", "sampled histogram", "neighbours", "filter step", "whole frame", "homography", "simulator",
-        "start", "growth",
-    }  # fmt: skip
+        "full histogram",
+        "sampled histogram",
+        "neighbours",
+        "filter step",
+        "whole frame",
+        "homography",
+        "simulator",
+        "start",
+        "growth",
+    }
     assert all(row.ours_s > 0 and row.yardstick_s > 0 for row in rows)

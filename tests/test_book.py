@@ -81,7 +81,8 @@ def test_mathematics_and_attributes_of_myst_survive(page):
     assert page(text) == text.replace("{% raw %}", "").replace("{% endraw %}", "")
 
 
-# --- staging ----------------------------------------------------------------------------------------------
+# --- staging
+# ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -91,19 +92,28 @@ def results(tmp_path):
     folder = tmp_path / "results" / "small"
     folder.mkdir(parents=True)
     mocap_record("small", 61.0).save(folder)
-    chart = '<svg xmlns="http://www.w3.org/2000/svg" width="20" height="10"><rect width="20" height="10"/></svg>'
+    size = 'width="20" height="10"'
+    chart = f'<svg xmlns="http://www.w3.org/2000/svg" {size}><rect {size}/></svg>'
     (folder / "mocap_training-chart.svg").write_text(chart)
     cells = [
         nbformat.v4.new_markdown_cell("# A finished experiment\n\nIt has $x^2$ in it."),
-        nbformat.v4.new_markdown_cell("See [itself](mocap_training.ipynb), [the map](mosaic.ipynb)."),
+        nbformat.v4.new_markdown_cell(
+            "See [itself](mocap_training.ipynb), [the map](mosaic.ipynb)."
+        ),
         nbformat.v4.new_code_cell(
             "chart",
             metadata={"mystnb": {"image": {"alt": "a black box"}}, "tags": ["remove-input"]},
             execution_count=1,
-            outputs=[nbformat.v4.new_output("display_data", {"image/svg+xml": chart, "text/plain": "chart"})],
+            outputs=[
+                nbformat.v4.new_output(
+                    "display_data", {"image/svg+xml": chart, "text/plain": "chart"}
+                )
+            ],
         ),
-        nbformat.v4.new_markdown_cell('Take home: <a href="mocap_training.json" download>the record</a>'),
-    ]  # fmt: skip
+        nbformat.v4.new_markdown_cell(
+            'Take home: <a href="mocap_training.json" download>the record</a>'
+        ),
+    ]
     nbformat.write(nbformat.v4.new_notebook(cells=cells), folder / "mocap_training.ipynb")
     outcomes = [
         Outcome("small", "mocap_training", "ran", ("no finished run",), 1.0),
@@ -172,7 +182,8 @@ def test_a_small_book_is_built_audited_and_reused(results, capsys):
     assert index.is_file()  # the last good book stays
 
 
-# --- flights of the book ----------------------------------------------------------------------------------
+# --- flights of the book
+# ----------------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -222,7 +233,8 @@ def test_a_real_flight_out_of_reach_is_said_and_not_fatal(toy_flights, monkeypat
     assert prepared.absent == {"cyberzoo": "cyberzoo cannot be fetched: go online"}
 
 
-# --- the audit --------------------------------------------------------------------------------------------
+# --- the audit
+# --------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -242,7 +254,8 @@ def test_a_real_flight_out_of_reach_is_said_and_not_fatal(toy_flights, monkeypat
         ('<a href="#away">x</a>', "the link #away leads nowhere"),
         ('<img src="gone.png" alt="x">', "the link gone.png leads nowhere"),
         (
-            '<a href="https://example.org">x</a><a href="#here" id="here">y</a><img src="here.png" alt="x">',
+            '<a href="https://example.org">x</a><a href="#here" id="here">y</a><img src="here.png" '
+            'alt="x">',
             None,
         ),
     ],
@@ -258,7 +271,8 @@ def test_the_audit_reads_style_sheets(tmp_path):
     assert audit(tmp_path) == ["a.css: loads something from another host"]
 
 
-# --- the book of this clone, where one is built -----------------------------------------------------------
+# --- the book of this clone, where one is built
+# -----------------------------------------------------------
 
 
 def test_the_built_book_passes_the_audit(built_book):
@@ -275,7 +289,8 @@ def test_every_experiment_page_offers_its_notebook_record_and_figures(built_book
         assert not missing, f"{path} does not offer {missing}"
 
 
-# --- the page on the library ------------------------------------------------------------------------------
+# --- the page on the library
+# ------------------------------------------------------------------------------
 
 
 def test_every_module_of_the_library_page_exists_and_names_what_is_public():

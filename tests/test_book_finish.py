@@ -137,7 +137,8 @@ def test_the_first_picture_of_the_book_scrolls_where_it_is_too_wide(tmp_path, fi
     (tmp_path / "_images" / "hero.svg").write_bytes(to_svg(figure))
     (tmp_path / "page.html").write_text(
         "<html><head></head><body><article>"
-        '<a class="image-reference" href="x"><img class="hero" alt="all" src="_images/hero.svg"></a>'
+        '<a class="image-reference" href="x"><img class="hero" alt="all" '
+        'src="_images/hero.svg"></a>'
         "</article></body></html>"
     )
     text = finish_page(tmp_path / "page.html")

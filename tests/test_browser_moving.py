@@ -30,8 +30,9 @@ def test_the_player_shows_the_numbers_of_its_frame(open_page, book, width):
     for row in (0, len(data["frames"]) // 2, len(data["frames"]) - 1):
         page.evaluate(
             "row => { const s = document.getElementById('scrub'); s.value = row;"
-            " s.dispatchEvent(new Event('input')); }", row,
-        )  # fmt: skip
+            " s.dispatchEvent(new Event('input')); }",
+            row,
+        )
         kept, said = data["frames"][row], page.inner_text("#readout")
         assert said.startswith(f"Frame {kept['frame']}, {kept['time_s']:.1f} s.")
         for method, error in kept["errors_cm"].items():
@@ -141,7 +142,8 @@ def test_filters_of_the_ledger_change_what_is_counted(open_page, book):
     controls = page.query_selector_all("select, .filters input, .filters button")
     if not controls:
         pytest.skip("this ledger has no filters")
-    shown = "[...document.querySelectorAll('article table tbody tr')].filter(r => r.offsetParent).length"
+    rows = "[...document.querySelectorAll('article table tbody tr')]"
+    shown = f"{rows}.filter(r => r.offsetParent).length"
     before = page.evaluate(shown)
     select = page.query_selector("article select")
     values = select.evaluate("s => [...s.options].map(o => o.value)")

@@ -28,7 +28,8 @@ def test_a_page_loads_without_a_fault_at_any_width(open_page, name, width, dark)
     wide = page.evaluate("document.documentElement.scrollWidth")
     assert wide <= width, f"the page scrolls sideways: {wide} px"
     broken = page.evaluate(
-        "[...document.images].filter(i => i.loading !== 'lazy' && !i.naturalWidth && i.offsetParent)"
+        "[...document.images].filter(i => i.loading !== 'lazy' && !i.naturalWidth && "
+        "i.offsetParent)"
         ".map(i => i.src)"
     )
     assert broken == []
@@ -46,8 +47,10 @@ def test_a_page_is_light_and_stays_where_it_is(open_page, name):
     )
     assert shift < SHIFT
     weight = page.evaluate(
-        """[...performance.getEntriesByType('resource'), ...performance.getEntriesByType('navigation')]
-        .filter(e => !e.name.includes('-player.html')).reduce((sum, e) => sum + e.decodedBodySize, 0)"""
+        """[...performance.getEntriesByType('resource'),
+         ...performance.getEntriesByType('navigation')]
+        .filter(e => !e.name.includes('-player.html'))
+        .reduce((sum, e) => sum + e.decodedBodySize, 0)"""
     )
     assert weight < PAGE_BYTES, f"the page weighs {weight} bytes"
 

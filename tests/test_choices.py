@@ -1,4 +1,6 @@
-"""What the open choices cost: one changes at a time; the trace of uncleared counts is what the code left."""
+"""What the open choices cost: one changes at a time; the trace of uncleared counts is what the code
+left.
+"""
 
 from __future__ import annotations
 

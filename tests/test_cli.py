@@ -1,4 +1,6 @@
-"""The command line: help for all, one sentence and status 1 for a fault, no traceback for a person."""
+"""The command line: help for all, one sentence and status 1 for a fault, no traceback for a
+person.
+"""
 
 from __future__ import annotations
 
@@ -97,7 +99,8 @@ def test_version_and_help_load_none_of_the_heavy_packages():
 def test_an_interrupt_and_a_closed_pipe_leave_no_traceback(flight_folder):
     code = (
         "from trexton import cli\nimport trexton.commands.check as check\n"
-        "def stop(path): raise KeyboardInterrupt\ncheck.check_flight = stop\nraise SystemExit(cli.main())"
+        "def stop(path): raise KeyboardInterrupt\ncheck.check_flight = stop\nraise "
+        "SystemExit(cli.main())"
     )
     interrupted = run(["check", str(flight_folder)], code)
     assert (interrupted.returncode, interrupted.stderr) == (130, "trexton check: interrupted\n")

@@ -35,16 +35,25 @@ def flight(tmp_path_factory) -> Path:
     place = np.column_stack([np.cos(angle), np.sin(1.3 * angle)])
     values = np.exp(-((place[:, None] - rng.uniform(-1, 1, (8, 2))) ** 2).sum(axis=2)) + 0.05
     recorded = Flight(
-        "loop", np.arange(120), np.arange(120) * 0.08, place, (-1.1, 1.1, -1.1, 1.1),
-        histograms=values / values.sum(axis=1, keepdims=True), split={"train": (0, 69), "test": (70, 119)},
-    )  # fmt: skip
+        "loop",
+        np.arange(120),
+        np.arange(120) * 0.08,
+        place,
+        (-1.1, 1.1, -1.1, 1.1),
+        histograms=values / values.sum(axis=1, keepdims=True),
+        split={"train": (0, 69), "test": (70, 119)},
+    )
     return write_flight(recorded, tmp_path_factory.mktemp("flights") / "loop")
 
 
 def test_there_are_the_five_that_are_promised():
     assert list(SECTIONS) == [
-        "A motion model", "A histogram distance", "A sink", "A flight importer", "An experiment"
-    ]  # fmt: skip
+        "A motion model",
+        "A histogram distance",
+        "A sink",
+        "A flight importer",
+        "An experiment",
+    ]
 
 
 @pytest.mark.parametrize("title", SECTIONS)
@@ -69,9 +78,13 @@ def test_it_is_done_as_printed(title, tmp_path, flight):
         words = shlex.split(command.replace("FLIGHT", str(flight)))
         run = subprocess.run(
             [sys.executable, "-m", "trexton.cli", *words[1:]],
-            cwd=work, capture_output=True, text=True, timeout=300,
-            env=os.environ | {"PYTHONPATH": str(tmp_path), "TREXTON_CACHE": str(tmp_path / "cache")},
-        )  # fmt: skip
+            cwd=work,
+            capture_output=True,
+            text=True,
+            timeout=300,
+            env=os.environ
+            | {"PYTHONPATH": str(tmp_path), "TREXTON_CACHE": str(tmp_path / "cache")},
+        )
         assert run.returncode == 0, f"{command}\n{run.stdout}\n{run.stderr}"
     check(title, work)
 

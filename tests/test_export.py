@@ -45,9 +45,14 @@ def test_evo_computes_the_same_error(record, tmp_path):
 
 def test_a_flight_as_table_and_geojson(tmp_path):
     flight = Flight(
-        "f", np.arange(3), np.arange(3) * 0.1, np.array([[0, 1], [np.nan, np.nan], [2, 3.0]]), (0, 2, 1, 3),
-        height=np.array([1.0, 1.1, 1.2]), histograms=np.full((3, 4), 0.25),
-    )  # fmt: skip
+        "f",
+        np.arange(3),
+        np.arange(3) * 0.1,
+        np.array([[0, 1], [np.nan, np.nan], [2, 3.0]]),
+        (0, 2, 1, 3),
+        height=np.array([1.0, 1.1, 1.2]),
+        histograms=np.full((3, 4), 0.25),
+    )
     track = load_trajectory(write_flight(flight, tmp_path / "f"))
     rows = export(track, "csv", tmp_path / "t.csv").read_text().splitlines()
     assert rows == ["t_s,x_m,y_m,z_m,yaw_rad", "0.0,0.0,1.0,1.0,0.0", "0.2,2.0,3.0,1.2,0.0"]

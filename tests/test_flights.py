@@ -1,4 +1,6 @@
-"""Flight folders: what is written reads back to the same bits; every kind of bad input is one named fault."""
+"""Flight folders: what is written reads back to the same bits; every kind of bad input is one named
+fault.
+"""
 
 from __future__ import annotations
 
@@ -198,7 +200,8 @@ def test_an_unreadable_floor_is_a_fault(image_folder):
     (image_folder / "floor.png").write_text("no picture")
     with open(image_folder / "flight.toml", "a") as header:
         header.write(
-            '\n[floor]\nimage = "floor.png"\nworld_from_pixel = [[1, 0, 0], [0, -1, 0], [0, 0, 1]]\n'
+            '\n[floor]\nimage = "floor.png"\nworld_from_pixel = [[1, 0, 0], [0, -1, 0], [0, 0, '
+            "1]]\n"
         )
     assert "floor picture cannot be read" in check_flight(image_folder).faults[0]
 

@@ -95,8 +95,12 @@ def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, ca
 
 @pytest.mark.parametrize(
     ("more", "words"),
-    [([], "width"), (["--width", "3", "--corners", "1,1", "2,1", "2,2", "1,2"], "--length"), (["--width", "3", "--seed", "-1"], "seed")],
-)  # fmt: skip
+    [
+        ([], "width"),
+        (["--width", "3", "--corners", "1,1", "2,1", "2,2", "1,2"], "--length"),
+        (["--width", "3", "--seed", "-1"], "seed"),
+    ],
+)
 def test_what_is_missing_is_said(picture, capsys, more, words):
     assert main(["suitability", str(picture), *more]) == 1
     assert words in capsys.readouterr().err

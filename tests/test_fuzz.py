@@ -14,9 +14,19 @@ from hypothesis import strategies as st
 from trexton.progress import set_quiet
 
 NAMES = (
-    "flight.toml", "frames.csv", "histograms.csv", "image", "map", "record", "import euroc", "import tum",
-    "import csv", "import features", "import video", "import bag",
-)  # fmt: skip
+    "flight.toml",
+    "frames.csv",
+    "histograms.csv",
+    "image",
+    "map",
+    "record",
+    "import euroc",
+    "import tum",
+    "import csv",
+    "import features",
+    "import video",
+    "import bag",
+)
 
 
 @pytest.fixture(scope="module")
@@ -37,9 +47,12 @@ def test_sound_input_is_read(name, targets):
 
 @pytest.mark.parametrize("name", NAMES)
 @settings(
-    max_examples=30, deadline=None, derandomize=True, database=None,
+    max_examples=30,
+    deadline=None,
+    derandomize=True,
+    database=None,
     suppress_health_check=list(HealthCheck),
-)  # fmt: skip
+)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_damaged_input_is_read_or_refused_in_a_sentence(name, targets, seed):
     target, seeds = targets[name]
@@ -49,9 +62,13 @@ def test_damaged_input_is_read_or_refused_in_a_sentence(name, targets, seed):
 
 
 @pytest.mark.parametrize("name", NAMES)
-@settings(max_examples=10, deadline=None, derandomize=True, database=None,
+@settings(
+    max_examples=10,
+    deadline=None,
+    derandomize=True,
+    database=None,
     suppress_health_check=list(HealthCheck),
-)  # fmt: skip
+)
 @given(data=st.binary(max_size=300))
 def test_noise_is_refused_in_a_sentence(name, targets, data):
     assert fuzzing.attempt(targets[name][0], data) is None
@@ -67,7 +84,8 @@ def test_a_picture_of_any_format_that_declares_too_much_is_refused(tmp_path):
     """The limit that OpenCV itself holds to, for formats whose heads are not parsed here."""
     (tmp_path / "bomb.ppm").write_bytes(b"P6 30000 30000 255\n" + bytes(300))
     code = (
-        "import resource, sys\nfrom trexton.cli import sentence\nfrom trexton.images import read_image\n"
+        "import resource, sys\nfrom trexton.cli import sentence\nfrom trexton.images import "
+        "read_image\n"
         "try: read_image(sys.argv[1])\n"
         "except Exception as error: print(sentence(error))\n"
         "sys.exit(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss > 300_000)"

@@ -114,7 +114,9 @@ def test_the_first_of_equal_textons_takes_all(rng):
 
 
 def test_sampled_histograms_converge_at_one_over_root_n(rng):
-    """Mean squared error of each frequency is p (1 - p) / n: the sum over textons within six standard errors."""
+    """Mean squared error of each frequency is p (1 - p) / n: the sum over textons within six
+    standard errors.
+    """
     dictionary, image = random_case(rng, n_textons=6, shape=(40, 50))
     full = texton_histogram(image, dictionary)
     for n in (25, 100, 400, 1600):

@@ -16,7 +16,9 @@ from trexton.simulator import Floor, record_flight
 
 @pytest.fixture(scope="module")
 def flights(tmp_path_factory):
-    """Sixty frames that follow each other closely enough to be linked, and eight of another flight."""
+    """Sixty frames that follow each other closely enough to be linked, and eight of another
+    flight.
+    """
     folder = tmp_path_factory.mktemp("flights")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
@@ -38,7 +40,8 @@ def test_fixes_on_the_true_floor_are_right(flights):
     located = locate_all({"floor": test.floor}, test)["floor"]
     error = np.hypot(*(located.position - test.position).T)
     assert located.found.all() and (located.inliers > 20).all()
-    # What is left is the tilt, which the method does not know: a metre of height times a few degrees.
+    # What is left is the tilt, which the method does not know: a metre of height times a few
+    # degrees.
     tilt = np.hypot(*np.tan(test.attitude[:, :2]).T) * test.height
     assert (error < tilt + 0.03).all()
 

@@ -93,7 +93,15 @@ def test_csv_with_units_and_another_decimal_mark(tmp_path):
     table.write_bytes(
         ("\ufefftime;east;north;heading;file\r\n" + "\r\n".join(rows) + "\r\n\r\n").encode()
     )
-    settings = {"time": "time", "x": "east", "y": "north", "image": "file", "yaw": "heading", "degrees": "true", "unit": "cm"}  # fmt: skip
+    settings = {
+        "time": "time",
+        "x": "east",
+        "y": "north",
+        "image": "file",
+        "yaw": "heading",
+        "degrees": "true",
+        "unit": "cm",
+    }
     flight, _ = import_flight(table, tmp_path / "out", kind="csv", settings=settings)
     np.testing.assert_allclose(flight.position, [[0, 0], [1, -0.5], [2, -1]])
     np.testing.assert_allclose(flight.attitude[:, 2], np.pi / 2)
@@ -145,9 +153,14 @@ def write_bag(path):
             now = START + i * 100_000_000
             pixels = picture(i)
             message = types["sensor_msgs/msg/Image"](
-                header=header(now), height=48, width=64, encoding="bgr8", is_bigendian=0, step=192,
+                header=header(now),
+                height=48,
+                width=64,
+                encoding="bgr8",
+                is_bigendian=0,
+                step=192,
                 data=pixels.reshape(-1),
-            )  # fmt: skip
+            )
             writer.write(image, now, store.serialize_cdr(message, "sensor_msgs/msg/Image"))
             pose = types["geometry_msgs/msg/PoseStamped"](
                 header=header(now),

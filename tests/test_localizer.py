@@ -19,7 +19,9 @@ from trexton.textons import TextonDictionary
 
 @pytest.fixture(scope="module")
 def picture_flight(tmp_path_factory) -> Flight:
-    """60 crops of one blurred random picture along a closed path: neighbours in space look alike."""
+    """60 crops of one blurred random picture along a closed path: neighbours in space look
+    alike.
+    """
     folder = tmp_path_factory.mktemp("crops")
     rng = np.random.default_rng(3)
     floor = cv2.resize(
@@ -32,9 +34,14 @@ def picture_flight(tmp_path_factory) -> Flight:
         files.append(folder / f"{number:03d}.png")
         cv2.imwrite(str(files[-1]), floor[y - 40 : y + 40, x - 50 : x + 50])
     return Flight(
-        name="crops", frame=np.arange(60), time=np.arange(60) * 0.08, position=center / 100, area=(0.0, 4.0, 0.0, 4.0),
-        image_files=tuple(files), camera=Camera(100, 80, 100.0),
-    )  # fmt: skip
+        name="crops",
+        frame=np.arange(60),
+        time=np.arange(60) * 0.08,
+        position=center / 100,
+        area=(0.0, 4.0, 0.0, 4.0),
+        image_files=tuple(files),
+        camera=Camera(100, 80, 100.0),
+    )
 
 
 @pytest.fixture(scope="module")

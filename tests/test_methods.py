@@ -1,4 +1,6 @@
-"""Parts and methods: found by name, options checked, learned arrays in and out, trained anew from a map."""
+"""Parts and methods: found by name, options checked, learned arrays in and out, trained anew from a
+map.
+"""
 
 from dataclasses import dataclass
 

@@ -61,7 +61,9 @@ def test_the_value_is_the_median_over_runs(rng):
 
 
 def test_block_intervals_cover_where_independent_ones_would_not():
-    """Errors that follow a slow AR(1): blocks must cover the true mean far more often than single frames do."""
+    """Errors that follow a slow AR(1): blocks must cover the true mean far more often than single
+    frames do.
+    """
     covered = {1: 0, 24: 0}
     for trial in range(80):
         rng = np.random.default_rng([1, trial])

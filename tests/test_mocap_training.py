@@ -1,4 +1,6 @@
-"""The main experiment: the real flight's known figures, the simulated line end to end, equal bytes from equal seeds."""
+"""The main experiment: the real flight's known figures, the simulated line end to end, equal bytes
+from equal seeds.
+"""
 
 import json
 import os
@@ -20,7 +22,10 @@ from trexton.simulator import record_flight
 folder = sys.argv[1]
 train = record_flight(folder + "/train", frames=30, every=8, seed=3)
 test = record_flight(folder + "/test", frames=6, every=4, pattern="waypoints")
-mocap_training.run(train, test, mocap_training.Parameters(samples=50, textons=6, particles=20, neighbors=2, repeats=2)).save(folder + "/results")
+parameters = mocap_training.Parameters(
+    samples=50, textons=6, particles=20, neighbors=2, repeats=2
+)
+mocap_training.run(train, test, parameters).save(folder + "/results")
 """
 
 

@@ -1,4 +1,6 @@
-"""The mosaic: geometry against the camera's, solvers against plain definitions, the whole against the room."""
+"""The mosaic: geometry against the camera's, solvers against plain definitions, the whole against
+the room.
+"""
 
 from dataclasses import replace
 
@@ -116,7 +118,9 @@ def lanes(count: int = 60) -> np.ndarray:
 
 
 def links_of(poses: np.ndarray, noise: float = 0.0, wrong: float = 0.0) -> Links:
-    """Links of all pairs that overlap well: floor points as both frames see them, plus noise in pixels."""
+    """Links of all pairs that overlap well: floor points as both frames see them, plus noise in
+    pixels.
+    """
     pixel_from_floor = [np.linalg.inv(world_from_pixel(pose, CAMERA)) for pose in poses]
     rng = np.random.default_rng(6)
     pairs, points = [], []
@@ -188,7 +192,9 @@ def test_noise_does_not_shrink_the_map():
 
 
 def test_matching_looks_only_within_reach_of_the_prediction(rng):
-    """A tiled floor: the same 40 points every 50 pixels, displaced by 12 pixels between the frames."""
+    """A tiled floor: the same 40 points every 50 pixels, displaced by 12 pixels between the
+    frames.
+    """
     tile = rng.uniform(0, 50, (40, 2))
     words = rng.integers(0, 200, (40, 128)).astype(np.float32)
     places = [(column, row) for column in range(0, 300, 50) for row in range(0, 200, 50)]
@@ -222,7 +228,9 @@ def flight(request, tmp_path_factory) -> Flight:
 
 
 def frame_errors(mosaic, flight: Flight) -> np.ndarray:
-    """``(U,)`` metres: mean distance of a grid over each used frame from where the camera truly saw it."""
+    """``(U,)`` metres: mean distance of a grid over each used frame from where the camera truly saw
+    it.
+    """
     grid = np.stack(np.meshgrid([20, 160, 300], [20, 120, 220]), axis=-1).reshape(-1, 2)
     result = []
     for row in np.flatnonzero(mosaic.used):
@@ -238,7 +246,8 @@ def test_the_mosaic_lies_where_the_floor_is(flight):
     assert mosaic.used.mean() > 0.95 and len(mosaic.anchors) == 8
     assert np.median(mosaic.errors) < 1.0
     assert np.median(frame_errors(mosaic, flight)) < 0.03
-    # The picture itself: patches of it against the true floor, brought to the same pixels by OpenCV.
+    # The picture itself: patches of it against the true floor, brought to the same pixels by
+    # OpenCV.
     image, mask = mosaic.map.image, mosaic.map.mask
     true_from_map = np.linalg.inv(flight.floor.world_from_pixel) @ mosaic.map.world_from_pixel
     flags = cv2.INTER_AREA | cv2.WARP_INVERSE_MAP

@@ -1,4 +1,6 @@
-"""A closed loop: the simulator as camera and vehicle, the onboard script in its own process, an autopilot."""
+"""A closed loop: the simulator as camera and vehicle, the onboard script in its own process, an
+autopilot.
+"""
 
 from __future__ import annotations
 
@@ -33,10 +35,27 @@ def test_landing_over_mavlink(manner, tmp_path):
     camera, log = tmp_path / "camera.y4m", tmp_path / "log"
     os.mkfifo(camera)
     command = [
-        sys.executable, "-m", "trexton.cli", "onboard", str(room_map().save(tmp_path / "map.npz")), "--camera", str(camera),
-        "--rate", "50", "--output", f"udpout:127.0.0.1:{autopilot.port}", "--log", str(log),
-        "--land", f"{ZONE[0]},{ZONE[1]}", "--radius", "1.0", "--spread", "0.8", "--arm-landing",
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "trexton.cli",
+        "onboard",
+        str(room_map().save(tmp_path / "map.npz")),
+        "--camera",
+        str(camera),
+        "--rate",
+        "50",
+        "--output",
+        f"udpout:127.0.0.1:{autopilot.port}",
+        "--log",
+        str(log),
+        "--land",
+        f"{ZONE[0]},{ZONE[1]}",
+        "--radius",
+        "1.0",
+        "--spread",
+        "0.8",
+        "--arm-landing",
+    ]
     script = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
         with open(camera, "wb", buffering=0) as stream:
@@ -93,7 +112,9 @@ def test_landing_over_mavlink(manner, tmp_path):
 
 
 def check_positions(autopilot: Autopilot, simulator) -> None:
-    """What the autopilot was told: finite, stamped in order, with its own attitude, somewhere in the room."""
+    """What the autopilot was told: finite, stamped in order, with its own attitude, somewhere in
+    the room.
+    """
     sent = autopilot.of("VISION_POSITION_ESTIMATE")
     assert len(sent) > 20
     assert (np.diff([message.usec for message in sent]) > 0).all()

@@ -1,4 +1,6 @@
-"""Edges that declare themselves: a stranger's sink in one file, and what is made of declarations."""
+"""Edges that declare themselves: a stranger's sink in one file, and what is made of
+declarations.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Fixes: no less uncertainty than the filter has, whatever the point estimate, the axes or the receiver."""
+"""Fixes: no less uncertainty than the filter has, whatever the point estimate, the axes or the
+receiver.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""An hour of simulated flight, 45 000 frames, as fast as it goes, and a short form: memory must not grow."""
+"""An hour of simulated flight, 45 000 frames, as fast as it goes, and a short form: memory must not
+grow.
+"""
 
 from __future__ import annotations
 

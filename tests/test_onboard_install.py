@@ -1,4 +1,6 @@
-"""The onboard script stands alone: what it imports, and what its command line says about mistakes."""
+"""The onboard script stands alone: what it imports, and what its command line says about
+mistakes.
+"""
 
 from __future__ import annotations
 
@@ -52,7 +54,8 @@ def test_a_flight_of_the_script_pulls_in_nothing_heavy_either(flight_folder, tmp
     )
     code = (
         "import sys\nfrom trexton.cli import main\n"
-        f"words = ['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', 'csv:/dev/null', '-q']\n"
+        f"words = ['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', "
+        "'csv:/dev/null', '-q']\n"
         "status = main(words)\n"
         f"print(status, [name for name in {(*NEVER, 'pymavlink', 'ivy')!r} if name in sys.modules])"
     )
@@ -68,7 +71,8 @@ def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
     output = {"pymavlink": "udpout:127.0.0.1:14540", "ivy": "paparazzi:1"}[extra]
     code = (
         f"import sys\nsys.modules[{extra!r}] = None\nfrom trexton.cli import main\n"
-        f"words = ['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', {output!r}]\n"
+        f"words = ['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', "
+        f"{output!r}]\n"
         "sys.exit(main(words))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)

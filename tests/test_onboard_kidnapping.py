@@ -1,4 +1,6 @@
-"""The kidnapping experiment: its rule by enumeration, its plan, its record, and what its figures draw."""
+"""The kidnapping experiment: its rule by enumeration, its plan, its record, and what its figures
+draw.
+"""
 
 from __future__ import annotations
 

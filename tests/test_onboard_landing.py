@@ -1,4 +1,6 @@
-"""The landing: the trigger, the command, and an autopilot that accepts, denies, delays or says nothing."""
+"""The landing: the trigger, the command, and an autopilot that accepts, denies, delays or says
+nothing.
+"""
 
 from __future__ import annotations
 
@@ -77,10 +79,15 @@ class TestTrigger:
     @pytest.mark.parametrize(
         "condition",
         [
-            {"position": OUTSIDE}, {"spread": (0.7, 0.2)}, {"spread": (0.2, 0.7)}, {"lost": True}, {"observed": False}, {"stale": True},
+            {"position": OUTSIDE},
+            {"spread": (0.7, 0.2)},
+            {"spread": (0.2, 0.7)},
+            {"lost": True},
+            {"observed": False},
+            {"stale": True},
             {"position": (np.nan, 2.5)},
         ],
-    )  # fmt: skip
+    )
     def test_each_condition_alone_keeps_it_from_landing(self, condition):
         flight = Flight()
         assert flight.fly(20, **condition) is State.WATCHING

@@ -114,9 +114,18 @@ class TestReplayEquality:
         notebook = Localizer(texton_map, rng=stream(7, "flight", 0))
         expected = [notebook.step(histogram) for histogram in flight.part("test").histograms]
         command = [
-            sys.executable, "-m", "trexton.cli", "onboard", str(path), "--camera", f"{flight_folder}#test", "--seed", "7",
-            "--log", str(tmp_path / "log"),
-        ]  # fmt: skip
+            sys.executable,
+            "-m",
+            "trexton.cli",
+            "onboard",
+            str(path),
+            "--camera",
+            f"{flight_folder}#test",
+            "--seed",
+            "7",
+            "--log",
+            str(tmp_path / "log"),
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         rows = [json.loads(line) for line in done.stdout.splitlines()]
         assert [(row["x_m"], row["y_m"]) for row in rows] == [
@@ -383,9 +392,22 @@ def test_signals_end_the_flight_in_order(number, tmp_path):
     path = histogram_map(small_flight(120)).save(tmp_path / "map.npz")
     log = tmp_path / "log"
     command = [
-        sys.executable, "-m", "trexton.cli", "onboard", str(path), "--camera", str(flight_folder), "--pace", "stamps",
-        "--laps", "1000", "--output", f"csv:{tmp_path}/out.csv", "--log", str(log),
-    ]  # fmt: skip
+        sys.executable,
+        "-m",
+        "trexton.cli",
+        "onboard",
+        str(path),
+        "--camera",
+        str(flight_folder),
+        "--pace",
+        "stamps",
+        "--laps",
+        "1000",
+        "--output",
+        f"csv:{tmp_path}/out.csv",
+        "--log",
+        str(log),
+    ]
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     try:
         assert eventually(lambda: log.exists() and log.stat().st_size > 0)
@@ -417,7 +439,9 @@ def test_status_line_once_a_second_tells_the_faults(capsys):
 
 
 def test_kidnapped_and_found_again():
-    """Teleported, the vehicle is declared lost, and found again by the particles that are injected."""
+    """Teleported, the vehicle is declared lost, and found again by the particles that are
+    injected.
+    """
     localizer = room_localizer(recovery="augmented")
     simulator, plan = room(8), Plan(random_waypoints(AREA, np.random.default_rng(8)))
     places = [np.array([0.7, 0.7]), np.array([3.3, 3.3])]

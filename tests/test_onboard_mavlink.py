@@ -1,4 +1,6 @@
-"""MAVLink: fields against the message's definition, bytes against a plain encoder, and the conversation."""
+"""MAVLink: fields against the message's definition, bytes against a plain encoder, and the
+conversation.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ def crc(data: bytes) -> int:
 
 
 def plain_packet(message_id: int, extra: int, layout: str, *values, sequence: int = 0) -> bytes:
-    """A MAVLink 2 packet from system 1, component 191, after the serialization chapter of the protocol."""
+    """A MAVLink 2 packet from system 1, component 191, after the serialization chapter of the
+    protocol.
+    """
     payload = struct.pack("<" + layout, *values).rstrip(b"\0") or b"\0"
     head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence, 1, 191) + message_id.to_bytes(
         3, "little"
@@ -521,7 +525,9 @@ def peer():
 
 
 class TestOverUdp:
-    """End to end over loopback: what a sink is told, and what a receiver of its own makes of the bytes."""
+    """End to end over loopback: what a sink is told, and what a receiver of its own makes of the
+    bytes.
+    """
 
     def test_px4(self, peer):
         tally = Tally()

@@ -53,7 +53,8 @@ class Vehicle:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as wire:
             while not self.stop.wait(0.1):
                 wire.sendto(AUTOPILOT_HEARTBEAT.pack(codec), ("127.0.0.1", self.port))
-                # MAVSDK stands between the two and does not pass messages on: the sink hears its autopilot
+                # MAVSDK stands between the two and does not pass messages on: the sink hears its
+                # autopilot
                 # directly.
                 for message in (AUTOPILOT_HEARTBEAT, attitude):
                     with self.sink._lock:

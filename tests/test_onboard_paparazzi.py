@@ -19,9 +19,17 @@ from trexton.onboard.sinks.paparazzi import remote_gps_local  # noqa: E402
 
 # name and type of each field, after Paparazzi's message definitions (datalink, REMOTE_GPS_LOCAL)
 FIELDS = [
-    ("ac_id", int), ("pad", int), ("enu_x", float), ("enu_y", float), ("enu_z", float),
-    ("enu_xd", float), ("enu_yd", float), ("enu_zd", float), ("tow", int), ("course", float),
-]  # fmt: skip
+    ("ac_id", int),
+    ("pad", int),
+    ("enu_x", float),
+    ("enu_y", float),
+    ("enu_z", float),
+    ("enu_xd", float),
+    ("enu_yd", float),
+    ("enu_zd", float),
+    ("tow", int),
+    ("course", float),
+]
 
 
 def decoded(text: str) -> dict:
@@ -35,8 +43,17 @@ def test_every_field():
     local = LocalFrame(math.radians(90), 1.25)  # the map's +y points east
     fields = decoded(remote_gps_local(make_fix(12.3456, (1.0, 2.0)), 42, local))
     assert fields == {
-        "ac_id": 42, "pad": 0, "enu_x": 2.0, "enu_y": -1.0, "enu_z": 1.25, "enu_xd": 0, "enu_yd": 0, "enu_zd": 0, "tow": 12346, "course": 0,
-    }  # fmt: skip
+        "ac_id": 42,
+        "pad": 0,
+        "enu_x": 2.0,
+        "enu_y": -1.0,
+        "enu_z": 1.25,
+        "enu_xd": 0,
+        "enu_yd": 0,
+        "enu_zd": 0,
+        "tow": 12346,
+        "course": 0,
+    }
 
 
 def test_time_of_week_stays_within_the_week():

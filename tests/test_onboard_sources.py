@@ -1,4 +1,6 @@
-"""Where frames come from: each source against plain files, fake devices and a clock that the test sets."""
+"""Where frames come from: each source against plain files, fake devices and a clock that the test
+sets.
+"""
 
 from __future__ import annotations
 
@@ -151,7 +153,8 @@ class TestVideo:
             *(
                 (frame.picture[..., 0].mean(), frame.time)
                 for frame in (source.read() for _ in range(3))
-            ), strict=False
+            ),
+            strict=False,
         )
         assert shades == pytest.approx((50, 100, 150), abs=2)
         assert stamps[0] < stamps[1] < stamps[2]

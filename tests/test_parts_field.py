@@ -1,4 +1,6 @@
-"""Method field: likelihood over the floor, its errors, the motion it flies with, the tracks on top."""
+"""Method field: likelihood over the floor, its errors, the motion it flies with, the tracks on
+top.
+"""
 
 from dataclasses import replace
 

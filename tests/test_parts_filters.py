@@ -1,4 +1,6 @@
-"""The filter against exact ones: Kalman (linear, Gaussian), a fine grid (mixture), plain loops for its parts."""
+"""The filter against exact ones: Kalman (linear, Gaussian), a fine grid (mixture), plain loops for
+its parts.
+"""
 
 import numpy as np
 import pytest
@@ -27,9 +29,14 @@ def gaussian(deviation, covariance):
 
 def make_filter(covariances, seed, particles=2000, resampling="systematic", **options):
     return ParticleFilter(
-        RandomWalk.of(PROCESS), RankMixture.of(covariances), AREA, particles,
-        resampling=make("resampling", resampling), rng=np.random.default_rng(seed), **options,
-    )  # fmt: skip
+        RandomWalk.of(PROCESS),
+        RankMixture.of(covariances),
+        AREA,
+        particles,
+        resampling=make("resampling", resampling),
+        rng=np.random.default_rng(seed),
+        **options,
+    )
 
 
 def seen(places):
@@ -121,7 +128,8 @@ def test_the_predictive_equals_the_plain_double_sum():
     particles, previous = rng.normal(2, 0.3, (30, 2)), rng.normal(2, 0.3, (30, 2))
     weights = rng.dirichlet(np.ones(30))
     plain = [
-        sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, weights, strict=False)) for x in particles
+        sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, weights, strict=False))
+        for x in particles
     ]
     found = RandomWalk.of(PROCESS).density(particles, previous, weights)
     constant = np.log(2 * np.pi * np.sqrt(np.linalg.det(PROCESS)))
@@ -134,7 +142,8 @@ def test_the_map_estimate_is_the_best_of_the_plain_scores():
     before, now = rng.dirichlet(np.ones(25)), rng.dirichlet(np.ones(25))
     likelihood = rng.random(25)
     score = [
-        likelihood[i] * sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, before, strict=False))
+        likelihood[i]
+        * sum(w * gaussian(x - y, PROCESS) for y, w in zip(previous, before, strict=False))
         for i, x in enumerate(particles)
     ]
     belief = Belief(particles, now, np.log(likelihood))
@@ -175,10 +184,17 @@ def test_the_wheel_draws_what_walking_it_draws(seed):
 def test_counts_follow_the_weights(name):
     weights = np.random.default_rng(3).dirichlet(np.ones(40))
     trials = 4000
-    counts = np.stack([
-        np.bincount(make("resampling", name).indices(weights, np.random.default_rng([4, trial])), minlength=40) for trial in range(trials)
-    ])  # fmt: skip
-    # The wheel starts at the edge of a particle, not anywhere on it: a bias of a few hundredths of a draw.
+    counts = np.stack(
+        [
+            np.bincount(
+                make("resampling", name).indices(weights, np.random.default_rng([4, trial])),
+                minlength=40,
+            )
+            for trial in range(trials)
+        ]
+    )
+    # The wheel starts at the edge of a particle, not anywhere on it: a bias of a few hundredths of
+    # a draw.
     slack = 0.06 if name == "wheel" else 0
     standard_error = np.maximum(counts.std(axis=0, ddof=1), np.sqrt(40 * weights)) / np.sqrt(trials)
     assert (np.abs(counts.mean(axis=0) - 40 * weights) < 4.5 * standard_error + slack).all()

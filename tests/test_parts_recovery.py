@@ -28,7 +28,9 @@ def test_the_averages_follow_their_definition():
 
 
 def kidnapped(recovery, seed):
-    """Frames until the estimate is within half a metre again after a jump of four metres, and frames called lost."""
+    """Frames until the estimate is within half a metre again after a jump of four metres, and
+    frames called lost.
+    """
     rng = np.random.default_rng(seed)
     particle_filter = ParticleFilter(
         RandomWalk.of(np.eye(2) * 1e-3),

@@ -68,17 +68,38 @@ def names(tmp_path_factory):
     localizer.step(image)
     center = np.array([2.5, 2.5])
     return {
-        "folder": folder, "np": np, "islice": islice, "perf_counter": perf_counter,
+        "folder": folder,
+        "np": np,
+        "islice": islice,
+        "perf_counter": perf_counter,
         **{name: getattr(trexton, name) for name in trexton.__all__ if not name.startswith("_")},
-        "draw_patches": draw_patches, "learn_textons": learn_textons, "stitch": stitch,
-        "sampled_histogram": sampled_histogram, "local_losses": local_losses, "heat_map": heat_map,
-        "HomographyLocalizer": HomographyLocalizer, "LandingZone": LandingZone,
-        "Simulator": Simulator, "Light": Light, "Observation": Observation, "Aiding": Aiding,
-        "flight": flight, "train": flight, "test": flight, "texton_map": texton_map, "floor": floor,
-        "roll": 0.0, "pitch": 0.0, "yaw": 0.0, "image": image, "frame": image, "camera": [image, flight.image(4)],
-        "mosaic": SimpleNamespace(map=flight.floor), "center": center,
+        "draw_patches": draw_patches,
+        "learn_textons": learn_textons,
+        "stitch": stitch,
+        "sampled_histogram": sampled_histogram,
+        "local_losses": local_losses,
+        "heat_map": heat_map,
+        "HomographyLocalizer": HomographyLocalizer,
+        "LandingZone": LandingZone,
+        "Simulator": Simulator,
+        "Light": Light,
+        "Observation": Observation,
+        "Aiding": Aiding,
+        "flight": flight,
+        "train": flight,
+        "test": flight,
+        "texton_map": texton_map,
+        "floor": floor,
+        "roll": 0.0,
+        "pitch": 0.0,
+        "yaw": 0.0,
+        "image": image,
+        "frame": image,
+        "camera": [image, flight.image(4)],
+        "mosaic": SimpleNamespace(map=flight.floor),
+        "center": center,
         "plan": SimpleNamespace(goal=lambda position: center),
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("code", PYTHON)

@@ -1,4 +1,6 @@
-"""Registration on a picture of the floor: correlation, belief, alignment, the tracker, its trust."""
+"""Registration on a picture of the floor: correlation, belief, alignment, the tracker, its
+trust.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,8 @@ def errors(tracker: FloorTracker, rows, known: bool) -> tuple[np.ndarray, list[F
     return np.hypot(*(np.array([fix.position for fix in fixes]) - truth).T), fixes
 
 
-# -- ground -------------------------------------------------------------------------------------------
+# -- ground
+# -------------------------------------------------------------------------------------------
 
 
 def test_cells_show_the_floor_where_it_lies():
@@ -88,7 +91,8 @@ def test_a_picture_without_anything_mapped_is_refused():
         Ground.from_map(image, 0.05)
 
 
-# -- correlation --------------------------------------------------------------------------------------
+# -- correlation
+# --------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("yaw", [0.0, 0.7, 2.4, -2.9])
@@ -115,7 +119,8 @@ def test_brightness_does_not_move_the_correlation():
     assert np.allclose(*(matcher.response(each, pose)[0] for each in (bright, dark)), atol=0.03)
 
 
-# -- belief -------------------------------------------------------------------------------------------
+# -- belief
+# -------------------------------------------------------------------------------------------
 
 
 def test_belief_moves_widens_and_finds_its_modes():
@@ -152,7 +157,8 @@ def test_belief_that_left_the_floor_starts_again():
     assert belief.mass.sum() == pytest.approx(1) and belief.mass.min() > 0
 
 
-# -- alignment ----------------------------------------------------------------------------------------
+# -- alignment
+# ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["attitude", "no-attitude"])
@@ -175,7 +181,8 @@ def test_alignment_where_nothing_is_mapped_says_so():
     assert found.score == 0 and not np.isfinite(found.flow)
 
 
-# -- tracker ------------------------------------------------------------------------------------------
+# -- tracker
+# ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("known", [True, False], ids=["attitude", "no-attitude"])
@@ -271,7 +278,8 @@ def test_what_cannot_be_is_refused():
         FloorTracker(floor(), CAMERA, 1.0).step(np.zeros((480, 640, 3), np.uint8))
 
 
-# -- trust --------------------------------------------------------------------------------------------
+# -- trust
+# --------------------------------------------------------------------------------------------
 
 
 def made(count: int, scale: float, floor: float):

@@ -27,9 +27,16 @@ def flight_with_images(folder):
         files.append(folder / f"{i}.png")
         cv2.imwrite(str(files[-1]), np.full((48, 64, 3), 40 * i, np.uint8))
     return write_flight(
-        Flight("f", np.arange(4), np.arange(4) * 0.1, np.eye(4)[:, :2], (0, 1, 0, 1), image_files=tuple(files)),
+        Flight(
+            "f",
+            np.arange(4),
+            np.arange(4) * 0.1,
+            np.eye(4)[:, :2],
+            (0, 1, 0, 1),
+            image_files=tuple(files),
+        ),
         folder / "flight",
-    )  # fmt: skip
+    )
 
 
 def test_a_file_a_foreign_folder_a_link_and_where_one_stands_are_refused(tmp_path, monkeypatch):
@@ -109,8 +116,10 @@ def test_a_full_disk_is_one_sentence_and_the_old_stays(words, tmp_path, shared_d
 
 def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
     code = (
-        "import os, sys; from trexton.files import atomic_file, atomic_folder; from pathlib import Path\n"
-        "with atomic_folder(Path(sys.argv[1]) / 'flight') as f, atomic_file(Path(sys.argv[1]) / 'r') as s:\n"
+        "import os, sys; from trexton.files import atomic_file, atomic_folder; from pathlib import "
+        "Path\n"
+        "with atomic_folder(Path(sys.argv[1]) / 'flight') as f, atomic_file(Path(sys.argv[1]) / "
+        "'r') as s:\n"
         "    (f / 'm').write_text('half'); s.write('half'); s.flush(); os.kill(os.getpid(), 9)\n"
     )
     subprocess.run([sys.executable, "-c", code, str(tmp_path)], check=False)

@@ -60,7 +60,9 @@ def flying(floor: Floor, effects: Effects, steps: int = 14, seed: int = 5, **opt
 
 
 def centroids(luma: np.ndarray, expected: np.ndarray, reach: int = 9) -> np.ndarray:
-    """Centre of brightness in a window around each expected pixel; NaN where the window leaves the image."""
+    """Centre of brightness in a window around each expected pixel; NaN where the window leaves the
+    image.
+    """
     found = np.full(expected.shape, np.nan)
     rows, columns = np.mgrid[: luma.shape[0], : luma.shape[1]]
     for index, (x, y) in enumerate(np.rint(expected).astype(int)):
@@ -271,7 +273,8 @@ def test_higher_up_a_coarser_level_is_used_and_the_place_is_the_same():
         )
 
 
-# -- the floor ----------------------------------------------------------------------------------------
+# -- the floor
+# ----------------------------------------------------------------------------------------
 
 
 def test_the_painted_hall_is_the_same_for_the_same_seed_and_carries_its_tags():

@@ -86,15 +86,18 @@ def test_smooth_by_hand():
 
 
 def test_heat_map_by_hand():
-    # Cells of 1 m around (0.5, 0.5), (1.5, 0.5), (2.5, 0.5) and the row above; samples in two of them.
+    # Cells of 1 m around (0.5, 0.5), (1.5, 0.5), (2.5, 0.5) and the row above; samples in two of
+    # them.
     positions, values = np.array([[0.5, 0.5], [2.5, 0.5]]), np.array([1.0, 3.0])
     heat = heat_map(values, positions, (0, 3, 0, 2), 1.0, cell=1.0, reach=1.0)
     near, far = 1.0, np.exp(-2.0)
     left = (near * 1 + far * 3) / (near + far)
-    # In the upper row both weights shrink alike and their mean stays; its middle cell is sqrt(2) m from both.
+    # In the upper row both weights shrink alike and their mean stays; its middle cell is sqrt(2) m
+    # from both.
     np.testing.assert_allclose(heat.values, [[left, 2.0, 4 - left], [left, np.nan, 4 - left]])
     assert heat.extent == (0, 3, 0, 2)
-    # Unless given, the reach is the larger sigma: the middle is 1 m from both below, sqrt(2) m above.
+    # Unless given, the reach is the larger sigma: the middle is 1 m from both below, sqrt(2) m
+    # above.
     assert np.isnan(heat_map(values, positions, (0, 3, 0, 2), 0.9, cell=1.0).values[:, 1]).all()
     assert np.isnan(
         heat_map(values, positions, (0, 3, 0, 2), (0.9, 1.1), cell=1.0).values[:, 1]

@@ -47,7 +47,9 @@ def test_kohonen_finds_separated_clusters(rng):
 
 
 def test_one_step_follows_the_published_rule():
-    """Winner-take-all with two textons: the nearer moves by alpha / 255 of the difference, the other stays."""
+    """Winner-take-all with two textons: the nearer moves by alpha / 255 of the difference, the
+    other stays.
+    """
     patches = np.array([10, 200, 60, 230], dtype=np.uint8)[:, None, None, None] + np.zeros(
         (4, 1, 1, 3), np.uint8
     )

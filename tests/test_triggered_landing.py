@@ -1,4 +1,6 @@
-"""Triggered landings: the tally by hand, the closed loop on a small room, figures from the record."""
+"""Triggered landings: the tally by hand, the closed loop on a small room, figures from the
+record.
+"""
 
 from __future__ import annotations
 
@@ -128,7 +130,8 @@ def test_the_record_agrees_with_its_series(record, train):
     assert values["landings"] + values["never_triggered"] == 3
     low, high = train.position.min(axis=0) + 0.6, train.position.max(axis=0) - 0.6
     for zone, fired, beyond, touchdown, path in zip(
-        *(series[key] for key in ("zone_m", "triggered", "beyond_cm", "touchdown_m", "paths_m")), strict=False
+        *(series[key] for key in ("zone_m", "triggered", "beyond_cm", "touchdown_m", "paths_m")),
+        strict=False,
     ):
         assert (zone >= low).all() and (zone <= high).all()
         assert fired == (beyond is not None)
@@ -180,10 +183,14 @@ def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
 
 @pytest.mark.parametrize(
     "options, message",
-    [({"radius": 2.0}, "does not fit"), ({"radius": -1.0}, "radius"), ({"landings": 0}, "landings is 0"),
-     ({"armed_after": 99.0}, "armed after"),
-     ({"consecutive": 0}, "consecutive")],
-)  # fmt: skip
+    [
+        ({"radius": 2.0}, "does not fit"),
+        ({"radius": -1.0}, "radius"),
+        ({"landings": 0}, "landings is 0"),
+        ({"armed_after": 99.0}, "armed after"),
+        ({"consecutive": 0}, "consecutive"),
+    ],
+)
 def test_nonsense_is_refused(train, options, message):
     with pytest.raises(ParameterError, match=message):
         triggered_landing.run(train, train, triggered_landing.Parameters(**OPTIONS | options))
@@ -205,7 +212,9 @@ def test_the_figures_show_the_record(record):
     points = np.concatenate([collection.get_offsets() for collection in shown.collections])
     expected = [
         np.subtract(t, z)
-        for t, z, fired in zip(*(record.series[k] for k in ("touchdown_m", "zone_m", "triggered")), strict=False)
+        for t, z, fired in zip(
+            *(record.series[k] for k in ("touchdown_m", "zone_m", "triggered")), strict=False
+        )
         if fired
     ]
     assert sorted(map(tuple, np.round(points, 9))) == sorted(map(tuple, np.round(expected, 9)))

@@ -1,9 +1,10 @@
 """A pinhole camera that looks down, and images of the floor with a place in the world.
 
-World: x right, y forward, z up, in metres, floor at z = 0. Body axes equal the world's at zero attitude; attitude
-is roll (about forward, right side down positive), pitch (about right, nose up positive) and yaw (about up,
-counterclockwise positive), in radians, applied as ``Rz(yaw) Rx(pitch) Ry(roll)``. At zero attitude the image's right
-is world +x and its top world +y, so a frame looks like the floor seen from above. Pixel centres have whole coordinates.
+World: x right, y forward, z up, in metres, floor at z = 0. Body axes equal the world's at zero
+attitude; attitude is roll (about forward, right side down positive), pitch (about right, nose up
+positive) and yaw (about up, counterclockwise positive), in radians, applied as ``Rz(yaw) Rx(pitch)
+Ry(roll)``. At zero attitude the image's right is world +x and its top world +y, so a frame looks
+like the floor seen from above. Pixel centres have whole coordinates.
 """
 
 from __future__ import annotations
@@ -34,7 +35,9 @@ def transform_points(homography: np.ndarray, points: ArrayLike) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole camera: size and focal length in pixels; the principal point is the image centre unless given."""
+    """Pinhole camera: size and focal length in pixels; the principal point is the image centre
+    unless given.
+    """
 
     width: int = 640
     height: int = 480
@@ -64,7 +67,8 @@ class Camera:
             ]
         )
         x, y, z = position
-        # A ray R d meets the floor at position + s R d with s = z / -(R d)_z; multiplied out this is linear in d.
+        # A ray R d meets the floor at position + s R d with s = z / -(R d)_z; multiplied out this
+        # is linear in d.
         to_floor = np.array([[z, 0, -x], [0, z, -y], [0, 0, -1.0]])
         return to_floor @ rotation_matrix(*attitude) @ rays
 

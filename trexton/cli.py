@@ -1,4 +1,6 @@
-"""The command line: parse, call, print. Each subcommand is a module of `trexton.commands`, imported only when asked for."""
+"""The command line: parse, call, print. Each subcommand is a module of `trexton.commands`, imported
+only when asked for.
+"""
 
 from __future__ import annotations
 
@@ -91,7 +93,8 @@ def sentence(error: Exception) -> str:
     frames = traceback.extract_tb(error.__traceback__)
     where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
     return (
-        f"unexpected {type(error).__name__}: {_first_line(error)}{where}; this is a fault of trexton: please report it with the output of the same "
+        f"unexpected {type(error).__name__}: {_first_line(error)}{where}; this is a fault of "
+        "trexton: please report it with the output of the same "
         "command under TREXTON_DEBUG=1"
     )
 

@@ -1,4 +1,6 @@
-"""Writing goes through one place: to a temporary name first, then renamed: nothing is half-written."""
+"""Writing goes through one place: to a temporary name first, then renamed: nothing is
+half-written.
+"""
 
 from __future__ import annotations
 
@@ -58,8 +60,8 @@ def atomic_file(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[An
 def atomic_folder(path: str | os.PathLike[str], replace: bool = False) -> Iterator[Path]:
     """Yield a temporary folder beside `path`; it replaces `path` if the block succeeds.
 
-    It vanishes otherwise. Only a folder that was written like this and holds nothing else is replaced, or
-    any if `replace`; see `check_replaceable`.
+    It vanishes otherwise. Only a folder that was written like this and holds nothing else is
+    replaced, or any if `replace`; see `check_replaceable`.
     """
     path = Path(path)
     check_replaceable(path, replace)
@@ -177,7 +179,9 @@ def clean_leftovers(path: Path) -> None:
 
 
 def _prefix(path: Path, kind: str) -> str:
-    """Names the process, so that what a killed one left can be told from what another is writing."""
+    """Names the process, so that what a killed one left can be told from what another is
+    writing.
+    """
     return f".{path.name}.{kind}-{os.getpid()}."
 
 

@@ -1,11 +1,13 @@
-"""Texton histograms of an image (Methods, "Histogram Extraction"): of every patch, or of a random sample.
+"""Texton histograms of an image (Methods, "Histogram Extraction"): of every patch, or of a random
+sample.
 
-Every patch gets the label of its nearest texton; a histogram is the relative frequency of each label. Labels
-are decided on integers, so that any backend and number of threads give the same bits. An image is ``(H, W, 3)
-uint8`` (Y, U, V).
+Every patch gets the label of its nearest texton; a histogram is the relative frequency of each
+label. Labels are decided on integers, so that any backend and number of threads give the same bits.
+An image is ``(H, W, 3) uint8`` (Y, U, V).
 
-Full sampling runs in a compiled kernel (`trexton.kernels.label_rows`), or as matrix products where numba is
-absent. A few hundred samples stay with NumPy: there numba would gain less than it costs to load.
+Full sampling runs in a compiled kernel (`trexton.kernels.label_rows`), or as matrix products where
+numba is absent. A few hundred samples stay with NumPy: there numba would gain less than it costs to
+load.
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from trexton.textons import TextonDictionary
 
 __all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_positions"]
 
-# Positions labelled at once by matrix products: their scores stay in the processor's cache, and BLAS
+# Positions labelled at once by matrix products: their scores stay in the processor's cache, and
+# BLAS
 # libraries have quicker kernels for matrices this small.
 _ROWS, _COLUMNS = 24, 320
 
@@ -31,7 +34,8 @@ def texton_histogram(
     threads: int | None = None,
     cells: int = 1,
 ) -> np.ndarray:
-    """Relative frequency of each texton over every position: full sampling (301 625 at 640x480 and 6x6).
+    """Relative frequency of each texton over every position: full sampling (301 625 at 640x480 and
+    6x6).
 
     Parameters
     ----------
@@ -42,8 +46,8 @@ def texton_histogram(
     threads : int or None
         None takes ``$OMP_NUM_THREADS``, else every processor; any number gives the same bits.
     cells : int
-        Cut the image into cells x cells parts and count in each: a spatial histogram (Lazebnik, Schmid
-        & Ponce, "Beyond bags of features", 2006). The frequencies of all parts sum to one.
+        Cut the image into cells x cells parts and count in each: a spatial histogram (Lazebnik,
+        Schmid & Ponce, "Beyond bags of features", 2006). The frequencies of all parts sum to one.
 
     Returns
     -------
@@ -68,7 +72,8 @@ def label_image(
     backend: str | None = None,
     threads: int | None = None,
 ) -> np.ndarray:
-    """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position; ties go to the lowest index.
+    """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position; ties go to the lowest
+    index.
 
     Parameters and errors are those of `texton_histogram`.
     """
@@ -144,9 +149,9 @@ def _label(
 def _label_by_products(image: np.ndarray, dictionary: TextonDictionary, labels: np.ndarray) -> None:
     """Label a strip ``(H, 3 W)`` by matrix products, in blocks of one size (the last ones overlap).
 
-    A block is copied once so that each of its rows holds its P shifted copies, and ones for the constant
-    -|t|^2. P such rows in sequence are the matrix of all patches of one row of positions, without a further
-    copy.
+    A block is copied once so that each of its rows holds its P shifted copies, and ones for the
+    constant -|t|^2. P such rows in sequence are the matrix of all patches of one row of positions,
+    without a further copy.
     """
     patch, n_textons, kind = dictionary.patch, dictionary.n_textons, dictionary.weights.dtype
     height, width = min(_ROWS, labels.shape[0]), min(_COLUMNS, labels.shape[1])

@@ -1,9 +1,10 @@
-"""A frame's position by keypoints: match it to a map image, find the homography, project the frame's centre.
+"""A frame's position by keypoints: match it to a map image, find the homography, project the
+frame's centre.
 
-The baseline of the paper (Sec. "Dataset Generation" and "Baseline: Homography-based Approach"), unfiltered:
-the fix is whatever the homography says. A tilted camera sees the floor at about height times tilt from the
-point below the vehicle; the method does not know the tilt, so that offset is part of its error, as it was
-in the paper.
+The baseline of the paper (Sec. "Dataset Generation" and "Baseline: Homography-based Approach"),
+unfiltered: the fix is whatever the homography says. A tilted camera sees the floor at about height
+times tilt from the point below the vehicle; the method does not know the tilt, so that offset is
+part of its error, as it was in the paper.
 """
 
 from __future__ import annotations
@@ -30,7 +31,9 @@ _KD_TREES = 2
 
 @dataclass(frozen=True, eq=False)
 class Keypoints:
-    """SIFT keypoints: `points` ``(N, 2)`` (column, row) in pixels, `descriptors` ``(N, 128) float32``."""
+    """SIFT keypoints: `points` ``(N, 2)`` (column, row) in pixels, `descriptors` ``(N, 128)
+    float32``.
+    """
 
     points: np.ndarray
     descriptors: np.ndarray
@@ -67,7 +70,8 @@ class HomographyFix:
 def detect_keypoints(
     luma: np.ndarray, *, scale: float = 1.0, limit: int = 0, mask: np.ndarray | None = None
 ) -> Keypoints:
-    """SIFT keypoints of an ``(H, W) uint8`` image, detected at `scale`, in the pixels of the whole image.
+    """SIFT keypoints of an ``(H, W) uint8`` image, detected at `scale`, in the pixels of the whole
+    image.
 
     At most `limit` of them, the strongest (0: all), and only where `mask` is nonzero.
     """
@@ -94,11 +98,12 @@ def find_homography(
 ) -> tuple[np.ndarray | None, np.ndarray]:
     """MAGSAC homography between ``(N, 2)`` matched points, and its ``(N,) bool`` inliers.
 
-    Inliers lie within `threshold` pixels. None for fewer than four matches, or where all of them are
-    degenerate.
+    Inliers lie within `threshold` pixels. None for fewer than four matches, or where all of them
+    are degenerate.
     """
     if len(source) >= 4:
-        # At most 2000 iterations: a wrong set of matches would otherwise cost far more than a right one.
+        # At most 2000 iterations: a wrong set of matches would otherwise cost far more than a right
+        # one.
         homography, inliers = cv2.findHomography(
             source, target, cv2.USAC_MAGSAC, threshold, maxIters=2000, confidence=0.995
         )
@@ -114,8 +119,8 @@ class HomographyLocalizer:
     ----------
     map_image : MapImage
     scale : float
-        Size at which frames are searched for keypoints; 0.5 takes about a third of the time and loses some
-        frames.
+        Size at which frames are searched for keypoints; 0.5 takes about a third of the time and
+        loses some frames.
     keypoints : int
         Most keypoints of a frame, the strongest.
     map_keypoints : int

@@ -1,6 +1,8 @@
-"""Images as the method sees them: ``(H, W, 3) uint8`` arrays of Y, U, V (full-range BT.601, as in JPEG).
+"""Images as the method sees them: ``(H, W, 3) uint8`` arrays of Y, U, V (full-range BT.601, as in
+JPEG).
 
-The camera delivers 4:2:2 UYVY; a file is decoded by OpenCV to BGR. Both end in the same representation here.
+The camera delivers 4:2:2 UYVY; a file is decoded by OpenCV to BGR. Both end in the same
+representation here.
 """
 
 from __future__ import annotations
@@ -28,7 +30,8 @@ __all__ = [
 
 MOST_PIXELS = 50_000_000
 MOST_BYTES = 2**28
-# A camera's "video range" bytes: Y 16..235 and U, V 16..240 become 0..255 by a look-up, so that the result is exact.
+# A camera's "video range" bytes: Y 16..235 and U, V 16..240 become 0..255 by a look-up, so that the
+# result is exact.
 _LEVELS = np.arange(256, dtype=np.float64)
 _LUMA = np.clip(np.rint((_LEVELS - 16) * 255 / 219), 0, 255).astype(np.uint8)
 _CHROMA = np.clip(np.rint((_LEVELS - 128) * 255 / 224 + 128), 0, 255).astype(np.uint8)
@@ -48,7 +51,8 @@ def check_image(image: np.ndarray) -> np.ndarray:
             else type(image).__name__
         )
         raise ImageError(
-            f"an image is an (H, W, 3) uint8 array of Y, U, V, found {found}: convert it with trexton.images"
+            f"an image is an (H, W, 3) uint8 array of Y, U, V, found {found}: convert it with "
+            "trexton.images"
         )
     return image
 
@@ -69,13 +73,16 @@ def bgr_from_yuv(image: np.ndarray) -> np.ndarray:
 
 
 def yuv_from_uyvy(frame: np.ndarray, full_range: bool = False) -> np.ndarray:
-    """Camera bytes ``(H, W, 2) uint8`` in UYVY order to ``(H, W, 3)`` Y, U, V; both pixels of a pair share U and V.
+    """Camera bytes ``(H, W, 2) uint8`` in UYVY order to ``(H, W, 3)`` Y, U, V; both pixels of a
+    pair share U and V.
 
-    `full_range` says that the camera already uses 0 to 255; most use the video range, which is stretched here.
+    `full_range` says that the camera already uses 0 to 255; most use the video range, which is
+    stretched here.
     """
     if frame.ndim != 3 or frame.shape[2] != 2 or frame.shape[1] % 2 or frame.dtype != np.uint8:
         raise ImageError(
-            f"a UYVY frame is (H, W even, 2) uint8, found {frame.dtype} {frame.shape}: check the camera's pixel format"
+            f"a UYVY frame is (H, W even, 2) uint8, found {frame.dtype} {frame.shape}: check the "
+            "camera's pixel format"
         )
     chroma = np.repeat(frame[..., 0].reshape(len(frame), -1, 2), 2, axis=1)
     yuv = np.concatenate([frame[..., 1:], chroma], axis=2)
@@ -86,7 +93,8 @@ def yuv_from_uyvy(frame: np.ndarray, full_range: bool = False) -> np.ndarray:
 
 
 def checked_bytes(path: Path) -> bytes:
-    """The bytes of an image file that is neither a device nor larger than a camera's picture can be.
+    """The bytes of an image file that is neither a device nor larger than a camera's picture can
+    be.
 
     Raises
     ------
@@ -111,7 +119,9 @@ def checked_bytes(path: Path) -> bytes:
 
 
 def declared_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height that the head of a PNG, BMP or JPEG file declares; None where they are not found."""
+    """Width and height that the head of a PNG, BMP or JPEG file declares; None where they are not
+    found.
+    """
     if data[:8] == b"\x89PNG\r\n\x1a\n":
         return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
     if data[:2] == b"BM":
@@ -128,7 +138,9 @@ def declared_size(data: bytes) -> tuple[int, int] | None:
 
 
 def decode(data: bytes, flags: int = cv2.IMREAD_COLOR) -> np.ndarray | None:
-    """The picture in the bytes of a file as OpenCV decodes it (BGR); None where it cannot, or declares too much."""
+    """The picture in the bytes of a file as OpenCV decodes it (BGR); None where it cannot, or
+    declares too much.
+    """
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error:

@@ -1,4 +1,5 @@
-"""Errors of tracks of estimates: per axis as the paper prints them, Euclidean, with intervals and yardsticks.
+"""Errors of tracks of estimates: per axis as the paper prints them, Euclidean, with intervals and
+yardsticks.
 
 Nothing is aligned before it is compared: estimates and ground truth share one frame of reference.
 """
@@ -35,7 +36,8 @@ def absolute_errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
     estimates, truth = np.asarray(estimates, dtype=float), np.asarray(truth, dtype=float)
     if estimates.shape != truth.shape or truth.ndim != 2 or truth.shape[1] != 2:
         raise ParameterError(
-            f"estimates have shape {estimates.shape}, truth {truth.shape}: expected two (N, 2) arrays"
+            f"estimates have shape {estimates.shape}, truth {truth.shape}: expected two (N, 2) "
+            "arrays"
         )
     return np.abs(estimates - truth)
 
@@ -43,7 +45,8 @@ def absolute_errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
 def block_rows(count: int, rng: np.random.Generator, block: int = BLOCK) -> np.ndarray:
     """``(count,)`` rows resampled in whole circular blocks.
 
-    Neighbouring frames err alike; blocks of about a second keep that dependence, single frames would not.
+    Neighbouring frames err alike; blocks of about a second keep that dependence, single frames
+    would not.
     """
     block = min(block, count)
     starts = rng.integers(count, size=-(-count // block))
@@ -92,12 +95,13 @@ def summarize(
     Returns
     -------
     dict
-        For each statistic a dict: ``median`` over the runs, ``low`` and ``high`` (95 % interval: a run and blocks of
-        frames are drawn anew each time), ``runs_low`` and ``runs_high`` (the same over the runs alone). The statistics
-        are ``error_cm_*`` and ``std_cm_*`` for x and y (mean and standard deviation of the absolute error, the paper's two
-        rows), their means over the axes ``axis_mean_cm`` and ``axis_std_cm``, and of the Euclidean error ``mean_cm``,
-        ``median_cm``, ``p95_cm``, ``rmse_cm`` and ``relative`` (mean over diagonal). Further ``frames`` and ``missing``,
-        counts a run on average.
+        For each statistic a dict: ``median`` over the runs, ``low`` and ``high`` (95 % interval: a
+        run and blocks of frames are drawn anew each time), ``runs_low`` and ``runs_high`` (the same
+        over the runs alone). The statistics are ``error_cm_*`` and ``std_cm_*`` for x and y (mean
+        and standard deviation of the absolute error, the paper's two rows), their means over the
+        axes ``axis_mean_cm`` and ``axis_std_cm``, and of the Euclidean error ``mean_cm``,
+        ``median_cm``, ``p95_cm``, ``rmse_cm`` and ``relative`` (mean over diagonal). Further
+        ``frames`` and ``missing``, counts a run on average.
     """
     absolute = 100 * np.stack([absolute_errors(run, truth) for run in runs])
     missing = float((~np.isfinite(absolute).all(axis=2)).sum(axis=1).mean())
@@ -129,14 +133,18 @@ def summarize(
 
 
 def constant_guess(train: np.ndarray, count: int) -> np.ndarray:
-    """``(count, 2)`` the mean training position, always: what knowing nothing but the area costs."""
+    """``(count, 2)`` the mean training position, always: what knowing nothing but the area
+    costs.
+    """
     return np.tile(np.nanmean(train, axis=0), (count, 1))
 
 
 def shuffled_neighbors(
     positions: np.ndarray, count: int, k: int, *, rng: np.random.Generator
 ) -> np.ndarray:
-    """``(count, 2)`` means of k training positions drawn at random: the k-NN with its histograms shuffled."""
+    """``(count, 2)`` means of k training positions drawn at random: the k-NN with its histograms
+    shuffled.
+    """
     return positions[rng.integers(len(positions), size=(count, k))].mean(axis=1)
 
 
@@ -146,7 +154,8 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
 
     if trials < 1 or not 0 <= successes <= trials:
         raise ParameterError(
-            f"{successes} successes in {trials} trials: expected 0 <= successes <= trials, at least one trial"
+            f"{successes} successes in {trials} trials: expected 0 <= successes <= trials, at "
+            "least one trial"
         )
     interval = binomtest(successes, trials).proportion_ci(method="wilson")
     return float(interval.low), float(interval.high)

@@ -1,7 +1,7 @@
 """Patches of an image: where they can lie, drawing positions, cutting them out.
 
-A position is the (row, column) of a patch's top left corner; an image is ``(H, W, 3) uint8`` (Y, U, V), P the
-patch size.
+A position is the (row, column) of a patch's top left corner; an image is ``(H, W, 3) uint8`` (Y, U,
+V), P the patch size.
 """
 
 from __future__ import annotations
@@ -27,7 +27,8 @@ def position_grid(shape: tuple[int, ...], patch: int) -> tuple[int, int]:
     rows, columns = shape[0] - patch + 1, shape[1] - patch + 1
     if rows < 1 or columns < 1:
         raise ImageError(
-            f"the image has {shape[1]}x{shape[0]} pixels, a patch {patch}x{patch}: give a larger image"
+            f"the image has {shape[1]}x{shape[0]} pixels, a patch {patch}x{patch}: give a larger "
+            "image"
         )
     return rows, columns
 
@@ -45,7 +46,9 @@ def sample_positions(
 
 
 def gather_patches(image: np.ndarray, positions: np.ndarray, patch: int) -> np.ndarray:
-    """``(N, P, P, 3) uint8``: the patches at `positions` ``(N, 2)``; only they are copied, not the image."""
+    """``(N, P, P, 3) uint8``: the patches at `positions` ``(N, 2)``; only they are copied, not the
+    image.
+    """
     rows, columns = position_grid(check_image(image).shape, patch)
     image = np.ascontiguousarray(image)
     # One item is a whole row of a patch, 3 P neighbouring bytes.
@@ -57,7 +60,9 @@ def gather_patches(image: np.ndarray, positions: np.ndarray, patch: int) -> np.n
 def draw_patches(
     images: Iterable[np.ndarray], patch: int, per_image: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """``(N, P, P, 3) uint8``: `per_image` random patches (with replacement) from each image in turn."""
+    """``(N, P, P, 3) uint8``: `per_image` random patches (with replacement) from each image in
+    turn.
+    """
     drawn = [
         gather_patches(image, sample_positions(image.shape, patch, per_image, rng), patch)
         for image in images

@@ -1,10 +1,12 @@
-"""Map evaluation: how well a floor suits the method, from a training set alone (Methods, "Map evaluation").
+"""Map evaluation: how well a floor suits the method, from a training set alone (Methods, "Map
+evaluation").
 
-Histograms taken close together should be alike, and less so with distance. The ideal is a Gaussian bump
-around every position; the loss is what the actual similarity exceeds it by, negative where it falls short.
+Histograms taken close together should be alike, and less so with distance. The ideal is a Gaussian
+bump around every position; the loss is what the actual similarity exceeds it by, negative where it
+falls short.
 
-Throughout, `histograms` is ``(N, K)``, `positions` is ``(N, 2)`` in metres, `sigma` is in metres: one number,
-or one for each axis.
+Throughout, `histograms` is ``(N, K)``, `positions` is ``(N, 2)`` in metres, `sigma` is in metres:
+one number, or one for each axis.
 """
 
 from __future__ import annotations
@@ -83,14 +85,18 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) ->
 
 
 def global_loss(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> float:
-    """L(D), the mean of the local losses: lower is better; see `local_losses` for what is raised."""
+    """L(D), the mean of the local losses: lower is better; see `local_losses` for what is
+    raised.
+    """
     return float(local_losses(histograms, positions, sigma).mean())
 
 
 def smooth(
     values: np.ndarray, positions: np.ndarray, places: np.ndarray, sigma: Sigma
 ) -> np.ndarray:
-    """``(M,)``: mean of the samples' `values` around `places` ``(M, 2)``, weighted by a Gaussian."""
+    """``(M,)``: mean of the samples' `values` around `places` ``(M, 2)``, weighted by a
+    Gaussian.
+    """
     smoothed = np.empty(len(places))
     for first in range(0, len(places), _ROWS):
         weights = ideal_similarity(places[first : first + _ROWS], positions, sigma)
@@ -185,7 +191,8 @@ def _units(histograms: np.ndarray) -> np.ndarray:
     bad = np.flatnonzero(~((length > 0) & np.isfinite(length)))
     if len(bad):
         raise MapError(
-            f"{len(bad)} of {len(histograms)} histograms are zero or not finite, row {bad[0]} the first: "
+            f"{len(bad)} of {len(histograms)} histograms are zero or not finite, row {bad[0]} the "
+            "first: "
             "they have no direction to compare, leave these frames out"
         )
     return histograms / length[:, None]

@@ -1,15 +1,18 @@
-"""The texton dictionary: patches that stand for the texture of a place (Methods, "Texton Dictionary").
+"""The texton dictionary: patches that stand for the texture of a place (Methods, "Texton
+Dictionary").
 
-A Kohonen network [1]_ clusters random patches: textons sit on a chain; each patch pulls its nearest texton,
-and that one's neighbours on the chain a little less, towards itself. Learning rate and neighbourhood shrink
-geometrically over the pass, from a coarse ordering to fine averaging. The authors' flight code had no
-neighbourhood and a constant rate; that is the method ``"winner-take-all"``.
+A Kohonen network [1]_ clusters random patches: textons sit on a chain; each patch pulls its nearest
+texton, and that one's neighbours on the chain a little less, towards itself. Learning rate and
+neighbourhood shrink geometrically over the pass, from a coarse ordering to fine averaging. The
+authors' flight code had no neighbourhood and a constant rate; that is the method
+``"winner-take-all"``.
 
-All arithmetic is exact: textons move on a grid of 2**-12 grey levels with gains in steps of 2**-16, and end
-rounded to bytes. Equal seeds therefore give equal dictionaries on any machine, with numba or without.
+All arithmetic is exact: textons move on a grid of 2**-12 grey levels with gains in steps of 2**-16,
+and end rounded to bytes. Equal seeds therefore give equal dictionaries on any machine, with numba
+or without.
 
-Throughout, P is the patch size, K the number of textons; a patch is ``(P, P, 3) uint8``: rows, columns, and
-Y, U, V.
+Throughout, P is the patch size, K the number of textons; a patch is ``(P, P, 3) uint8``: rows,
+columns, and Y, U, V.
 
 .. [1] T. Kohonen, "The self-organizing map", Proceedings of the IEEE 78(9), 1990.
 """
@@ -48,7 +51,8 @@ class TextonDictionary:
     Raises
     ------
     MapError
-        The array has another shape or type, more than 256 textons, or patches larger than 48 pixels.
+        The array has another shape or type, more than 256 textons, or patches larger than 48
+        pixels.
     """
 
     textons: np.ndarray
@@ -64,7 +68,8 @@ class TextonDictionary:
             or len(textons) > MAX_TEXTONS
         ):
             raise MapError(
-                f"textons are a (K, P, P, 3) uint8 array with K up to {MAX_TEXTONS} and P up to {MAX_PATCH}, "
+                f"textons are a (K, P, P, 3) uint8 array with K up to {MAX_TEXTONS} and P up to "
+                f"{MAX_PATCH}, "
                 f"found {textons.dtype} {textons.shape}: learn the dictionary again"
             )
         textons = np.array(textons, order="C")
@@ -81,10 +86,11 @@ class TextonDictionary:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """``(3 P P, K)``: 2 t; the nearest texton has the largest score 2 p.t - |t|^2, as |p|^2 is common.
+        """``(3 P P, K)``: 2 t; the nearest texton has the largest score 2 p.t - |t|^2, as |p|^2 is
+        common.
 
-        Single precision where every partial sum stays below 2**24 (6x6 patches do), and so is exact in any
-        order.
+        Single precision where every partial sum stays below 2**24 (6x6 patches do), and so is exact
+        in any order.
         """
         size = self.textons[0].size
         exact = np.float32 if 2 * size * 255**2 < 2**24 else np.float64
@@ -98,7 +104,8 @@ class TextonDictionary:
 
     @cached_property
     def words(self) -> np.ndarray:
-        """``(G, P ceil(3 P / 4), 4) int32``: t - 128 as signed bytes, four a word, in groups of 4 textons.
+        """``(G, P ceil(3 P / 4), 4) int32``: t - 128 as signed bytes, four a word, in groups of 4
+        textons.
 
         The layout of `trexton.kernels.label_rows`; missing bytes and textons are 0.
         """
@@ -153,7 +160,8 @@ class TextonDictionary:
         Parameters
         ----------
         source : Flight or (N, P, P, 3) uint8 array
-            A flight gives `patches_per_image` random patches from each of its first `images` images.
+            A flight gives `patches_per_image` random patches from each of its first `images`
+            images.
         n_textons, patch : int
             K and P; P is that of the patches where patches are given.
         rng : numpy.random.Generator
@@ -181,8 +189,8 @@ class Learning:
     ----------
     dictionary : TextonDictionary
     errors : (N,) float64 array
-        Distance of each patch to its nearest texton at the moment it was seen, in grey levels per value (RMS
-        over the patch).
+        Distance of each patch to its nearest texton at the moment it was seen, in grey levels per
+        value (RMS over the patch).
     """
 
     dictionary: TextonDictionary
@@ -203,15 +211,16 @@ def learn_textons(
 ) -> Learning:
     """Cluster patches with a Kohonen network, or with the authors' winner-take-all.
 
-    Kohonen: patches in random order, start at random patches. At progress s in [0, 1) a texton j steps away
-    from the winner on the chain moves by ``rate(s) exp(-j^2 / (2 radius(s)^2))`` of its difference to the
-    patch, where ``rate(s) = rate[0] (rate[1] / rate[0])^s`` and likewise the radius.
+    Kohonen: patches in random order, start at random patches. At progress s in [0, 1) a texton j
+    steps away from the winner on the chain moves by ``rate(s) exp(-j^2 / (2 radius(s)^2))`` of its
+    difference to the patch, where ``rate(s) = rate[0] (rate[1] / rate[0])^s`` and likewise the
+    radius.
 
-    Winner-take-all: patches in the order given, start at random patches among the `first` (those of the first
-    image); only the winner moves, by ``alpha / 255``.
+    Winner-take-all: patches in the order given, start at random patches among the `first` (those of
+    the first image); only the winner moves, by ``alpha / 255``.
 
-    With fewer patches than textons, or fewer different ones, some textons are equal; the lowest index gets
-    all labels.
+    With fewer patches than textons, or fewer different ones, some textons are equal; the lowest
+    index gets all labels.
 
     Parameters
     ----------
@@ -219,7 +228,8 @@ def learn_textons(
     n_textons : int
         K.
     rate, radius : (start, end)
-        Learning rate, and neighbourhood in steps on the chain (default: from a quarter of the chain to 0.3).
+        Learning rate, and neighbourhood in steps on the chain (default: from a quarter of the chain
+        to 0.3).
     alpha : float
         The authors' constant rate, in 1/255.
     first : int
@@ -319,7 +329,8 @@ def _check_patches(patches: np.ndarray, patch: int | None = None) -> np.ndarray:
     if patches.ndim != 4 or patches.shape[1:] != (size, size, 3) or patches.dtype != np.uint8:
         side = "P" if patch is None else patch
         raise ImageError(
-            f"patches are an (N, {side}, {side}, 3) uint8 array, found {patches.dtype} {patches.shape}: "
+            f"patches are an (N, {side}, {side}, 3) uint8 array, found {patches.dtype} "
+            f"{patches.shape}: "
             "cut them from images"
         )
     return patches

@@ -1,7 +1,7 @@
 """Settings for a computer and a rate: what a frame costs here, and what it would lose in accuracy.
 
-Costs are measured on this machine, stage by stage. Errors are those of the trade-off experiment, which varied
-samples and particles one at a time; their effects are taken to add up.
+Costs are measured on this machine, stage by stage. Errors are those of the trade-off experiment,
+which varied samples and particles one at a time; their effects are taken to add up.
 """
 
 from __future__ import annotations
@@ -25,7 +25,9 @@ _TOLERANCE = 0.02  # differences in error below this are not worth any time
 
 @dataclass(frozen=True)
 class Setting:
-    """Samples (None: every patch) and particles, a frame's seconds here, and the error to expect in cm."""
+    """Samples (None: every patch) and particles, a frame's seconds here, and the error to expect in
+    cm.
+    """
 
     samples: int | None
     particles: int
@@ -58,14 +60,15 @@ def tune(
     Raises
     ------
     ParameterError
-        The rate or the headroom is out of range, the record is of another experiment, or nothing is fast
-        enough.
+        The rate or the headroom is out of range, the record is of another experiment, or nothing is
+        fast enough.
     """
     if not 0 < rate < np.inf:
         raise ParameterError(f"the rate is {rate} Hz: expected a positive number")
     if not 0 <= headroom < 1:
         raise ParameterError(
-            f"the headroom is {headroom}: expected a share from 0 up to 1, 0.5 to keep half of the time free"
+            f"the headroom is {headroom}: expected a share from 0 up to 1, 0.5 to keep half of the "
+            "time free"
         )
     errors = predicted_errors(record, with_samples=texton_map.dictionary is not None)
     samples, particles = zip(*errors, strict=False)
@@ -75,7 +78,8 @@ def tune(
 
 
 def choose(settings: list[Setting], budget_s: float) -> Setting:
-    """The cheapest of those within the budget whose error is within two per cent of the best of them.
+    """The cheapest of those within the budget whose error is within two per cent of the best of
+    them.
 
     Raises
     ------
@@ -101,8 +105,8 @@ def predicted_errors(
 ) -> dict[tuple[int | None, int], float]:
     """Error in cm for every pair of samples and particles that the record varied.
 
-    Without samples (a map of histograms only) the first of each pair is the record's default and stands for
-    nothing.
+    Without samples (a map of histograms only) the first of each pair is the record's default and
+    stands for nothing.
     """
     if record.experiment != "trade_off":
         raise ParameterError(f"the record is of {record.experiment!r}: expected one of 'trade_off'")
@@ -137,7 +141,9 @@ def costs(
     rng: np.random.Generator,
     repeats: int = 60,
 ) -> dict[tuple[int | None, int], float]:
-    """Median seconds a frame takes here for every pair; histograms and filters are timed once, and added."""
+    """Median seconds a frame takes here for every pair; histograms and filters are timed once, and
+    added.
+    """
     if texton_map.dictionary is None:
         frames = list(texton_map.histograms[:repeats])
         of_samples = dict.fromkeys(samples, 0.0)

@@ -75,7 +75,9 @@ def apart(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:
 
 
 class Tree(dict[str, Any]):
-    """Nested values of a record; a name is always an entry, even where dict has a method of that name."""
+    """Nested values of a record; a name is always an entry, even where dict has a method of that
+    name.
+    """
 
     def __init__(self, values: Mapping[str, Any]):
         super().__init__(
@@ -105,7 +107,9 @@ def span(entry: Mapping[str, Any], digits: int = 0) -> str:
 
 
 def text(words: str) -> str:
-    """Words from a flight's header, with everything that Markdown would take for markup made harmless."""
+    """Words from a flight's header, with everything that Markdown would take for markup made
+    harmless.
+    """
     return re.sub(r"([^\w\s.,;:'()/-])", r"\\\1", " ".join(str(words).split()))
 
 

@@ -64,7 +64,8 @@ def measure(
             yield from getattr(import_module(f"trexton.bench.{module}"), function)(scene, quick)
         except ModuleNotFoundError as error:
             raise ParameterError(
-                f"stage {name!r} needs {error.name}, which is not installed: pip install trexton[book]"
+                f"stage {name!r} needs {error.name}, which is not installed: pip install "
+                "trexton[book]"
             ) from None
 
 

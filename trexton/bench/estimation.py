@@ -110,7 +110,9 @@ def _map_by_sums(
 
 
 def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
-    """Image in, estimate out at the paper's defaults, against the sum of its stages; then many frames."""
+    """Image in, estimate out at the paper's defaults, against the sum of its stages; then many
+    frames.
+    """
     whole, frames = scene.localizer(), scene.views[0]
     parts = StageClock(scene.map, rng=scene.rng("flight"))
     turn = iter(np.tile(np.arange(len(frames)), 100_000))
@@ -139,7 +141,9 @@ def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
 
 
 def _many_frames(localizer: Any, frames: Any, count: int) -> tuple[np.ndarray, tuple[int, int]]:
-    """Seconds of each of `count` frames, and the resident bytes after the first tenth and at the end."""
+    """Seconds of each of `count` frames, and the resident bytes after the first tenth and at the
+    end.
+    """
     seconds, before = np.empty(count), 0
     for index in range(count):
         frame = frames[index % len(frames)]

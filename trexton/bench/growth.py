@@ -19,7 +19,9 @@ __all__ = ["exponent", "growth"]
 
 
 def growth(scene: Scene, quick: bool) -> Iterator[Row]:
-    """Image size, textons, samples, particles, stored histograms; one thread, else the paper's defaults."""
+    """Image size, textons, samples, particles, stored histograms; one thread, else the paper's
+    defaults.
+    """
     contests: tuple[tuple[str, tuple[int, ...], Callable[..., Any]], ...] = (
         ("pixels, full sampling", (160 * 120, 320 * 240, 640 * 480, 1280 * 960), _image),
         ("textons, full sampling", (8, 16, 32, 64, 128), _textons),

@@ -20,7 +20,9 @@ _FOUND = 0.3  # metres within which a fix counts as right
 
 
 def operations(shape: tuple[int, ...], n_textons: int, patch: int) -> float:
-    """Multiplications and additions of labelling every position: 1.303e9 for 640x480, 20 textons of 6x6x3."""
+    """Multiplications and additions of labelling every position: 1.303e9 for 640x480, 20 textons of
+    6x6x3.
+    """
     return 2.0 * np.prod(position_grid(shape, patch)) * n_textons * 3 * patch**2
 
 
@@ -81,7 +83,9 @@ def sampled(scene: Scene, quick: bool) -> Iterator[Row]:
 
 
 def homography(scene: Scene, quick: bool) -> Iterator[Row]:
-    """One frame located on the floor's picture against one SIFT of it, and the mode at half resolution."""
+    """One frame located on the floor's picture against one SIFT of it, and the mode at half
+    resolution.
+    """
     from trexton.homography import HomographyLocalizer
 
     frames, positions = scene.views

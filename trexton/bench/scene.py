@@ -1,4 +1,6 @@
-"""What the stages work on: frames of the virtual room and a map of realistic size, all from one seed."""
+"""What the stages work on: frames of the virtual room and a map of realistic size, all from one
+seed.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +29,9 @@ _PERIOD = 0.08
 
 
 def crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """``(count, K)`` histograms between neighbours of a sequence, with the noise of counting 2000 patches."""
+    """``(count, K)`` histograms between neighbours of a sequence, with the noise of counting 2000
+    patches.
+    """
     rows, share = rng.integers(len(histograms) - 1, size=count), rng.random((count, 1))
     mixed = histograms[rows] * (1 - share)
     mixed += histograms[rows + 1] * share
@@ -38,7 +42,9 @@ def crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.nd
 
 
 def observations(positions: np.ndarray) -> list[Observation]:
-    """Observations whose neighbours lie at these ``(N, k, 2)`` positions; what a filter sees, found already."""
+    """Observations whose neighbours lie at these ``(N, k, 2)`` positions; what a filter sees, found
+    already.
+    """
     nothing = np.zeros(1)
     seen = []
     for places in positions:
@@ -53,7 +59,9 @@ def _always(neighbors: Neighbors, histogram: np.ndarray) -> Neighbors:
 
 
 class Scene:
-    """Frames along a diagonal of the painted hall, and all that a stage may ask for, made when asked for."""
+    """Frames along a diagonal of the painted hall, and all that a stage may ask for, made when
+    asked for.
+    """
 
     def __init__(self, seed: int = 1):
         self.seed = seed

@@ -26,8 +26,8 @@ class StageClock:
     Attributes
     ----------
     seconds : dict of str to list of float
-        ``histogram`` (empty where frames are histograms), ``neighbors``, ``filter``, ``estimate``: one entry
-        a frame.
+        ``histogram`` (empty where frames are histograms), ``neighbors``, ``filter``, ``estimate``:
+        one entry a frame.
     """
 
     def __init__(self, texton_map: TextonMap, **options: Any) -> None:

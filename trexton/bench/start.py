@@ -31,7 +31,9 @@ _PROGRAMS = {
 
 
 def start(scene: Scene, quick: bool) -> Iterator[Row]:
-    """The command's help, and a process from nothing to its first estimate, with the kernels' cache warm."""
+    """The command's help, and a process from nothing to its first estimate, with the kernels' cache
+    warm.
+    """
     seconds: dict[str, list[float]] = {name: [] for name in _PROGRAMS}
     with tempfile.TemporaryDirectory() as folder:
         texton_map, frame = scene.map.save(Path(folder) / "map.npz"), Path(folder) / "frame.npy"

@@ -20,13 +20,14 @@ from trexton.wording import distance
 __all__ = ["write_report"]
 
 _STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 46rem; margin: 2rem auto; padding: 0 1rem; color: #222;
-  background: #fff; }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 46rem; margin: 2rem auto; padding: 0 1rem;
+  color: #222; background: #fff; }
 h1 { font-size: 1.6rem; line-height: 1.2 } h2 { font-size: 1.2rem; margin-top: 2rem }
 .finding { font-size: 1.15rem; border-left: 4px solid #0072B2; padding-left: 1rem }
 figure { margin: 1.5rem 0; break-inside: avoid } img { max-width: 100%; height: auto }
 figcaption, footer { font-size: .85rem; color: #555 }
-.scroll { overflow-x: auto } table { border-collapse: collapse } th, td { padding: .25rem .75rem; text-align: right }
+.scroll { overflow-x: auto } table { border-collapse: collapse }
+th, td { padding: .25rem .75rem; text-align: right }
 th:first-child, td:first-child { text-align: left } tbody tr { border-top: 1px solid #ddd }
 code { background: #f2f2f2; padding: 0 .2rem }
 @media print { body { max-width: none; margin: 0; font-size: 11pt } }
@@ -62,15 +63,18 @@ def _page(record: Record) -> str:
         + _figure(
             figures.over_the_floor(record),
             "Where the vehicle was, and where the best method thought it was",
-            "The error to expect at every place, from the training frames alone, and the test flight on it.",
+            "The error to expect at every place, from the training frames alone, and the test "
+            "flight on it.",
         )
         + _figure(
             figures.error_shares(record),
             "Share of frames below each error, a line for each method",
-            "How many frames were off by less than a distance; dashed lines know nothing of the place.",
+            "How many frames were off by less than a distance; dashed lines know nothing of the "
+            "place.",
         )
         + f"<h2>The numbers</h2>{_table(record)}"
-        f"<footer><p>{counts['train']} frames to train on, {counts['test']} to test on. 95 % intervals over "
+        f"<footer><p>{counts['train']} frames to train on, {counts['test']} to test on. 95 % "
+        "intervals over "
         f"stretches of the test flight. trexton {escape(_version())}.</p></footer></body></html>\n"
     )
 
@@ -100,7 +104,8 @@ def _table(record: Record) -> str:
         + "</tr>"
         for name, entry in errors.items()
     )
-    return f'<div class="scroll" tabindex="0"><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></div>'
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
+    return f'<div class="scroll" tabindex="0">{table}</div>'
 
 
 def _version() -> str:

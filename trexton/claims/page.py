@@ -67,7 +67,8 @@ def claims_html(rows: Rows, caption: str = "") -> str:
     head = "".join(f'<th scope="col">{escape(each)}</th>' for each in heads)
     body = "\n".join(_row(claim, findings) for claim, findings in rows)
     return (
-        f'<table class="table ledger">{_caption(caption)}<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n'
+        '<table class="table '
+        f'ledger">{_caption(caption)}<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n'
         "</tbody></table>"
     )
 

@@ -1,4 +1,6 @@
-"""``trexton check``: read a flight folder and report every fault; status 1 where it cannot be used."""
+"""``trexton check``: read a flight folder and report every fault; status 1 where it cannot be
+used.
+"""
 
 from __future__ import annotations
 

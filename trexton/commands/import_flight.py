@@ -1,4 +1,6 @@
-"""``trexton import [KIND] SOURCE --out FLIGHT``: an option for each setting that an importer declares."""
+"""``trexton import [KIND] SOURCE --out FLIGHT``: an option for each setting that an importer
+declares.
+"""
 
 from __future__ import annotations
 
@@ -69,6 +71,7 @@ def run(arguments: argparse.Namespace) -> int:
         say(line)
     seconds = flight.time[-1] - flight.time[0]
     say(
-        f"{arguments.out}: {len(flight)} frames, {seconds:.1f} s; next: trexton check {arguments.out}"
+        f"{arguments.out}: {len(flight)} frames, {seconds:.1f} s; next: trexton check "
+        f"{arguments.out}"
     )
     return 0

@@ -18,13 +18,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
     parser.add_argument(
-        "--output", dest="outputs", action="append", default=[], metavar="SINK",
+        "--output",
+        dest="outputs",
+        action="append",
+        default=[],
+        metavar="SINK",
         help=f"KIND or KIND:ADDRESS, repeatable; kinds: {', '.join(SINKS)} (default json)",
-    )  # fmt: skip
+    )
     parser.add_argument(
-        "--set", dest="choices", nargs="+", action="extend", default=[], metavar="ROLE[.OPTION]=VALUE",
+        "--set",
+        dest="choices",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="ROLE[.OPTION]=VALUE",
         help="another part, or an option of one, repeatable: recovery=augmented",
-    )  # fmt: skip
+    )
     parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {', '.join(SOURCES)}."
     add_options(parser, _edges())
 

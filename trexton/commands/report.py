@@ -60,7 +60,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _with_splits(source: Path, out: Path) -> Path:
-    """The flight itself if it has its splits; otherwise one beside the results, of its first and later frames."""
+    """The flight itself if it has its splits; otherwise one beside the results, of its first and
+    later frames.
+    """
     from dataclasses import replace
 
     from trexton.flights import read_flight, write_flight
@@ -76,6 +78,7 @@ def _with_splits(source: Path, out: Path) -> Path:
         "test": (int(numbers[min(last + 1, len(numbers) - 1)]), int(numbers[-1])),
     }
     say(
-        f"{source} names no splits: its first {last + 1} of {len(flight)} frames train, the others test"
+        f"{source} names no splits: its first {last + 1} of {len(flight)} frames train, the others "
+        "test"
     )
     return write_flight(replace(flight, split=split), out / "flight" / flight.name)

@@ -77,10 +77,16 @@ def run(arguments: argparse.Namespace) -> int:
     else:
         floor = Floor.painted(arguments.layout, arguments.floor_seed)
     flight = record_flight(
-        arguments.out, pattern=arguments.pattern, frames=arguments.frames, seed=arguments.seed, floor=floor,
-        effects=_effects(arguments.set, arguments.off), height=arguments.height, every=arguments.every,
+        arguments.out,
+        pattern=arguments.pattern,
+        frames=arguments.frames,
+        seed=arguments.seed,
+        floor=floor,
+        effects=_effects(arguments.set, arguments.off),
+        height=arguments.height,
+        every=arguments.every,
         replace=arguments.replace,
-    )  # fmt: skip
+    )
     say(f"{arguments.out}: {len(flight)} frames, {flight.time[-1] - flight.time[0]:.1f} s")
     return 0
 

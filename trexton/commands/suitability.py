@@ -55,8 +55,10 @@ def run(arguments: argparse.Namespace) -> int:
         entry = judged[name]
         measured = next(iter(entry["measured"].values()))
         print(
-            f"{place}. {name}: expect to be off by {entry['predicted_cm']:.0f} cm on average; a virtual "
-            f"flight was by {measured['mean_cm']:.0f} cm [{measured['low']:.0f}, {measured['high']:.0f}], "
+            f"{place}. {name}: expect to be off by {entry['predicted_cm']:.0f} cm on average; a "
+            "virtual "
+            f"flight was by {measured['mean_cm']:.0f} cm [{measured['low']:.0f}, "
+            f"{measured['high']:.0f}], "
             f"always guessing the middle by {entry['centre_cm']:.0f} cm"
         )
         x, y = entry["worst_m"]

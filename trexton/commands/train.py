@@ -22,9 +22,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--patch", type=int, default=6, help="side of a patch in pixels (default %(default)s)"
     )
     parser.add_argument(
-        "--cells", type=int, default=1,
+        "--cells",
+        type=int,
+        default=1,
         help="parts of the image a side, each with a histogram (default %(default)s)",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--method", default="paper", help="the set of parts to train (default %(default)s)"
     )
@@ -32,9 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--neighbors", type=int, help="short for --set measurement.neighbors (default 5)"
     )
     parser.add_argument(
-        "--set", dest="choices", nargs="+", action="extend", default=[], metavar="ROLE[.OPTION]=VALUE",
+        "--set",
+        dest="choices",
+        nargs="+",
+        action="extend",
+        default=[],
+        metavar="ROLE[.OPTION]=VALUE",
         help="another part, or an option of one, repeatable: distance=hellinger, motion.sigma=0.2",
-    )  # fmt: skip
+    )
     parser.add_argument(
         "--seed", type=int, default=1, help="of the random patches (default %(default)s)"
     )

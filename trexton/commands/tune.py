@@ -41,7 +41,8 @@ def run(arguments: argparse.Namespace) -> int:
     )
     print(f"{drawn}{best.particles} particles: {cost}")
     print(
-        f"predicted error: {best.error_cm:.0f} cm on each axis (mean absolute, flight {record.flight})"
+        f"predicted error: {best.error_cm:.0f} cm on each axis (mean absolute, flight "
+        f"{record.flight})"
     )
     options = f"--samples {best.samples or 0} " if texton_map.dictionary is not None else ""
     print(f"trexton onboard {arguments.map} {options}--particles {best.particles}")

@@ -1,4 +1,6 @@
-"""Will it work here? What a person asks who brings a flight, in plain words, with what limits it."""
+"""Will it work here? What a person asks who brings a flight, in plain words, with what limits
+it.
+"""
 
 from __future__ import annotations
 
@@ -51,9 +53,12 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     runs, timings, dictionary, field_map = {}, {}, None, None
     for method in parameters.methods.split():
         texton_map = TextonMap.train(
-            train, method=method, n_textons=parameters.textons, dictionary=dictionary,
+            train,
+            method=method,
+            n_textons=parameters.textons,
+            dictionary=dictionary,
             rng=stream(parameters.seed, "training"),
-        )  # fmt: skip
+        )
         dictionary = texton_map.dictionary
         runs[method], timings[method] = _flown(texton_map, frames, parameters)
         if hasattr(texton_map.parts["measurement"], "expected_error"):
@@ -180,7 +185,8 @@ def finding(record: Record) -> str:
     else:
         judgement = "It works here"
     words = (
-        f"{judgement}: with the method `{best}` the estimate was off by {distance(error)} on average, "
+        f"{judgement}: with the method `{best}` the estimate was off by {distance(error)} on "
+        "average, "
         f"against {distance(errors['centre']['mean_cm']['median'])} for always guessing the centre"
     )
     paper = errors.get("paper")
@@ -207,24 +213,28 @@ def advice(record: Record) -> list[str]:
     scale = np.hypot(*np.ptp(np.reshape(record.series["area_m"], (2, 2)), axis=1))
     if limits["gap_m"] > 0.1 * scale:
         said.append(
-            f"Too few frames: one test frame in twenty is more than {limits['gap_m']:.2g} m from any of the "
+            f"Too few frames: one test frame in twenty is more than {limits['gap_m']:.2g} m from "
+            "any of the "
             f"{counts['train']} training frames. Fly closer lanes."
         )
     if limits["repeated"] is None:
         said.append("The training flight is too short to tell whether its texture repeats.")
     elif limits["repeated"] > 0.1:
         said.append(
-            f"Repeated texture: for {percent(limits['repeated'])} of the training frames the frame that looks "
+            f"Repeated texture: for {percent(limits['repeated'])} of the training frames the frame "
+            "that looks "
             "most alike lies more than a quarter of the area away. Add something distinct there."
         )
     if (limits.get("blurred") or 0) > 0.1:
         said.append(
-            f"Blur: {percent(limits['blurred'])} of the frames are less than half as sharp as usual. "
+            f"Blur: {percent(limits['blurred'])} of the frames are less than half as sharp as "
+            "usual. "
             "Shorten the exposure or fly slower."
         )
     for place in record.values.get("hardest", []):
         said.append(
-            f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m expect to be off by "
+            f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m expect to be off "
+            "by "
             f"{distance(place['expected_cm'])}."
         )
     paper, centre = (record.values["errors"].get(name) for name in ("paper", "centre"))

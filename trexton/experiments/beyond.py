@@ -53,7 +53,8 @@ VARIANTS: dict[str, Variant] = {
         },
     ),
     "field": Variant("The field with its tracks", "field", {}, draws=False),
-    "field_parts": Variant("with a histogram a quarter of the image", "field", {}, draws=False, cells=2),
+    "field_parts": Variant("with a histogram a quarter of the "
+                           "image", "field", {}, draws=False, cells=2),
 }  # fmt: skip
 
 
@@ -241,6 +242,7 @@ def finding(record: Record) -> str:
     beside = f"{percent(ratio)} of" if ratio < 1 else f"{times(ratio)} as much as"
     return (
         f"Method field errs by {number(field['mean_cm'])} cm on average, {beside} the paper's "
-        f"filter ({number(paper['mean_cm'])} cm); the region that should hold the vehicle in 90 % of the "
+        f"filter ({number(paper['mean_cm'])} cm); the region that should hold the vehicle in 90 % "
+        "of the "
         f"frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
     )

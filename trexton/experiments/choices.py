@@ -49,7 +49,9 @@ class _Variant:
 
 
 def with_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
-    """``(N, K)`` histograms of a program that never clears its counts: h'_t = h_t + h'_{t-1} / n."""
+    """``(N, K)`` histograms of a program that never clears its counts: h'_t = h_t + h'_{t-1} /
+    n.
+    """
     traced = np.array(histograms, dtype=float)
     for row in range(1, len(traced)):
         traced[row] += traced[row - 1] / samples
@@ -202,7 +204,9 @@ def _variants(
 
 
 def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:
-    """The map of a dictionary learned as the flight code did, from the cache if it was made before."""
+    """The map of a dictionary learned as the flight code did, from the cache if it was made
+    before.
+    """
 
     def compute() -> Any:
         rng = stream(seed, "training")
@@ -225,7 +229,8 @@ def finding(record: Record) -> str:
     told = [each for each in others if apart(each["mean_cm"], paper)]
     best = min(others, key=lambda each: each["mean_cm"]["median"])
     return (
-        f"Of {len(others)} choices {len(told)} can be told from the paper's on this flight; lowest is "
+        f"Of {len(others)} choices {len(told)} can be told from the paper's on this flight; lowest "
+        "is "
         f"the error with {best['label']}: {interval(best['mean_cm'], 'cm')} instead of "
         f"{number(paper['median'])} cm."
     )

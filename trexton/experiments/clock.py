@@ -1,4 +1,6 @@
-"""Times as records carry them: a median, and the 95 % range of the medians of stretches of frames."""
+"""Times as records carry them: a median, and the 95 % range of the medians of stretches of
+frames.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,8 @@ _STRETCH = 20  # measurements
 def milliseconds(runs: Sequence[np.ndarray], stretch: int = _STRETCH) -> dict[str, Any]:
     """``median``, ``low``, ``high`` in ms of times in seconds.
 
-    Single frames now and then wait for the rest of the machine; a median over a stretch does not feel that.
+    Single frames now and then wait for the rest of the machine; a median over a stretch does not
+    feel that.
     """
     pieces = [piece for run in runs for piece in np.array_split(run, max(1, len(run) // stretch))]
     low, high = np.percentile([np.median(piece) for piece in pieces], (2.5, 97.5))

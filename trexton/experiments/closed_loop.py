@@ -1,4 +1,6 @@
-"""The closed loop of the triggered landings: the localizer sees what the virtual camera sees, and decides."""
+"""The closed loop of the triggered landings: the localizer sees what the virtual camera sees, and
+decides.
+"""
 
 from __future__ import annotations
 
@@ -69,7 +71,8 @@ class Mission:
 
 @dataclass(frozen=True, eq=False)
 class Attempt:
-    """One flight towards one zone; positions ``(2,)`` in metres, NaN where the landing was never triggered.
+    """One flight towards one zone; positions ``(2,)`` in metres, NaN where the landing was never
+    triggered.
 
     Attributes
     ----------
@@ -95,9 +98,11 @@ class Attempt:
 
 
 def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt:
-    """Fly at random until the trigger fires, then land; attempt `number` has a generator of its own.
+    """Fly at random until the trigger fires, then land; attempt `number` has a generator of its
+    own.
 
-    `perfect` puts the true position in the localizer's place: what remains is what landing itself costs.
+    `perfect` puts the true position in the localizer's place: what remains is what landing itself
+    costs.
     """
     rng = stream(mission.seed, "landings", number)
     zone_rng, plan_rng, simulator_rng, localizer_rng = rng.spawn(4)
@@ -105,9 +110,15 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
     plan = Plan(random_waypoints(mission.texton_map.area, plan_rng))
     # The camera hands its frames over as they are: nothing is compressed on board.
     simulator = Simulator(
-        mission.floor, camera=mission.camera, effects=Effects().without("jpeg"), light=Light.later(),
-        start=plan.start, height=mission.height, speed=mission.speed, rng=simulator_rng,
-    )  # fmt: skip
+        mission.floor,
+        camera=mission.camera,
+        effects=Effects().without("jpeg"),
+        light=Light.later(),
+        start=plan.start,
+        height=mission.height,
+        speed=mission.speed,
+        rng=simulator_rng,
+    )
     localizer = (
         None if perfect else Localizer(mission.texton_map, rng=localizer_rng, **mission.options)
     )

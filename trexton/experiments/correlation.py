@@ -14,9 +14,11 @@ __all__ = ["pair_correlation", "pearson", "rank_correlation"]
 def rank_correlation(
     a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 400, block: int = BLOCK
 ) -> dict[str, Any]:
-    """Spearman's correlation of two ``(N,)`` arrays: ``value``, ``low`` and ``high`` of its 95 % interval.
+    """Spearman's correlation of two ``(N,)`` arrays: ``value``, ``low`` and ``high`` of its 95 %
+    interval.
 
-    The interval draws whole blocks of rows; `block` = 1 draws single rows. NaN where one side is constant.
+    The interval draws whole blocks of rows; `block` = 1 draws single rows. NaN where one side is
+    constant.
     """
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     drawn = [
@@ -29,9 +31,11 @@ def rank_correlation(
 def pair_correlation(
     a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 200
 ) -> dict[str, Any]:
-    """Spearman's correlation of two symmetric ``(N, N)`` arrays over all pairs, with its 95 % interval.
+    """Spearman's correlation of two symmetric ``(N, N)`` arrays over all pairs, with its 95 %
+    interval.
 
-    Frames, not pairs, are drawn anew in blocks: N (N - 1) / 2 pairs are far from independent. Ranks are kept.
+    Frames, not pairs, are drawn anew in blocks: N (N - 1) / 2 pairs are far from independent. Ranks
+    are kept.
     """
     count = len(a)
     x, y = (_pair_ranks(np.asarray(matrix, dtype=float)) for matrix in (a, b))
@@ -53,7 +57,9 @@ def pair_correlation(
 
 
 def pearson(a: np.ndarray, b: np.ndarray) -> float:
-    """Pearson's correlation, the same bits on any number of threads; NaN where one side is constant."""
+    """Pearson's correlation, the same bits on any number of threads; NaN where one side is
+    constant.
+    """
     x, y = a - a.mean(), b - b.mean()
     with np.errstate(invalid="ignore"):
         return float(

@@ -1,4 +1,6 @@
-"""What several experiments share: a trained map, tracks of the localizer over a test flight, provenance."""
+"""What several experiments share: a trained map, tracks of the localizer over a test flight,
+provenance.
+"""
 
 from __future__ import annotations
 
@@ -80,7 +82,9 @@ def trained_map(
 
 
 def frames_of(flight: Flight) -> Sequence[np.ndarray]:
-    """What the localizer takes, one a frame: the images where there are any, else the histograms."""
+    """What the localizer takes, one a frame: the images where there are any, else the
+    histograms.
+    """
     if flight.has_images:
         return list(flight.images())
     assert flight.histograms is not None  # a flight has one or the other
@@ -148,7 +152,9 @@ def _run(
 def drift(
     runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 500
 ) -> dict[str, Any]:
-    """Slope of the Euclidean error over time in cm a minute, with its 95 % interval: does the error accumulate?"""
+    """Slope of the Euclidean error over time in cm a minute, with its 95 % interval: does the error
+    accumulate?
+    """
     minutes = (test.time - test.time[0]) / 60
     euclidean = [100 * np.hypot(*absolute_errors(run.estimate, test.position).T) for run in runs]
 
@@ -172,7 +178,8 @@ def evaluate(
     Returns
     -------
     values : dict
-        ``filter``, ``knn``, ``constant_guess``, ``shuffled_neighbors``: each what `trexton.metrics.summarize` gives.
+        ``filter``, ``knn``, ``constant_guess``, ``shuffled_neighbors``: each what
+        `trexton.metrics.summarize` gives.
     series : dict
         Time, truth, estimate, spread, k-NN mean of the typical run, the one of median mean error.
     """
@@ -201,7 +208,9 @@ def evaluate(
 
 
 def floor_picture(flight: Flight, width: int = 700) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The floor as figures draw it: its extent (a series) and a picture of `width` pixels; both empty where unknown."""
+    """The floor as figures draw it: its extent (a series) and a picture of `width` pixels; both
+    empty where unknown.
+    """
     if flight.floor is None:
         return {}, {}
     rows, columns = flight.floor.image.shape[:2]

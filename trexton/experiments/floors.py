@@ -1,7 +1,9 @@
-"""Which floor will do, from a picture alone: fly over it virtually, learn, and see how far off one would be.
+"""Which floor will do, from a picture alone: fly over it virtually, learn, and see how far off one
+would be.
 
-The prediction uses the training part of the virtual flight only; the error beside it is measured on a
-second flight, under another light. How well the one foretells the other is what a sweep over floors shows.
+The prediction uses the training part of the virtual flight only; the error beside it is measured on
+a second flight, under another light. How well the one foretells the other is what a sweep over
+floors shows.
 """
 
 from __future__ import annotations
@@ -149,7 +151,9 @@ def _euclidean(estimates: np.ndarray, flight: Flight) -> np.ndarray:
 
 
 def _summary(estimates: np.ndarray, flight: Flight, rng: np.random.Generator) -> dict[str, float]:
-    """Mean error in cm with its 95 % interval over stretches of the flight, and the 95th percentile."""
+    """Mean error in cm with its 95 % interval over stretches of the flight, and the 95th
+    percentile.
+    """
     errors = 100 * _euclidean(estimates, flight)
     drawn = [errors[block_rows(len(errors), rng)].mean() for _ in range(400)]
     low, high = np.percentile(drawn, (2.5, 97.5))
@@ -177,7 +181,8 @@ def helpful_changes(
 ) -> list[dict[str, Any]]:
     """What could be changed, each tried on a virtual flight: the most helpful first.
 
-    A mat of one print on the worst place, one and a half times the height, twice the frames of the survey.
+    A mat of one print on the worst place, one and a half times the height, twice the frames of the
+    survey.
 
     Returns
     -------
@@ -267,8 +272,8 @@ def sweep_floors(
     Returns
     -------
     values : dict
-        Spearman's correlations over the floors of the predicted error, and of the paper's loss, with the
-        measured error; ``level``, the median of |predicted / measured - 1|.
+        Spearman's correlations over the floors of the predicted error, and of the paper's loss,
+        with the measured error; ``level``, the median of |predicted / measured - 1|.
     rows : list of dict
         A floor each: name, predicted and measured errors in cm, loss.
     """

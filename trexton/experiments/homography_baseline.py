@@ -35,11 +35,12 @@ class Parameters(SeedParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Locate every test frame on the mosaic of the training flight, unfiltered, and beside it on other maps.
+    """Locate every test frame on the mosaic of the training flight, unfiltered, and beside it on
+    other maps.
 
-    The true floor, where the flight carries it, is a perfect map: the difference is the price of the mosaic.
-    A mosaic that drifts, because it never notices a place again, shows what a distorted map costs. Frames at
-    half size on the mosaic show what the quicker mode loses.
+    The true floor, where the flight carries it, is a perfect map: the difference is the price of
+    the mosaic. A mosaic that drifts, because it never notices a place again, shows what a distorted
+    map costs. Frames at half size on the mosaic show what the quicker mode loses.
 
     Parameters
     ----------
@@ -66,7 +67,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             _, deviation = floor_residual(maps[name], train.floor)
             values[name]["map_residual_cm"] = 100 * float(np.median(np.hypot(*deviation.T)))
     if test.attitude is not None and test.height is not None:
-        # From the place below the vehicle to the floor point of the image's centre: unknown to the method.
+        # From the place below the vehicle to the floor point of the image's centre: unknown to the
+        # method.
         offset = test.height * np.hypot(*np.tan(test.attitude[:, :2]).T)
         values["tilt_offset_cm"] = 100 * float(offset.mean())
     extent, picture = picture_of(mosaic)
@@ -90,7 +92,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _counts(located: Located, test: Flight) -> dict[str, Any]:
-    """Frames without a homography, and with one that is off by more than half the width of the area."""
+    """Frames without a homography, and with one that is off by more than half the width of the
+    area.
+    """
     error = np.hypot(*(located.position - test.position).T)
     x_min, x_max, y_min, y_max = test.area
     gross = error > min(x_max - x_min, y_max - y_min) / 2

@@ -1,4 +1,6 @@
-"""Training on homography positions (paper, Analysis, "Training Set based on Homography-finding Method")."""
+"""Training on homography positions (paper, Analysis, "Training Set based on Homography-finding
+Method").
+"""
 
 from __future__ import annotations
 
@@ -32,7 +34,8 @@ SMOOTHING_FRAMES = 2.0
 
 
 def filtered_positions(position: np.ndarray) -> np.ndarray:
-    """The remedy the paper suggests: fixes ``(N, 2)`` without outliers, smoothed over time, gaps interpolated.
+    """The remedy the paper suggests: fixes ``(N, 2)`` without outliers, smoothed over time, gaps
+    interpolated.
 
     A fix counts as an outlier if it is more than 0.4 m from the running median over eleven frames.
     """
@@ -56,7 +59,8 @@ class Parameters(MapParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """The motion-capture experiment again, its training positions from homographies on the flight's own mosaic.
+    """The motion-capture experiment again, its training positions from homographies on the flight's
+    own mosaic.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
-"""Carried away and found again (paper, Related Work: global methods address the kidnapped robot problem).
+"""Carried away and found again (paper, Related Work: global methods address the kidnapped robot
+problem).
 
-A recorded flight is cut: the vehicle has been localized for a while, and in the next frame it is somewhere
-far away. How long does the filter take to follow, does it say that it is lost meanwhile, and how often does
-it say so for nothing?
+A recorded flight is cut: the vehicle has been localized for a while, and in the next frame it is
+somewhere far away. How long does the filter take to follow, does it say that it is lost meanwhile,
+and how often does it say so for nothing?
 """
 
 from __future__ import annotations
@@ -38,10 +39,12 @@ SHARES = np.round(
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """One kidnapping: errors in metres, the cloud's width as a share of knowing nothing, and the filter's own
+    """One kidnapping: errors in metres, the cloud's width as a share of knowing nothing, and the
+    filter's own
     `lost`.
 
-    The arrays start with the undisturbed part; the kidnapping lies between the frames `cut - 1` and `cut`.
+    The arrays start with the undisturbed part; the kidnapping lies between the frames `cut - 1` and
+    `cut`.
     """
 
     error: np.ndarray
@@ -110,15 +113,21 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         series[name] = _series(trials, parameters.tolerance, parameters.consecutive, period)
     distances = np.hypot(*(test.position[plan[:, 1]] - test.position[plan[:, 0]]).T)
     return parameters.record(
-        train, test,
-        values=values | {
+        train,
+        test,
+        values=values
+        | {
             "distance_m": {"median": np.median(distances), "shortest": distances.min()},
             "patience_s": patience * period,
             "lost_share": LOST_SHARE,
-            "counts": {"kidnappings": len(plan), "train": len(texton_map.positions), "test": len(test)},
+            "counts": {
+                "kidnappings": len(plan),
+                "train": len(texton_map.positions),
+                "test": len(test),
+            },
         },
         series=series,
-    )  # fmt: skip
+    )
 
 
 def _histograms(
@@ -133,10 +142,11 @@ def _histograms(
 
 
 def _plan(test: Flight, count: int, patience: int, rng: np.random.Generator) -> np.ndarray:
-    """``(count, 2)`` rows: the frame after which the vehicle is taken, and the frame to which it is carried.
+    """``(count, 2)`` rows: the frame after which the vehicle is taken, and the frame to which it is
+    carried.
 
-    At least half the longer side of the area lies between the two, `patience` frames before the first and
-    after the second.
+    At least half the longer side of the area lies between the two, `patience` frames before the
+    first and after the second.
     """
     x_min, x_max, y_min, y_max = test.area
     far = max(x_max - x_min, y_max - y_min) / 2
@@ -145,17 +155,27 @@ def _plan(test: Flight, count: int, patience: int, rng: np.random.Generator) -> 
     pairs = np.argwhere(np.hypot(steps[..., 0], steps[..., 1]) >= far)
     if not len(pairs):
         raise FlightError(
-            f"flight {test.name!r} has no two places {far:.1f} m apart, {patience} frames from its ends: fly longer"
+            f"flight {test.name!r} has no two places {far:.1f} m apart, {patience} frames from its "
+            "ends: fly longer"
         )
     chosen = pairs[rng.integers(len(pairs), size=count)]
     return np.column_stack([starts[chosen[:, 0]], targets[chosen[:, 1]]])
 
 
 def filter_trials(
-    texton_map: TextonMap, histograms: np.ndarray, truth: np.ndarray, plan: np.ndarray, patience: int, recovery: str,
-    *, particles: int, seed: int,
-) -> list[Trial]:  # fmt: skip
-    """Fly every kidnapping of the `plan` with a filter of its own; trial i draws from (seed, 1 + i)."""
+    texton_map: TextonMap,
+    histograms: np.ndarray,
+    truth: np.ndarray,
+    plan: np.ndarray,
+    patience: int,
+    recovery: str,
+    *,
+    particles: int,
+    seed: int,
+) -> list[Trial]:
+    """Fly every kidnapping of the `plan` with a filter of its own; trial i draws from (seed, 1 +
+    i).
+    """
     rows = [
         np.r_[taken - patience : taken, carried : carried + patience] for taken, carried in plan
     ]
@@ -164,9 +184,15 @@ def filter_trials(
 
 
 def _trial(
-    texton_map: TextonMap, histograms: np.ndarray, truth: np.ndarray, patience: int, recovery: str,
-    particles: int, seed: int, numbered: tuple[int, np.ndarray],
-) -> Trial:  # fmt: skip
+    texton_map: TextonMap,
+    histograms: np.ndarray,
+    truth: np.ndarray,
+    patience: int,
+    recovery: str,
+    particles: int,
+    seed: int,
+    numbered: tuple[int, np.ndarray],
+) -> Trial:
     """One kidnapping: the frames of its rows, flown with a filter of its own."""
     number, rows = numbered
     nothing = float(np.hypot(*ignorance(texton_map.area)))
@@ -194,7 +220,9 @@ def _values(
     control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
     return {
         "recovered_rate": _rate(len(times), len(trials)),
-        "recovery_s": dict(zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100)), strict=False))
+        "recovery_s": dict(
+            zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100)), strict=False)
+        )
         if times
         else None,
         "control_rate": _rate(sum(frames is not None for frames in control), len(trials)),
@@ -210,7 +238,9 @@ def _values(
 def _lost(
     trials: list[Trial], flags: list[np.ndarray], found: list[int | None], tolerance: float
 ) -> dict[str, Any]:
-    """How well "lost" is told: in which share of kidnappings, of wrong frames until found, of calm frames."""
+    """How well "lost" is told: in which share of kidnappings, of wrong frames until found, of calm
+    frames.
+    """
     declared, wrongs, calms, errors = [], [], [], []
     for trial, lost, frames in zip(trials, flags, found, strict=False):
         end = len(trial.error) if frames is None else trial.cut + frames
@@ -244,7 +274,9 @@ def _series(
     ]
     return {
         "recovery_s": sorted(period * frames for frames in found if frames is not None),
-        "error_m": dict(zip(("low", "median", "high"), np.percentile(error, (10, 50, 90), axis=0), strict=False)),
+        "error_m": dict(
+            zip(("low", "median", "high"), np.percentile(error, (10, 50, 90), axis=0), strict=False)
+        ),
         "lost": lost.mean(axis=0),
         "told": [entry["wrong_frames_rate"] for entry in shares],
         "for_nothing": [entry["calm_frames_rate"] for entry in shares],

@@ -1,4 +1,6 @@
-"""Which floors are suitable (paper, Methods, "Map evaluation" and its figure), what the loss foretells."""
+"""Which floors are suitable (paper, Methods, "Map evaluation" and its figure), what the loss
+foretells.
+"""
 
 from __future__ import annotations
 
@@ -36,11 +38,12 @@ class Parameters(MapParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Evaluate the training set of one flight, and compare its loss with the errors that are then made.
+    """Evaluate the training set of one flight, and compare its loss with the errors that are then
+    made.
 
-    Two kinds of error: on the training flight each frame is localized by its k-NN among the others, those
-    within half a second left out; on the test flight by the k-NN and by the filter. There the loss is that
-    of the place, smoothed from the training samples around it.
+    Two kinds of error: on the training flight each frame is localized by its k-NN among the others,
+    those within half a second left out; on the test flight by the k-NN and by the filter. There the
+    loss is that of the place, smoothed from the training samples around it.
 
     Parameters
     ----------
@@ -142,13 +145,15 @@ def _sweep(
     for value in SIGMAS:
         losses = local_losses(histograms, positions, value)
         ideal = ideal_similarity(place, place, value)
-        sweep.append({
-            "sigma_m": value,
-            "global_loss": losses.mean(),
-            "agreement": pearson(alike[upper], ideal[upper]),
-            "prediction": rank_correlation(losses, errors, rng=stream(seed, "prediction")),
-            "same_order": rank_correlation(losses, default, rng=stream(seed, "same order")),
-        })  # fmt: skip
+        sweep.append(
+            {
+                "sigma_m": value,
+                "global_loss": losses.mean(),
+                "agreement": pearson(alike[upper], ideal[upper]),
+                "prediction": rank_correlation(losses, errors, rng=stream(seed, "prediction")),
+                "same_order": rank_correlation(losses, default, rng=stream(seed, "same order")),
+            }
+        )
     half, double = (local_losses(histograms, positions, factor * sigma) for factor in (0.5, 2))
     return sweep, {
         "rank_correlation": rank_correlation(half, double, rng=stream(seed, "sigma")),
@@ -163,8 +168,9 @@ def _prediction(
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Does the loss of a training frame tell its error, and which part of the loss does?
 
-    The loss is mean similarity less mean ideal, and the ideal knows nothing of the floor: its mean only
-    counts the frames around each frame, so it is small at the border and wherever few frames were taken.
+    The loss is mean similarity less mean ideal, and the ideal knows nothing of the floor: its mean
+    only counts the frames around each frame, so it is small at the border and wherever few frames
+    were taken.
     """
     crowding = ideal_similarity(positions, positions, sigma).mean(axis=1)
 
@@ -200,7 +206,9 @@ def _unseen(
 
 
 def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict[str, Any]]:
-    """Mean error in cm in tenths of the frames by rising loss, intervals over stretches of the flight."""
+    """Mean error in cm in tenths of the frames by rising loss, intervals over stretches of the
+    flight.
+    """
     order = np.argsort(losses, kind="stable")
     group = np.empty(len(order), dtype=np.int64)
     group[order] = np.arange(len(order)) * GROUPS // len(order)
@@ -234,9 +242,13 @@ def finding(record: Record) -> str:
         "of the filter in flight": told["test_filter"],
     }
     said = {
-        where: "foretells" if entry["low"] > 0 else "misleads on" if entry["high"] < 0 else "does not tell"
+        where: "foretells"
+        if entry["low"] > 0
+        else "misleads on"
+        if entry["high"] < 0
+        else "does not tell"
         for where, entry in cases.items()
-    }  # fmt: skip
+    }
     parts = [
         f"{said[where]} the errors {where} (rank correlation {interval(entry)})"
         for where, entry in cases.items()

@@ -1,4 +1,6 @@
-"""The hyperspatial image, stitched from a flight's own frames (paper, Baseline, figure of the map)."""
+"""The hyperspatial image, stitched from a flight's own frames (paper, Baseline, figure of the
+map).
+"""
 
 from __future__ import annotations
 

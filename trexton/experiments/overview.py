@@ -1,4 +1,6 @@
-"""The pipeline on one real frame (paper, Introduction, overview): all that Algorithm 1 saw and drew."""
+"""The pipeline on one real frame (paper, Introduction, overview): all that Algorithm 1 saw and
+drew.
+"""
 
 from __future__ import annotations
 
@@ -70,7 +72,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     assert estimate.neighbors is not None  # the paper's method asks for them
     similar = estimate.neighbors.index
     return parameters.record(
-        train, test,
+        train,
+        test,
         values={
             "frame": test.frame[row],
             "time_s": test.time[row] - test.time[0],
@@ -95,9 +98,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             **pictures,
             "frame": bgr_from_yuv(image),
             "textons": _texton_strip(texton_map.alphabet),
-            "similar": np.concatenate([_thumbnail(train.image(index)) for index in similar], axis=1),
+            "similar": np.concatenate(
+                [_thumbnail(train.image(index)) for index in similar], axis=1
+            ),
         },
-    )  # fmt: skip
+    )
 
 
 def sampled_patches(
@@ -158,7 +163,8 @@ def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     values = record.values
     return (
-        f"At frame {values['frame']} the localizer is off by {number(values['error_cm'])} cm, while "
+        f"At frame {values['frame']} the localizer is off by {number(values['error_cm'])} cm, "
+        "while "
         f"its particles spread over {number(values['spread_cm'][0])} cm in x and "
         f"{number(values['spread_cm'][1])} cm in y."
     )

@@ -1,4 +1,6 @@
-"""How near each stage comes to the machine's limit: the rows of `trexton bench`, roofs and exponents."""
+"""How near each stage comes to the machine's limit: the rows of `trexton bench`, roofs and
+exponents.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,8 @@ class Parameters(SeedParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Run the bench, and measure the two roofs: copying memory and multiplying matrices, both on one thread.
+    """Run the bench, and measure the two roofs: copying memory and multiplying matrices, both on
+    one thread.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""What the homography experiments share: the stitched map of a flight, and where a map puts its frames."""
+"""What the homography experiments share: the stitched map of a flight, and where a map puts its
+frames.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,8 @@ __all__ = [
 _PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are stored as they are
 SAME_PASS_FRAMES = 12  # frames: links between frames that are further apart notice a place again
 FEWEST_ANCHORS = 3
-# Matches of two pictures of a floor that deviate so much otherwise than so many around them are mismatches.
+# Matches of two pictures of a floor that deviate so much otherwise than so many around them are
+# mismatches.
 _MISMATCH, _AROUND = 0.1, 15  # metres, matches
 
 
@@ -45,7 +48,9 @@ def stitched_map(train: Flight, anchors: int = 12) -> Mosaic:
 
 
 def drifting_map(train: Flight, anchors: int = 12) -> Mosaic:
-    """The mosaic of `train` if it never noticed a place again: links along the path only, three anchors."""
+    """The mosaic of `train` if it never noticed a place again: links along the path only, three
+    anchors.
+    """
     inputs = {
         "flight": train.data_hash,
         "anchors": anchors,
@@ -62,7 +67,9 @@ def drifting_map(train: Flight, anchors: int = 12) -> Mosaic:
 
 
 def homography_maps(train: Flight, anchors: int = 12) -> dict[str, MapImage]:
-    """The maps of `train` that frames are located on: ``mosaic``, and ``drifting`` where it can be made."""
+    """The maps of `train` that frames are located on: ``mosaic``, and ``drifting`` where it can be
+    made.
+    """
     maps = {"mosaic": stitched_map(train, anchors).map}
     try:
         maps["drifting"] = drifting_map(train, anchors).map
@@ -95,7 +102,9 @@ def _kept(kind: str, inputs: dict[str, Any], compute: Callable[[], Mosaic]) -> M
 
 @dataclass(frozen=True, eq=False)
 class Located:
-    """Fixes of many frames: `position` ``(N, 2)`` in metres (NaN: none found), `inliers`, `seconds` ``(N,)``."""
+    """Fixes of many frames: `position` ``(N, 2)`` in metres (NaN: none found), `inliers`, `seconds`
+    ``(N,)``.
+    """
 
     position: np.ndarray
     inliers: np.ndarray
@@ -110,7 +119,9 @@ class Located:
 def locate_all(
     pictures: dict[str, MapImage], flight: Flight, scale: float = 1.0
 ) -> dict[str, Located]:
-    """Locate every frame of a flight on each of some maps, unfiltered; keypoints, at `scale`, are found once."""
+    """Locate every frame of a flight on each of some maps, unfiltered; keypoints, at `scale`, are
+    found once.
+    """
     localizers = {
         name: HomographyLocalizer(picture, scale=scale) for name, picture in pictures.items()
     }
@@ -125,7 +136,8 @@ def locate_all(
             fix = localizer.fix(keypoints, image.shape[:2])
             rows[name].append((fix.position, fix.inliers, described_s + perf_counter() - start))
     return {
-        name: Located(*(np.array(column) for column in zip(*found, strict=False))) for name, found in rows.items()
+        name: Located(*(np.array(column) for column in zip(*found, strict=False)))
+        for name, found in rows.items()
     }
 
 
@@ -158,7 +170,9 @@ def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.n
 
 
 def picture_of(picture: MapImage, width: int = 900) -> tuple[dict[str, Any], np.ndarray]:
-    """A map as figures draw it: its extent, and a picture of `width` pixels; what is not mapped is white."""
+    """A map as figures draw it: its extent, and a picture of `width` pixels; what is not mapped is
+    white.
+    """
     image = picture.image
     if picture.mask is not None:
         image = np.where(picture.mask[..., None], image, 255).astype(np.uint8)

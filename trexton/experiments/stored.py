@@ -1,4 +1,6 @@
-"""How the number of stored histograms sets the rate, far beyond the paper's 800: brute force and tree."""
+"""How the number of stored histograms sets the rate, far beyond the paper's 800: brute force and
+tree.
+"""
 
 from __future__ import annotations
 
@@ -23,9 +25,11 @@ _METHODS = ("brute", "tree")
 def multiplied(
     histograms: np.ndarray, count: int, *, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """``(count, K)`` histograms as if the floor had been flown over again and again, and the rows they copy.
+    """``(count, K)`` histograms as if the floor had been flown over again and again, and the rows
+    they copy.
 
-    Each is one of the originals plus noise, in each texton as large as the change from frame to frame.
+    Each is one of the originals plus noise, in each texton as large as the change from frame to
+    frame.
     """
     rows = rng.integers(len(histograms), size=count)
     deviation = np.diff(histograms, axis=0).std(axis=0)
@@ -72,7 +76,9 @@ def time_stored(
             )
             built_s = perf_counter() - start
             step_ms = milliseconds([fly(localizer(nearest=store), frames[:_FRAMES]).step_s], 4)
-            query_s, neighbors = zip(*(_timed(store, histogram) for histogram in asked), strict=False)
+            query_s, neighbors = zip(
+                *(_timed(store, histogram) for histogram in asked), strict=False
+            )
             found.append(np.array(neighbors))
             clock[method] = {
                 "build_s": built_s, "query_ms": milliseconds([np.array(query_s)], 4),

@@ -1,4 +1,6 @@
-"""The texton dictionary (paper, Methods, "Texton Dictionary Generation"): textons, learning, places."""
+"""The texton dictionary (paper, Methods, "Texton Dictionary Generation"): textons, learning,
+places.
+"""
 
 from __future__ import annotations
 
@@ -37,13 +39,14 @@ class Parameters(SeedParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Learn the dictionary of a flight, and see how often and where on the floor each texton occurs.
+    """Learn the dictionary of a flight, and see how often and where on the floor each texton
+    occurs.
 
     Parameters
     ----------
     train, test : Flight
-        With images. The dictionary comes from the first alone; of the second, one frame is shown with its
-        labels.
+        With images. The dictionary comes from the first alone; of the second, one frame is shown
+        with its labels.
     """
     learned = {}
     for method in METHODS:
@@ -91,7 +94,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 def place_frequencies(
     histograms: np.ndarray, positions: np.ndarray, area: Any, cells: int
 ) -> np.ndarray:
-    """``(K, cells, cells)``: mean frequency of each texton over the frames of each square, NaN without any.
+    """``(K, cells, cells)``: mean frequency of each texton over the frames of each square, NaN
+    without any.
 
     Rows go with y, columns with x, from the lower left corner of `area`.
     """
@@ -125,7 +129,9 @@ def _convergence(errors: np.ndarray) -> np.ndarray:
 
 
 def _chroma_share(textons: np.ndarray) -> float:
-    """Share of the variance between textons that lies in U and V; two thirds if all channels vary alike."""
+    """Share of the variance between textons that lies in U and V; two thirds if all channels vary
+    alike.
+    """
     variance = textons.astype(float).var(axis=0).sum(axis=(0, 1))
     return float(variance[1:].sum() / max(variance.sum(), 1e-12))
 

@@ -1,4 +1,6 @@
-"""Time for one frame, stage by stage (paper, Analysis, "Speed versus Accuracy Trade-Off"; Discussion)."""
+"""Time for one frame, stage by stage (paper, Analysis, "Speed versus Accuracy Trade-Off";
+Discussion).
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,8 @@ class Parameters(MapParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Time each stage of the localizer over the test flight, full sampling, a homography; images are decoded.
+    """Time each stage of the localizer over the test flight, full sampling, a homography; images
+    are decoded.
 
     Parameters
     ----------

@@ -1,4 +1,6 @@
-"""Speed against accuracy (paper, Analysis, "Speed versus Accuracy Trade-Off" and its figures; Discussion)."""
+"""Speed against accuracy (paper, Analysis, "Speed versus Accuracy Trade-Off" and its figures;
+Discussion).
+"""
 
 from __future__ import annotations
 
@@ -51,7 +53,8 @@ class Parameters(MapParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Vary one parameter at a time, the others at their defaults: the error, and the time of a frame.
+    """Vary one parameter at a time, the others at their defaults: the error, and the time of a
+    frame.
 
     The time is that of `Localizer.step`, the image at hand and decoded. Only images can be sampled.
 
@@ -90,17 +93,26 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         seed=parameters.seed,
     )
     return parameters.record(
-        train, test,
-        values=values | best | {
-            "default": bench.summary([run.estimate for run in sweeps["particles"].runs[parameters.particles]]),
+        train,
+        test,
+        values=values
+        | best
+        | {
+            "default": bench.summary(
+                [run.estimate for run in sweeps["particles"].runs[parameters.particles]]
+            ),
             "tree_agrees": agreement,
             "camera_hz": 1 / np.median(np.diff(test.time)),
             "applies": {"samples": test.has_images},
             "counts": {"train": len(train), "test": len(test)},
         },
-        series={name: sweep.rows for name, sweep in sweeps.items()} | {"stored": rows, "grid": grid},
-        timings=timings | ends | {name: sweep.clocks for name, sweep in sweeps.items()} | {"stored": clocks},
-    )  # fmt: skip
+        series={name: sweep.rows for name, sweep in sweeps.items()}
+        | {"stored": rows, "grid": grid},
+        timings=timings
+        | ends
+        | {name: sweep.clocks for name, sweep in sweeps.items()}
+        | {"stored": clocks},
+    )
 
 
 def retrained(
@@ -233,7 +245,9 @@ class _Bench:
 
 
 def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The ends of both sweeps of the paper (errors in x, as it plots them), and what it concludes."""
+    """The ends of both sweeps of the paper (errors in x, as it plots them), and what it
+    concludes.
+    """
     values, timings, errors, rates = {}, {}, [], []
     for name in ("samples", "particles"):
         if name not in sweeps:
@@ -295,7 +309,8 @@ def finding(record: Record) -> str:
         f"The best of {len(record.series['grid'])} settings, {setting}, errs by "
         f"{interval(values['best_error_cm'], 'cm')} an axis instead of "
         f"{number(middle(values['default']['axis_mean_cm']))} cm with the paper's "
-        f"({number(values['best_held_out_cm'])} cm where it is chosen on one half of the flight and "
+        f"({number(values['best_held_out_cm'])} cm where it is chosen on one half of the flight "
+        "and "
         "measured on the other)"
     )
     if "fewest_samples_error_cm" in values:

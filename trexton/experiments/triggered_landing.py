@@ -64,8 +64,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     Parameters
     ----------
     train, test : Flight
-        The map is trained on `train`, and flown over the floor it carries. Of `test` nothing is used: the
-        virtual camera takes its place, under the light of an hour later.
+        The map is trained on `train`, and flown over the floor it carries. Of `test` nothing is
+        used: the virtual camera takes its place, under the light of an hour later.
 
     Raises
     ------
@@ -74,7 +74,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     if train.floor is None or train.camera is None:
         raise ParameterError(
-            f"flight {train.name!r} has no picture of its floor or no camera: the closed loop needs both, as "
+            f"flight {train.name!r} has no picture of its floor or no camera: the closed loop "
+            "needs both, as "
             "trexton simulate gives them"
         )
     options = {"samples": parameters.samples}
@@ -134,14 +135,17 @@ def _zone_places(train: Flight, radius: float) -> np.ndarray:
     )
     if (low >= high).any():
         raise ParameterError(
-            f"a zone of radius {radius} m does not fit into the area that flight {train.name!r} covers: "
+            f"a zone of radius {radius} m does not fit into the area that flight {train.name!r} "
+            "covers: "
             "choose a smaller one"
         )
     return np.array([low, high])
 
 
 def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict[str, Any]:
-    """Rates with 95 % intervals, distances beyond the circle, waiting times, the yardstick of chance."""
+    """Rates with 95 % intervals, distances beyond the circle, waiting times, the yardstick of
+    chance.
+    """
     done = [attempt for attempt in attempts if attempt.triggered]
     beyond = np.array([_beyond(attempt, attempt.touchdown, mission.radius) for attempt in done])
     outliers = np.sort(beyond[beyond > 0])
@@ -213,12 +217,16 @@ def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> di
 
 def _quantiles(values: list[float]) -> dict[str, Any] | None:
     return (
-        dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)), strict=False)) if values else None
+        dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)), strict=False))
+        if values
+        else None
     )
 
 
 def _chance(rate: dict[str, Any] | None) -> float | None:
-    """Chance of at most the paper's number inside, in as many landings as the paper's, at our rate."""
+    """Chance of at most the paper's number inside, in as many landings as the paper's, at our
+    rate.
+    """
     if rate is None:
         return None
     from scipy.stats import binom
@@ -250,14 +258,16 @@ def finding(record: Record) -> str:
     between = f"[{percent(rate['low'])}, {percent(rate['high'])}]"
     text = (
         f"{values['inside']} of {values['landings']} landings ended inside the zone "
-        f"({percent(rate['median'])} {between}; the paper had {PAPER_INSIDE} of {PAPER_LANDINGS}), and {values['never_triggered']} of "
+        f"({percent(rate['median'])} {between}; the paper had {PAPER_INSIDE} of {PAPER_LANDINGS}), "
+        f"and {values['never_triggered']} of "
         f"{values['attempts']} flights never triggered"
     )
     perfect = values["perfect"]
     if perfect["landings"]:
         text += (
             f", where the true position would have landed {perfect['inside']} of "
-            f"{perfect['landings']}: the estimate was {number(values['trigger_error_cm']['median'])} "
+            f"{perfect['landings']}: the estimate was "
+            f"{number(values['trigger_error_cm']['median'])} "
             "cm off, in the median, when it gave the word"
         )
     return text + "."

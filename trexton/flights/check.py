@@ -26,7 +26,8 @@ _PARTICULAR = re.compile(r"'[^']*'|/\S+|-?\d[\d.e+-]*")
 
 @dataclass(frozen=True)
 class Report:
-    """What `check_flight` found: facts (name, text), faults that forbid the flight's use, and warnings.
+    """What `check_flight` found: facts (name, text), faults that forbid the flight's use, and
+    warnings.
 
     Printed, sentences that differ only in their numbers and names are one line with a count.
     """
@@ -67,7 +68,9 @@ def _grouped(sentences: list[str]) -> Iterator[str]:
 
 
 def check_flight(path: str | os.PathLike[str]) -> Report:
-    """Read everything in the folder `path`, every image included; a faulty flight is reported, not raised."""
+    """Read everything in the folder `path`, every image included; a faulty flight is reported, not
+    raised.
+    """
     reading = load_folder(Path(path))
     sizes = _check_images(reading)
     facts = [] if reading.flight is None else _facts(reading.flight, sizes)
@@ -110,7 +113,8 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
         names = len({file for _, file, _ in places})
         if names > 1:
             reading.warnings.append(
-                f"{reading.image_files[0][1].parent}: {names} image files hold only {len(contents)} different "
+                f"{reading.image_files[0][1].parent}: {names} image files hold only "
+                f"{len(contents)} different "
                 "pictures: check what was recorded"
             )
     return sizes
@@ -125,7 +129,8 @@ def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str,
     ]
     if len(flight) > 1:
         gaps = np.diff(flight.time)
-        rate = f"{duration:.2f} s, {1 / np.median(gaps):.2f} frames a second, longest gap {gaps.max():.2f} s"
+        pace = f"{1 / np.median(gaps):.2f} frames a second"
+        rate = f"{duration:.2f} s, {pace}, longest gap {gaps.max():.2f} s"
         facts.append(("duration", rate))
     facts.append(("positions", f"{known.sum()} of {len(flight)}"))
     if known.any():

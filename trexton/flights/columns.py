@@ -1,7 +1,8 @@
 """The tables of a Flight folder, column by column, with every fault named by file and row.
 
-Read without pandas, which is not there on a vehicle. What spreadsheets make of a table is read as it is meant: a
-byte-order mark, semicolons or tabs between the fields, decimal commas where these separate, empty rows at the end.
+Read without pandas, which is not there on a vehicle. What spreadsheets make of a table is read as
+it is meant: a byte-order mark, semicolons or tabs between the fields, decimal commas where these
+separate, empty rows at the end.
 """
 
 from __future__ import annotations

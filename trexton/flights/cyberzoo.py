@@ -1,4 +1,6 @@
-"""The authors' own flight (TU Delft CyberZoo, June 2016): two raw tables become a Flight without images."""
+"""The authors' own flight (TU Delft CyberZoo, June 2016): two raw tables become a Flight without
+images.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,17 @@ FIRST, LAST = (
 _TEXTONS = 20
 
 NOTES = (
-    "The authors' program never cleared its histogram: each row carries a trace (1/n) of the row before, "
+    "The authors' program never cleared its histogram: each row carries a trace (1/n) of the row "
+    "before, "
     "and rows sum to about 1.0002.",
-    "Positions are taken as centimetres, as the authors did (6.1 m x 6.8 m were flown). Their logger wrote "
-    "integers that the autopilot defines as 1/256 m, so 2.4 m x 2.7 m cannot be excluded: read errors relative "
+    "Positions are taken as centimetres, as the authors did (6.1 m x 6.8 m were flown). Their "
+    "logger wrote "
+    "integers that the autopilot defines as 1/256 m, so 2.4 m x 2.7 m cannot be excluded: read "
+    "errors relative "
     "to the area too.",
     "The source has no time stamps: 12.5 frames a second, as the paper states, are assumed.",
-    "About 5000 random patches an image went into a histogram; the images and the texton dictionary were not "
+    "About 5000 random patches an image went into a histogram; the images and the texton "
+    "dictionary were not "
     "published.",
 )
 
@@ -35,8 +41,8 @@ def read_cyberzoo(
 ) -> Flight:
     """The real flight from its raw tables: ``(624, 20)`` histograms, positions in metres.
 
-    Splits in time order: ``train`` 1-325 and ``test`` 326-624; mirrored, ``train_mirrored`` the last 325 and
-    ``test_mirrored`` the rest.
+    Splits in time order: ``train`` 1-325 and ``test`` 326-624; mirrored, ``train_mirrored`` the
+    last 325 and ``test_mirrored`` the rest.
 
     Raises
     ------
@@ -48,7 +54,8 @@ def read_cyberzoo(
     frame = np.arange(FIRST, LAST + 1)
     if not np.array_equal(log[:, 0], np.arange(LAST + 1)):
         raise DataError(
-            f"{position_file}: its ids are not 0 to {LAST} in order: it is another version, fetch it again"
+            f"{position_file}: its ids are not 0 to {LAST} in order: it is another version, fetch "
+            "it again"
         )
     position = log[frame, 1:3] / 100
     (x_min, y_min), (x_max, y_max) = position.min(axis=0), position.max(axis=0)
@@ -65,7 +72,8 @@ def read_cyberzoo(
             "train_mirrored": (300, 624),
             "test_mirrored": (1, 299),
         },
-        source="https://github.com/Pold87/paparazzi_new (V. Strobel, R. Meertens, G.C.H.E. de Croon)",
+        source="https://github.com/Pold87/paparazzi_new (V. Strobel, R. Meertens, G.C.H.E. de "
+        "Croon)",
         licence="GPL-2.0",
         notes=NOTES,
     )
@@ -78,6 +86,7 @@ def _table(path: str | os.PathLike[str], skip: int, columns: int, rows: int) -> 
         raise DataError(f"{path}: not a table of numbers ({error}): fetch it again") from None
     if table.shape != (rows, columns):
         raise DataError(
-            f"{path}: {table.shape[0]} x {table.shape[1]} numbers, expected {rows} x {columns}: fetch it again"
+            f"{path}: {table.shape[0]} x {table.shape[1]} numbers, expected {rows} x {columns}: "
+            "fetch it again"
         )
     return table

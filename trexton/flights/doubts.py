@@ -40,7 +40,8 @@ def _outside(flight: Flight) -> Iterator[str]:
     out = ~inside(x, y)
     if not out.any():
         return
-    found = f"{out.sum()} of {len(rows)} positions lie outside area_m (first: frame {_first(flight, rows, out)})"
+    first = _first(flight, rows, out)
+    found = f"{out.sum()} of {len(rows)} positions lie outside area_m (first: frame {first})"
     if out.mean() > 0.05 and (~inside(y, x)).sum() < 0.2 * out.sum():
         yield f"{found}, but inside when x and y are exchanged: exchange the columns, or area_m"
         return
@@ -61,7 +62,8 @@ def _wild(flight: Flight) -> Iterator[str]:
     far = distance > limit
     if far.any():
         yield (
-            f"{_count(int(far.sum()), 'position')} lie up to {distance.max():.4g} m from the middle, where "
+            f"{_count(int(far.sum()), 'position')} lie up to {distance.max():.4g} m from the "
+            "middle, where "
             f"nine tenths are within {np.quantile(distance, 0.9):.3g} m (first: frame "
             f"{_first(flight, rows, far)}): leave x_m and y_m of these frames empty"
         )
@@ -88,7 +90,8 @@ def _small(flight: Flight) -> Iterator[str]:
     extent = np.ptp(flight.position[rows], axis=0)
     if extent.max() == 0:
         yield (
-            f"all {len(rows)} positions are the same place: nothing can be learned or judged from them, "
+            f"all {len(rows)} positions are the same place: nothing can be learned or judged from "
+            "them, "
             "check what was recorded"
         )
     elif extent.max() < SMALLEST:
@@ -123,7 +126,8 @@ def _splits(flight: Flight) -> Iterator[str]:
         common = min(last, end) - max(first, begin) + 1
         if common > 0:
             yield (
-                f"splits train and test share {_count(common, 'frame')}: what was trained on proves "
+                f"splits train and test share {_count(common, 'frame')}: what was trained on "
+                "proves "
                 "nothing, part them"
             )
 
@@ -152,5 +156,12 @@ def _count(number: int, what: str) -> str:
 
 
 _DOUBTS: tuple[Callable[[Flight], Iterator[str]], ...] = (
-    _outside, _wild, _speed, _small, _stamps, _splits, _names, _features,
-)  # fmt: skip
+    _outside,
+    _wild,
+    _speed,
+    _small,
+    _stamps,
+    _splits,
+    _names,
+    _features,
+)

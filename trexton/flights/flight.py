@@ -41,14 +41,15 @@ class Flight:
     histograms : (N, K) float64 array or None
         Texton histograms where the source gives them, or values of other features.
     features : str
-        What they count: ``textons``, relative frequencies that sum to one, or another word for values that need
-        not.
+        What they count: ``textons``, relative frequencies that sum to one, or another word for
+        values that need not.
     area : (x_min, x_max, y_min, y_max)
         The area in which the vehicle can be, in metres.
     split : dict of str to (first, last)
         Named ranges of frame numbers, both ends included.
     floor_file, floor_from_pixel
-        A picture of the true floor, if known, and the ``(3, 3)`` homography from its pixels to metres.
+        A picture of the true floor, if known, and the ``(3, 3)`` homography from its pixels to
+        metres.
     """
 
     name: str
@@ -94,7 +95,8 @@ class Flight:
         """The image at row `index` as ``(H, W, 3) uint8`` Y, U, V."""
         if self.image_files is None:
             raise FlightError(
-                f"flight {self.name!r} has no images, but this step needs them: use a flight that was recorded with images"
+                f"flight {self.name!r} has no images, but this step needs them: use a flight that "
+                "was recorded with images"
             )
         return read_image(self.image_files[index])
 
@@ -117,7 +119,8 @@ class Flight:
         if name not in self.split:
             known = ", ".join(self.split) or "none"
             raise FlightError(
-                f"flight {self.name!r} has no split {name!r} (known: {known}): name it in flight.toml"
+                f"flight {self.name!r} has no split {name!r} (known: {known}): name it in "
+                "flight.toml"
             )
         first, last = self.split[name]
         return self.select((self.frame >= first) & (self.frame <= last))

@@ -1,7 +1,8 @@
-"""The Flight folder: ``flight.toml``, ``frames.csv``, and optionally ``images/`` and ``histograms.csv``.
+"""The Flight folder: ``flight.toml``, ``frames.csv``, and optionally ``images/`` and
+``histograms.csv``.
 
-Reading collects every fault with its file and row; `read_flight` raises on the first, `trexton check` prints
-them all.
+Reading collects every fault with its file and row; `read_flight` raises on the first, `trexton
+check` prints them all.
 """
 
 from __future__ import annotations
@@ -35,9 +36,11 @@ Columns = dict[str, Any]
 
 @dataclass
 class Reading:
-    """What a folder gave: a flight if it is usable, and its faults as sentences (file, row, what is wrong).
+    """What a folder gave: a flight if it is usable, and its faults as sentences (file, row, what is
+    wrong).
 
-    `image_files`: the images that are there with their rows in frames.csv, of an unusable flight too.
+    `image_files`: the images that are there with their rows in frames.csv, of an unusable flight
+    too.
     """
 
     flight: Flight | None = None
@@ -89,7 +92,8 @@ def load_folder(path: Path) -> Reading:
         floor = (path / header["floor"]["image"]).resolve()
         if path.resolve() not in floor.parents:
             reading.faults.append(
-                f"{path / 'flight.toml'}: [floor] image {header['floor']['image']!r} leads out of the "
+                f"{path / 'flight.toml'}: [floor] image {header['floor']['image']!r} leads out of "
+                "the "
                 "flight's folder: copy the picture into it"
             )
     if not reading.faults and header is not None:
@@ -117,7 +121,9 @@ def _find_images(path: Path, names: list[str] | None, reading: Reading) -> tuple
 
 
 def _inside(folder: Path) -> set[str]:
-    """Names, with / between folders, of the regular files below `folder`; links count if they stay there."""
+    """Names, with / between folders, of the regular files below `folder`; links count if they stay
+    there.
+    """
     top, names = folder.resolve(), set()
     for parent, _, files in os.walk(folder):
         with os.scandir(parent) as entries:
@@ -222,13 +228,15 @@ def _read_frames(path: Path, reading: Reading) -> Columns | None:
     _check_order(path, columns, rows, reading)
     for row in np.flatnonzero(np.isnan(columns["x_m"]) | np.isnan(columns["y_m"])):
         reading.warnings.append(
-            f"{path}, row {rows[row]}: the position is missing or NaN: the frame cannot train and has "
+            f"{path}, row {rows[row]}: the position is missing or NaN: the frame cannot train and "
+            "has "
             "no ground truth"
         )
     place = np.abs(np.column_stack([columns["x_m"], columns["y_m"]])).max(axis=1)
     for row in np.flatnonzero(place > FARTHEST):
         reading.faults.append(
-            f"{path}, row {rows[row]}: the position is {place[row]:g} m from the origin: no such place "
+            f"{path}, row {rows[row]}: the position is {place[row]:g} m from the origin: no such "
+            "place "
             "on Earth, leave it empty or give metres"
         )
     return columns
@@ -240,7 +248,8 @@ def _check_order(path: Path, columns: Columns, rows: np.ndarray, reading: Readin
         for row in np.flatnonzero(np.diff(values) <= 0):
             kind = "duplicated" if values[row] == values[row + 1] else "unsorted"
             reading.faults.append(
-                f"{path}, row {rows[row + 1]}: {kind} {what} {values[row + 1]:g}: they must increase"
+                f"{path}, row {rows[row + 1]}: {kind} {what} {values[row + 1]:g}: they must "
+                "increase"
             )
 
 
@@ -265,7 +274,8 @@ def _read_histograms(
             min(len(values), len(frames)),
         )
         reading.faults.append(
-            f"{path}, row {rows[odd] if odd < len(rows) else rows[-1] + 1}: its frames differ from those of frames.csv "
+            f"{path}, row {rows[odd] if odd < len(rows) else rows[-1] + 1}: its frames differ from "
+            "those of frames.csv "
             f"({len(values)} rows against {len(frames)}): "
             "list the same frames in the same order"
         )
@@ -329,4 +339,5 @@ def _write_csv(path: Path, columns: Columns) -> None:
     with open(path, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)
-        writer.writerows(zip(*lists, strict=False))  # str of a Python float reads back to the same bits
+        # str of a Python float reads back to the same bits
+        writer.writerows(zip(*lists, strict=False))

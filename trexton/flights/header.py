@@ -61,7 +61,8 @@ def _faults(header: dict[str, Any]) -> list[str]:
     version = header.get("format", FORMAT)
     if not isinstance(version, int) or version > FORMAT:
         return [
-            f"format {version} is newer than {FORMAT}, the newest this version reads: update trexton"
+            f"format {version} is newer than {FORMAT}, the newest this version reads: update "
+            "trexton"
         ]
     faults = [
         f"{key} is {header[key]!r}: expected text"
@@ -88,7 +89,8 @@ def _fault_values(header: dict[str, Any]) -> list[str]:
         faults.append(f"area_m is {area}: expected [x_min, x_max, y_min, y_max] in metres")
     elif min(area[1] - area[0], area[3] - area[2]) < SMALLEST_AREA or max(map(abs, area)) > 2e7:
         faults.append(
-            f"area_m is {area}: sides of {area[1] - area[0]:g} m and {area[3] - area[2]:g} m are no place "
+            f"area_m is {area}: sides of {area[1] - area[0]:g} m and {area[3] - area[2]:g} m are "
+            "no place "
             "to fly in: give metres"
         )
     for name, limits in header.get("split", {}).items():
@@ -107,7 +109,8 @@ def _fault_values(header: dict[str, Any]) -> list[str]:
             or camera["focal_px"] <= 0
         ):
             faults.append(
-                f"[camera] is {sizes[0]} x {sizes[1]} pixels, focal length {camera['focal_px']}: expected positive numbers"
+                f"[camera] is {sizes[0]} x {sizes[1]} pixels, focal length {camera['focal_px']}: "
+                "expected positive numbers"
             )
         if not _numbers(camera.get("center_px", [0, 0]), 2):
             faults.append(

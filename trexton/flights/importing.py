@@ -1,4 +1,6 @@
-"""From a recording to a Flight folder: positions matched, images brought to one size, written whole, resumable."""
+"""From a recording to a Flight folder: positions matched, images brought to one size, written
+whole, resumable.
+"""
 
 from __future__ import annotations
 
@@ -51,8 +53,8 @@ def import_flight(
 ) -> tuple[Flight, list[str]]:
     """Import a recording as a Flight folder.
 
-    An import that was interrupted leaves its images in a hidden folder beside `out`; the same import goes on
-    from there.
+    An import that was interrupted leaves its images in a hidden folder beside `out`; the same
+    import goes on from there.
 
     Parameters
     ----------
@@ -259,7 +261,8 @@ class _Change:
             aspect = image.shape[1] / image.shape[0] * self.full[1] / self.full[0]
             if abs(aspect - 1) > _ASPECT:
                 raise FlightError(
-                    f"image {row} is {size[0]}x{size[1]} where most are {self.full[0]}x{self.full[1]}, "
+                    f"image {row} is {size[0]}x{size[1]} where most are "
+                    f"{self.full[0]}x{self.full[1]}, "
                     "of another shape: leave it out"
                 )
             image = cv2.resize(image, self.full, interpolation=cv2.INTER_AREA)
@@ -311,7 +314,9 @@ def _pixels(picture: object) -> np.ndarray:
 def _calibration(
     name: str, recording: Recording, source: Path, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Camera matrix and distortion: of the source itself (`own`), an EuRoC ``sensor.yaml``, or OpenCV's file."""
+    """Camera matrix and distortion: of the source itself (`own`), an EuRoC ``sensor.yaml``, or
+    OpenCV's file.
+    """
     camera, distortion = recording.camera, recording.distortion
     if name != "own":
         from trexton.flights.importers.calibration import read_calibration
@@ -321,7 +326,8 @@ def _calibration(
         raise ParameterError(f"undistort {name!r}: no calibration with distortion in {source}")
     if (camera.width, camera.height) != size:
         raise ParameterError(
-            f"the calibration is for {camera.width}x{camera.height}, the images are {size[0]}x{size[1]}"
+            f"the calibration is for {camera.width}x{camera.height}, the images are "
+            f"{size[0]}x{size[1]}"
         )
     x, y = camera.principal_point
     return np.array([[camera.focal, 0, x], [0, camera.focal, y], [0, 0, 1]]), distortion

@@ -1,4 +1,6 @@
-"""Public data: listed in ``data/registry.toml``, fetched through pooch, never trusted without their SHA-256."""
+"""Public data: listed in ``data/registry.toml``, fetched through pooch, never trusted without their
+SHA-256.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +25,16 @@ __all__ = ["data_folder", "fetch", "locate", "raw_files", "registry"]
 
 @cache
 def registry() -> dict[str, dict[str, Any]]:
-    """Every public data set by name: title, licence, files (key, url, sha256), reader if it is a flight."""
+    """Every public data set by name: title, licence, files (key, url, sha256), reader if it is a
+    flight.
+    """
     return tomllib.loads((shipped("data") / "registry.toml").read_text(encoding="utf-8"))
 
 
 def data_folder() -> Path:
-    """Where raw files are: ``$TREXTON_DATA`` (may be read-only if complete), else ``public`` in the cache."""
+    """Where raw files are: ``$TREXTON_DATA`` (may be read-only if complete), else ``public`` in the
+    cache.
+    """
     named = os.environ.get("TREXTON_DATA")
     return Path(named) if named else cache_folder() / "public"
 
@@ -68,7 +74,9 @@ def fetch(
     source: str | os.PathLike[str] | None = None,
     replace: bool = False,
 ) -> Path:
-    """Make the data set `name` ready at `out`: a Flight folder, or the file itself where it is no flight."""
+    """Make the data set `name` ready at `out`: a Flight folder, or the file itself where it is no
+    flight.
+    """
     files, out = locate(name, source), Path(out)
     if "reader" in registry()[name]:
         return write_flight(_reader(name)(*files), out, replace)
@@ -89,7 +97,8 @@ def _from_folder(folder: Path, key: str, sha256: str) -> Path:
     path = next((path for path in (folder / key, folder / Path(key).name) if path.is_file()), None)
     if path is None:
         raise DataError(
-            f"{folder}: neither {key} nor {Path(key).name} is there: give the folder that holds the raw files"
+            f"{folder}: neither {key} nor {Path(key).name} is there: give the folder that holds "
+            "the raw files"
         )
     found = pooch.file_hash(str(path))
     if found != sha256:
@@ -123,6 +132,7 @@ def _from_cache(key: str, file: dict[str, Any]) -> Path:
         ) from None
     except (requests.RequestException, OSError) as error:
         raise DataError(
-            f"{key} is not in {folder} and cannot be fetched from {file['url']} ({type(error).__name__}): "
+            f"{key} is not in {folder} and cannot be fetched from {file['url']} "
+            f"({type(error).__name__}): "
             "go online, or give a folder that holds the raw files (--from DIR, or TREXTON_DATA)"
         ) from None

@@ -1,4 +1,6 @@
-"""Tables as people have them: separators, decimal commas, byte-order marks and units are found out."""
+"""Tables as people have them: separators, decimal commas, byte-order marks and units are found
+out.
+"""
 
 from __future__ import annotations
 
@@ -40,10 +42,11 @@ def read_text(path: Path) -> str:
 
 
 def read_table(path: Path, names: list[str] | None = None) -> pd.DataFrame:
-    """A table with a header, or with `names` where it has none; numbers where a column holds only numbers.
+    """A table with a header, or with `names` where it has none; numbers where a column holds only
+    numbers.
 
-    Comma, semicolon, tab or blanks separate; a ``#`` before the header is dropped, lines that begin with one
-    are comments; with semicolons or tabs a comma may be the decimal point.
+    Comma, semicolon, tab or blanks separate; a ``#`` before the header is dropped, lines that begin
+    with one are comments; with semicolons or tabs a comma may be the decimal point.
 
     Raises
     ------
@@ -66,9 +69,13 @@ def read_table(path: Path, names: list[str] | None = None) -> pd.DataFrame:
         names = [name.strip().strip('"') for name in re.split(separator, header.strip())]
     try:
         table = pd.read_csv(
-            io.StringIO("\n".join(lines)), sep=separator, decimal=decimal, header=None,
-            skipinitialspace=True, engine="python" if len(separator) > 1 else "c",
-        )  # fmt: skip
+            io.StringIO("\n".join(lines)),
+            sep=separator,
+            decimal=decimal,
+            header=None,
+            skipinitialspace=True,
+            engine="python" if len(separator) > 1 else "c",
+        )
     except (pd.errors.ParserError, ValueError, OverflowError) as error:
         reason = " ".join(str(error).split())
         raise FlightError(

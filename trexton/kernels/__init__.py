@@ -1,4 +1,6 @@
-"""Hot loops compiled by numba, one a file, loaded on first use; each has a NumPy twin of the same bits."""
+"""Hot loops compiled by numba, one a file, loaded on first use; each has a NumPy twin of the same
+bits.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +58,9 @@ def compiled(module: str, backend: str | None = None) -> ModuleType | None:
 
 
 def thread_count(threads: int | None = None) -> int:
-    """How many threads to use: `threads`, else ``$OMP_NUM_THREADS``, else the processors of this process."""
+    """How many threads to use: `threads`, else ``$OMP_NUM_THREADS``, else the processors of this
+    process.
+    """
     if threads is None:
         given = os.environ.get("OMP_NUM_THREADS", "")
         if given.isdigit() and int(given):
@@ -72,10 +76,11 @@ def thread_count(threads: int | None = None) -> int:
 
 
 def in_strips(work: Callable[[slice], T], rows: int, threads: int | None = None) -> list[T]:
-    """Call `work` on equal slices of `rows` rows, one a thread; kernels and products release Python's lock.
+    """Call `work` on equal slices of `rows` rows, one a thread; kernels and products release
+    Python's lock.
 
-    Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep beside the
-    BLAS's own.
+    Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep
+    beside the BLAS's own.
     """
     strips = min(thread_count(threads), rows)
     bounds = [rows * i // strips for i in range(strips + 1)]

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-# Sums of multiples of 2**-24 below 2**29 are exact in float64, so the order of additions is free for
+# Sums of multiples of 2**-24 below 2**29 are exact in float64, so the order of additions is free
+# for
 # vectorization.
 _EXACT = {"reassoc", "contract"}
 
@@ -21,7 +22,9 @@ def _squared_distance(texton, patch):
 
 @njit(cache=True, nogil=True, fastmath=_EXACT)
 def kohonen_steps(patches, textons, gains, grain):
-    """Move `textons` in place towards each patch in turn; defined by `trexton.textons.kohonen_steps`."""
+    """Move `textons` in place towards each patch in turn; defined by
+    `trexton.textons.kohonen_steps`.
+    """
     n_patches, n_textons = len(patches), len(textons)
     errors = np.empty(n_patches)
     patch = np.empty(patches.shape[1])

@@ -1,11 +1,12 @@
 """Nearest texton at every position of an image, in integers, four bytes at a time.
 
-The largest score 2 p.t - |t|^2 marks the nearest texton. With w = t - 128, a signed byte, p.t is p.w plus
-128 sum(p), the same for all textons. So a score is made of products of unsigned with signed bytes; some
-processors add four such products to each of 16 sums in one instruction, others get 16-bit pairs.
+The largest score 2 p.t - |t|^2 marks the nearest texton. With w = t - 128, a signed byte, p.t is
+p.w plus 128 sum(p), the same for all textons. So a score is made of products of unsigned with
+signed bytes; some processors add four such products to each of 16 sums in one instruction, others
+get 16-bit pairs.
 
-A row of a patch is 3 P bytes of the image: ceil(3 P / 4) words. Word j at column x starts at byte 3 x + 4 j;
-word j + 3 at x is thus word j at x + 4, and three planes of words serve a whole image row.
+A row of a patch is 3 P bytes of the image: ceil(3 P / 4) words. Word j at column x starts at byte 3
+x + 4 j; word j + 3 at x is thus word j at x + 4, and three planes of words serve a whole image row.
 """
 
 import numpy as np
@@ -64,7 +65,9 @@ def _add_word(builder, vnni, place, planes, weights, item, totals, strips):
 
 
 def _keep_better(builder, texton, bias, total, best, label):
-    """Where the texton's score beats the best so far, it is the label; ties stay with the lower index."""
+    """Where the texton's score beats the best so far, it is the label; ties stay with the lower
+    index.
+    """
     score = builder.shl(builder.load(total), _constant(_WORDS, 1))
     score, held = builder.add(score, _splat(builder, bias)), builder.load(best)
     better, name = (
@@ -77,7 +80,9 @@ def _keep_better(builder, texton, bias, total, best, label):
 
 @intrinsic
 def _label_block(typing, planes, start, offsets, weights, bias, labels):
-    """Label BLOCK positions: words at planes[start + offsets[...] + 0...], labels[0...] (bytes) written."""
+    """Label BLOCK positions: words at planes[start + offsets[...] + 0...], labels[0...] (bytes)
+    written.
+    """
     kinds = planes, start, offsets, weights, bias, labels
 
     def generate(context, builder, signature, arguments):
@@ -134,8 +139,8 @@ def _fill_plane(line, start, plane):
 def label_rows(image, weights, bias, labels, counts):
     """Label all positions of an image (or a strip of one) and count the labels.
 
-    image (H, 3 W) uint8; weights (G, P words, GROUP) int32, each four signed bytes; bias (G GROUP,) int32;
-    labels (H - P + 1, W - P + 1) uint8, written; counts (K,) int64, added to.
+    image (H, 3 W) uint8; weights (G, P words, GROUP) int32, each four signed bytes; bias (G GROUP,)
+    int32; labels (H - P + 1, W - P + 1) uint8, written; counts (K,) int64, added to.
     """
     (height, n_bytes), (rows, columns) = image.shape, labels.shape
     patch = height - rows + 1

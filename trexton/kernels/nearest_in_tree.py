@@ -1,7 +1,7 @@
 """The k rows of a table nearest to a query, through a tree of boxes.
 
-Differences are squared and added feature by feature without fused operations: the bits of NumPy, on any
-processor.
+Differences are squared and added feature by feature without fused operations: the bits of NumPy, on
+any processor.
 """
 
 from __future__ import annotations
@@ -16,7 +16,9 @@ _SLACK = (
 
 @njit(cache=True, nogil=True)
 def _squared_distances(columns, query, sums):
-    """Of each row of a block, which is given transposed ``(K, size)`` so that its rows fill vectors."""
+    """Of each row of a block, which is given transposed ``(K, size)`` so that its rows fill
+    vectors.
+    """
     sums[: columns.shape[1]] = 0
     for feature in range(len(query)):
         value, column = query[feature], columns[feature]
@@ -49,7 +51,9 @@ def _box_bound(low, high, query):
 
 @njit(cache=True, nogil=True)
 def nearest_in_tree(low, high, leaves, rows, query, k):
-    """``(k,)`` rows and squared distances, nearest first, equals by row; for `trexton.neighbors.BoxTree`."""
+    """``(k,)`` rows and squared distances, nearest first, equals by row; for
+    `trexton.neighbors.BoxTree`.
+    """
     n_inner = len(low) - len(leaves)
     index, squared = np.full(k, rows.size), np.full(k, np.inf)
     sums = np.empty(leaves.shape[2])

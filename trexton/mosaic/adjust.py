@@ -1,7 +1,8 @@
-"""Sparse global adjustment: the poses of all frames at once, from their links and a few known positions.
+"""Sparse global adjustment: the poses of all frames at once, from their links and a few known
+positions.
 
-Levenberg-Marquardt on the poses of `trexton.mosaic.poses`, with a robust loss, so that a wrong link does not
-bend the map.
+Levenberg-Marquardt on the poses of `trexton.mosaic.poses`, with a robust loss, so that a wrong link
+does not bend the map.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ __all__ = ["adjust", "link_errors"]
 
 _SIZE = len(PARAMETERS)
 _HEIGHT = PARAMETERS.index("z")
-# In typical heights: how well an anchor is known, how far a frame may stray from steady motion; in radians:
+# In typical heights: how well an anchor is known, how far a frame may stray from steady motion; in
+# radians:
 # how far the heading may turn between frames. The last two are weak holds for frames without links.
 _ANCHOR, _MOTION, _TURN = 0.005, 0.3, 0.3
 _ITERATIONS = 10  # at each width of the loss
@@ -33,10 +35,11 @@ def adjust(
     *,
     widths: Sequence[float] = (32.0, 8.0, 4.0, 2.0),
 ) -> np.ndarray:
-    """Refine ``(N, 8)`` poses until links, anchors and level flight agree best, under a Cauchy loss.
+    """Refine ``(N, 8)`` poses until links, anchors and level flight agree best, under a Cauchy
+    loss.
 
-    The loss is as wide as each of `widths` in turn, in pixels: wide first, so that a poor start is not taken
-    for wrong links.
+    The loss is as wide as each of `widths` in turn, in pixels: wide first, so that a poor start is
+    not taken for wrong links.
     """
     height = float(np.median(poses[:, _HEIGHT]))
     problem = _Problem(links, Anchors(anchors.rows, anchors.position / height), focal, len(poses))
@@ -61,7 +64,9 @@ def adjust(
 
 
 def link_errors(poses: np.ndarray, links: Links, focal: float) -> np.ndarray:
-    """``(L, K)`` distances in pixels between the points of a link as its frames place them on the floor."""
+    """``(L, K)`` distances in pixels between the points of a link as its frames place them on the
+    floor.
+    """
     return np.hypot(*np.moveaxis(_residuals(poses, links, focal), -1, 0))
 
 
@@ -83,7 +88,9 @@ class _Problem:
         self.hold, self.expected = _holds(count, anchors)
 
     def cost(self, poses: np.ndarray, width: float) -> float:
-        """Cauchy loss of the links in square pixels plus the squared holds; infinite below the floor."""
+        """Cauchy loss of the links in square pixels plus the squared holds; infinite below the
+        floor.
+        """
         if not (poses[:, _HEIGHT] > 0).all():
             return np.inf
         squared = (_residuals(poses, self.links, self.focal) ** 2).sum(axis=-1)
@@ -100,7 +107,8 @@ class _Problem:
             floor_jacobian(poses[rows], points, self.focal) for rows, points in links.sides()
         )
         jacobian = np.concatenate([first, -second], axis=-1) * unit
-        # The residual is in pixels of the pair's height; without this term the map would shrink to reduce it.
+        # The residual is in pixels of the pair's height; without this term the map would shrink to
+        # reduce it.
         heights = poses[links.pairs, _HEIGHT].sum(axis=1)[:, None, None, None]
         jacobian[..., [_HEIGHT, _SIZE + _HEIGHT]] -= residual[..., None] / heights
         jacobian = jacobian.reshape(len(links), -1, 2 * _SIZE)

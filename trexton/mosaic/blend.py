@@ -1,4 +1,6 @@
-"""One picture from many frames whose places are known: a mean that favours the middle of sharp frames."""
+"""One picture from many frames whose places are known: a mean that favours the middle of sharp
+frames.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,8 @@ def blend(
     total = np.zeros((lines, columns, 3), np.float32)
     weights = np.zeros((lines, columns), np.float32)
     with threads() as pool:
-        # Placed in parallel, added in order, a few at a time so that the waiting ones do not fill the
+        # Placed in parallel, added in order, a few at a time so that the waiting ones do not fill
+        # the
         # memory.
         jobs = iter(zip(rows, matrices, outlines, strict=False))
         bar = progress(range(len(rows)), "blending", len(rows))

@@ -1,4 +1,6 @@
-"""A first layout of the frames, from similarities between linked ones: linear, so it needs no first guess."""
+"""A first layout of the frames, from similarities between linked ones: linear, so it needs no first
+guess.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +16,8 @@ __all__ = ["layout"]
 _REWEIGHTED = 10  # rounds in which links that disagree with the others lose weight
 _EXACT = 0.1  # pixels: a smaller disagreement is none
 _LEAST_SPREAD = 0.25  # of half a frame: how far from their middle the anchors must reach
-# Weak holds for frames without links, beside a weight of 1 for a link: neighbours in time are equal in scale
+# Weak holds for frames without links, beside a weight of 1 for a link: neighbours in time are equal
+# in scale
 # and heading, they move steadily, and all fly at a common height.
 _EQUAL, _STEADY, _COMMON = 1e-4, 1e-6, 1e-3
 
@@ -23,8 +26,8 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
     """``(N, 8)`` level poses that agree with the links, placed in the world by the anchors.
 
     Points are complex numbers, right + i up: frame n sees pixel z at ``S_n z + T_n``. A link says
-    ``S_j = S_i a`` and ``T_j = T_i + S_i b``. First the logarithms of all S are found, so that no scale can
-    shrink to nothing, then all T.
+    ``S_j = S_i a`` and ``T_j = T_i + S_i b``. First the logarithms of all S are found, so that no
+    scale can shrink to nothing, then all T.
 
     Raises
     ------
@@ -47,7 +50,8 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
         place = solve(graph + steady + pin, pull @ move)
         errors = np.abs(step @ place - move)
         weight = 1 / (1 + (errors / (3 * np.median(errors) + _EXACT)) ** 2)
-    # The links alone have decided which of them to trust; now the anchors bend the drifting chain into place.
+    # The links alone have decided which of them to trust; now the anchors bend the drifting chain
+    # into place.
     goal = anchors.position @ [1, 1j]
     piece = connected(count, links.pairs)[anchors.rows]
     unit, origin = _fit(
@@ -60,7 +64,9 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
 
 
 def _similarities(links: Links) -> tuple[np.ndarray, np.ndarray]:
-    """``(L,)`` complex a and b of each link: ``first = a second + b``, least squares over its points."""
+    """``(L,)`` complex a and b of each link: ``first = a second + b``, least squares over its
+    points.
+    """
     first, second = (
         links.points[:, side, :, 0] - 1j * links.points[:, side, :, 1] for side in (0, 1)
     )
@@ -75,7 +81,8 @@ def _similarities(links: Links) -> tuple[np.ndarray, np.ndarray]:
 def _fit(
     source: np.ndarray, target: np.ndarray, piece: np.ndarray, least: float
 ) -> tuple[complex, complex]:
-    """The similarity ``target = a source + b`` of complex points, which must spread at least so far.
+    """The similarity ``target = a source + b`` of complex points, which must spread at least so
+    far.
 
     Only what lies on the same `piece` of linked frames says how large and how turned the map is.
     """

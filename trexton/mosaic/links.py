@@ -1,7 +1,8 @@
-"""Which frames see the same floor: successive ones first, then those that a layout puts over the same place.
+"""Which frames see the same floor: successive ones first, then those that a layout puts over the
+same place.
 
-A keypoint is looked for only near where it should be. A tiled floor looks the same every few decimetres,
-and a match that is good but one tile off is the one error that no robust loss can undo.
+A keypoint is looked for only near where it should be. A tiled floor looks the same every few
+decimetres, and a match that is good but one tile off is the one error that no robust loss can undo.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ _APART = (
     0.2  # of a frame's width: spatial neighbours nearer to one another along the path say the same
 )
 _STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside successive ones
-# Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the motion is
+# Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the
+# motion is
 # steady over some frames before and after, and if a chain of links predicts it.
 _STILL, _STEADY, _CHAINED = 0.12, 0.06, 0.06
 _WINDOW = 8
@@ -77,7 +79,9 @@ class Anchors:
 
 
 def threads() -> ThreadPoolExecutor:
-    """A pool as large as the machine, within reason; OpenCV and NumPy work outside Python's lock."""
+    """A pool as large as the machine, within reason; OpenCV and NumPy work outside Python's
+    lock.
+    """
     return ThreadPoolExecutor(min(4, os.cpu_count() or 1))
 
 
@@ -116,7 +120,9 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
 
 
 def _steadied(found: list[Linked], keypoints: list[Keypoints], camera: Camera) -> list[Linked]:
-    """The links again, those that jump: looked for where the motion before and after says they should be."""
+    """The links again, those that jump: looked for where the motion before and after says they
+    should be.
+    """
     center = np.array([camera.principal_point])
     moved = [transform_points(homography, center)[0] for _, homography, _ in found]
     shift = np.array(moved).reshape(-1, 2) - center
@@ -199,7 +205,8 @@ def _all_links(
     """``(pair, homography, points)`` of every pair that `match` finds, in order."""
     from threadpoolctl import threadpool_limits
 
-    # The pool keeps every core busy; more threads inside the products would only wait for one another.
+    # The pool keeps every core busy; more threads inside the products would only wait for one
+    # another.
     with threadpool_limits(1, "blas"), threads() as pool:
         matched = progress(pool.map(match, pairs), label, len(pairs))
         return [(pair, *found) for pair, found in zip(pairs, matched, strict=False) if found]

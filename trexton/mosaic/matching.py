@@ -1,4 +1,6 @@
-"""Do two frames show the same floor? Mutual SIFT matches near where they should be, under one homography."""
+"""Do two frames show the same floor? Mutual SIFT matches near where they should be, under one
+homography.
+"""
 
 from __future__ import annotations
 
@@ -9,11 +11,13 @@ from trexton.homography import Keypoints, find_homography
 
 __all__ = ["POINTS", "match_frames"]
 
-POINTS = 12  # matched points kept for a link: enough for its homography, few enough for thousands of links
+# matched points kept for a link: enough for its homography, few enough for thousands of links
+POINTS = 12
 _LEAST_INLIERS = 12
 _RATIO = 0.85
 _THRESHOLD = 3.0  # pixels of the frame
-# Inliers among the matches: few by chance within reach, but many where a floor repeats out of reach.
+# Inliers among the matches: few by chance within reach, but many where a floor repeats out of
+# reach.
 _LEAST_SHARE, _LEAST_SHARE_ANYWHERE = 0.2, 0.5
 
 
@@ -24,9 +28,11 @@ def match_frames(
     predicted: np.ndarray | None = None,
     reach: float = np.inf,
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """A homography and ``(2, POINTS, 2)`` matched points, or None if the frames do not show the same floor.
+    """A homography and ``(2, POINTS, 2)`` matched points, or None if the frames do not show the
+    same floor.
 
-    `predicted` is where the first frame's pixels should be in the second, give or take `reach` pixels.
+    `predicted` is where the first frame's pixels should be in the second, give or take `reach`
+    pixels.
     """
     if min(len(first), len(second)) < _LEAST_INLIERS:
         return None
@@ -49,7 +55,8 @@ def _mutual_matches(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Matches within reach that are nearest in both directions and pass the ratio test.
 
-    SIFT descriptors are whole numbers up to 255, so that these float32 products are exact in any order.
+    SIFT descriptors are whole numbers up to 255, so that these float32 products are exact in any
+    order.
     """
     a, b = first.descriptors, second.descriptors
     squared = (a * a).sum(axis=1)[:, None] + (b * b).sum(axis=1) - 2 * (a @ b.T)
@@ -78,7 +85,9 @@ def _plausible(homography: np.ndarray, camera: Camera) -> bool:
 
 
 def _spread(points: np.ndarray, count: int) -> np.ndarray:
-    """`count` points far from one another (farthest-point sampling; some repeat if there are few)."""
+    """`count` points far from one another (farthest-point sampling; some repeat if there are
+    few).
+    """
     chosen = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
     distance = np.full(len(points), np.inf)
     while len(chosen) < count:

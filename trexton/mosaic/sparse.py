@@ -1,4 +1,6 @@
-"""Sparse matrices of layout and adjustment. SciPy is imported where it is used: no vehicle needs it."""
+"""Sparse matrices of layout and adjustment. SciPy is imported where it is used: no vehicle needs
+it.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,9 @@ Sparse = Any  # one of SciPy's sparse arrays, which carry no types
 
 
 def connected(count: int, pairs: np.ndarray) -> np.ndarray:
-    """``(count,)`` number of the piece that each frame belongs to; frames are joined by ``(L, 2)`` pairs."""
+    """``(count,)`` number of the piece that each frame belongs to; frames are joined by ``(L, 2)``
+    pairs.
+    """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
@@ -55,7 +59,9 @@ def pick(columns: np.ndarray, count: int, factor: float) -> Sparse:
 
 
 def assemble(blocks: np.ndarray, pairs: np.ndarray, size: int, count: int) -> Sparse:
-    """``(L, 2 size, 2 size)`` blocks of pairs of frames, summed into ``(count size, count size)``."""
+    """``(L, 2 size, 2 size)`` blocks of pairs of frames, summed into ``(count size, count
+    size)``.
+    """
     from scipy import sparse
 
     places = (pairs[:, :, None] * size + np.arange(size)).reshape(len(pairs), 2 * size)

@@ -17,7 +17,8 @@ from trexton.mosaic.sparse import connected
 
 __all__ = ["Mosaic", "camera_of", "map_from_links", "stitch"]
 
-# Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked for.
+# Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked
+# for.
 _REACHES = (0.2, 0.05)
 _GRAIN = 0.55  # map pixels for each pixel of a frame: the map keeps what most keypoints need
 _FOCAL = 0.8  # image widths, where the camera is not known
@@ -66,8 +67,8 @@ def stitch(
 ) -> Mosaic:
     """Stitch the hyperspatial image of a flight (Sec. "Dataset Generation").
 
-    Only images and the positions of `anchors` frames, evenly spread in time, are used: no attitude, no
-    height.
+    Only images and the positions of `anchors` frames, evenly spread in time, are used: no attitude,
+    no height.
 
     Parameters
     ----------
@@ -82,8 +83,8 @@ def stitch(
     pixels_per_metre : float, optional
         Resolution of the map; by default 0.55 of the frames' own.
     camera : Camera, optional
-        By default the flight's; where neither is known, a focal length of 0.8 image widths is assumed, and
-        the heights absorb most of the error.
+        By default the flight's; where neither is known, a focal length of 0.8 image widths is
+        assumed, and the heights absorb most of the error.
 
     Raises
     ------
@@ -115,9 +116,11 @@ def map_from_links(
     pixels_per_metre: float | None = None,
     camera: Camera | None = None,
 ) -> Mosaic:
-    """The mosaic that these links make, no others looked for; parameters and errors as for `stitch`.
+    """The mosaic that these links make, no others looked for; parameters and errors as for
+    `stitch`.
 
-    With links along the path only and few anchors it drifts, as a map does that never notices a place again.
+    With links along the path only and few anchors it drifts, as a map does that never notices a
+    place again.
     """
     _check_least(anchors=(anchors, 3))
     camera = camera_of(flight, camera)
@@ -158,7 +161,9 @@ def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarra
 
 
 def camera_of(flight: Flight, camera: Camera | None = None) -> Camera:
-    """The camera of a flight, or one of usual focal length; `FlightError` if it takes other images."""
+    """The camera of a flight, or one of usual focal length; `FlightError` if it takes other
+    images.
+    """
     height, width = flight.image(0).shape[:2]
     camera = camera or flight.camera or Camera(width, height, _FOCAL * width)
     if (camera.width, camera.height) != (width, height):
@@ -181,7 +186,8 @@ def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
         )
     if len(rows) < 3:
         raise FlightError(
-            f"flight {flight.name!r} has {len(rows)} linked frames with a position, a mosaic needs 3: "
+            f"flight {flight.name!r} has {len(rows)} linked frames with a position, a mosaic needs "
+            "3: "
             "record more of them"
         )
     rows = np.unique(rows[np.linspace(0, len(rows) - 1, count).round().astype(int)])
@@ -189,7 +195,9 @@ def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
 
 
 def _placed(count: int, links: Links, anchors: np.ndarray) -> np.ndarray:
-    """``(N,) bool``: frames on the largest piece of linked frames, or on one with two anchors or more."""
+    """``(N,) bool``: frames on the largest piece of linked frames, or on one with two anchors or
+    more.
+    """
     piece = connected(count, links.pairs)
     placed = np.bincount(piece[anchors], minlength=piece.max() + 1) >= 2
     placed[np.argmax(np.bincount(piece))] = True

@@ -15,9 +15,11 @@ __all__ = ["events", "summary"]
 
 def rows(path: str | Path) -> Iterator[dict[str, Any]]:
     """The lines of a log, in order; raises `DataError` where one is none."""
+    number = 0
     try:
         with open(path, encoding="utf-8") as stream:
-            for number, line in enumerate(stream, 1):
+            for line in stream:
+                number += 1
                 row = json.loads(line)
                 if not isinstance(row, dict):
                     raise ValueError("no object")

@@ -1,4 +1,6 @@
-"""The virtual room: a floor, a vehicle and its camera; live as `Simulator`, or recorded as a Flight."""
+"""The virtual room: a floor, a vehicle and its camera; live as `Simulator`, or recorded as a
+Flight.
+"""
 
 from trexton.simulator.effects import Effects, Light
 from trexton.simulator.floor import Floor

@@ -1,4 +1,6 @@
-"""What stands between a perfect picture of the floor and a camera's frame: each a number, 0 for off."""
+"""What stands between a perfect picture of the floor and a camera's frame: each a number, 0 for
+off.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,8 @@ __all__ = ["Effects", "Light"]
 
 @dataclass(frozen=True)
 class Effects:
-    """Strength of each effect; the defaults are those of a small quadrotor indoors, 0 switches one off.
+    """Strength of each effect; the defaults are those of a small quadrotor indoors, 0 switches one
+    off.
 
     Attributes
     ----------
@@ -51,9 +54,17 @@ class Effects:
     jpeg: float = 92
 
     _LIMITS = {
-        "roll_pitch": 1.0, "yaw": 0.5, "height_ripple": 0.2, "motion_blur": 0.04, "rolling_shutter": 0.08,
-        "exposure": 0.3, "vignetting": 0.9, "noise": 25.0, "chroma_subsampling": 1.0, "jpeg": 100.0,
-    }  # fmt: skip
+        "roll_pitch": 1.0,
+        "yaw": 0.5,
+        "height_ripple": 0.2,
+        "motion_blur": 0.04,
+        "rolling_shutter": 0.08,
+        "exposure": 0.3,
+        "vignetting": 0.9,
+        "noise": 25.0,
+        "chroma_subsampling": 1.0,
+        "jpeg": 100.0,
+    }
 
     def __post_init__(self) -> None:
         for name, limit in self._LIMITS.items():
@@ -91,7 +102,8 @@ class Light:
     warmth : float
         Share by which red gains and blue loses.
     gradient : (float, float)
-        Share by which the light grows from the middle of the floor to its right and to its far edge.
+        Share by which the light grows from the middle of the floor to its right and to its far
+        edge.
     """
 
     gain: float = 1.0

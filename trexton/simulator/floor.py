@@ -1,4 +1,6 @@
-"""The floor of the virtual room: a picture with a place, plain ground around it, and light on both."""
+"""The floor of the virtual room: a picture with a place, plain ground around it, and light on
+both.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +44,9 @@ class Texture:
     from_world: np.ndarray
 
     def level(self, pixels_per_metre: float) -> tuple[np.ndarray, np.ndarray]:
-        """The level for a camera of this resolution, and the homography from metres to its pixels."""
+        """The level for a camera of this resolution, and the homography from metres to its
+        pixels.
+        """
         wanted = np.log2(PIXELS_PER_METRE / pixels_per_metre)
         number = int(np.clip(np.floor(wanted + 0.25), 0, 5))
         while len(self.levels) <= number:
@@ -63,7 +67,9 @@ class Floor:
 
     @classmethod
     def painted(cls, layout: str = "hall", seed: int = 0) -> Floor:
-        """A painted floor of 5 m x 5 m with its mats laid by `layout`, one of `LAYOUTS`; equal seeds, equal floors."""
+        """A painted floor of 5 m x 5 m with its mats laid by `layout`, one of `LAYOUTS`; equal
+        seeds, equal floors.
+        """
         return _painted(layout, seed)
 
     @classmethod
@@ -98,7 +104,8 @@ class Floor:
         turns = sides[:, 0] * following[:, 1] - sides[:, 1] * following[:, 0]
         if not (turns > 0).all():
             raise ParameterError(
-                f"corners {np.array(corners).tolist()}: expected upper left, upper right, lower right "
+                f"corners {np.array(corners).tolist()}: expected upper left, upper right, lower "
+                "right "
                 "and lower left of the floor"
             )
         scale = min(PIXELS_PER_METRE, float(np.hypot(*sides.T).max()) / min(width, length))
@@ -136,7 +143,8 @@ class Floor:
         image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
         if image is None or image.dtype != np.uint8:
             raise ImageError(
-                f"{path}: not a readable picture of 8 bits a channel: give a PNG or JPEG file of the floor"
+                f"{path}: not a readable picture of 8 bits a channel: give a PNG or JPEG file of "
+                "the floor"
             )
         if image.ndim == 2:
             image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
@@ -165,7 +173,7 @@ class Floor:
             image = np.dstack([image, np.where(self.picture.mask, 255, 0).astype(np.uint8)])
         return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 4])[1].tobytes()
 
-    @lru_cache(maxsize=4)  # many flights over one floor share what it looks like
+    @lru_cache(maxsize=4)  # noqa: B019  # many flights over one floor share what it looks like
     def texture(self, light: Light = Light()) -> Texture:
         """The floor and the ground around it under this light."""
         x_min, x_max, y_min, y_max = self.area
@@ -215,7 +223,9 @@ def _painted(name: str, seed: int) -> Floor:
 
 
 def _illuminate(canvas: np.ndarray, light: Light) -> None:
-    """Multiply by brightness, colour and gradient in place, in strips that keep the memory small."""
+    """Multiply by brightness, colour and gradient in place, in strips that keep the memory
+    small.
+    """
     if light == Light():
         return
     height, width = canvas.shape[:2]

@@ -18,7 +18,9 @@ LANDING_CIRCLE = (2.5, 2.42, 0.42)  # x, y, radius in metres
 
 
 def paint_hall(rng: np.random.Generator, placements: Sequence[Placement] = HALL) -> MapImage:
-    """Paint boards, mats, tags, tape, a landing circle, lost things; equal generators, equal floors."""
+    """Paint boards, mats, tags, tape, a landing circle, lost things; equal generators, equal
+    floors.
+    """
     hall = _Hall(rng, placements)
     for draw in (
         hall.lay_boards,
@@ -150,7 +152,8 @@ class _Hall:
         ):
             self._box(center, size, bgr(code)[0])
 
-    # -- brushes ------------------------------------------------------------------------------------
+    # -- brushes
+    # ------------------------------------------------------------------------------------
 
     def _rectangle(self, center: Pair, size: Pair, turn: float) -> np.ndarray:
         """``(4, 2)`` pixel corners: top left, top right, bottom right, bottom left."""
@@ -190,7 +193,9 @@ class _Hall:
         target[:] = np.rint(alpha * warped + (1 - alpha) * target)
 
     def _shade(self, corners: np.ndarray, depth: float, softness: float) -> None:
-        """Darken the polygon `corners` by the share `depth`, its edge blurred over `softness` pixels."""
+        """Darken the polygon `corners` by the share `depth`, its edge blurred over `softness`
+        pixels.
+        """
         low = np.maximum(np.floor(corners.min(axis=0) - 3 * softness).astype(int), 0)
         high = np.minimum(np.ceil(corners.max(axis=0) + 3 * softness).astype(int), self.size)
         shadow = np.zeros((*(high - low)[::-1],), np.float32)

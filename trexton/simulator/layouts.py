@@ -1,6 +1,7 @@
 """How mats lie in the virtual hall: floors to try a method on that it was not built on.
 
-A layout is a list of `Placement`; some repeat one motif, which misleads a localizer that sees only that.
+A layout is a list of `Placement`; some repeat one motif, which misleads a localizer that sees only
+that.
 """
 
 from __future__ import annotations

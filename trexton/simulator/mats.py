@@ -1,7 +1,7 @@
 """Printed mats for the virtual hall: each function paints ``(height, width, 3) uint8`` BGR.
 
-Some repeat a motif, which misleads a localizer that sees only one of them; others never show the same thing
-twice. A mat follows from its size and the generator.
+Some repeat a motif, which misleads a localizer that sees only one of them; others never show the
+same thing twice. A mat follows from its size and the generator.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ def grain(
     scales: tuple[float, ...],
     stretch: float = 1.0,
 ) -> np.ndarray:
-    """``shape float32`` noise of deviation near 1, a layer for each scale in pixels, stretched along x."""
+    """``shape float32`` noise of deviation near 1, a layer for each scale in pixels, stretched
+    along x.
+    """
     total = np.zeros(shape, np.float32)
     for scale in scales:
         coarse = (max(2, int(shape[0] / scale) + 1), max(2, int(shape[1] / (scale * stretch)) + 1))

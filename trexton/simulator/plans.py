@@ -25,7 +25,9 @@ class Plan:
         self._next = next(waypoints)
 
     def goal(self, position: np.ndarray) -> np.ndarray:
-        """The ``(2,)`` goal for a vehicle at `position`: a point of the line, ahead of the vehicle."""
+        """The ``(2,)`` goal for a vehicle at `position`: a point of the line, ahead of the
+        vehicle.
+        """
         leg = self._next - self._last
         while (
             np.hypot(*(self._next - position[:2])) < REACHED or not leg.any()
@@ -47,10 +49,12 @@ def _inside(area: Area) -> tuple[np.ndarray, np.ndarray]:
 
 
 def survey(area: Area, seconds: float, speed: float) -> Iterator[np.ndarray]:
-    """A diagonal, then lanes along x and along y that cover the area in about `seconds`, without end.
+    """A diagonal, then lanes along x and along y that cover the area in about `seconds`, without
+    end.
 
-    The diagonal comes first because the dictionary is learnt from the first frames (the first 100 in the
-    paper): they should see more than one edge of the room. Lanes both ways show the motion model both axes.
+    The diagonal comes first because the dictionary is learnt from the first frames (the first 100
+    in the paper): they should see more than one edge of the room. Lanes both ways show the motion
+    model both axes.
 
     Parameters
     ----------
@@ -58,7 +62,8 @@ def survey(area: Area, seconds: float, speed: float) -> Iterator[np.ndarray]:
         Metres.
     """
     low, high = _inside(area)
-    # At each corner the vehicle brakes, turns and gains speed again, which takes about a second and a half.
+    # At each corner the vehicle brakes, turns and gains speed again, which takes about a second and
+    # a half.
     left = seconds - np.hypot(*(high - low)) / speed - 1.5
     lanes = int(np.clip(left / ((high - low).sum() / speed + 3), 2, 12))
     along_x, along_y = _lanes(high, low, lanes), _lanes(low[::-1], high[::-1], lanes, swap=True)
@@ -76,7 +81,9 @@ def _lanes(
 def random_waypoints(
     area: Area, rng: np.random.Generator, apart: float = 1.0
 ) -> Iterator[np.ndarray]:
-    """Random places without end, each at least `apart` metres (or a third of the area) from the last."""
+    """Random places without end, each at least `apart` metres (or a third of the area) from the
+    last.
+    """
     low, high = _inside(area)
     apart = min(apart, float((high - low).min()) / 3)
     last = rng.uniform(low, high)

@@ -49,9 +49,11 @@ def record_flight(
     path : path
         Folder to write; a recorded flight that is there, and unchanged, is replaced.
     pattern : {"survey", "waypoints"}
-        A survey in lanes for training, or random waypoints an hour later, under another light, for test.
+        A survey in lanes for training, or random waypoints an hour later, under another light, for
+        test.
     frames, seed, light, speed : optional
-        The pattern's own unless given: 800 or 415 frames. Another seed is another flight over the same floor.
+        The pattern's own unless given: 800 or 415 frames. Another seed is another flight over the
+        same floor.
     floor : Floor or None
         None is the painted hall.
     every : int

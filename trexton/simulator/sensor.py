@@ -1,4 +1,6 @@
-"""The image sensor: light to bytes, in integers, so that equal scenes give equal frames everywhere."""
+"""The image sensor: light to bytes, in integers, so that equal scenes give equal frames
+everywhere.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,8 @@ _HALF = _int(1 << (_ONE - 1))
 _HALF_NOISE = _int(1 << (2 * _NOISE - 1))
 
 
-# Each function takes one row of one plane, so that the compiler makes vector instructions of its loop.
+# Each function takes one row of one plane, so that the compiler makes vector instructions of its
+# loop.
 @numba.njit(cache=True, nogil=True)
 def _luma_row(row, factor, noise, base, slope, strength):  # pragma: no cover - compiled
     for u in range(row.size):
@@ -94,7 +97,9 @@ class Sensor:
 
     @staticmethod
     def draw_offset(rng: np.random.Generator) -> tuple[int, int]:
-        """Which part of the noise the next frame sees; even columns, as two pixels may share chroma."""
+        """Which part of the noise the next frame sees; even columns, as two pixels may share
+        chroma.
+        """
         return int(rng.integers(_SPARE)), 2 * int(rng.integers(_SPARE // 2))
 
     def develop(self, scene: np.ndarray, gain: float, offset: tuple[int, int]) -> np.ndarray:
@@ -137,7 +142,9 @@ class Sensor:
         return cv2.imencode(".jpg", image, options)[1].tobytes()
 
     def deliver(self, frame: np.ndarray) -> np.ndarray:
-        """A developed frame as Y, U, V, exactly as it would be read back from the file of `encode`."""
+        """A developed frame as Y, U, V, exactly as it would be read back from the file of
+        `encode`.
+        """
         if self._effects.jpeg:
             image = cv2.imdecode(np.frombuffer(self.encode(frame), np.uint8), cv2.IMREAD_COLOR)
             assert image is not None  # encoded a moment ago

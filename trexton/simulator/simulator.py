@@ -19,7 +19,8 @@ PERIOD = 0.08  # seconds between frames: the 12.5 Hz of the paper's camera
 TRUTH_NOISE = np.array(
     [0.001, 0.001, 0.001, 0.002, 0.002, 0.002]
 )  # of the motion capture, in metres and radians
-_NODE = 8  # pixels between the nodes at which the geometry is computed; between them it is linear to 0.02 px
+# pixels between the nodes at which the geometry is computed; between them it is linear to 0.02 px
+_NODE = 8
 _EXPOSURE_TIME = 3.0  # seconds over which the camera's gain changes
 
 
@@ -38,7 +39,8 @@ class Simulator:
     height, speed : float
         See `Vehicle`.
     rng : numpy.random.Generator
-        Flight, camera and motion capture each get their own stream of it, so that looking changes nothing.
+        Flight, camera and motion capture each get their own stream of it, so that looking changes
+        nothing.
     """
 
     def __init__(
@@ -80,7 +82,9 @@ class Simulator:
 
     @property
     def state(self) -> VehicleState:
-        """The camera's true state: the vehicle's, or level where the effects keep the camera level."""
+        """The camera's true state: the vehicle's, or level where the effects keep the camera
+        level.
+        """
         state, share = (
             self.vehicle.state,
             np.array([self.effects.roll_pitch, self.effects.roll_pitch, 1.0]),
@@ -88,7 +92,9 @@ class Simulator:
         return replace(state, attitude=state.attitude * share, rates=state.rates * share)
 
     def step(self, goal: np.ndarray | None = None) -> VehicleState:
-        """Fly towards `goal` for one frame period (None: brake and hover) and return the true state."""
+        """Fly towards `goal` for one frame period (None: brake and hover) and return the true
+        state.
+        """
         self.vehicle.advance(PERIOD, goal)
         fading = np.exp(-PERIOD / _EXPOSURE_TIME)
         kick = self.effects.exposure * np.sqrt(1 - fading**2) * self._camera_rng.standard_normal()
@@ -97,14 +103,18 @@ class Simulator:
         return self.state
 
     def measure(self) -> np.ndarray:
-        """``(6,)`` what motion capture reports now: x, y, z, roll, pitch, yaw with millimetre noise."""
+        """``(6,)`` what motion capture reports now: x, y, z, roll, pitch, yaw with millimetre
+        noise.
+        """
         state = self.state
         return np.concatenate(
             [state.position, state.attitude]
         ) + TRUTH_NOISE * self._truth_rng.standard_normal(6)
 
     def render(self) -> np.ndarray:
-        """The frame at this moment, ``(H, W, 3) uint8`` Y, U, V; the same as `capture` would write."""
+        """The frame at this moment, ``(H, W, 3) uint8`` Y, U, V; the same as `capture` would
+        write.
+        """
         return self._sensor.deliver(self._frame())
 
     def capture(self) -> tuple[bytes, str]:
@@ -120,7 +130,9 @@ class Simulator:
         return self.camera.world_from_pixel(*state.pose(delay))
 
     def _project(self, state: VehicleState) -> np.ndarray:
-        """The floor as the camera sees it, row after row while it moves: ``(H, W, 3) uint8`` Y, Cr, Cb."""
+        """The floor as the camera sees it, row after row while it moves: ``(H, W, 3) uint8`` Y, Cr,
+        Cb.
+        """
         texture, from_world = self._texture.level(self.camera.focal / state.position[2])
         readout = self.effects.rolling_shutter
         first, last = (
@@ -157,7 +169,9 @@ class Simulator:
 
 
 def _node_grid(camera: Camera) -> np.ndarray:
-    """``(rows, columns, 3)`` homogeneous pixels of nodes amid their cells, one cell beyond each side."""
+    """``(rows, columns, 3)`` homogeneous pixels of nodes amid their cells, one cell beyond each
+    side.
+    """
     x, y = (
         np.arange(-1, -(-size // _NODE) + 1) * _NODE + (_NODE - 1) / 2
         for size in (camera.width, camera.height)
@@ -166,7 +180,9 @@ def _node_grid(camera: Camera) -> np.ndarray:
 
 
 def _line_kernel(path: np.ndarray, longest: float = 41.0) -> np.ndarray | None:
-    """Kernel that averages along a straight path of (x, y) pixels; None where it would change nothing."""
+    """Kernel that averages along a straight path of (x, y) pixels; None where it would change
+    nothing.
+    """
     length = float(np.hypot(*path))
     if length < 0.1:
         return None

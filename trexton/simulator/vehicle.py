@@ -1,7 +1,7 @@
 """A quadrotor that follows goals with lag, in gusty air.
 
-Velocity follows the goal, tilt the wanted acceleration, and the air pushes; heading and height wander.
-The equations are integrated in small steps, so that the motion within one exposure is true.
+Velocity follows the goal, tilt the wanted acceleration, and the air pushes; heading and height
+wander. The equations are integrated in small steps, so that the motion within one exposure is true.
 """
 
 from __future__ import annotations
@@ -53,7 +53,9 @@ class VehicleState:
     landed: bool = False
 
     def pose(self, delay: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Position and attitude `delay` seconds later (or earlier), extrapolated from velocity and rates."""
+        """Position and attitude `delay` seconds later (or earlier), extrapolated from velocity and
+        rates.
+        """
         return self.position + delay * self.velocity, self.attitude + delay * self.rates
 
 
@@ -176,7 +178,9 @@ class Vehicle:
             self._landed = self._height + self._wander[0] <= TOUCHDOWN
 
     def _wander_step(self, noise: np.ndarray) -> None:
-        """Damped oscillators driven by white noise: smooth, with the standard deviations asked for."""
+        """Damped oscillators driven by white noise: smooth, with the standard deviations asked
+        for.
+        """
         frequency, damping = WANDER_FREQUENCY, 0.7
         kick = self._ripple * np.sqrt(4 * damping * frequency**3 * STEP) * noise
         pull = -(frequency**2) * self._wander - 2 * damping * frequency * self._wander_rate

@@ -85,7 +85,7 @@ def made_notebook(name: str, experiment: Experiment) -> str:
     for code in shown[1:]:
         text += _CELL.format(code=code)
     for figure, draw in module.FIGURES.items():
-        alt = (inspect.getdoc(draw) or figure).splitlines()[0].replace('"', "'")
+        alt = " ".join((inspect.getdoc(draw) or figure).split("\n\n")[0].split()).replace('"', "'")
         text += _FIGURE.format(name=figure, alt=alt)
     return text + "\n## Run it again\n" + _CELL.format(code="page.footer()")
 

@@ -1,6 +1,7 @@
 """Flights and tracks in the formats that others read: one file each, and one line here.
 
-A module has ``write(track, stream)``, which writes a `Trajectory` as text; its first docstring line describes it.
+A module has ``write(track, stream)``, which writes a `Trajectory` as text; its first docstring line
+describes it.
 """
 
 from __future__ import annotations
@@ -56,7 +57,8 @@ class Exporter(Protocol):
 
 
 def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
-    """The track in a Flight folder, or the truth, estimate or k-NN track in a record of an experiment.
+    """The track in a Flight folder, or the truth, estimate or k-NN track in a record of an
+    experiment.
 
     Frames without a position are left out.
 
@@ -81,7 +83,8 @@ def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
             raise ValueError(f"{len(time)} stamps, {len(position)} positions")
     except (ValueError, KeyError, TypeError) as error:
         raise FlightError(
-            f"{source}: no record with a track of {what} ({error!r}): give mocap_training.json or a flight"
+            f"{source}: no record with a track of {what} ({error!r}): give mocap_training.json or "
+            "a flight"
         ) from None
     zero = np.zeros(len(time))
     return _known(f"{name} {what}", time, position, zero, zero)

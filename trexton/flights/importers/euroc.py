@@ -1,4 +1,6 @@
-"""EuRoC / ASL folders: ``mav0/cam0`` with ``mocap0``, ``vicon0``, ``leica0`` or a ground truth estimate."""
+"""EuRoC / ASL folders: ``mav0/cam0`` with ``mocap0``, ``vicon0``, ``leica0`` or a ground truth
+estimate.
+"""
 
 from __future__ import annotations
 

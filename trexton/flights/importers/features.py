@@ -1,4 +1,6 @@
-"""Histograms of any feature: a table of values, a row a frame, and positions beside them or in another table."""
+"""Histograms of any feature: a table of values, a row a frame, and positions beside them or in
+another table.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,8 @@ def read(source: Path, settings: Settings) -> Recording:
         raise FlightError(f"{source}: a value is a whole number beyond all others") from None
     if len(numbers) != len(places) or not numbers.shape[1] or not np.isfinite(numbers).all():
         raise FlightError(
-            f"{source}: {numbers.shape[0]} rows of {numbers.shape[1]} values, {len(places)} positions: "
+            f"{source}: {numbers.shape[0]} rows of {numbers.shape[1]} values, {len(places)} "
+            "positions: "
             "expected a row of finite numbers for each position"
         )
     height = np.full((len(place), 1), np.nan)

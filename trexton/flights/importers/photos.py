@@ -1,9 +1,11 @@
-"""Photographs with GPS: positions from EXIF, or from a table with latitudes; local metres east and north."""
+"""Photographs with GPS: positions from EXIF, or from a table with latitudes; local metres east and
+north.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from datetime import datetime, timezone, UTC
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +63,8 @@ def read(source: Path, settings: Settings) -> Recording:
     known = [file for file in files if places.get(file) is not None]
     if len(known) < 3:
         raise FlightError(
-            f"{source}: {len(known)} of {len(files)} photographs have a position: expected GPS in their "
+            f"{source}: {len(known)} of {len(files)} photographs have a position: expected GPS in "
+            "their "
             "EXIF, or a table named with positions="
         )
     taken: dict[Path, Any] = {file: places[file] for file in known}
@@ -86,7 +89,8 @@ def local_metres(
 ) -> tuple[np.ndarray, tuple[float, float]]:
     """``(N, 2)`` metres east and north of the south-west corner, and that corner in degrees.
 
-    A transverse Mercator projection about the middle of the points; true to a millimetre over some kilometres.
+    A transverse Mercator projection about the middle of the points; true to a millimetre over some
+    kilometres.
 
     Raises
     ------
@@ -99,7 +103,8 @@ def local_metres(
     if not good.all():
         row = int(np.argmin(good))
         raise FlightError(
-            f"position {row + 1} is {latitude[row]}, {longitude[row]}: expected degrees of latitude and longitude"
+            f"position {row + 1} is {latitude[row]}, {longitude[row]}: expected degrees of "
+            "latitude and longitude"
         )
     middle = float(np.median(latitude)), float(np.median(longitude))
     plane = Proj(proj="tmerc", lat_0=middle[0], lon_0=middle[1], ellps="WGS84")
@@ -174,7 +179,9 @@ def _stamp(path: Path, text: str) -> int:
 
 
 def _increasing(stamps: np.ndarray) -> np.ndarray:
-    """Stamps of whole seconds are shared by photographs in a burst: each comes a millisecond later."""
+    """Stamps of whole seconds are shared by photographs in a burst: each comes a millisecond
+    later.
+    """
     result = stamps.copy()
     for row in range(1, len(result)):
         result[row] = max(result[row], result[row - 1] + NANO // 1000)

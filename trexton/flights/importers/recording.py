@@ -49,10 +49,12 @@ class Recording:
     track : Track or None
         None where the source has no positions.
     picture : callable or None
-        ``picture(i)`` gives frame i as a path or as an ``(H, W, 3) uint8`` BGR array; None without images.
+        ``picture(i)`` gives frame i as a path or as an ``(H, W, 3) uint8`` BGR array; None without
+        images.
     histograms : (N, K) array or None
     features : str
-        What the histograms count: ``textons``, or another word for features whose values need not sum to one.
+        What the histograms count: ``textons``, or another word for features whose values need not
+        sum to one.
     camera : Camera or None
     distortion : (D,) array or None
         Of the camera, in OpenCV's order.
@@ -77,7 +79,9 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Matched:
-    """Positions of the frames: ``(N, 3)`` metres and ``(N, 3)`` radians (or None), NaN where none is near."""
+    """Positions of the frames: ``(N, 3)`` metres and ``(N, 3)`` radians (or None), NaN where none
+    is near.
+    """
 
     position: np.ndarray
     attitude: np.ndarray | None
@@ -88,7 +92,8 @@ class Matched:
 def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
     """Interpolate the track at the frames; angles along the shorter way.
 
-    A frame is matched if it lies on a stamp or between two that are at most twice the tolerance apart.
+    A frame is matched if it lies on a stamp or between two that are at most twice the tolerance
+    apart.
 
     Raises
     ------
@@ -98,7 +103,8 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
     stamps = track.time_ns
     if len(stamps) == 0 or (np.diff(stamps) <= 0).any():
         raise FlightError(
-            f"the track has {len(stamps)} stamps, not all increasing: sort it and drop repeated rows"
+            f"the track has {len(stamps)} stamps, not all increasing: sort it and drop repeated "
+            "rows"
         )
     after = np.searchsorted(stamps, time_ns)
     before = np.clip(after - (after == len(stamps)) - 1, 0, len(stamps) - 1)

@@ -1,4 +1,6 @@
-"""A video with a table of positions; the offset between their clocks is given, or found by their motion."""
+"""A video with a table of positions; the offset between their clocks is given, or found by their
+motion.
+"""
 
 from __future__ import annotations
 
@@ -101,7 +103,8 @@ def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tup
     time = (track.time_ns - track.time_ns[0]) / NANO
     if len(time) < 10 or time[-1] < 2 or len(stamps) < 10:
         raise FlightError(
-            f"{len(stamps)} frames and positions over {time[-1]:.1f} s are too few to find the time "
+            f"{len(stamps)} frames and positions over {time[-1]:.1f} s are too few to find the "
+            "time "
             "offset: give it, offset=SECONDS"
         )
     grid = np.arange(0, time[-1], _STEP)
