@@ -10,7 +10,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test check test-slow bench full lab lock sbom audit pdf clean
+.PHONY: help env book test check test-slow bench verify full lab lock sbom audit pdf clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -43,6 +43,9 @@ test-slow: env  ## the tests that take minutes
 
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)
+
+verify: env  ## run the committed reference values again in five kinds of process, compare
+	@$(BIN)/trexton verify $(ARGS)
 
 full: env  ## the long sweeps of data/sweeps and coarse to fine over many floors, results to data/reference
 	@for plan in data/sweeps/*.toml; do name=$$(basename $$plan .toml); \

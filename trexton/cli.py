@@ -32,6 +32,7 @@ COMMANDS = {
     "bench": ("bench", "measure the speed of every stage"),
     "suitability": ("suitability", "will it work over this floor? A picture is enough"),
     "play": ("play", "look at a flight frame by frame in a browser"),
+    "verify": ("verify", "run records' experiments again and say what changed"),
     "tune": ("tune", "choose samples and particles for a rate on this machine"),
 }
 
