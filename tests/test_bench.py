@@ -5,6 +5,7 @@ asserted.
 from __future__ import annotations
 
 import json
+import re
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from trexton.bench.clock import Times, duration, interleave, limited_threads
 from trexton.bench.estimation import _by_numpy, _map_by_einsum, _map_by_sums
 from trexton.bench.growth import exponent
 from trexton.bench.images import _by_cdist, operations
+from trexton.bench.onboard import onboard
 from trexton.bench.scene import Scene, crowd, observations
 from trexton.bench.stages import StageClock
 from trexton.errors import ParameterError
@@ -161,6 +163,13 @@ def test_the_command_writes_rows_as_json(tmp_path, capsys):
     assert "sampled histogram" in capsys.readouterr().out
 
 
+def test_the_onboard_loop_tells_cpu_time_and_memory(scene):
+    (row,) = onboard(scene, quick=True)
+    cpu, memory = re.fullmatch(r"([0-9.]+) ms CPU, ([0-9]+) MiB resident", row.note).groups()
+    assert float(cpu) == pytest.approx(1e3 * row.ours_s, abs=0.006) and row.yardstick_s > 0
+    assert int(memory) > 20  # an interpreter with NumPy and OpenCV alone takes more
+
+
 def test_unknown_stages_and_missing_packages_are_clear_errors(monkeypatch):
     with pytest.raises(ParameterError, match="stage 'warp' is unknown: the stages are full"):
         list(measure(["warp"]))
@@ -186,5 +195,6 @@ def test_every_stage_runs():
         "simulator",
         "start",
         "growth",
+        "onboard loop",
     }
     assert all(row.ours_s > 0 and row.yardstick_s > 0 for row in rows)

@@ -13,7 +13,7 @@ from trexton.errors import ParameterError
 from trexton.progress import say
 
 if TYPE_CHECKING:  # loaded when measured; named here for whoever follows imports, as the cache does
-    from trexton.bench import estimation, growth, images, start  # noqa: F401
+    from trexton.bench import estimation, growth, images, onboard, start  # noqa: F401
 
 __all__ = ["Row", "STAGES", "machine", "measure", "table"]
 
@@ -27,6 +27,7 @@ STAGES = {
     "homography": ("images", "homography"),
     "simulator": ("images", "simulator"),
     "start": ("start", "start"),
+    "onboard": ("onboard", "onboard"),
     "growth": ("growth", "growth"),
 }
 
