@@ -35,6 +35,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="another part, or an option of one, repeatable: recovery=augmented",
     )
     parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {', '.join(SOURCES)}."
+    parser.add_argument(
+        "--preflight", action="store_true",
+        help="check camera, map and autopilot for some seconds, a line each, and command nothing",
+    )  # fmt: skip
     add_options(parser, _edges())
 
 
@@ -53,6 +57,12 @@ def run(arguments: argparse.Namespace) -> int:
         tuple(arguments.choices),
         chosen_options(arguments, _edges()),
     )
+    if arguments.preflight:
+        from trexton.onboard.preflight import preflight
+
+        checks = preflight(settings)
+        print("\n".join(map(str, checks)))
+        return int(not all(check.holds for check in checks))
     with stopped_by_signals() as stop:
         summary = build(settings).run(stop)
     say("trexton onboard: " + json.dumps(plain(summary)))

@@ -47,7 +47,9 @@ class Flying(Options):
 class Placement(Options):
     """How the map lies"""
 
-    heading: float = option(0.0, "compass heading of the map's +y axis, degrees")
+    heading: float | None = option(
+        None, "compass heading of the map's +y axis, degrees; north unless given"
+    )
     height: float = option(
         1.0, "flying height in metres, which is not estimated", low=0.01, high=1000
     )
@@ -55,7 +57,7 @@ class Placement(Options):
     @property
     def local(self) -> LocalFrame:
         """The map's place in the autopilot's axes."""
-        return LocalFrame(math.radians(self.heading), self.height)
+        return LocalFrame(math.radians(self.heading or 0.0), self.height)
 
 
 @dataclass(frozen=True)

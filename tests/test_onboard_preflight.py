@@ -1,0 +1,128 @@
+"""Before take-off: what is as it should be and what is not; nothing is written or commanded."""
+
+from __future__ import annotations
+
+import threading
+
+import cv2
+import numpy as np
+import pytest
+from onboard_tools import CAMERA, colourful_floor, mavlink, room_map
+
+from trexton.cli import main
+from trexton.flights import read_flight
+from trexton.onboard import Settings
+from trexton.onboard.preflight import blur_effect, preflight
+from trexton.onboard.settings import Flying, Landing, Placement
+from trexton.simulator import record_flight
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory):
+    """A map file, and a flight over the same floor."""
+    folder = tmp_path_factory.mktemp("preflight")
+    record_flight(
+        folder / "flight", pattern="waypoints", frames=30, camera=CAMERA, floor=colourful_floor()
+    )
+    return str(room_map().save(folder / "map.npz")), str(folder / "flight")
+
+
+def checked(place, **options) -> dict[str, bool]:
+    settings = Settings(place[0], (), (), {Flying: Flying(camera=place[1]), **options})
+    return {check.name: check.holds for check in preflight(settings, 1.0)}
+
+
+def spoilt(place, tmp_path, change) -> tuple[str, str]:
+    """The same flight as a folder of changed pictures."""
+    folder = tmp_path / "spoilt"
+    folder.mkdir()
+    for number, file in enumerate(read_flight(place[1]).image_files):
+        cv2.imwrite(str(folder / f"{number:03d}.png"), change(cv2.imread(str(file))))
+    return place[0], str(folder)
+
+
+def test_all_is_well_and_nothing_is_written_nor_commanded(place, tmp_path, capsys):
+    log, table = tmp_path / "log", tmp_path / "a.csv"
+    words = ["onboard", place[0], "--camera", place[1], "--preflight", "--quiet"]
+    words += ["--log", str(log), "--output", f"csv:{table}"]
+    assert main(words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split(":")[0].split()[1] for line in lines] == [
+        "camera", "focus", "exposure", "map",
+    ]  # fmt: skip
+    assert all(line.startswith("ok ") for line in lines) and "128x96" in lines[0]
+    assert not log.exists() and not table.exists()
+
+
+def test_a_lens_out_of_focus(place, tmp_path):
+    found = checked(spoilt(place, tmp_path, lambda image: cv2.GaussianBlur(image, (0, 0), 5)))
+    assert found["camera"] and not found["focus"]
+
+
+def test_too_much_light(place, tmp_path):
+    found = checked(spoilt(place, tmp_path, lambda image: cv2.convertScaleAbs(image, alpha=2.5)))
+    assert not found["exposure"]
+
+
+def test_another_floor(place, tmp_path):
+    found = checked(spoilt(place, tmp_path, lambda image: 255 - image // 2))
+    assert found["camera"] and not found["map"]
+
+
+def test_another_size(place, tmp_path):
+    found = checked(spoilt(place, tmp_path, lambda image: image[:64, :64]))
+    assert not found["camera"] and not found["map"]
+
+
+def test_no_camera(place, capsys):
+    words = ["onboard", place[0], "--camera", "/dev/video97", "--preflight", "--quiet"]
+    assert main(words) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 2 and all(line.startswith("FAIL") for line in lines)
+    assert "gives no frames" in lines[0]
+
+
+def test_blur_grows_from_sharp_to_blurred(rng):
+    sharp = rng.integers(0, 256, (96, 128), dtype=np.uint8)
+    effects = [blur_effect(cv2.GaussianBlur(sharp, (0, 0), sigma)) for sigma in (1, 3, 6)]
+    assert blur_effect(sharp) < effects[0] < effects[1] < effects[2] < 1
+
+
+class TestAutopilot:
+    """An autopilot over the wire."""
+
+    def links(self, place, port: int, options=None, heading=None) -> dict[str, bool]:
+        changes = {
+            Flying: Flying(camera=place[1]), Placement: Placement(heading=heading),
+            Landing: Landing(land="2,2", arm_landing=True), **(options or {}),
+        }  # fmt: skip
+        settings = Settings(place[0], (f"udpout:127.0.0.1:{port}",), (), changes)
+        return {check.name: check.holds for check in preflight(settings, 2.0)}
+
+    def test_one_that_fuses(self, place):
+        from onboard_autopilot import AUTOPILOT_HEARTBEAT, Peer
+        from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+        peer, done = Peer(), threading.Event()
+
+        def beat():
+            while not done.wait(0.1):
+                if peer.address is not None:
+                    fused = dialect.MAVLink_estimator_status_message(0, 8, *[0.0] * 8)
+                    peer.send(AUTOPILOT_HEARTBEAT, fused)
+
+        thread = threading.Thread(target=beat, daemon=True)
+        thread.start()
+        try:
+            found = self.links(place, peer.port, mavlink(origin="52,4,0"), heading=0.0)
+        finally:
+            done.set()
+            thread.join()
+            peer.close()
+        assert found["link"] and found["fused"] and found["origin"] and found["heading"]
+        assert not [m for m in peer.of("COMMAND_LONG") if m.command == 21]
+
+    def test_one_that_is_silent(self, place):
+        found = self.links(place, 9, mavlink(autopilot="ardupilot"))
+        assert not (found["link"] or found["fused"] or found["origin"] or found["heading"])
+        assert found["camera"]

@@ -1,0 +1,197 @@
+"""Before take-off: the loop itself runs for some seconds and commands nothing; what it met is
+judged line by line."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.errors import TrextonError
+from trexton.localizer import Localizer
+from trexton.neighbors import neighbors_in_flight
+from trexton.onboard.build import build
+from trexton.onboard.inspection import BLACK, WHITE
+from trexton.onboard.loop import Onboard
+from trexton.onboard.settings import Flying, Landing, Placement, Settings
+from trexton.onboard.sinks import SINKS
+from trexton.onboard.sources import Frame, Playback, Source
+from trexton.parts.measurement import EXCLUDED_SECONDS
+
+__all__ = ["Check", "blur_effect", "preflight"]
+
+SECONDS = 5.0
+KEPT = 10  # frames that are looked at closely
+BLURRED = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay below 0.6
+OFF_SCALE = 0.2  # share of pixels that are black or white
+USUAL = 0.99  # share of training frames nearer to another: one place in a hundred alarms in vain
+AUTOPILOTS = ("Mavlink", "Paparazzi")
+
+
+@dataclass(frozen=True)
+class Check:
+    """One line: what was looked at, whether it is as it should be, and what was found."""
+
+    name: str
+    holds: bool
+    words: str
+
+    def __str__(self) -> str:
+        return f"{'ok  ' if self.holds else 'FAIL'}  {self.name}: {self.words}"
+
+
+class _Watched(Source):
+    """A source of which the latest pictures are kept."""
+
+    def __init__(self, source: Source):
+        self.source, self.live, self.gives = source, source.live, source.gives
+        self.pictures: deque[np.ndarray] = deque(maxlen=KEPT)
+
+    def open(self) -> None:
+        self.source.open()
+
+    def read(self) -> Frame | None:
+        frame = self.source.read()
+        if frame is not None and frame.picture is not None:
+            self.pictures.append(frame.picture)
+        return frame
+
+    def close(self) -> None:
+        self.source.close()
+
+
+def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
+    """Run the settings for a while: positions go to autopilots alone, no landing is asked for.
+
+    Parameters
+    ----------
+    settings : Settings
+    seconds : float
+
+    Raises
+    ------
+    TrextonError
+        As `build`: the settings do not fit.
+    """
+    told = tuple(each for each in settings.outputs if _of_autopilot(each))
+    changes: dict[Any, Any] = {
+        Flying: replace(settings.of(Flying), log=None, frames=None),
+        Landing: Landing(),
+        Playback: replace(settings.of(Playback), pace="stamps"),
+    }
+    quiet = replace(settings, outputs=told, options={**settings.options, **changes})
+    onboard, stop = build(quiet), threading.Event()
+    onboard.source = watched = _Watched(onboard.source)
+    timer = threading.Timer(seconds, stop.set)
+    timer.start()
+    try:
+        onboard.run(stop)
+    finally:
+        timer.cancel()
+    pictures = list(watched.pictures)
+    return [
+        *_of_camera(settings.of(Flying).camera, onboard, pictures),
+        *_of_map(onboard.localizer, pictures),
+        *_of_links(settings, onboard),
+    ]
+
+
+def blur_effect(luma: np.ndarray) -> float:
+    """How little an ``(H, W) uint8`` picture changes when it is blurred: 0 sharp, 1 blurred.
+
+    Crete et al., "The blur effect" (2007), at half size, where single pixels' noise is gone.
+    """
+    small = cv2.pyrDown(np.ascontiguousarray(luma)).astype(np.float32)
+    found = []
+    for axis, size in ((0, (1, 9)), (1, (9, 1))):
+        before = np.abs(np.diff(small, axis=axis))
+        lost = before - np.abs(np.diff(cv2.blur(small, size), axis=axis))
+        found.append(1 - np.maximum(lost, 0).sum() / max(before.sum(), 1e-9))
+    return float(max(found))
+
+
+def _of_camera(address: str, onboard: Onboard, pictures: list[np.ndarray]) -> Iterator[Check]:
+    tally, faults = onboard.tally, onboard.tally.faults
+    seen, said = tally["observed"], ", ".join(f"{name} {many}" for name, many in faults.items())
+    sizes = {p.shape[1::-1] for p in pictures if p.ndim == 3}
+    size = ", ".join(f"{width}x{height}" for width, height in sorted(sizes)) or "histograms"
+    words = f"{address}, {tally['frames']} frames of {size}, {seen} usable"
+    words = words if pictures else f"{address} gives no frames: check cable, permissions, --camera"
+    usable = bool(pictures) and 2 * seen > tally["frames"]
+    yield Check("camera", usable, words + (f" (faults: {said})" if said else ""))
+    lumas = [picture[..., 0] for picture in pictures if picture.ndim == 3]
+    if not lumas:
+        return
+    blur = float(np.median([blur_effect(luma) for luma in lumas]))
+    advice = "" if blur <= BLURRED else ": turn the lens, clean it, hold still"
+    yield Check("focus", blur <= BLURRED, f"blur {blur:.2f}, at most {BLURRED}{advice}")
+    off = float(np.mean([(luma <= BLACK) | (luma >= WHITE) for luma in lumas]))
+    level = f"median brightness {np.median(np.stack(lumas)):.0f} of 255, {off:.0%} black or white"
+    advice = "" if off <= OFF_SCALE else f", at most {OFF_SCALE:.0%}: mend light or exposure"
+    yield Check("exposure", off <= OFF_SCALE, level + advice)
+
+
+def _of_map(localizer: Localizer, pictures: list[np.ndarray]) -> Iterator[Check]:
+    """How far what is seen is from the map, beside the map's own frames from each other."""
+    texton_map, nearest = localizer.map, localizer.nearest
+    everywhere = Localizer(texton_map, samples=None, nearest=nearest, rng=np.random.default_rng(1))
+    if not pictures:
+        yield Check("map", False, "nothing was seen to compare it with")
+        return
+    try:
+        seen = [everywhere.observe(picture) for picture in pictures]
+        histograms, time_s = texton_map.histograms, texton_map.time
+        rows = neighbors_in_flight(nearest, histograms, time_s, 1, EXCLUDED_SECONDS)[:, 0]
+    except TrextonError as error:
+        yield Check("map", False, str(error))
+        return
+    kept = texton_map.parts["distance"].features(histograms)
+    usual = float(np.quantile(np.linalg.norm(kept - kept[rows], axis=1), USUAL))
+    now = float(np.median([nearest.query(each, 1).distance[0] for each in seen]))
+    words = f"nearest histogram at {now:.3f}; of training frames {USUAL:.0%} lie within {usual:.3f}"
+    advice = "" if now <= usual else ": another floor, light or height than the map was made at"
+    yield Check("map", now <= usual, words + advice)
+
+
+def _of_links(settings: Settings, onboard: Onboard) -> Iterator[Check]:
+    from trexton.onboard.sinks.mavlink import MavlinkOptions, MavlinkSink
+
+    now, options = time.monotonic(), settings.of(MavlinkOptions)
+    for sink in (guard.sink for guard in onboard.sinks):
+        if not isinstance(sink, MavlinkSink):
+            yield Check("link", True, f"{sink.name} never answers: nothing can be said of it")
+            continue
+        listener = sink.speaker.listener
+        heard = listener.present(now) and listener.certain
+        words = f"autopilot {listener.target[0]} heard" if listener.target else "no autopilot heard"
+        words += ", silent since" if listener.target and not listener.present(now) else ""
+        words += "" if listener.certain or not listener.target else ": several, give --system-id"
+        yield Check("link", heard, f"{sink.name}: {words}")
+        known = listener.origin or options.place
+        words = f"{known[0]:.7f}, {known[1]:.7f}" if known else "not given: add --origin"
+        needed = options.autopilot == "ardupilot"
+        words += "" if known or needed else " for modes that need a global position"
+        yield Check("origin", bool(known) or not needed, words)
+        fused = listener.fused(now)
+        told = {
+            True: "the autopilot has a position",
+            False: "the autopilot HAS NO POSITION",
+            None: "the autopilot does not say whether it has a position",
+        }
+        yield Check("fused", fused is True, told[fused])
+    if onboard.sinks:
+        heading = settings.of(Placement).heading
+        words = "not given: add --heading, 0 where the map's +y points north"
+        words = words if heading is None else f"the map's +y points to {heading:g} degrees"
+        yield Check("heading", heading is not None, words)
+
+
+def _of_autopilot(address: str) -> bool:
+    place = SINKS.get(address.partition(":")[0], "")
+    return any(name in place for name in AUTOPILOTS)
