@@ -44,7 +44,7 @@ test-slow: env  ## the tests that take minutes
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)
 
-verify: env  ## run the committed reference values again in five kinds of process, compare
+verify: env  ## run the committed reference values again in several kinds of process, and compare
 	@$(BIN)/trexton verify $(ARGS)
 
 full: env  ## the long sweeps of data/sweeps and coarse to fine over many floors, results to data/reference

@@ -63,7 +63,7 @@ def test_what_is_as_it_was_holds(processes, tmp_path):
     assert verdict.holds and verdict.changes == verdict.disagreements == []
     assert {env["PYTHONHASHSEED"] for env in processes.environments} == {"0", "1"}
     assert {env["OMP_NUM_THREADS"] for env in processes.environments} == {"1", "2"}
-    assert processes.environments[-1]["OPENBLAS_CORETYPE"] == "Haswell"
+    assert processes.environments[-1]["OPENBLAS_CORETYPE"] == "Nehalem"
     caches = [env["TREXTON_CACHE"] for env in processes.environments]
     assert caches[2] == caches[0] and len(set(caches)) == len(VARIANTS) - 1
     blocked = ["sys.modules['numba'] = None" in command[2] for command in processes.commands]
@@ -88,13 +88,21 @@ def test_other_data_are_named(processes, tmp_path):
 
 def test_a_process_that_is_off_by_a_bit_is_named(processes, tmp_path):
     off = {"values": VALUES | {"error_cm": 12.500000000000002}}
-    processes.records = [{}, {}, {}, off, {}]
+    processes.records = [{}, {}, {}, off, {}, {}]
     verdict = verify(saved(tmp_path / "r.json"), tmp_path, "flight")
     assert verdict.changes == []  # as near to the record as another version may be
     (line,) = verdict.disagreements
     assert line.startswith(VARIANTS[3].name) and "12.500000000000002" in line
     with pytest.raises(TrextonError, match="disagree"):
         update(verdict)
+
+
+def test_other_kernels_may_round_otherwise_but_no_more(processes, tmp_path):
+    off = [{"values": VALUES | {"error_cm": 12.5 * factor}} for factor in (1 + 1e-12, 1 + 1e-8)]
+    processes.records = [{}, {}, {}, {}, *off]
+    verdict = verify(saved(tmp_path / "r.json"), tmp_path, "flight")
+    (line,) = verdict.disagreements
+    assert line.startswith("BLAS kernels of Nehalem: values.error_cm")
 
 
 def test_the_command_shows_the_difference_and_updates_when_told(processes, tmp_path, capsys):

@@ -25,14 +25,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.verify import VARIANTS, references, update, verify
+    from trexton.verify import RELATIVE, VARIANTS, references, update, verify
 
     status = 0
     for path in [Path(record) for record in arguments.records] or references():
         with tempfile.TemporaryDirectory() as work:
             verdict = verify(path, Path(work), arguments.flight, arguments.test_flight)
         if verdict.holds:
-            print(f"{path}: as it was; {len(VARIANTS)} processes agree to the byte")
+            exact = sum(variant.exact for variant in VARIANTS)
+            print(
+                f"{path}: as it was; {exact} processes agree to the byte, "
+                f"{len(VARIANTS) - exact} with other BLAS kernels to {RELATIVE:g}"
+            )
             continue
         if verdict.disagreements:
             print(f"{path}: processes disagree with the first ({VARIANTS[0].name})")
