@@ -315,7 +315,7 @@ class TestLive:
         localizer = room_localizer()
         quick = localizer.step
 
-        def slow_once(picture):
+        def slow_once(picture, aiding=None):
             time.sleep(0.5 if picture is film[1] else 0)
             return quick(picture)
 
@@ -339,7 +339,9 @@ class TestLive:
         steps = [film[0], 0.05, film[1], 0.4, film[2], 0.05]
         localizer = room_localizer()
         seen, step = [], localizer.step
-        localizer.step = lambda picture: seen.append(picture is not None) or step(picture)
+        localizer.step = lambda picture, aiding=None: (
+            seen.append(picture is not None) or step(picture)
+        )
         run(localizer, Live(steps))
         assert seen.count(True) == 3
         assert seen.count(False) >= 3  # 0.4 s are five periods of the map
@@ -468,7 +470,7 @@ def test_a_step_that_takes_long_makes_a_stale_fix(film):
     localizer = room_localizer()
     clock, quick = Clock(), localizer.step
 
-    def slow(picture):
+    def slow(picture, aiding=None):
         clock.now += 1.2
         return quick(picture)
 
