@@ -29,7 +29,7 @@ book: env  ## run the notebooks, build book/_build/html/index.html
 	@$(BIN)/trexton book $(ARGS)
 
 test: env  ## the tests
-	@$(BIN)/python -m pytest -m "not slow" $(ARGS)
+	@$(BIN)/python -m pytest -m "not slow" -n 2 $(ARGS)
 
 check: env  ## format, lint, types, import directions, dead code
 	@$(BIN)/ruff format --check --quiet .
