@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from trexton import cli
+from trexton.cache import repository_root
 from trexton.errors import DataError
 from trexton.flights import read_flight
 from trexton.flights import registry as data
@@ -100,7 +101,7 @@ def test_from_a_folder_the_hash_is_still_checked(tmp_path):
 
 
 def test_each_entry_of_the_registry_is_whole():
-    root = data.repository_root()
+    root = repository_root()
     for entry in data.registry().values():
         assert (
             entry["title"]
