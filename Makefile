@@ -1,6 +1,6 @@
 # The few verbs a person types. Everything happens in .venv, made from environment.lock.
 # The newest Python that environment.lock serves and this machine has; another: make env PYTHON=...
-PYTHON ?= $(firstword $(foreach v,3.14 3.13 3.12 3.11,$(shell command -v python$(v))) python3)
+PYTHON ?= $(shell for v in 3.14 3.13 3.12 3.11; do python$$v -c "" 2>/dev/null && echo python$$v && exit; done; echo python3)
 BIN := .venv/bin
 # Passed on to trexton book or pytest: make book ARGS=--explain, make test ARGS="-k landing"
 ARGS ?=
