@@ -201,8 +201,8 @@ def test_tracker_keeps_its_place_on_a_floor_that_repeats():
 
 @pytest.mark.xfail(
     strict=False,
-    reason="alone it holds; after some orders of tests the first place chosen is another that looks "
-    "alike, and what differs is not understood",
+    reason="alone it holds; after some orders of tests the first place chosen is another that "
+    "looks alike, and what differs is not understood",
 )
 def test_a_camera_turned_upside_down_is_followed_too():
     tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
