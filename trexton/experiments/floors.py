@@ -2,8 +2,7 @@
 would be.
 
 The prediction uses the training part of the virtual flight only; the error beside it is measured on
-a second flight, under another light. How well the one foretells the other is what a sweep over
-floors shows.
+a second flight, under another light.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -21,7 +19,6 @@ import numpy as np
 
 from trexton.camera import MapImage
 from trexton.errors import ParameterError
-from trexton.executor import spread
 from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.evaluation import frames_of
 from trexton.flights.flight import Flight
@@ -33,7 +30,7 @@ from trexton.simulator.mats import MATS, PIXELS_PER_METRE
 from trexton.streams import stream
 from trexton.suitability import local_losses
 
-__all__ = ["VirtualFlights", "helpful_changes", "judge_floor", "named_floor", "sweep_floors"]
+__all__ = ["VirtualFlights", "helpful_changes", "judge_floor", "named_floor"]
 
 LANE = 0.5  # metres between the lanes of a survey that sees everything twice
 SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
@@ -260,43 +257,6 @@ def named_floor(name: str) -> Floor:
     return Floor.painted(found[1], int(found[2]))
 
 
-def sweep_floors(
-    names: Sequence[str],
-    *,
-    flights: VirtualFlights = VirtualFlights(),
-    methods: Sequence[str] = (METHOD,),
-    rng: np.random.Generator,
-) -> tuple[dict[str, Any], list[dict[str, Any]]]:
-    """Judge many painted floors: does what is predicted from a survey come true on another flight?
-
-    Returns
-    -------
-    values : dict
-        Spearman's correlations over the floors of the predicted error, and of the paper's loss,
-        with the measured error; ``level``, the median of |predicted / measured - 1|.
-    rows : list of dict
-        A floor each: name, predicted and measured errors in cm, loss.
-    """
-    judge = partial(_judged_by_name, flights=flights, methods=tuple(methods))
-    rows = spread(judge, names, "floors")
-    predicted, loss = (np.array([row[key] for row in rows]) for key in ("predicted_cm", "loss"))
-    measured = np.array([_mean(row) for row in rows])
-    return {
-        "floors": len(rows),
-        "prediction": rank_correlation(predicted, measured, rng=rng, block=1),
-        "loss": rank_correlation(loss, measured, rng=rng, block=1),
-        "level": float(np.median(np.abs(predicted / measured - 1))),
-    }, rows
-
-
 def _mean(judged: dict[str, Any]) -> float:
     """Measured mean error of the first method, cm."""
     return float(next(iter(judged["measured"].values()))["mean_cm"])
-
-
-def _judged_by_name(
-    name: str, *, flights: VirtualFlights, methods: tuple[str, ...]
-) -> dict[str, Any]:
-    judged = judge_floor(named_floor(name), flights=flights, methods=methods)
-    kept = ("loss", "predicted_cm", "measured", "centre_cm", "correlation")
-    return {"floor": name} | {key: judged[key] for key in kept}
