@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from trexton.flights import Flight, write_flight
+from trexton.flights.frames import ImageFiles
 from trexton.flights.registry import raw_files
 from trexton.progress import set_quiet
 from trexton.records import Record
@@ -92,7 +93,7 @@ def image_folder(tmp_path) -> Path:
         time=np.arange(6) * 0.08,
         position=np.column_stack([line, -line]),
         area=(0.0, 1.0, -1.0, 0.0),
-        image_files=files,
+        frames=ImageFiles(tuple(files)),
     )
     return write_flight(flight, tmp_path / "pictures")
 

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from trexton.flights import Flight
+from trexton.flights.frames import ImageFiles
 
 SIDE = 240  # pixels of the floor's picture
 METRES = 4.0
@@ -47,7 +48,7 @@ def picture_flight(
         time=np.arange(frames) * 0.25,
         position=position,
         area=(0.0, METRES, 0.0, METRES),
-        image_files=tuple(files),
+        frames=ImageFiles(tuple(files)),
         floor_file=folder / "floor.png" if floor else None,
         floor_from_pixel=np.array([[step, 0, step / 2], [0, -step, METRES - step / 2], [0, 0, 1]])
         if floor

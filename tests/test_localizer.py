@@ -10,6 +10,7 @@ from conftest import small_flight
 from trexton.camera import Camera
 from trexton.errors import ImageError, MapError, ParameterError
 from trexton.flights import Flight
+from trexton.flights.frames import ImageFiles
 from trexton.localizer import Localizer, TextonMap
 from trexton.neighbors import NearestHistograms, neighbors_in_flight
 from trexton.parts.measurement import rank_covariances
@@ -39,7 +40,7 @@ def picture_flight(tmp_path_factory) -> Flight:
         time=np.arange(60) * 0.08,
         position=center / 100,
         area=(0.0, 4.0, 0.0, 4.0),
-        image_files=tuple(files),
+        frames=ImageFiles(tuple(files)),
         camera=Camera(100, 80, 100.0),
     )
 

@@ -11,6 +11,7 @@ import pytest
 from trexton.camera import Camera, transform_points
 from trexton.errors import FlightError, MapError, ParameterError
 from trexton.flights import Flight
+from trexton.flights.frames import ImageFiles
 from trexton.homography import Keypoints
 from trexton.mosaic import map_from_links, stitch
 from trexton.mosaic.adjust import adjust, link_errors
@@ -333,7 +334,7 @@ def test_bad_parameters_are_named(flight):
 def test_flights_that_cannot_be_stitched_say_why(flight, tmp_path):
     part = flight.select(slice(0, 12))
     with pytest.raises(FlightError, match="no images"):
-        stitch(replace(part, image_files=None))
+        stitch(replace(part, frames=None))
     with pytest.raises(FlightError, match="320x240"):
         stitch(replace(part, camera=Camera()))
     with pytest.raises(FlightError, match="position"):
@@ -343,4 +344,4 @@ def test_flights_that_cannot_be_stitched_say_why(flight, tmp_path):
     grey = tmp_path / "grey.png"
     cv2.imwrite(str(grey), np.full((240, 320, 3), 120, np.uint8))
     with pytest.raises(MapError, match="texture"):
-        stitch(replace(part, image_files=(grey,) * 12))
+        stitch(replace(part, frames=ImageFiles((grey,) * 12)))

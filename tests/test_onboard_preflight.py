@@ -36,7 +36,7 @@ def spoilt(place, tmp_path, change) -> tuple[str, str]:
     """The same flight as a folder of changed pictures."""
     folder = tmp_path / "spoilt"
     folder.mkdir()
-    for number, file in enumerate(read_flight(place[1]).image_files):
+    for number, file in enumerate(read_flight(place[1]).frames.files):
         cv2.imwrite(str(folder / f"{number:03d}.png"), change(cv2.imread(str(file))))
     return place[0], str(folder)
 

@@ -77,7 +77,7 @@ class TestFlight:
         assert len(everything(open_source(f"{flight_folder}#test"))) == 20
 
     def test_a_broken_image_is_a_frame_without_picture(self, image_folder):
-        file = read_flight(image_folder).image_files[2]
+        file = read_flight(image_folder).frames.files[2]
         file.write_bytes(file.read_bytes()[:100])
         assert [frame.picture is None for frame in everything(open_source(str(image_folder)))] == [
             False,

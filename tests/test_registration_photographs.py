@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from trexton.flights import Flight
+from trexton.flights.frames import ImageFiles
 from trexton.homography import HomographyLocalizer
 from trexton.mosaic import stitch
 from trexton.mosaic.stitching import camera_of
@@ -32,7 +33,7 @@ def photographs() -> Flight:
         time=np.arange(len(rows), dtype=float),
         position=place,
         area=(x_min, x_max, y_min, y_max),
-        image_files=tuple(FOLDER / "images" / row["file"] for row in rows),
+        frames=ImageFiles(tuple(FOLDER / "images" / row["file"] for row in rows)),
     )
 
 

@@ -17,6 +17,7 @@ from trexton.errors import ImageError, TrextonError
 from trexton.files import atomic_file, atomic_folder, check_replaceable, clean_leftovers
 from trexton.flights import Flight, write_flight
 from trexton.flights.folder import load_folder
+from trexton.flights.frames import ImageFiles
 from trexton.flights.tables import read_table, read_text
 from trexton.images import check_size, declared_size, read_image
 
@@ -33,7 +34,7 @@ def flight_with_images(folder):
             np.arange(4) * 0.1,
             np.eye(4)[:, :2],
             (0, 1, 0, 1),
-            image_files=tuple(files),
+            frames=ImageFiles(tuple(files)),
         ),
         folder / "flight",
     )

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from trexton.flights.flight import Flight
+from trexton.flights.frames import ImageFiles
 
 __all__ = ["doubts"]
 
@@ -133,9 +134,9 @@ def _splits(flight: Flight) -> Iterator[str]:
 
 
 def _names(flight: Flight) -> Iterator[str]:
-    if flight.image_files is None or len(flight) < 2:
+    if not isinstance(flight.frames, ImageFiles) or len(flight) < 2:
         return
-    file, often = Counter(flight.image_files).most_common(1)[0]
+    file, often = Counter(flight.frames.files).most_common(1)[0]
     if often > 1:
         yield f"{often} frames name the same image {file.name!r}: give each frame its own"
 

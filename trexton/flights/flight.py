@@ -13,11 +13,12 @@ import numpy as np
 from trexton.camera import Camera, MapImage
 from trexton.errors import FlightError
 from trexton.files import digest
-from trexton.images import checked_bytes, decode, read_image
+from trexton.flights.frames import Frames, select_frames
+from trexton.images import checked_bytes, decode
 
 __all__ = ["Flight"]
 
-_PER_FRAME = ("frame", "time", "position", "height", "attitude", "image_files", "histograms")
+_PER_FRAME = ("frame", "time", "position", "height", "attitude", "histograms")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +38,8 @@ class Flight:
         Metres above the floor.
     attitude : (N, 3) array or None
         Roll, pitch, yaw in radians; see `trexton.camera`.
-    image_files : tuple of Path or None
+    frames : Frames or None
+        The images, read when asked for: files, a video, a bag.
     histograms : (N, K) float64 array or None
         Texton histograms where the source gives them, or values of other features.
     features : str
@@ -59,7 +61,7 @@ class Flight:
     area: tuple[float, float, float, float]
     height: np.ndarray | None = None
     attitude: np.ndarray | None = None
-    image_files: tuple[Path, ...] | None = None
+    frames: Frames | None = None
     histograms: np.ndarray | None = None
     features: str = "textons"
     camera: Camera | None = None
@@ -75,7 +77,7 @@ class Flight:
 
     @property
     def has_images(self) -> bool:
-        return self.image_files is not None
+        return self.frames is not None
 
     @property
     def has_histograms(self) -> bool:
@@ -93,12 +95,12 @@ class Flight:
 
     def image(self, index: int) -> np.ndarray:
         """The image at row `index` as ``(H, W, 3) uint8`` Y, U, V."""
-        if self.image_files is None:
+        if self.frames is None:
             raise FlightError(
                 f"flight {self.name!r} has no images, but this step needs them: use a flight that "
                 "was recorded with images"
             )
-        return read_image(self.image_files[index])
+        return self.frames[index]
 
     def images(self) -> Iterator[np.ndarray]:
         """All images in time order."""
@@ -108,10 +110,10 @@ class Flight:
         """The flight at these rows only (a slice, indices or a mask), in time order."""
         rows = np.arange(len(self))[rows]
         changes: dict[str, Any] = {
-            key: tuple(value[row] for row in rows) if isinstance(value, tuple) else value[rows]
-            for key in _PER_FRAME
-            if (value := getattr(self, key)) is not None
+            key: value[rows] for key in _PER_FRAME if (value := getattr(self, key)) is not None
         }
+        if self.frames is not None:
+            changes["frames"] = select_frames(self.frames, rows)
         return replace(self, name=name or self.name, **changes)
 
     def part(self, name: str) -> Flight:
@@ -145,10 +147,8 @@ class Flight:
 
     @cached_property
     def data_hash(self) -> str:
-        """SHA-256 over everything an experiment can read from this flight, image bytes included."""
-        arrays = [
-            value for key in _PER_FRAME if isinstance(value := getattr(self, key), np.ndarray)
-        ]
+        """SHA-256 over everything an experiment can read from this flight, images included."""
+        arrays = [value for key in _PER_FRAME if (value := getattr(self, key)) is not None]
         scalars = [
             self.name,
             list(self.area),
@@ -169,4 +169,5 @@ class Flight:
         )
         if self.features != "textons":
             scalars.append(self.features)
-        return digest(scalars, camera, *arrays, *floor, *(self.image_files or ()))
+        images = [] if self.frames is None else [self.frames.digest]
+        return digest(scalars, camera, *arrays, *floor, *images)

@@ -14,13 +14,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 
 from trexton.errors import FlightError
 from trexton.files import atomic_folder
 from trexton.flights.columns import read_columns
 from trexton.flights.flight import Flight
+from trexton.flights.frames import Frames, ImageFiles
 from trexton.flights.header import camera_from_header, header_text, read_header
+from trexton.images import bgr_from_yuv
 
 __all__ = ["Reading", "load_folder", "read_flight", "write_flight", "write_tables"]
 
@@ -164,7 +167,7 @@ def _assemble(
         area=(float(x_min), float(x_max), float(y_min), float(y_max)),
         height=columns.get("z_m"),
         attitude=np.column_stack(angles) if len(angles) == 3 else None,
-        image_files=files,
+        frames=None if files is None else ImageFiles(files),
         histograms=histograms,
         features=header.get("features", "textons"),
         camera=camera_from_header(header["camera"]) if "camera" in header else None,
@@ -301,10 +304,10 @@ def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = F
     """
     path = Path(path)
     with atomic_folder(path, replace) as folder:
-        if flight.image_files is not None:
+        if flight.frames is not None:
             (folder / "images").mkdir()
-            for file in flight.image_files:
-                shutil.copyfile(file, folder / "images" / file.name)
+            for row, name in enumerate(_image_names(flight.frames)):
+                _write_image(flight.frames, row, folder / "images" / name)
         if flight.floor_file is not None:
             shutil.copyfile(flight.floor_file, folder / flight.floor_file.name)
         write_tables(flight, folder)
@@ -324,12 +327,25 @@ def write_tables(flight: Flight, folder: Path) -> None:
         columns["z_m"] = flight.height
     if flight.attitude is not None:
         columns |= dict(zip(("roll_rad", "pitch_rad", "yaw_rad"), flight.attitude.T, strict=False))
-    if flight.image_files is not None:
-        columns["image"] = [file.name for file in flight.image_files]
+    if flight.frames is not None:
+        columns["image"] = _image_names(flight.frames)
     _write_csv(folder / "frames.csv", columns)
     if flight.histograms is not None:
         textons = {f"t{i}": column for i, column in enumerate(flight.histograms.T)}
         _write_csv(folder / "histograms.csv", {"frame": flight.frame, **textons})
+
+
+def _image_names(frames: Frames) -> list[str]:
+    if isinstance(frames, ImageFiles):
+        return [file.name for file in frames.files]
+    return [f"{row:06d}.png" for row in range(len(frames))]
+
+
+def _write_image(frames: Frames, row: int, path: Path) -> None:
+    if isinstance(frames, ImageFiles):
+        shutil.copyfile(frames.files[row], path)
+    else:
+        path.write_bytes(cv2.imencode(".png", bgr_from_yuv(frames[row]))[1].tobytes())
 
 
 def _write_csv(path: Path, columns: Columns) -> None:

@@ -14,13 +14,14 @@ import cv2
 import numpy as np
 
 from trexton.camera import Camera
-from trexton.errors import FlightError, ImageError, ParameterError
+from trexton.errors import FlightError, ParameterError
 from trexton.files import check_replaceable, digest, naming, replace_folder
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight, write_tables
+from trexton.flights.frames import Frames, ImageFiles, select_frames
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.recording import NANO, Recording, match
-from trexton.images import check_size, checked_bytes
+from trexton.images import bgr_from_yuv, check_size
 from trexton.options import Options, option
 from trexton.progress import progress, say
 
@@ -93,11 +94,11 @@ def import_flight(
     key = digest(kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns)
     with naming(out):
         _prepare(work, key)
-        camera, files = recording.camera, None
-        if recording.picture is not None:
-            files, camera, words = _write_images(recording, common, source, work / "images")
+        camera, frames = recording.camera, None
+        if recording.frames is not None:
+            frames, camera, words = _write_images(recording, common, source, work / "images")
             said += words
-        flight, words = _flight(recording, common, camera, files, common.name or out.name)
+        flight, words = _flight(recording, common, camera, frames, common.name or out.name)
         write_tables(flight, work)
         (work / "key").unlink()
         replace_folder(work, out)
@@ -125,12 +126,11 @@ def _ordered(recording: Recording) -> tuple[Recording, list[str]]:
     order = order[np.diff(stamps[order], prepend=stamps[order[0]] - 1) > 0]
     if np.array_equal(order, np.arange(len(stamps))):
         return recording, []
-    picture = recording.picture
     dropped = len(stamps) - len(order)
     return replace(
         recording,
         time_ns=stamps[order],
-        picture=None if picture is None else lambda row: picture(int(order[row])),
+        frames=None if recording.frames is None else select_frames(recording.frames, order),
         histograms=None if recording.histograms is None else recording.histograms[order],
     ), [f"frames put in order of their stamps, {dropped} of repeated stamps dropped"]
 
@@ -139,7 +139,7 @@ def _flight(
     recording: Recording,
     common: Common,
     camera: Camera | None,
-    files: tuple[Path, ...] | None,
+    frames: ImageFiles | None,
     name: str,
 ) -> tuple[Flight, list[str]]:
     """The flight, and what matching its positions gave."""
@@ -168,7 +168,7 @@ def _flight(
         area=(float(x_min), float(x_max), float(y_min), float(y_max)),
         height=height,
         attitude=attitude,
-        image_files=files,
+        frames=frames,
         histograms=recording.histograms,
         features=recording.features,
         camera=camera,
@@ -181,21 +181,21 @@ def _flight(
 
 def _write_images(
     recording: Recording, common: Common, source: Path, folder: Path
-) -> tuple[tuple[Path, ...], Camera | None, list[str]]:
+) -> tuple[ImageFiles, Camera | None, list[str]]:
     """Write every image that is not there yet; all of one size."""
-    assert recording.picture is not None
-    count = len(recording.time_ns)
-    change = _Change.of(recording, common, source, count)
+    assert recording.frames is not None
+    frames = recording.frames
+    count = len(frames)
+    change = _Change.of(recording, frames, common, source)
     files, turned, scaled = [], 0, 0
     there = {path.stem: path for path in folder.iterdir() if path.suffix != ".part"}
     for row in progress(range(count), "images", count):
         if (stem := f"{row:06d}") in there:
             files.append(there[stem])
             continue
-        picture = recording.picture(row)  # once: a video or a bag is read forwards
-        file = folder / f"{stem}{change.suffix(picture) if change.keeps else '.jpg'}"
+        file = folder / f"{stem}{change.suffix(frames, row)}"
         files.append(file)
-        data, was_turned, was_scaled = change.apply(picture, row)
+        data, was_turned, was_scaled = change.apply(frames, row)
         turned, scaled = turned + was_turned, scaled + was_scaled
         part = folder / f".{file.name}.part"
         part.write_bytes(data)
@@ -203,7 +203,7 @@ def _write_images(
     said = [f"{count} images of {change.size[0]}x{change.size[1]}"]
     if turned or scaled:
         said.append(f"{turned} images were turned upright, {scaled} scaled to the size of most")
-    return tuple(files), change.camera(recording.camera), said
+    return ImageFiles(tuple(files)), change.camera(recording.camera), said
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,9 +220,8 @@ class _Change:
     keeps: bool
 
     @classmethod
-    def of(cls, recording: Recording, common: Common, source: Path, count: int) -> _Change:
-        assert recording.picture is not None
-        full = _usual_size([recording.picture(row) for row in _sampled(recording, count)])
+    def of(cls, recording: Recording, frames: Frames, common: Common, source: Path) -> _Change:
+        full = _usual_size(frames)
         maps = None
         if common.undistort:
             matrix, distortion = _calibration(common.undistort, recording, source, full)
@@ -233,9 +232,10 @@ class _Change:
         size = (round(crop[2] * common.scale), round(crop[3] * common.scale))
         return cls(full, size, crop, maps, maps is None and size == full)
 
-    def suffix(self, picture: object) -> str:
-        known = isinstance(picture, Path) and picture.suffix.lower() in (".jpg", ".jpeg", ".png")
-        return picture.suffix.lower() if known and isinstance(picture, Path) else ".jpg"
+    def suffix(self, frames: Frames, row: int) -> str:
+        """Of the file that is written: the source's own where it can be kept."""
+        own = frames.files[row].suffix.lower() if isinstance(frames, ImageFiles) else ""
+        return own if self.keeps and own in (".jpg", ".jpeg", ".png") else ".jpg"
 
     def camera(self, camera: Camera | None) -> Camera | None:
         """The camera of the images as they are written."""
@@ -249,9 +249,9 @@ class _Change:
         )
         return Camera(*self.size, camera.focal * scale, (center[0], center[1]))
 
-    def apply(self, picture: object, row: int) -> tuple[bytes, bool, bool]:
+    def apply(self, frames: Frames, row: int) -> tuple[bytes, bool, bool]:
         """The bytes of the image file, and whether it was turned and scaled to the size of most."""
-        image = _pixels(picture)
+        image = bgr_from_yuv(frames[row])  # black stays black where a lens is undistorted
         size = (image.shape[1], image.shape[0])
         turned = size != self.full and size[::-1] == self.full
         if turned:
@@ -266,49 +266,30 @@ class _Change:
                     "of another shape: leave it out"
                 )
             image = cv2.resize(image, self.full, interpolation=cv2.INTER_AREA)
-        if self.keeps and not turned and not scaled and isinstance(picture, Path):
-            if self.suffix(picture) == picture.suffix.lower():
-                return picture.read_bytes(), False, False
+        if self.keeps and not turned and not scaled and isinstance(frames, ImageFiles):
+            if self.suffix(frames, row) == frames.files[row].suffix.lower():
+                return frames.files[row].read_bytes(), False, False
         if self.maps is not None:
             image = cv2.remap(image, *self.maps, cv2.INTER_LINEAR)
         x, y, width, height = self.crop
         image = image[y : y + height, x : x + width]
         if image.shape[1::-1] != self.size:
             image = cv2.resize(image, self.size, interpolation=cv2.INTER_AREA)
-        suffix = self.suffix(picture) if self.keeps else ".jpg"
         return (
-            cv2.imencode(suffix, image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[1].tobytes(),
+            cv2.imencode(self.suffix(frames, row), image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[
+                1
+            ].tobytes(),
             turned,
             scaled,
         )
 
 
-def _sampled(recording: Recording, count: int) -> range:
-    """Rows whose sizes are looked at: all of files, the first of what must be decoded."""
-    assert recording.picture is not None
-    return range(count) if isinstance(recording.picture(0), Path) else range(1)
-
-
-def _usual_size(pictures: list[object]) -> tuple[int, int]:
-    """The commonest width and height, read from the files' heads."""
-    sizes: Counter[tuple[int, int]] = Counter()
-    for picture in pictures:
-        if isinstance(picture, Path):
-            sizes[check_size(picture)] += 1
-        else:
-            assert isinstance(picture, np.ndarray)
-            sizes[picture.shape[1], picture.shape[0]] += 1
-    return sizes.most_common(1)[0][0]
-
-
-def _pixels(picture: object) -> np.ndarray:
-    if not isinstance(picture, Path):
-        assert isinstance(picture, np.ndarray)
-        return picture
-    image = cv2.imdecode(np.frombuffer(checked_bytes(picture), np.uint8), cv2.IMREAD_COLOR)
-    if image is None:
-        raise ImageError(f"{picture}: not an image that OpenCV can decode: copy it again")
-    return image
+def _usual_size(frames: Frames) -> tuple[int, int]:
+    """The commonest width and height: of files by their heads, else of the first frame."""
+    if isinstance(frames, ImageFiles):
+        return Counter(check_size(file) for file in frames.files).most_common(1)[0][0]
+    height, width = frames[0].shape[:2]
+    return width, height
 
 
 def _calibration(

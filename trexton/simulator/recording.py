@@ -12,6 +12,7 @@ from trexton.errors import ParameterError
 from trexton.files import atomic_folder
 from trexton.flights import Flight, read_flight
 from trexton.flights.folder import write_tables
+from trexton.flights.frames import ImageFiles
 from trexton.progress import progress
 from trexton.simulator.effects import Effects, Light
 from trexton.simulator.floor import Floor
@@ -99,7 +100,7 @@ def record_flight(
             position=truth[:, :2],
             height=truth[:, 2],
             attitude=truth[:, 3:],
-            image_files=files,
+            frames=ImageFiles(files),
             area=floor.area,
             camera=camera,
             split={split: (0, frames - 1)},

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 
 from trexton.errors import FlightError
+from trexton.flights.frames import Forward
 from trexton.flights.importers.recording import NANO, Recording, Track, attitude_from_quaternions
 from trexton.options import Options, option
 
@@ -62,7 +63,7 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(
         stamps,
         Track(times[kept], values[kept, :3], attitude_from_quaternions(values[kept, 3:])),
-        _Pictures(bag, images).picture,
+        BagFrames(bag, images, len(stamps)),
         source=f"bag {source.name}: {images}, {poses}",
         said=[f"images from {images}, positions from {poses}"],
     )
@@ -137,38 +138,31 @@ def _pose(message: Any) -> list[float]:
     return [place.x, place.y, place.z, turn.x, turn.y, turn.z, turn.w]
 
 
-class _Pictures:
-    """Images by their place, read forwards; going back starts anew."""
+class BagFrames(Forward):
+    """The images of one topic."""
 
-    def __init__(self, bag: _Bag, topic: str):
+    def __init__(self, bag: _Bag, topic: str, count: int):
+        super().__init__(bag.source, count)
         self._bag, self._topic = bag, topic
-        self._stream: Iterator[tuple[int, Any]] | None = None
-        self._next = 0
 
-    def picture(self, place: int) -> np.ndarray:
-        if self._stream is None or place < self._next:
-            self._stream, self._next = self._bag.messages(self._topic), 0
-        for _, message in self._stream:
-            self._next += 1
-            if self._next > place:
-                return self._decoded(message)
-        raise FlightError(f"{self._bag.source}: image {place} can no longer be read")
+    def items(self) -> Iterator[Any]:
+        return (message for _, message in self._bag.messages(self._topic))
 
-    def _decoded(self, message: Any) -> np.ndarray:
+    def decoded(self, item: Any) -> np.ndarray:
         where = f"{self._bag.source}: an image of {self._topic}"
-        if hasattr(message, "format"):
-            image = cv2.imdecode(np.asarray(message.data), cv2.IMREAD_COLOR)
+        if hasattr(item, "format"):
+            image = cv2.imdecode(np.asarray(item.data), cv2.IMREAD_COLOR)
             if image is None:
-                raise FlightError(f"{where} cannot be decoded (format {message.format!r})")
+                raise FlightError(f"{where} cannot be decoded (format {item.format!r})")
             return image
-        if message.encoding not in _ENCODINGS:
+        if item.encoding not in _ENCODINGS:
             known = ", ".join(_ENCODINGS)
-            raise FlightError(f"{where} is encoded as {message.encoding!r}: expected {known}")
-        channels, conversion = _ENCODINGS[message.encoding]
-        rows, columns, step = int(message.height), int(message.width), int(message.step)
-        if len(message.data) < rows * step or step < columns * channels:
+            raise FlightError(f"{where} is encoded as {item.encoding!r}: expected {known}")
+        channels, conversion = _ENCODINGS[item.encoding]
+        rows, columns, step = int(item.height), int(item.width), int(item.step)
+        if len(item.data) < rows * step or step < columns * channels:
             raise FlightError(f"{where} is shorter than its {columns}x{rows} pixels")
-        lines = np.asarray(message.data, np.uint8)[: rows * step].reshape(rows, step)
+        lines = np.asarray(item.data, np.uint8)[: rows * step].reshape(rows, step)
         pixels = lines[:, : columns * channels].reshape(rows, columns, channels)
         pixels = np.ascontiguousarray(pixels)
         return pixels if conversion is None else cv2.cvtColor(pixels, conversion)

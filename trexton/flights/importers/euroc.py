@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from trexton.errors import FlightError
+from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.calibration import read_calibration
 from trexton.flights.importers.recording import Recording, Track, attitude_from_quaternions
 from trexton.flights.tables import column, read_table
@@ -48,7 +49,7 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(
         _stamps(folder / "data.csv", table["stamp"]),
         _track(root / found / "data.csv"),
-        lambda row: files[row],
+        ImageFiles(tuple(files)),
         camera=camera,
         distortion=distortion,
         source=f"ASL folder, {settings.camera} and {found}",

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from trexton.errors import FlightError
+from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.recording import NANO, Recording, Track
 from trexton.flights.tables import column, read_table
 from trexton.options import Options, option
@@ -77,7 +78,7 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(
         stamps,
         Track(stamps, position),
-        lambda row: order[row],
+        ImageFiles(tuple(order)),
         source=f"photographs of {source.name}",
         notes=[f"x east, y north of latitude {origin[0]:.7f}, longitude {origin[1]:.7f} (WGS 84)"],
         said=[f"{missing} photographs without a position are left out"] if missing else [],

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from trexton.camera import Camera
 from trexton.errors import FlightError
+from trexton.flights.frames import Frames
 
 __all__ = ["Matched", "Recording", "Track", "attitude_from_quaternions", "match"]
 
@@ -48,9 +49,8 @@ class Recording:
         Stamps of the frames.
     track : Track or None
         None where the source has no positions.
-    picture : callable or None
-        ``picture(i)`` gives frame i as a path or as an ``(H, W, 3) uint8`` BGR array; None without
-        images.
+    frames : Frames or None
+        None without images.
     histograms : (N, K) array or None
     features : str
         What the histograms count: ``textons``, or another word for features whose values need not
@@ -66,7 +66,7 @@ class Recording:
 
     time_ns: np.ndarray
     track: Track | None = None
-    picture: Callable[[int], object] | None = None
+    frames: Frames | None = None
     histograms: np.ndarray | None = None
     features: str = "textons"
     camera: Camera | None = None

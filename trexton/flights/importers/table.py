@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from trexton.errors import FlightError
+from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.recording import NANO, Recording, Track
 from trexton.flights.tables import column, read_table
 from trexton.options import Options, option
@@ -51,7 +52,7 @@ def read(source: Path, settings: Settings) -> Recording:
         raise FlightError(f"{source}: no column {settings.image!r}: it has {there}: name it")
     files = [source.parent / str(name).strip() for name in table[settings.image]]
     track = read_track(source, settings)
-    return Recording(track.time_ns, track, lambda row: files[row], source=f"table {source.name}")
+    return Recording(track.time_ns, track, ImageFiles(tuple(files)), source=f"table {source.name}")
 
 
 def read_track(source: Path, settings: Settings) -> Track:

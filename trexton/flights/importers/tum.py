@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from trexton.errors import FlightError
+from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.recording import NANO, Recording, Track, attitude_from_quaternions
 from trexton.flights.tables import read_text
 from trexton.options import Options, option
@@ -36,7 +37,7 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(
         np.array([nanoseconds(source / settings.images, stamp) for stamp, _ in rows]),
         read_trajectory(source / settings.trajectory),
-        lambda row: files[row],
+        ImageFiles(tuple(files)),
         source="TUM folder",
     )
 

@@ -4,7 +4,6 @@ motion.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +11,7 @@ import cv2
 import numpy as np
 
 from trexton.errors import FlightError, ParameterError
+from trexton.flights.frames import Selected, VideoFrames, stamped_frames
 from trexton.flights.importers import table as tables
 from trexton.flights.importers.recording import NANO, Recording, Track
 from trexton.options import Options, option
@@ -78,7 +78,7 @@ def read(source: Path, settings: Settings) -> Recording:
     return Recording(
         np.rint(stamps[chosen_rows] * NANO).astype(np.int64),
         track.shifted(-offset),
-        _Decoder(source, chosen_rows).picture,
+        Selected(VideoFrames(source, len(stamps)), chosen_rows),
         source=f"video {source.name}",
         said=[said],
     )
@@ -137,7 +137,7 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray]:
     stamps: list[float] = []
     motion = [0.0]
     before: np.ndarray | None = None
-    for stamp, frame in progress(_frames(source), "video"):
+    for stamp, frame in progress(stamped_frames(source), "video"):
         scale = _WIDTH / frame.shape[1]
         small = cv2.resize(frame, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
         grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float32)
@@ -149,40 +149,3 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray]:
     if len(stamps) < 3:
         raise FlightError(f"{source}: {len(stamps)} frames could be decoded: expected a video")
     return np.array(stamps) - stamps[0], np.array(motion)
-
-
-def _frames(source: Path) -> Iterator[tuple[float, np.ndarray]]:
-    """Stamp in seconds and BGR of each frame; where stamps are missing, by the stated rate."""
-    capture = cv2.VideoCapture(str(source))
-    try:
-        rate = capture.get(cv2.CAP_PROP_FPS) or 25.0
-        last, number = -1.0, 0
-        while True:
-            good, frame = capture.read()
-            if not good:
-                return
-            stamp = capture.get(cv2.CAP_PROP_POS_MSEC) / 1000
-            stamp = stamp if stamp > last else last + 1 / rate if number else 0.0
-            yield stamp, frame
-            last, number = stamp, number + 1
-    finally:
-        capture.release()
-
-
-class _Decoder:
-    """Frames of a video by their place among `rows`, decoded forwards; going back starts anew."""
-
-    def __init__(self, source: Path, rows: np.ndarray):
-        self._source, self._rows = source, rows
-        self._stream: Iterator[tuple[float, np.ndarray]] | None = None
-        self._next = 0
-
-    def picture(self, place: int) -> np.ndarray:
-        wanted = int(self._rows[place])
-        if self._stream is None or wanted < self._next:
-            self._stream, self._next = _frames(self._source), 0
-        for _, frame in self._stream:
-            self._next += 1
-            if self._next > wanted:
-                return frame
-        raise FlightError(f"{self._source}: frame {wanted} can no longer be decoded")
