@@ -35,7 +35,7 @@ class CellBelief:
 
     def reset(self, headings: Array, kept: float = 0.0) -> None:
         """Anywhere under any of these headings (radians), but for a share `kept` as it was."""
-        before, self.headings = self.mass.sum(axis=0), np.asarray(headings, dtype=float)
+        before, self.headings = self.mass.sum(axis=0), np.array(headings, dtype=float)
         even = self._even
         if kept > 0:
             even = (1 - kept) * even + kept / float(before.sum()) * before

@@ -27,6 +27,7 @@ _FRAME = 80  # pixels that a shrunken frame is wide
 _COARSE = 24  # cells that a frame's footprint is wide
 _LARGE = 60_000  # cells of a floor that is searched at once
 _ALL_HEADINGS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
+_ALL_HEADINGS.setflags(write=False)
 _MARGIN = 3  # cells searched around what is believed
 _SURE = 0.15  # certainty of the odometry from which it is believed
 _CERTAIN = 0.3  # from which it alone may carry the position on
