@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 from conftest import ROOT
+from patience import eventually
 
 from trexton.executor import connect
 
@@ -32,7 +33,7 @@ class Cluster:
             self._start("worker", "--scheduler-file", file, "--host", "127.0.0.1", *options)
         with connect(self._address(file)) as client:
             if self.size:
-                client.wait_for_workers(self.size, timeout=60)
+                client.wait_for_workers(self.size, timeout=120)
         return self
 
     def _start(self, kind: str, *words: object) -> None:
@@ -45,16 +46,15 @@ class Cluster:
             )
 
     def _address(self, file: Path) -> str:
-        import json
-
-        until = time.monotonic() + 60
-        while time.monotonic() < until:
+        def told() -> str:
             try:
-                self.address = json.loads(file.read_text())["address"]
-                return self.address
+                return json.loads(file.read_text())["address"]
             except (OSError, ValueError, KeyError):
-                time.sleep(0.1)
-        raise AssertionError((self.folder / "scheduler-0.log").read_text()[-2000:])
+                return ""
+
+        self.address = eventually(told)
+        assert self.address, (self.folder / "scheduler-0.log").read_text()[-2000:]
+        return self.address
 
     def __exit__(self, *_: object) -> None:
         for process in reversed(self.processes):

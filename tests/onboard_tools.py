@@ -4,8 +4,6 @@ share.
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -114,13 +112,3 @@ class Clock:
 
     def sleep(self, seconds: float) -> None:
         self.now += seconds
-
-
-def eventually(true: Callable[[], bool], patience: float = 20.0) -> bool:
-    """Whether it becomes true; patient, for the machine may be busy."""
-    end = time.monotonic() + patience
-    while not true():
-        if time.monotonic() > end:
-            return False
-        time.sleep(0.005)
-    return True

@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from functools import partial
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from conftest import ROOT, small_flight
 from dask_tools import Cluster
+from patience import eventually
 from tiny_notebooks import BODY, write_notebook
 
 from trexton.errors import ParameterError
@@ -130,12 +130,9 @@ def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
     run = subprocess.Popen(
         [sys.executable, "-c", script], env=environment, stderr=subprocess.PIPE, text=True
     )
-    until = time.monotonic() + 90
-    while not mark.exists():
-        assert run.poll() is None and time.monotonic() < until, run.stderr.read()
-        time.sleep(0.1)
+    assert eventually(lambda: mark.exists() or run.poll() is not None) and run.poll() is None
     run.send_signal(signal.SIGINT)
-    said = run.communicate(timeout=60)[1]
+    said = run.communicate(timeout=120)[1]
     assert "KeyboardInterrupt" in said and "failed" not in said
 
     write_notebook(notebooks, "second")

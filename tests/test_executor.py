@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 
 from conftest import ROOT
+from patience import alive, eventually
 
 from trexton.executor import CLUSTER, PROCESSES, limited, spread, working_on
 
@@ -40,6 +41,10 @@ def test_threads_are_limited_for_what_is_started_and_put_back():
     assert os.environ.get("OMP_NUM_THREADS") == before
 
 
+def started(folder: Path) -> list[int]:
+    return [int(path.name) for path in folder.iterdir() if path.name.isdigit()]
+
+
 def test_no_process_outlives_a_killed_parent(tmp_path):
     script = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
@@ -51,23 +56,8 @@ def test_no_process_outlives_a_killed_parent(tmp_path):
     file.write_text(script)
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     parent = subprocess.Popen([sys.executable, file], env=environment, stderr=subprocess.DEVNULL)
-    children = _wait(lambda: [int(p.name) for p in tmp_path.iterdir() if p.name.isdigit()][1:] and
-                     [int(p.name) for p in tmp_path.iterdir() if p.name.isdigit()])  # fmt: skip
+    children = eventually(lambda: len(found := started(tmp_path)) == 2 and found)
+    assert children
     parent.send_signal(signal.SIGKILL)
     parent.wait()
-    _wait(lambda: not any(_alive(child) for child in children))
-
-
-def _wait(condition, seconds=90):
-    end = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < end, "waited too long"
-        time.sleep(0.1)
-    return found
-
-
-def _alive(process: int) -> bool:
-    try:
-        return "Z" not in Path(f"/proc/{process}/stat").read_text().split(")")[1][:3]
-    except (FileNotFoundError, ProcessLookupError):
-        return False
+    assert eventually(lambda: not any(alive(child) for child in children))

@@ -13,7 +13,8 @@ import time
 
 import numpy as np
 import pytest
-from onboard_tools import CAMERA, eventually, room, room_map
+from onboard_tools import CAMERA, room, room_map
+from patience import eventually
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
@@ -90,7 +91,7 @@ def test_landing_over_mavlink(manner, tmp_path):
                 )
                 time.sleep(FRAME_S)
             script.send_signal(signal.SIGTERM)
-            _, errors = script.communicate(timeout=30)
+            _, errors = script.communicate(timeout=120)
     finally:
         script.kill()
         autopilot.close()

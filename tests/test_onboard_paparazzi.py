@@ -8,7 +8,8 @@ import socket
 
 import numpy as np
 import pytest
-from onboard_tools import eventually, make_fix, surroundings
+from onboard_tools import make_fix, surroundings
+from patience import eventually
 
 ivy = pytest.importorskip("ivy.ivy", reason="the extra 'paparazzi' is not installed")
 

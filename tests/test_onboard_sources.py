@@ -11,7 +11,8 @@ import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
-from onboard_tools import Clock, eventually
+from onboard_tools import Clock
+from patience import eventually
 
 from trexton.errors import ImageError, ParameterError, TrextonError
 from trexton.flights import read_flight

@@ -11,7 +11,7 @@ import sys
 import numpy as np
 import pytest
 from conftest import small_flight
-from onboard_tools import eventually
+from patience import eventually
 
 from trexton.flights import write_flight
 from trexton.localizer import TextonMap
@@ -48,7 +48,7 @@ def test_a_reader_of_standard_error_that_has_gone_ends_nothing(words, tmp_path):
         count = len(lines(tmp_path))
         assert eventually(lambda: len(lines(tmp_path)) > count + 30)  # several status lines later
         process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == 0
+        assert process.wait(120) == 0
     finally:
         process.kill()
     assert json.loads(lines(tmp_path)[-1])["event"] == "end"
@@ -66,7 +66,7 @@ def test_a_reader_that_sleeps_holds_nothing_up(words, tmp_path):
     try:
         assert eventually(lambda: len(lines(tmp_path)) > 30)
         process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == 0
+        assert process.wait(120) == 0
     finally:
         process.kill()
         os.close(reader)
@@ -82,7 +82,7 @@ def test_a_terminal_that_is_closed_ends_nothing(words, tmp_path):
         count = len(lines(tmp_path))
         assert eventually(lambda: len(lines(tmp_path)) > count + 20)
         process.send_signal(signal.SIGTERM)
-        assert process.wait(30) == 0
+        assert process.wait(120) == 0
     finally:
         process.kill()
 

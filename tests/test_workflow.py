@@ -9,11 +9,11 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
 import nbformat
 import pytest
+from patience import alive, eventually
 from tiny_notebooks import BODY, FAILING, write_notebook
 
 from trexton import cli
@@ -324,10 +324,10 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
         str(house.notebooks),
     ]
     run = subprocess.Popen(command, stderr=subprocess.DEVNULL)
-    kernel = wait_for(lambda: marker.exists() and marker.read_text())
+    kernel = eventually(lambda: marker.exists() and marker.read_text())
     run.send_signal(signal.SIGKILL)
     run.wait()
-    wait_for(lambda: not alive(int(kernel)))
+    assert eventually(lambda: not alive(int(kernel)))
     assert not (house.out / "small" / "first.json").exists()
 
     write_notebook(house.notebooks, "first")
@@ -348,22 +348,6 @@ def test_two_runs_do_not_write_to_one_folder(without_kernels, house):
         with pytest.raises(TrextonError, match="another run is writing to"):
             house.run()
     assert statuses(house.run()) == {"first": "ran", "second": "ran"}
-
-
-def wait_for(condition, seconds=30):
-    until = time.monotonic() + seconds
-    while not (found := condition()):
-        assert time.monotonic() < until, "waited too long"
-        time.sleep(0.05)
-    return found
-
-
-def alive(process: int) -> bool:
-    try:
-        os.kill(process, 0)
-        return "Z" not in Path(f"/proc/{process}/stat").read_text().split(")")[1][:3]
-    except (ProcessLookupError, FileNotFoundError):
-        return False
 
 
 def test_the_command_line_says_it_in_one_sentence(house, capsys):

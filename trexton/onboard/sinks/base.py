@@ -36,12 +36,15 @@ class Surroundings:
     motion_rate : (2, 2) array
         Covariance that the motion model adds in a second, square metres.
     tally : Tally
+    clock : callable
+        Seconds, the clock that stamps live frames.
     """
 
     local: LocalFrame
     area: tuple[float, float, float, float]
     motion_rate: np.ndarray
     tally: Tally
+    clock: Callable[[], float] = time.monotonic
 
 
 class Sink(Edge, ABC):

@@ -143,7 +143,7 @@ class MavlinkSink(Sink):
         profile = profile_named(options.autopilot, around.local, around.area)
         listener = Listener(options.system_id, around.local)
         speaker = Speaker(profile, around.motion_rate, listener, options.place)
-        return cls(address, link, speaker, around.tally, options.key())
+        return cls(address, link, speaker, around.tally, options.key(), around.clock)
 
     def open(self) -> None:
         self._stop.clear()
