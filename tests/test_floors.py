@@ -7,10 +7,13 @@ import json
 import cv2
 import numpy as np
 import pytest
+from conftest import small_flight
 
 from trexton.cli import main
 from trexton.errors import ParameterError
+from trexton.experiments import suitability
 from trexton.experiments.floors import VirtualFlights, judge_floor, named_floor, with_mat
+from trexton.figures.floors import foretold
 from trexton.simulator import Floor
 
 SMALL = VirtualFlights(frames=150, test_frames=40)
@@ -77,9 +80,62 @@ def test_a_photograph_is_straightened(picture, tmp_path):
 
 def test_names_of_painted_floors():
     assert named_floor("few:3").area == (0, 5, 0, 5)
-    for name in ("few", "few:x", "attic:1"):
+    for name in ("few", "few:x", "attic:1", "few.png@", "few.png@wide"):
         with pytest.raises(ParameterError):
             named_floor(name)
+
+
+def test_pictures_are_named_with_their_width(picture, monkeypatch):
+    monkeypatch.setenv("TREXTON_DATA", str(picture.parent))
+    assert named_floor("floor.png@3").area == named_floor(f"{picture}@3.0").area == (0, 3, 0, 3)
+    assert suitability.obstacle(suitability.Parameters(floors="few:3 floor.png@3")) is None
+    absent = suitability.obstacle(suitability.Parameters(floors="few:3 other.png@3"))
+    assert absent is not None and "other.png" in absent
+
+
+ROWS = [
+    {"predicted_cm": p, "field_cm": m, "loss": loss, "paper_cm": 3 * m, "centre_cm": 200.0}
+    for p, m, loss in ((10, 12, 0.3), (20, 18, 0.2), (40, 100, 0.1), (30, 33, 0.4), (50, 200, 0.0))
+]
+
+
+def test_a_prediction_is_judged_by_order_and_by_centimetres():
+    found = suitability.validation(ROWS, seed=1)
+    assert found["count"] == 5 and found["rank"]["value"] == pytest.approx(1)
+    # Ranks of the loss: 4 3 2 5 1 against 1 2 4 3 5, so 1 - 6 (9 + 1 + 4 + 4 + 16) / (5 * 24).
+    assert found["loss_rank"]["value"] == pytest.approx(-0.7) == found["loss_paper_rank"]["value"]
+    assert found["loss_rank"]["low"] < -0.7 < found["loss_rank"]["high"]
+    assert found["ratio"] == pytest.approx(1.2) and found["level"] == pytest.approx(3 / 5)
+    said = suitability.sentence(found)
+    assert "5 floors" in said and "1.00 [" in said and "-0.70 [" in said and "1.2 times" in said
+    one = suitability.sentence(suitability.validation(ROWS[:1], seed=1))
+    assert "nan" not in one and "want of floors" in one
+
+
+def test_a_kept_sweep_reads_as_the_run_does():
+    rows = [
+        {"floors": f"few:{i}", "flight": "f"} | {f"mean.{key}": v for key, v in row.items()}
+        for i, row in enumerate(ROWS)
+    ]
+    kept = suitability.kept_rows({"rows": rows})
+    assert list(kept.values()) == ROWS and suitability.kept_rows(None) == {}
+    one, many = foretold({"a.png@3": ROWS[0]}, {}), foretold({"a.png@3": ROWS[0]}, kept)
+    points = [sum(len(line.get_xdata()) for line in each.axes[1].lines) for each in (one, many)]
+    assert points == [1, 6]
+
+
+def test_floors_are_foretold_and_flown(picture):
+    floors = f"{picture}@1.5 few:3"
+    given = suitability.Parameters(floors=floors, frames=25, test_frames=20)
+    flight = small_flight()
+    record = suitability.run(flight, flight, given)
+    rows = record.values["floors"]
+    assert list(rows) == floors.split()
+    for row in rows.values():
+        assert set(ROWS[0]) < set(row) and row["predicted_cm"] > 0
+        assert row["survey_frames"] == 25 and row["test_frames"] == 20
+    assert record.values["mean"]["field_cm"] == np.mean([row["field_cm"] for row in rows.values()])
+    assert suitability.finding(record).startswith("Over 2 floors")
 
 
 def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, capsys):

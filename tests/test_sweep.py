@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import pandas as pd
 import pytest
@@ -10,6 +11,7 @@ from conftest import small_flight
 
 from trexton import cli
 from trexton.errors import ParameterError
+from trexton.experiments import mocap_training
 from trexton.flights import write_flight
 from trexton.workflow import FlightPair
 from trexton.workflow.sweep import Floors, Plan, sweep
@@ -39,6 +41,21 @@ def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
     assert (tmp_path / "out" / "sweep.json").read_bytes() == before
     wider = Plan("mocap_training", SETTINGS | {"particles": [7, 9]}, [FlightPair(flight)])
     assert sweep(wider, tmp_path / "out", jobs=2).counts == {"ran": 2, "reused": 2, "failed": 0}
+
+
+def test_cells_that_cannot_run_here_are_left_out_with_a_word(flight, tmp_path, monkeypatch, capsys):
+    def obstacle(parameters):
+        return "seven is not here" if parameters.particles == 7 else None
+
+    monkeypatch.setattr(mocap_training, "obstacle", obstacle, raising=False)
+    settings = SETTINGS | {"seed": [1]}
+    plan = Plan("mocap_training", settings, [FlightPair(flight)], values=("counts.test",))
+    swept = sweep(plan, tmp_path / "out", jobs=1)
+    assert [row["particles"] for row in swept.rows] == [5] and swept.counts["ran"] == 1
+    assert "skipped: seven is not here" in capsys.readouterr().err
+    with pytest.raises(ParameterError, match="nothing is left to sweep: seven"):
+        sweep(replace(plan, settings=settings | {"particles": [7]}), tmp_path / "other")
+    assert not (tmp_path / "other").exists()
 
 
 def test_the_plan_is_a_file_and_words_take_its_place(flight, tmp_path, capsys):

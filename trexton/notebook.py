@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import json
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -153,7 +154,11 @@ class Page:
     def finding(self) -> HTML:
         """What the experiment found on this flight, in one sentence made from the record."""
         module = importlib.import_module(type(self.given.parameters).__module__)
-        return HTML(f'<p class="finding">{escape(module.finding(self.record))}</p>')
+        return self.lead(module.finding(self.record))
+
+    def lead(self, sentence: str) -> HTML:
+        """A sentence as the page's finding, where a longer run than this one says it."""
+        return HTML(f'<p class="finding">{escape(sentence)}</p>')
 
     def say(self, text: str, **more: object) -> Markdown:
         """A paragraph with its numbers and its verdicts from the record.
@@ -260,9 +265,20 @@ class Page:
 
 def reference(experiment: str) -> Record | None:
     """The record of a run too long for every book, kept with the code; None where there is none."""
+    path = _kept(experiment)
+    return Record.load(path) if path else None
+
+
+def swept(plan: str) -> dict[str, Any] | None:
+    """The table of a plan in ``data/sweeps``, kept with the code; None where there is none."""
+    path = _kept(f"sweep-{plan}")
+    return json.loads(path.read_text(encoding="utf-8")) if path else None
+
+
+def _kept(name: str) -> Path | None:
     root = repository_root()
-    path = None if root is None else root / "data" / "reference" / f"{experiment}.json"
-    return Record.load(path) if path is not None and path.is_file() else None
+    path = None if root is None else root / "data" / "reference" / f"{name}.json"
+    return path if path is not None and path.is_file() else None
 
 
 def show_table(table: pd.DataFrame, caption: str = "") -> HTML:

@@ -78,7 +78,7 @@ def _floor(name: str, arguments: argparse.Namespace) -> Any:
     from trexton.experiments.floors import named_floor
     from trexton.simulator import Floor
 
-    if not Path(name).exists() and ":" in name:
+    if not Path(name).exists() and (":" in name or "@" in name):
         return named_floor(name)
     if arguments.width is None:
         raise ParameterError(f"{name}: give the floor's width in metres, as in --width 5")

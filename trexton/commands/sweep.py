@@ -13,7 +13,9 @@ from trexton.files import atomic_file
 from trexton.workflow import FlightPair
 from trexton.workflow.sweep import Floors, Plan, sweep
 
-_KEYS = {"experiment", "set", "flights", "floors", "layouts", "every", "frames", "values"}
+_KEYS = {
+    "experiment", "set", "flights", "test_flight", "floors", "layouts", "every", "frames", "values"
+}  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -52,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _plan(arguments: argparse.Namespace) -> Plan:
     """What the file says, with the words of the command line in its place."""
     said: dict[str, Any] = _read(Path(arguments.plan)) if arguments.plan else {}
-    for name in ("experiment", "floors", "layouts", "every", "frames", "values"):
+    for name in ("experiment", "test_flight", "floors", "layouts", "every", "frames", "values"):
         if (word := getattr(arguments, name)) is not None:
             said[name] = word
     typed = parse_settings(arguments.settings)
@@ -67,7 +69,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
         experiment=said["experiment"],
         settings={k: v if isinstance(v, list) else [v] for k, v in settings.items()},
         pairs=[
-            FlightPair(flight, arguments.test_flight)
+            FlightPair(flight, said.get("test_flight"))
             for flight in arguments.flights or said.get("flights", [])
         ],
         floors=floors,

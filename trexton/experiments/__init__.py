@@ -121,6 +121,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "map_loss": Experiment(
         "Which floors are suitable: the map loss", needs=("positions",), cost_s=8
     ),
+    "suitability": Experiment("Which floors, from their pictures", needs=_SURVEYED, cost_s=25),
     "timing": Experiment("Time for one frame", needs=("positions",), alone=True, cost_s=10),
     "speed": Experiment("As fast as the machine allows", needs=_IMAGES, alone=True, cost_s=60),
     "choices": Experiment(

@@ -22,9 +22,11 @@ from trexton.errors import ParameterError
 from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.evaluation import frames_of
 from trexton.flights.flight import Flight
+from trexton.flights.registry import data_folder
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import absolute_errors, block_rows, constant_guess
 from trexton.options import Options, option
+from trexton.parts.field import grid_cells
 from trexton.simulator import PERIOD, Floor, record_flight
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE
 from trexton.streams import stream
@@ -87,7 +89,8 @@ def judge_floor(
     Returns
     -------
     dict
-        ``area_m``; ``loss``, the paper's L(D); ``predicted_cm``, from the survey alone;
+        ``area_m``; ``loss``, the paper's L(D); ``predicted_cm``, the error to expect over the
+        floor, from the survey alone;
         ``measured``, for each method ``mean_cm``, ``low``, ``high``, ``p95_cm``; ``centre_cm``, the
         error of always guessing the middle; ``correlation`` of predicted and measured error of the
         first method over the test frames; ``heat``, predicted error over the floor in metres;
@@ -97,9 +100,7 @@ def judge_floor(
         train, test = flights.record(floor, Path(name))
         frames = frames_of(test)
         texton_map = TextonMap.train(train, method=METHOD, rng=stream(flights.seed, "map"))
-        runs = {
-            method: _flown(texton_map, train, frames, method, flights.seed) for method in methods
-        }
+        runs = {method: _flown(texton_map, frames, method, flights.seed) for method in methods}
     expected = texton_map.parts["measurement"].expected_error
     heat = _over_floor(expected, floor.area)
     rng = stream(flights.seed, "intervals")
@@ -110,7 +111,7 @@ def judge_floor(
         "area_m": floor.area,
         "frames": {"survey": len(train), "test": len(test)},
         "loss": losses.mean(),
-        "predicted_cm": 100 * expected(test.position).mean(),
+        "predicted_cm": 100 * heat.mean(),
         "measured": {name: _summary(run, test, rng) for name, run in runs.items()},
         "centre_cm": _summary(centre, test, rng)["mean_cm"],
         "correlation": rank_correlation(expected(test.position), first, rng=rng),
@@ -123,23 +124,17 @@ def _over_floor(
     expected: Callable[[np.ndarray], np.ndarray], area: tuple[float, float, float, float]
 ) -> np.ndarray:
     """``(rows, columns)`` expected errors at the centres of cells, row 0 at the smallest y."""
-    x_min, x_max, y_min, y_max = area
-    columns, rows = (max(2, round((high - low) / CELL)) for low, high in (area[:2], area[2:]))
-    x = x_min + (np.arange(columns) + 0.5) * (x_max - x_min) / columns
-    y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows
-    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    return expected(places).reshape(rows, columns)
+    sides = area[1] - area[0], area[3] - area[2]
+    places, shape = grid_cells(area, round(sides[0] * sides[1] / CELL**2))
+    return expected(places).reshape(shape).T
 
 
 def _flown(
-    texton_map: TextonMap, train: Flight, frames: Sequence[np.ndarray], method: str, seed: int
+    texton_map: TextonMap, frames: Sequence[np.ndarray], method: str, seed: int
 ) -> np.ndarray:
     """``(N, 2)`` estimates of a method over the frames."""
-    if method != texton_map.method:
-        rng = stream(seed, f"map {method}")
-        dictionary = texton_map.dictionary
-        texton_map = TextonMap.train(train, method=method, dictionary=dictionary, rng=rng)
-    localizer = Localizer(texton_map, rng=stream(seed, "flight", 0))
+    flown = texton_map.for_method(method, rng=stream(seed, f"map {method}"))
+    localizer = Localizer(flown, rng=stream(seed, "flight", 0))
     return np.array([localizer.step(frame).position for frame in frames])
 
 
@@ -244,17 +239,24 @@ def with_mat(floor: Floor, center: tuple[float, float], seed: int) -> Floor:
 
 
 def named_floor(name: str) -> Floor:
-    """A painted floor by name: a layout, a colon and a seed, as in ``moved:3``.
+    """A floor by name: a layout, a colon and a seed, as in ``moved:3``; or a picture and its width
+    in metres, as in ``maps/hall.png@5``, found in the folder of the data unless absolute.
 
     Raises
     ------
+    ImageError
+        There is no such picture.
     ParameterError
-        The name is of another form, or the layout unknown.
+        The name is of another form, the layout unknown, or the width out of range.
     """
-    found = re.fullmatch(r"([a-z]+):(\d+)", name)
-    if not found:
-        raise ParameterError(f"floor {name!r}: expected a layout and a seed, as in moved:3")
-    return Floor.painted(found[1], int(found[2]))
+    if painted := re.fullmatch(r"([a-z]+):(\d+)", name):
+        return Floor.painted(painted[1], int(painted[2]))
+    if photographed := re.fullmatch(r"(.+)@(\d+(?:\.\d+)?)", name):
+        return Floor.from_file(data_folder() / photographed[1], float(photographed[2]))
+    raise ParameterError(
+        f"floor {name!r}: expected a layout and a seed, as in moved:3, "
+        "or a picture and its width in metres, as in maps/hall.png@5"
+    )
 
 
 def _mean(judged: dict[str, Any]) -> float:

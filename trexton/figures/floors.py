@@ -1,16 +1,19 @@
-"""The figure of a floor: where one will be off, and by how much."""
+"""Figures of floors: where one will be off over one of them, and what was foretold of many."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, floor_axes
+from trexton.figures.style import COLORS, canvas, floor_axes, legend_above
 from trexton.simulator import Floor
 
-__all__ = ["expected_errors"]
+__all__ = ["expected_errors", "foretold"]
+
+Rows = Mapping[str, Mapping[str, float]]
 
 
 def expected_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
@@ -31,4 +34,31 @@ def expected_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
         bar = figure.colorbar(colors, ax=plan, shrink=0.85)
         bar.set_label("expected error (cm)")
         bar.outline.set_visible(False)
+    return figure
+
+
+def foretold(rows: Rows, kept: Rows) -> Figure:
+    """Measured error over the predicted one, and over the paper's loss; `kept` floors open."""
+    with canvas(1, 2, size=(7.2, 3.4), sharey=True) as (figure, axes):
+        for points, face in ((kept, "none"), (rows, None)):
+            for painted, marker, label in ((True, "o", "painted"), (False, "s", "photograph")):
+                some = [row for name, row in points.items() if (":" in name) == painted]
+                measured = [row["field_cm"] for row in some]
+                for plot, key in ((axes[0, 0], "predicted_cm"), (axes[0, 1], "loss")):
+                    if some:
+                        plot.plot(
+                            [row[key] for row in some], measured, marker,
+                            color=COLORS["estimate"], markerfacecolor=face, markersize=5,
+                            label=f"{label}, long run" if face else label,
+                        )  # fmt: skip
+        both = [row[key] for row in (*rows.values(), *kept.values())
+                for key in ("predicted_cm", "field_cm")]  # fmt: skip
+        ends = [min(both) / 1.2, max(both) * 1.2]
+        axes[0, 0].plot(ends, ends, color=COLORS["truth"], linewidth=0.8, zorder=0)
+        axes[0, 0].set(
+            xscale="log", yscale="log", xlim=ends, ylim=ends,
+            xlabel="foretold error (cm)", ylabel="measured error (cm)",
+        )  # fmt: skip
+        axes[0, 1].set_xlabel("the paper's loss")
+        legend_above(axes[0, 0], 2)
     return figure

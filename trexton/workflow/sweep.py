@@ -16,6 +16,7 @@ from functools import partial
 from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import pytask
@@ -123,7 +124,7 @@ def sweep(
     if not plan.pairs and plan.floors is None:
         raise ParameterError("a sweep needs flights or floors: name some, or give --floors N")
     experiment = experiments[plan.experiment]
-    chosen = _grid(plan, experiment)
+    chosen = _possible(_grid(plan, experiment), experiment.load(plan.experiment))
     for pair in plan.pairs:
         if obstacle := pair.obstacle(experiment):
             raise ParameterError(f"{plan.experiment} cannot run: {obstacle}")
@@ -154,6 +155,24 @@ def _grid(plan: Plan, experiment: Experiment) -> list[Options]:
         declared.parse(dict(zip(names, values, strict=True)), plan.experiment)
         for values in itertools.product(*plan.settings.values())
     ]
+
+
+def _possible(chosen: list[Options], module: ModuleType) -> list[Options]:
+    """Those that the experiment's own ``obstacle`` knows nothing against; the others with a word.
+
+    Raises
+    ------
+    ParameterError
+        None is left.
+    """
+    obstacle = getattr(module, "obstacle", lambda parameters: None)
+    reasons = [obstacle(parameters) for parameters in chosen]
+    for reason in filter(None, reasons):
+        say(f"skipped: {reason}")
+    left = [one for one, reason in zip(chosen, reasons, strict=True) if reason is None]
+    if not left:
+        raise ParameterError(f"nothing is left to sweep: {reasons[0]}")
+    return left
 
 
 @contextmanager
