@@ -4,11 +4,13 @@ receiver.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from onboard_tools import make_estimate, make_fix
 
-from trexton.estimate import LOST_SHARE, ignorance
+from trexton.estimate import LOST_SHARE, Measurement, ignorance
 from trexton.localizer import Estimate
 from trexton.onboard.fix import Fix, JumpCounter
 from trexton.onboard.local import LocalFrame, decoupled
@@ -80,7 +82,7 @@ def test_what_is_not_finite_is_not_usable(value):
 
 
 def test_fix_of_an_estimate():
-    fix = Fix.of(make_estimate((1, 2), (0.3, 0.4)), 5.0, 7, (0, 5, 0, 5), latency=0.01)
+    fix = Fix.of(make_estimate((1, 2), (0.3, 0.4)), 5.0, 7, (0, 5, 0, 5), 0.08, latency=0.01)
     assert (fix.time, fix.number, fix.latency, fix.usable) == (5.0, 7, 0.01, True)
     np.testing.assert_allclose(fix.covariance, np.diag([0.09, 0.16]))
 
@@ -90,10 +92,10 @@ def test_particles_all_over_the_area_are_no_position(rng):
     everywhere = rng.uniform((0, -2), (6, 2), (20000, 2))
     np.testing.assert_allclose(everywhere.std(axis=0), ignorance(area), rtol=0.02)
     knows = LOST_SHARE * ignorance(area)
-    assert not Fix.of(make_estimate(spread=0.99 * knows), 0.0, 1, area).lost
-    assert Fix.of(make_estimate(spread=1.01 * knows), 0.0, 1, area).lost
-    assert Fix.of(make_estimate(lost=True), 0.0, 1, area).lost
-    assert Fix.of(make_estimate(spread=(np.nan, 0.1)), 0.0, 1, area).lost
+    assert not Fix.of(make_estimate(spread=0.99 * knows), 0.0, 1, area, 0.08).lost
+    assert Fix.of(make_estimate(spread=1.01 * knows), 0.0, 1, area, 0.08).lost
+    assert Fix.of(make_estimate(lost=True), 0.0, 1, area, 0.08).lost
+    assert Fix.of(make_estimate(spread=(np.nan, 0.1)), 0.0, 1, area, 0.08).lost
 
 
 class TestJumpCounter:
@@ -129,3 +131,18 @@ class TestJumpCounter:
         counter.mark(make_fix(0.0))
         assert counter.mark(make_fix(0.08, (3, 0), observed=False)).resets == 0
         assert counter.mark(make_fix(0.16)).resets == 0
+
+
+def test_errors_that_last_are_told_as_often_as_they_are_sent():
+    """All reports that share an error weigh as much as one, however many are sent."""
+    covariance = np.array([[0.04, 0.01], [0.01, 0.09]])
+    estimate = replace(make_estimate(), measurement=Measurement(np.ones(2), covariance, 0.4))
+
+    def told(period_s):
+        fix = Fix.of(estimate, 0.0, 1, (0, 5, 0, 5), period_s)
+        np.testing.assert_array_equal(fix.told.position, [1, 1])
+        return fix.told.covariance
+
+    np.testing.assert_allclose(told(0.08), 5 * covariance)
+    np.testing.assert_allclose(told(0.04), 2 * told(0.08))
+    np.testing.assert_allclose(told(1.0), covariance)  # seldom enough that each is news

@@ -500,7 +500,7 @@ def test_kidnapped_and_found_again():
         track = list(fly(80))
         errors = [np.hypot(*(estimate.position - truth)) for estimate, truth in track]
         recovered.append(next((index for index, error in enumerate(errors) if error < 0.8), None))
-        declared += any(Fix.of(estimate, 0.0, 1, AREA).lost for estimate, _ in track[:10])
+        declared += any(Fix.of(estimate, 0.0, 1, AREA, 0.08).lost for estimate, _ in track[:10])
     assert all(index is not None and index < 25 for index in recovered)
     assert declared >= 2  # most are found within a few frames, before the particles have spread
 

@@ -196,6 +196,20 @@ def test_errors_part_into_what_lasts_and_what_is_new(rng):
 def test_independent_errors_last_a_frame(rng):
     model = ErrorModel.of(rng.normal(0, 0.2, (500, 2)), np.arange(500) * 0.1, 0.01)
     assert model.lasts_s <= 0.11 and model.fresh > 0.1
+    assert ErrorModel(0.0, 0.2, 0.5).independent_s(0.1) == pytest.approx(0.1)
+
+
+def test_a_mean_of_lasting_errors_varies_as_said(rng):
+    """Var(mean of n) = variance times independent_s / (n period), for n many times as long."""
+    model, period = ErrorModel(0.3, 0.15, 0.4), 0.08
+    memory = np.exp(-period / model.lasts_s)
+    runs, lasting = [], rng.normal(0, 0.3, 2000)
+    for _ in range(250):
+        kick = rng.normal(0, 0.3 * np.sqrt(1 - memory**2), 2000)
+        lasting = memory * lasting + kick
+        runs.append(lasting + rng.normal(0, 0.15, 2000))
+    whole = np.var(np.mean(runs, axis=0)) / np.var(runs)
+    assert whole == pytest.approx(model.independent_s(period) / (250 * period), rel=0.1)
 
 
 def test_singer_over_a_step_is_singer_over_two_halves(motion):
@@ -256,6 +270,27 @@ def test_a_kidnapped_vehicle_is_found_within_a_second(field, motion, later):
     errors_of(tracker, places[:1].repeat(30, axis=0), histograms[:1].repeat(30, axis=0))
     errors = errors_of(tracker, places[far : far + 12], histograms[far : far + 12])
     assert errors[-1] < 0.3
+
+
+def test_wrong_frames_of_a_kidnapping_are_called_lost_and_calm_ones_are_not(field, motion, later):
+    places, histograms = later
+    area = AREA[1] - AREA[0]
+    wrong, calm = [], []
+    for start in range(10, len(places) - 10, 3):
+        tracker = TrackFilter(motion, field, AREA)
+        far = np.flatnonzero(np.hypot(*(places[:-8] - places[start]).T) > area / 2)
+        carried = far[start % len(far)] if len(far) else None
+        rows = np.r_[start - 10 : start, carried : carried + 8] if len(far) else []
+        for number, row in enumerate(rows):
+            tracker.step(observed(histograms[row]))
+            estimate = tracker.estimate()
+            error = np.hypot(*(estimate.position - places[row]))
+            if number >= 10 and error > 1:
+                wrong.append(estimate.lost)
+            elif 4 < number < 10:
+                calm.append(estimate.lost)
+    assert len(wrong) > 10 and np.mean(wrong) > 0.9
+    assert len(calm) > 100 and np.mean(calm) < 0.01
 
 
 def test_after_a_reset_the_frame_alone_decides(field, motion, later):

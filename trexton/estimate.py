@@ -18,7 +18,7 @@ LOST_SHARE = 0.5
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Measurement:
-    """A position from one frame alone, fit to be fused by somebody else.
+    """A position fit to be fused by somebody else.
 
     Attributes
     ----------
@@ -27,14 +27,21 @@ class Measurement:
     covariance : (2, 2) array
         Of this one's error, square metres.
     independent_s : float
-        Seconds between two whose errors are as good as independent; 0 where each is. A receiver
-        that takes every one for independent must be sent fewer, or be told
-        `independent_s` / period times the covariance.
+        Seconds between two whose errors are as good as independent; 0 where each is.
     """
 
     position: np.ndarray
     covariance: np.ndarray
     independent_s: float = 0.0
+
+    def every(self, seconds: float) -> Measurement:
+        """For a receiver that is sent one every so many seconds and takes each for independent.
+
+        The covariance grows by as many as share an error: all of these together then weigh as much
+        as the few that are independent.
+        """
+        alike = max(1.0, self.independent_s / seconds)
+        return Measurement(self.position, alike * self.covariance)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -62,7 +69,7 @@ class Estimate:
     weights : (M,) array or None
         Of these particles, before resampling.
     measurement : Measurement or None
-        What this frame alone says of the position; None where it says nothing, or nobody knows how
+        What of it somebody else may fuse; None where the frame says nothing, or nobody knows how
         well.
     velocity : (2,) array or None
         Metres a second; None from a filter that has none.

@@ -149,7 +149,7 @@ class Localizer:
                 estimate = judge.judge(estimate, observation)
         self._mark("estimate")
         if observation is None:
-            return replace(estimate, observed=False)
+            return replace(estimate, observed=False, measurement=None)
         histogram, neighbors = observation.seen
         return replace(estimate, observed=True, histogram=histogram, neighbors=neighbors)
 

@@ -51,7 +51,7 @@ class Fix:
         Seconds of the steady clock at the capture, or when a recording gave the frame; `time` where
         they are the same.
     measurement : Measurement or None
-        What this frame alone says of the position, fit to be fused by an autopilot.
+        Of the position, for an autopilot that takes each report for independent of the others.
     """
 
     time: float
@@ -75,9 +75,10 @@ class Fix:
         time: float,
         number: int,
         area: tuple[float, float, float, float],
+        period_s: float,
         **more: Any,
     ) -> Fix:
-        """The report that an estimate of the localizer amounts to, in a map of this area."""
+        """The report that an estimate amounts to: one every `period_s`, in a map of this area."""
         covariance = estimate.about_position
         lost = estimate.lost or not np.sqrt(np.trace(covariance)) <= LOST_SHARE * float(
             np.hypot(*ignorance(area))
@@ -90,13 +91,13 @@ class Fix:
             covariance,
             lost,
             estimate.observed,
-            measurement=estimate.measurement,
+            measurement=estimate.measurement and estimate.measurement.every(period_s),
             **more,
         )
 
     @property
     def told(self) -> Measurement:
-        """What autopilots are told: the frame's own measurement, else the filter's position."""
+        """What autopilots are told: the measurement, else the filter's own word."""
         return self.measurement or Measurement(self.position, self.covariance)
 
     @property

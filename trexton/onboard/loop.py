@@ -202,7 +202,7 @@ class Onboard:
         age = stamp - self._observed_at + (latency if self.source.live else 0.0)
         area = self.localizer.map.area
         fix = Fix.of(
-            estimate, stamp, self._number, area,
+            estimate, stamp, self._number, area, self._period,
             stale=age > STALE_AFTER, latency=latency, fault=fault, captured=captured,
         )  # fmt: skip
         self._fix = self._jumps.mark(fix)

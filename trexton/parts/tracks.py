@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trexton.errors import ParameterError
-from trexton.estimate import Estimate
+from trexton.estimate import Estimate, Measurement
 from trexton.observation import Observation
 from trexton.parts.base import Area
 from trexton.parts.field import Field
@@ -34,6 +34,7 @@ MISSED = 1e-3  # share of frames that say nothing about the place, whatever they
 BORN = 1e-3  # chance a frame that the vehicle is elsewhere than its tracks
 FAR = 25.0  # log likelihoods this far below the best count as none
 APART = 5.0  # cells between the beginnings of two tracks
+DOUBT = 0.05  # chance of being somewhere else altogether from which on the vehicle is lost
 SHARE = 0.02  # of a frame's likelihood that a place must hold for a track to begin there
 
 
@@ -103,6 +104,7 @@ class TrackFilter:
         self._seen = np.zeros((2, 8))  # what a frame sees: the position and the lasting error
         self._seen[:, :2] = self._seen[:, 6:] = np.eye(2)
         self._fresh = errors.fresh**2 * np.eye(2)
+        self._independent_s = errors.independent_s(float(motion.period_s))
         self._grain = measurement.cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
@@ -215,7 +217,10 @@ class TrackFilter:
         self.weights = weights / weights.sum()
 
     def estimate(self) -> Estimate:
-        """Position of the best track, and the covariance of all about it."""
+        """Position of the best track, and the covariance of all about it.
+
+        It is lost while tracks that are elsewhere may be right, or no frame speaks for it.
+        """
         if not len(self.states):
             x_min, x_max, y_min, y_max = self.area
             middle = np.array([x_min + x_max, y_min + y_max]) / 2
@@ -224,6 +229,10 @@ class TrackFilter:
         offset = self.states[:, :4] - self.states[0, :4]
         joint = np.einsum("t,tij->ij", self.weights, self.covariances[:, :4, :4])
         joint = joint + np.einsum("t,ti,tj->ij", self.weights, offset, offset)
-        lost = bool(self.weights[0] < 0.5 or self._missed >= 3)
+        elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * APART * self.measurement.cell
+        lost = bool(self.weights[elsewhere].sum() > DOUBT or self._missed >= 3)
         position, velocity = self.states[0, :2].copy(), self.states[0, 2:4].copy()
-        return Estimate(position, joint[:2, :2], lost=lost, velocity=velocity, joint=joint)
+        told = Measurement(position, joint[:2, :2], self._independent_s)
+        return Estimate(
+            position, joint[:2, :2], lost=lost, measurement=told, velocity=velocity, joint=joint
+        )

@@ -65,7 +65,7 @@ class ArduPilot(Profile):
 
     def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
         """The message for a usable fix."""
-        grade = quality(np.sqrt(np.diagonal(covariance)), self.area)
+        grade = quality(np.sqrt(np.diagonal(fix.covariance)), self.area)
         return odometry(
             stamp_us, fix.told.position, covariance, attitude, self.local, fix.resets, grade
         )
