@@ -12,6 +12,8 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 ATTITUDE = (0.1, -0.2, 1.5)
+GIMBAL = mavlink.MAVLink_heartbeat_message(26, 8, 0, 0, 4, 3)
+GROUND_STATION = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 AUTOPILOT_HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 4, 3)
 
 
@@ -60,17 +62,31 @@ class Autopilot(Peer):
     """Beats, tells its attitude, and answers the landing command: "accepts", "denies" or "is
     silent".
 
-    `land` is called once it has accepted.
+    `land` is called once it has accepted. Where it has `company`, a gimbal, a ground station and a
+    second vehicle speak on the same wire.
     """
 
-    def __init__(self, manner: str, land: Callable[[], None]):
+    def __init__(self, manner: str, land: Callable[[], None], company: bool = False):
         self.manner, self._land, self._beat_at = manner, land, 0.0
+        self.company, self.alive, self._awake_at = company, True, time.monotonic() - 60
         super().__init__()
+
+    def restart(self) -> None:
+        """Alive again, with nothing in its memory."""
+        self.received.clear()
+        self._awake_at, self.alive = time.monotonic(), True
 
     def react(self, messages: list) -> None:
         if self.address is not None and time.monotonic() >= self._beat_at:
             self._beat_at = time.monotonic() + 0.2
-            self.send(AUTOPILOT_HEARTBEAT, mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0))
+            if self.company:
+                self._others_speak()
+            if self.alive:
+                awake_ms = int(1000 * (time.monotonic() - self._awake_at))
+                attitude = mavlink.MAVLink_attitude_message(awake_ms, *ATTITUDE, 0, 0, 0)
+                self.send(AUTOPILOT_HEARTBEAT, attitude)
+        if not self.alive:
+            return
         for message in messages:
             if (
                 message.get_type() != "COMMAND_LONG"
@@ -85,6 +101,17 @@ class Autopilot(Peer):
             )
             if self.manner == "accepts":
                 self._land()
+
+    def _others_speak(self) -> None:
+        crowd = (
+            (1, 154, GIMBAL),
+            (255, 190, GROUND_STATION),
+            (2, 1, AUTOPILOT_HEARTBEAT),
+            (2, 1, mavlink.MAVLink_attitude_message(0, 0.5, 0.5, -1.0, 0, 0, 0)),
+            (2, 1, mavlink.MAVLink_command_ack_message(mavlink.MAV_CMD_NAV_LAND, 2)),
+        )
+        for system, component, message in crowd:
+            self.send(message.pack(mavlink.MAVLink(None, system, component)))
 
     @property
     def commands(self) -> list[int]:

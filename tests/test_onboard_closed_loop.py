@@ -18,7 +18,7 @@ from patience import eventually
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
-from onboard_autopilot import ATTITUDE, Autopilot  # noqa: E402
+from onboard_autopilot import ATTITUDE, Autopilot, mavlink  # noqa: E402
 
 ZONE = np.array([2.6, 1.4])
 FRAME_S = 0.02  # four times as fast as life: a frame of the simulator is 0.08 s of flight
@@ -29,86 +29,117 @@ def film(stream, picture: np.ndarray) -> None:
     stream.write(b"FRAME\n" + np.ascontiguousarray(picture.transpose(2, 0, 1)).tobytes())
 
 
+class Flight:
+    """The vehicle over the room, whose camera the script watches through a pipe."""
+
+    def __init__(self, folder, autopilot, simulator, *more: str):
+        self.simulator, self._log = simulator, folder / "log"
+        camera = folder / "camera.y4m"
+        os.mkfifo(camera)
+        self.script = subprocess.Popen(
+            [
+                *(sys.executable, "-m", "trexton.cli", "onboard"),
+                str(room_map().save(folder / "map.npz")),
+                *("--camera", str(camera), "--rate", "50", "--log", str(self._log)),
+                *("--output", f"udpout:127.0.0.1:{autopilot.port}"),
+                *("--land", f"{ZONE[0]},{ZONE[1]}", "--radius", "1.0", "--spread", "0.8"),
+                *("--arm-landing", *more),
+            ],
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self._stream = open(camera, "wb", buffering=0)
+        self._stream.write(
+            b"YUV4MPEG2 W%d H%d F25:2 Ip A1:1 C444 XCOLORRANGE=FULL\n"
+            % (CAMERA.width, CAMERA.height)
+        )
+        assert eventually(lambda: self.film() or autopilot.address is not None)
+
+    def film(self) -> None:
+        film(self._stream, self.simulator.render())
+        time.sleep(FRAME_S)
+
+    def fly_until(self, true, frames: int = 1500) -> bool:
+        for _ in range(frames):
+            self.simulator.step(ZONE)
+            self.film()
+            if true():
+                return True
+        return False
+
+    def end(self) -> list[dict]:
+        """The log's events, once the script has ended as it should."""
+        self.script.send_signal(signal.SIGTERM)
+        _, errors = self.script.communicate(timeout=120)
+        assert self.script.returncode == 0, errors
+        return [
+            row for row in map(json.loads, self._log.read_text().splitlines()) if "event" in row
+        ]
+
+    def close(self) -> None:
+        self.script.kill()
+        self.script.communicate()
+        self._stream.close()
+
+
 @pytest.mark.parametrize("manner", ["accepts", "denies", "is silent"])
 def test_landing_over_mavlink(manner, tmp_path):
     simulator = room(11, start=(0.8, 3.2))
     autopilot = Autopilot(manner, simulator.vehicle.land)
-    camera, log = tmp_path / "camera.y4m", tmp_path / "log"
-    os.mkfifo(camera)
-    command = [
-        sys.executable,
-        "-m",
-        "trexton.cli",
-        "onboard",
-        str(room_map().save(tmp_path / "map.npz")),
-        "--camera",
-        str(camera),
-        "--rate",
-        "50",
-        "--output",
-        f"udpout:127.0.0.1:{autopilot.port}",
-        "--log",
-        str(log),
-        "--land",
-        f"{ZONE[0]},{ZONE[1]}",
-        "--radius",
-        "1.0",
-        "--spread",
-        "0.8",
-        "--arm-landing",
-    ]
-    script = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    flight = Flight(tmp_path, autopilot, simulator)
     try:
-        with open(camera, "wb", buffering=0) as stream:
-            stream.write(
-                b"YUV4MPEG2 W%d H%d F25:2 Ip A1:1 C444 XCOLORRANGE=FULL\n"
-                % (CAMERA.width, CAMERA.height)
-            )
-            assert eventually(
-                lambda: (
-                    film(stream, simulator.render())
-                    or simulator.step()
-                    and autopilot.address is not None
-                )
-            )
-            for _ in range(1500):
-                state = simulator.step(ZONE)
-                film(stream, simulator.render())
-                time.sleep(FRAME_S)
-                done = {
-                    "accepts": state.landed,
-                    "denies": bool(autopilot.commands),
-                    "is silent": 1 in autopilot.commands,
-                }
-                if done[manner]:
-                    break
-            for _ in range(10):  # it goes on after the landing, the refusal, the silence
-                film(
-                    stream,
-                    simulator.render()
-                    if manner != "accepts"
-                    else simulator.step() and simulator.render(),
-                )
-                time.sleep(FRAME_S)
-            script.send_signal(signal.SIGTERM)
-            _, errors = script.communicate(timeout=120)
+        done = {
+            "accepts": lambda: simulator.state.landed,
+            "denies": lambda: bool(autopilot.commands),
+            "is silent": lambda: 1 in autopilot.commands,
+        }
+        assert flight.fly_until(done[manner])
+        for _ in range(10):  # it goes on after the landing, the refusal, the silence
+            flight.film()
+        events = flight.end()
     finally:
-        script.kill()
+        flight.close()
         autopilot.close()
-    assert script.returncode == 0, errors
-    events = [row for row in map(json.loads, log.read_text().splitlines()) if "event" in row]
     states = [event["state"] for event in events if event["event"] == "landing"]
     assert states[0].startswith("asked")
     if manner == "accepts":
         assert "LANDING" in states and autopilot.commands[0] == 0
-        assert simulator.state.landed
         assert np.hypot(*(simulator.state.position[:2] - ZONE)) < 1.8
     elif manner == "denies":
         assert "REFUSED" in states and set(autopilot.commands) == {0}
         assert not simulator.state.landed
     else:
-        assert 1 in autopilot.commands and "LANDING" not in states
-        assert not simulator.state.landed
+        assert "LANDING" not in states and not simulator.state.landed
+    check_positions(autopilot, simulator)
+
+
+def test_it_dies_and_starts_anew_among_others(tmp_path):
+    simulator = room(11, start=(0.8, 3.2))
+    autopilot = Autopilot("accepts", simulator.vehicle.land, company=True)
+    flight = Flight(tmp_path, autopilot, simulator, "--system-id", "1", "--origin", "52,4,0")
+    try:
+        assert flight.fly_until(lambda: autopilot.of("SET_GPS_GLOBAL_ORIGIN"))
+        autopilot.send(mavlink.MAVLink_gps_global_origin_message(520000000, 40000000, 0))
+        autopilot.alive = False
+        for _ in range(5):
+            flight.film()
+        assert not simulator.state.landed and not autopilot.commands
+        before = {m.target_system for m in autopilot.of("COMMAND_LONG")}
+        autopilot.restart()
+        assert flight.fly_until(
+            lambda: simulator.state.landed and autopilot.of("SET_GPS_GLOBAL_ORIGIN")
+        )
+        events = flight.end()
+    finally:
+        flight.close()
+        autopilot.close()
+    assert "autopilot restarted" in [event["event"] for event in events]
+    asked = autopilot.of("COMMAND_LONG")
+    assert before | {message.target_system for message in asked} == {1}
+    intervals = {message.param1 for message in asked if message.command == 511}
+    assert mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE in intervals  # asked for once more
+    states = [event["state"] for event in events if event["event"] == "landing"]
+    assert "LANDING" in states and "REFUSED" not in states  # the other's denial is not ours
     check_positions(autopilot, simulator)
 
 

@@ -98,6 +98,34 @@ def test_aiding_is_in_the_maps_axes_and_of_the_moment():
     assert late.roll is None and late.height is None and late.velocity is None
 
 
+def test_an_autopilot_that_starts_anew_is_told_again():
+    ear = listener(1)
+    talk = Speaker(
+        profile_named("px4", LocalFrame(), (0.0, 5.0, 0.0, 5.0)), np.eye(2), ear, (52.0, 4.0, 0.0)
+    )
+    told = lambda now: [m.get_type() for m in talk.due(now)]  # noqa: E731
+    ear.hear(said_by(mavlink.MAVLink_attitude_message(60_000, 0, 0, 0, 0, 0, 0)), 1.0)
+    assert "SET_GPS_GLOBAL_ORIGIN" in told(1.0)
+    ear.hear(said_by(mavlink.MAVLink_gps_global_origin_message(520000000, 40000000, 0)), 1.1)
+    assert "SET_GPS_GLOBAL_ORIGIN" not in told(4.0) + told(7.0)
+    ear.hear(said_by(mavlink.MAVLink_attitude_message(900, 0, 0, 0, 0, 0, 0)), 8.0)
+    assert ear.boots == 1 and ear.origin is None and "SET_GPS_GLOBAL_ORIGIN" in told(8.0)
+
+
+@pytest.mark.parametrize(
+    ("aiding", "wanted"), [("none", set()), ("tilt", {132}), ("all", {132, 32})]
+)
+def test_it_asks_for_what_helps(aiding, wanted):
+    ear = listener(1)
+    profile = profile_named("px4", LocalFrame(), (0.0, 5.0, 0.0, 5.0))
+    talk = Speaker(profile, np.eye(2), ear, aiding=aiding)
+    asked = {m.param1 for m in talk.due(0.0) if m.get_type() == "COMMAND_LONG"}
+    assert asked & {132, 32} == wanted  # DISTANCE_SENSOR, LOCAL_POSITION_NED
+    ear.hear(said_by(mavlink.MAVLink_distance_sensor_message(0, 10, 900, 150, 0, 0, 25, 0)), 3.0)
+    asked = {m.param1 for m in talk.due(3.0) if m.get_type() == "COMMAND_LONG"}
+    assert asked & {132, 32} == wanted - {132}
+
+
 def test_a_landing_is_not_pushed_out_by_requests():
     talk = speaker(listener(1))
     assert talk.land(0, 0.0)

@@ -50,7 +50,11 @@ def build(settings: Settings) -> Onboard:
     _check_fit(flying.camera, source, texton_map)
     _check_files([settings.map, *source.files], settings.outputs, flying.log)
     around = Surroundings(
-        settings.of(Placement).local, texton_map.area, localizer.growth(1.0), tally
+        settings.of(Placement).local,
+        texton_map.area,
+        localizer.growth(1.0),
+        tally,
+        flying.aiding,
     )
     sinks = [open_sink(address, around, settings.options) for address in settings.outputs]
     log = None

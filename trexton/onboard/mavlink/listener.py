@@ -19,6 +19,7 @@ __all__ = ["Answer", "Listener"]
 
 SILENCE = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 REPORT_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
+BACK_MS = 2000  # milliseconds that messages of one clock never overtake each other by
 KNOWN_AGE = 0.5  # attitude, height or velocity farther from the frame in time say nothing about it
 NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
@@ -44,6 +45,12 @@ class Listener:
     system_id : int or None
         The vehicle's system number; None for the only one that is heard.
     local : LocalFrame
+
+    Attributes
+    ----------
+    boots : int
+        How often the autopilot has started anew while we listened: it has forgotten what it was
+        told.
     """
 
     def __init__(self, system_id: int | None = None, local: LocalFrame | None = None):
@@ -51,6 +58,7 @@ class Listener:
         self.target: tuple[int, int] | None = None
         self.systems: set[int] = set()  # every vehicle whose autopilot was ever heard
         self.heard_at = -np.inf
+        self.boots, self._awake_ms = 0, 0
         self.answers: deque[Answer] = deque(maxlen=64)
         self.news: deque[dict[str, Any]] = deque(maxlen=256)
         self.timesyncs: deque[Any] = deque(maxlen=16)
@@ -80,7 +88,10 @@ class Listener:
         handler = self._handlers.get(kind)
         if handler is None:
             return
-        if kind in ("HEARTBEAT", "TIMESYNC") or self._from_autopilot(message):
+        if self._from_autopilot(message):
+            self._notice_boot(getattr(message, "time_boot_ms", None))
+            handler(message, now)
+        elif kind in ("HEARTBEAT", "TIMESYNC"):
             handler(message, now)
 
     def present(self, now: float) -> bool:
@@ -142,11 +153,24 @@ class Listener:
             self.heard_at = now
 
     def _adopt(self, system: int, component: int) -> None:
-        self.target = (system, component)
+        self.target, self._awake_ms = (system, component), 0
+        self._forget()
+        self.news.append({"event": "autopilot", "system": system, "component": component})
+
+    def _forget(self) -> None:
         self._fused = self._grounded = self.origin = None
         for known in (self._attitudes, self._heights, self._velocities):
             known.clear()
-        self.news.append({"event": "autopilot", "system": system, "component": component})
+
+    def _notice_boot(self, awake_ms: int | None) -> None:
+        """An autopilot whose own clock has jumped back by seconds has started anew."""
+        if awake_ms is None:
+            return
+        if self._awake_ms - awake_ms > BACK_MS:
+            self.boots += 1
+            self._forget()
+            self.news.append({"event": "autopilot restarted", "times": self.boots})
+        self._awake_ms = awake_ms
 
     def _on_attitude(self, message: Any, now: float) -> None:
         angles = (message.roll, message.pitch, message.yaw)

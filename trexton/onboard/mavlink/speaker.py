@@ -38,7 +38,9 @@ class Speaker:
     origin : (latitude, longitude, altitude) or None
         Set as the autopilot's global origin until it confirms it; after `ORIGIN_ATTEMPTS` in vain
         it
-        is said, and given up.
+        is said, and given up. An autopilot that has started anew is told again.
+    aiding : {"tilt", "all", "none"}
+        What it is asked for beside its attitude: height, and for all its velocity too.
     """
 
     def __init__(
@@ -47,9 +49,12 @@ class Speaker:
         motion_rate: np.ndarray,
         listener: Listener,
         origin: tuple[float, float, float] | None = None,
+        *,
+        aiding: str = "none",
     ):
         self.profile, self.listener = profile, listener
-        self._motion_rate, self._origin = motion_rate, origin
+        self._motion_rate, self._wanted_origin, self._origin = motion_rate, origin, origin
+        self._aiding, self._boots = aiding, listener.boots
         self.withheld = 0
         self._commands: deque[Any] = deque()
         self._fix: Fix | None = None  # the latest usable one that an image went into
@@ -104,13 +109,23 @@ class Speaker:
         return max(0.0, wait)
 
     def _requests(self, target: tuple[int, int], now: float) -> list[Any]:
-        out = []
+        out, aiding = [], self.listener.aiding(now)
+        if self._boots != self.listener.boots:
+            self._boots, self._due = self.listener.boots, {}
+            self._origin, self._origin_attempts = self._wanted_origin, 0
         if self._origin is not None and self._is_due("origin", now, REQUEST_PAUSE):
             out += self._ask_for_origin(target, self._origin, now)
         if self.listener.attitude(now) is None and self._is_due("attitude", now, REQUEST_PAUSE):
             out.append(messages.interval_request(target, messages.ATTITUDE, ATTITUDE_RATE))
         if self.listener.on_ground(now) is None and self._is_due("state", now, REQUEST_PAUSE):
             out.append(messages.interval_request(target, messages.LANDED_STATE, STATE_RATE))
+        for name, known, message in (
+            ("height", aiding.height, messages.HEIGHT),
+            ("velocity", aiding.velocity, messages.VELOCITY),
+        ):
+            wanted = self._aiding == "all" or (self._aiding, name) == ("tilt", "height")
+            if wanted and known is None and self._is_due(name, now, REQUEST_PAUSE):
+                out.append(messages.interval_request(target, message, ATTITUDE_RATE))
         return out
 
     def _ask_for_origin(

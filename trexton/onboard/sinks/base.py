@@ -36,6 +36,8 @@ class Surroundings:
     motion_rate : (2, 2) array
         Covariance that the motion model adds in a second, square metres.
     tally : Tally
+    aiding : {"tilt", "all", "none"}
+        What of the other side's knowledge is used.
     clock : callable
         Seconds, the clock that stamps live frames.
     """
@@ -44,6 +46,7 @@ class Surroundings:
     area: tuple[float, float, float, float]
     motion_rate: np.ndarray
     tally: Tally
+    aiding: str = "none"
     clock: Callable[[], float] = time.monotonic
 
 

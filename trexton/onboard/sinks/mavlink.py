@@ -142,7 +142,9 @@ class MavlinkSink(Sink):
             ) from None
         profile = profile_named(options.autopilot, around.local, around.area)
         listener = Listener(options.system_id, around.local)
-        speaker = Speaker(profile, around.motion_rate, listener, options.place)
+        speaker = Speaker(
+            profile, around.motion_rate, listener, options.place, aiding=around.aiding
+        )
         return cls(address, link, speaker, around.tally, options.key(), around.clock)
 
     def open(self) -> None:
