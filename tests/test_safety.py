@@ -143,6 +143,17 @@ def test_a_folder_moved_aside_by_a_killed_run_comes_back(tmp_path):
     assert (tmp_path / "flight" / "m").read_text() == "good" and mine.exists()
 
 
+def test_so_does_one_that_an_import_had_moved_aside(tmp_path, capsys):
+    dead = subprocess.Popen([sys.executable, "-c", ""])
+    dead.wait()
+    aside = tmp_path / f".flight.old-{dead.pid}.abc"
+    (aside / "was").mkdir(parents=True)
+    (aside / "was" / "m").write_text("good")
+    words = ["import", "csv", str(tmp_path / "t.csv"), "--out", str(tmp_path / "flight")]
+    assert main(words) == 1 and "--replace" in capsys.readouterr().err
+    assert (tmp_path / "flight" / "m").read_text() == "good" and not aside.exists()
+
+
 @pytest.mark.parametrize("name", ["/etc/hostname", "../../outside.png", "link.png"])
 def test_images_cannot_leave_the_flights_folder(tmp_path, name):
     flight = flight_with_images(tmp_path)

@@ -27,7 +27,9 @@ __all__ = [
     "clean_leftovers",
     "digest",
     "naming",
+    "put_in_place",
     "replace_folder",
+    "work_folder",
 ]
 
 
@@ -64,18 +66,27 @@ def atomic_folder(path: str | os.PathLike[str], replace: bool = False) -> Iterat
     replaced, or any if `replace`; see `check_replaceable`.
     """
     path = Path(path)
+    clean_leftovers(path)
     check_replaceable(path, replace)
-    with naming(path):
-        clean_leftovers(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(prefix=_prefix(path, "new"), dir=path.parent))
-        try:
-            yield temporary
-            os.chmod(temporary, 0o755)
-            replace_folder(temporary, path)
-        except BaseException:
-            shutil.rmtree(temporary, ignore_errors=True)
-            raise
+    with naming(path), work_folder(path) as temporary:
+        folder = temporary / "new"
+        folder.mkdir()
+        yield folder
+        replace_folder(folder, path)
+
+
+@contextmanager
+def work_folder(path: Path) -> Iterator[Path]:
+    """A folder beside `path` to prepare it in, gone after the block; first goes what runs that
+    were killed left there.
+    """
+    clean_leftovers(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=_prefix(path, "new"), dir=path.parent))
+    try:
+        yield temporary
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
 
 
 @contextmanager
@@ -152,9 +163,14 @@ def _contents(folder: Path) -> dict[str, list[Any]]:
 
 
 def replace_folder(new: Path, path: Path) -> None:
-    """Put the folder `new` in the place of `path`, which is moved aside first and then removed."""
+    """Put the folder `new` in the place of `path`, with a manifest of what is in it."""
     manifest = {"written_by": "trexton", "files": _contents(new)}
     (new / MANIFEST).write_text(canonical_json(manifest), encoding="utf-8")
+    put_in_place(new, path)
+
+
+def put_in_place(new: Path, path: Path) -> None:
+    """Move the folder `new` to `path`; what is there is moved aside first, and then removed."""
     if path.exists():
         old = Path(tempfile.mkdtemp(prefix=_prefix(path, "old"), dir=path.parent))
         os.replace(path, old / "was")

@@ -6,7 +6,6 @@ import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -18,7 +17,7 @@ from trexton.book.flights import prepare_flights
 from trexton.book.stage import Contents, stage
 from trexton.cache import code_hashes, repository_root, shipped
 from trexton.errors import TrextonError
-from trexton.files import atomic_file, digest
+from trexton.files import atomic_file, digest, put_in_place, work_folder
 from trexton.progress import say
 from trexton.workflow import FlightPair, Outcome, outputs_of, run_experiments
 
@@ -78,8 +77,8 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
     """Stage and build, unless the sources are those of the last build; returns a sentence."""
     html.parent.mkdir(parents=True, exist_ok=True)
     stamp = html.parent / ".book.stamp"
-    with tempfile.TemporaryDirectory(prefix=".source.", dir=html.parent) as name:
-        source = Path(name) / "source"
+    with work_folder(html) as work:
+        source = work / "source"
         source.mkdir()
         stage(contents, source, toc_file)
         key = digest(
@@ -90,14 +89,12 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
         if (html / "index.html").is_file() and stamp.is_file() and stamp.read_text() == key:
             return f"book: reused, none of its pages changed ({html / 'index.html'})"
         stamp.unlink(missing_ok=True)
-        built = _jupyter_book(source, Path(name))
+        built = _jupyter_book(source, work)
         _put_beside(contents, built)
         finish_book(built)
         if faults := audit(built.resolve()):
             raise TrextonError("the built book has faults:\n" + "\n".join(faults))
-        if html.exists():
-            shutil.rmtree(html)
-        os.replace(built, html)
+        put_in_place(built, html)
     with atomic_file(stamp) as stream:
         stream.write(key)
     return f"book: built ({html / 'index.html'})"

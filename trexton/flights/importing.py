@@ -15,7 +15,7 @@ import numpy as np
 
 from trexton.camera import Camera
 from trexton.errors import FlightError, ParameterError
-from trexton.files import check_replaceable, digest, naming, replace_folder
+from trexton.files import check_replaceable, clean_leftovers, digest, naming, replace_folder
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight, write_tables
 from trexton.flights.frames import Frames, ImageFiles, select_frames
@@ -79,6 +79,7 @@ def import_flight(
         The source is not of this kind, no frame has a position, or images do not fit together.
     """
     source, out = Path(source), Path(out)
+    clean_leftovers(out)
     check_replaceable(out, replaced, ours=False)
     kind = kind or guess_kind(source)
     module = importer(kind)

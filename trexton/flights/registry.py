@@ -4,12 +4,14 @@ SHA-256.
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import tomllib
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from io import BufferedRandom
 from pathlib import Path
 from typing import Any, cast
 
@@ -113,26 +115,25 @@ def _from_cache(key: str, file: dict[str, Any]) -> Path:
     import pooch
     import requests
 
-    pooch.get_logger().setLevel("WARNING")
     folder = data_folder()
-    shelf = pooch.create(
-        path=folder,
-        base_url="",
-        registry={key: f"sha256:{file['sha256']}"},
-        urls={key: file["url"]},
-    )
-    if not (folder / key).is_file():
-        say(f"fetching {file['url']}")
+    path = folder / key
+    if path.is_file() and pooch.file_hash(str(path)) == file["sha256"]:
+        return path
+    say(f"fetching {file['url']}")
     try:
-        return Path(shelf.fetch(key, downloader=pooch.HTTPDownloader(timeout=20)))
-    except ValueError:  # what pooch raises on a wrong hash; the file is not kept
-        raise DataError(
-            f"{file['url']}: what was downloaded does not have the expected SHA-256: "
-            "try again, or take the file from elsewhere (--from DIR)"
-        ) from None
-    except (requests.RequestException, OSError) as error:
+        with atomic_file(path, "w+b") as written:
+            stream = cast("BufferedRandom", written)
+            pooch.HTTPDownloader(timeout=20)(file["url"], stream, None)
+            stream.seek(0)
+            if hashlib.file_digest(stream, "sha256").hexdigest() != file["sha256"]:
+                raise DataError(
+                    f"{file['url']}: what was downloaded does not have the expected SHA-256: "
+                    "try again, or take the file from elsewhere (--from DIR)"
+                )
+    except requests.RequestException as error:
         raise DataError(
             f"{key} is not in {folder} and cannot be fetched from {file['url']} "
             f"({type(error).__name__}): "
             "go online, or give a folder that holds the raw files (--from DIR, or TREXTON_DATA)"
         ) from None
+    return path
