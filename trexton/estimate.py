@@ -104,6 +104,19 @@ class Estimate:
         covariance: np.ndarray = scale * (carry @ self.joint @ carry.T)
         return self.position + seconds * self.velocity, covariance
 
+    def told(self, period_s: float) -> Measurement:
+        """For an autopilot that is sent one every `period_s` and takes each for independent: the
+        measurement, else the filter's own word.
+        """
+        if self.measurement is None:
+            return Measurement(self.position, self.about_position)
+        return self.measurement.every(period_s)
+
+    def lost_in(self, area: tuple[float, float, float, float]) -> bool:
+        """Whether it must not be trusted: it says so, or may be anywhere in much of the area."""
+        wide = np.sqrt(np.trace(self.about_position))
+        return self.lost or not wide <= LOST_SHARE * float(np.hypot(*ignorance(area)))
+
     @property
     def spread(self) -> np.ndarray:
         """``(2,)`` standard deviations in metres, the paper's uncertainty."""

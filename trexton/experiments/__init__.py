@@ -130,6 +130,12 @@ EXPERIMENTS: dict[str, Experiment] = {
     "calibration": Experiment(
         "What the uncertainty is worth", needs=("positions",), after=("mocap_training",), cost_s=20
     ),
+    "fused": Experiment(
+        "Can the autopilot believe it?",
+        needs=("positions",),
+        after=("mocap_training",),
+        cost_s=20,
+    ),
     "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=15),
     "fine": Experiment(
         "Coarse to fine: the image says where exactly",

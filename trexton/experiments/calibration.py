@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from trexton.errors import FlightError
 from trexton.estimate import Estimate
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import trained_map
+from trexton.experiments.evaluation import drawn_histograms, flown_estimates, trained_map
 from trexton.flights.flight import Flight
-from trexton.histograms import sampled_histogram
-from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import block_rows
-from trexton.progress import progress
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
@@ -54,12 +49,12 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
     )
     samples = parameters.samples if test.has_images else None
-    histograms = _histograms(train, test, texton_map, parameters)
+    histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
     values: dict[str, Any] = {}
     series: dict[str, Any] = {}
     for name in METHODS:
         method = texton_map.for_method(name, rng=stream(parameters.seed, "calibration"))
-        fly = partial(_fly, method, histograms, samples, parameters.seed)
+        fly = partial(flown_estimates, method, histograms, samples, parameters.seed)
         flown = spread(fly, range(parameters.repeats), METHODS[name])
         claims = _Claims.of(flown, test)
         values[name] = claims.values(stream(parameters.seed, "intervals"))
@@ -68,38 +63,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     values["order"] = list(METHODS)
     values["counts"] = {"test": len(test), "repeats": parameters.repeats}
     return parameters.record(train, test, values=values, series=series)
-
-
-def _histograms(
-    train: Flight, test: Flight, texton_map: TextonMap, parameters: Parameters
-) -> Sequence[np.ndarray]:
-    if test.histograms is not None and not test.has_images:
-        return list(test.histograms)
-    if texton_map.dictionary is None:
-        raise FlightError(
-            f"flight {test.name!r} has images, but {train.name!r} trained on histograms: "
-            "give two flights of one kind"
-        )
-    rng = stream(parameters.seed, "samples")
-    images = progress(test.images(), "histograms", len(test))
-    return [
-        sampled_histogram(image, texton_map.dictionary, parameters.samples, rng=rng)
-        for image in images
-    ]
-
-
-def _fly(
-    texton_map: TextonMap,
-    histograms: Sequence[np.ndarray],
-    samples: int | None,
-    seed: int,
-    repeat: int,
-) -> list[Estimate]:
-    localizer = Localizer(texton_map, rng=stream(seed, "flight", repeat))
-    return [
-        localizer.advance(localizer.observation(histogram, samples=samples))
-        for histogram in histograms
-    ]
 
 
 def _independent(flown: list[Estimate]) -> float | None:

@@ -14,8 +14,10 @@ import cv2
 import numpy as np
 
 from trexton.cache import cached
+from trexton.estimate import Estimate
 from trexton.executor import spread
 from trexton.flights.flight import Flight
+from trexton.histograms import sampled_histogram
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import (
     absolute_errors,
@@ -24,14 +26,17 @@ from trexton.metrics import (
     shuffled_neighbors,
     summarize,
 )
+from trexton.progress import progress
 from trexton.records import software_versions
 from trexton.streams import stream
 
 __all__ = [
     "Track",
+    "drawn_histograms",
     "drift",
     "evaluate",
     "floor_picture",
+    "flown_estimates",
     "fly",
     "frames_of",
     "provenance",
@@ -89,6 +94,32 @@ def frames_of(flight: Flight) -> Sequence[np.ndarray]:
         return list(flight.images())
     assert flight.histograms is not None  # a flight has one or the other
     return list(flight.histograms)
+
+
+def drawn_histograms(test: Flight, texton_map: TextonMap, samples: int, seed: int) -> np.ndarray:
+    """``(N, K)`` one drawn for each frame, so that several runs see the same; as they are where the
+    flight came as histograms.
+    """
+    if test.histograms is not None and not test.has_images:
+        return test.histograms
+    rng, dictionary = stream(seed, "samples"), texton_map.alphabet
+    images = progress(test.images(), "histograms", len(test))
+    return np.stack([sampled_histogram(image, dictionary, samples, rng=rng) for image in images])
+
+
+def flown_estimates(
+    texton_map: TextonMap,
+    histograms: Sequence[np.ndarray],
+    samples: int | None,
+    seed: int,
+    repeat: int,
+) -> list[Estimate]:
+    """What the localizer says of each histogram, of which so many `samples` were counted."""
+    localizer = Localizer(texton_map, rng=stream(seed, "flight", repeat))
+    return [
+        localizer.advance(localizer.observation(histogram, samples=samples))
+        for histogram in histograms
+    ]
 
 
 @dataclass(frozen=True, eq=False)

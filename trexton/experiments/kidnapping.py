@@ -19,12 +19,10 @@ from trexton.errors import FlightError
 from trexton.estimate import LOST_SHARE, ignorance
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import trained_map
+from trexton.experiments.evaluation import drawn_histograms, trained_map
 from trexton.flights.flight import Flight
-from trexton.histograms import sampled_histogram
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import wilson_interval
-from trexton.progress import progress
 from trexton.records import Record
 from trexton.streams import stream
 
@@ -88,9 +86,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     texton_map = trained_map(
         train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
     )
-    histograms = _histograms(
-        test, texton_map, parameters.samples, stream(parameters.seed, "samples")
-    )
+    histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
     period = float(np.median(np.diff(test.time)))
     patience = min(round(parameters.patience_s / period), len(test) // 3)
     plan = _plan(test, parameters.kidnappings, patience, stream(parameters.seed, "plan"))
@@ -127,17 +123,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             },
         },
         series=series,
-    )
-
-
-def _histograms(
-    test: Flight, texton_map: TextonMap, samples: int, rng: np.random.Generator
-) -> np.ndarray:
-    if test.histograms is not None and not test.has_images:
-        return test.histograms
-    images = progress(test.images(), "histograms", total=len(test))
-    return np.stack(
-        [sampled_histogram(image, texton_map.alphabet, samples, rng=rng) for image in images]
     )
 
 

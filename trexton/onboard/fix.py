@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.estimate import LOST_SHARE, Estimate, Measurement, ignorance
+from trexton.estimate import Estimate, Measurement
 
 __all__ = ["STALE_AFTER", "Fix", "JumpCounter"]
 
@@ -79,19 +79,15 @@ class Fix:
         **more: Any,
     ) -> Fix:
         """The report that an estimate amounts to: one every `period_s`, in a map of this area."""
-        covariance = estimate.about_position
-        lost = estimate.lost or not np.sqrt(np.trace(covariance)) <= LOST_SHARE * float(
-            np.hypot(*ignorance(area))
-        )
         return cls(
             time,
             number,
             estimate.position,
             estimate.spread,
-            covariance,
-            lost,
+            estimate.about_position,
+            estimate.lost_in(area),
             estimate.observed,
-            measurement=estimate.measurement and estimate.measurement.every(period_s),
+            measurement=estimate.told(period_s),
             **more,
         )
 

@@ -1,0 +1,182 @@
+"""Can the autopilot believe it? What receivers like EKF2 and EKF3 make of what they are sent."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from trexton.estimate import Estimate
+from trexton.executor import spread
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import drawn_histograms, flown_estimates, trained_map
+from trexton.experiments.receivers import RECEIVERS, Receiver, Settings, readings
+from trexton.flights.flight import Flight
+from trexton.metrics import block_rows
+from trexton.records import Record
+from trexton.streams import stream
+from trexton.wording import number, percent
+
+__all__ = ["METHODS", "SENT", "Parameters", "finding", "run"]
+
+METHODS = {
+    "paper": "the paper's filter",
+    "guarded": "the guarded filter",
+    "field": "the field",
+}
+SENT = {"sent": "as it is sent", "plain": "as if each were news"}
+BAND = {"low": 0.8, "high": 0.97}  # of the truth in the fused 90 % region: that is honest
+SETTLED_S = 4.0  # receivers begin with no idea of the velocity
+REGION = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
+DRAWS = 500
+
+
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    repeats: int = option(3, "independent runs of each filter over the test flight", low=1)
+    vehicles: int = option(10, "accelerometers that each run is fused with", low=1)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly the test flight with each method, send what flies, and fuse it.
+
+    Each report is sent once, and only where a vehicle may steer by it. Beside what is sent stands
+    the same with each report's own covariance, whatever it shares with the ones before.
+    """
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
+    samples = parameters.samples if test.has_images else None
+    histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
+    pushes = readings(
+        test.position, test.time, parameters.vehicles, stream(parameters.seed, "accelerometers")
+    )
+    period = float(np.median(np.diff(test.time)))
+    values: dict[str, Any] = {"order": list(METHODS), "band": BAND}
+    series: dict[str, Any] = {"time_s": test.time - test.time[0]}
+    for name, label in METHODS.items():
+        method = texton_map.for_method(name, rng=stream(parameters.seed, "fused"))
+        fly = partial(flown_estimates, method, histograms, samples, parameters.seed)
+        flights = spread(fly, range(parameters.repeats), label)
+        lasting = flights[0][-1].measurement
+        alike = 1.0 if lasting is None else max(1.0, lasting.independent_s / period)
+        usable = [not estimate.lost_in(test.area) for flown in flights for estimate in flown]
+        values[name] = {"alike": alike, "usable_rate": np.mean(usable)}
+        for receiver, settings in RECEIVERS.items():
+            values[name][receiver] = {}
+            for sent in SENT:
+                # A report an age is news, whatever it shares with the one before.
+                every = period if sent == "sent" else np.inf
+                runs = [_fuse(settings, flown, every, test, pushes) for flown in flights]
+                rng = stream(parameters.seed, "intervals")
+                summary = _summary(runs, alike if sent == "sent" else 1.0, rng)
+                values[name][receiver][sent] = summary
+                if (receiver, sent) == ("ekf2", "sent"):
+                    series[name] = runs[0].track()
+    values["counts"] = {
+        "test": len(test), "repeats": parameters.repeats, "vehicles": parameters.vehicles
+    }  # fmt: skip
+    return parameters.record(train, test, values=values, series=series)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fused:
+    """One flight as its receivers came to believe it; arrays ``(N, R)``, NaN before the first.
+
+    Attributes
+    ----------
+    error, claimed : arrays
+        Length of the error, and the root of what was believed of its square, metres.
+    squared : array
+        Errors over what was believed of them, squared.
+    nis : array
+        Squared innovations over what was expected of them; NaN where nothing was sent.
+    first : int
+        Frame from which on it counts.
+    """
+
+    error: np.ndarray
+    claimed: np.ndarray
+    squared: np.ndarray
+    nis: np.ndarray
+    first: int
+
+    def track(self) -> dict[str, np.ndarray]:
+        """Of the first receiver, cm."""
+        return {"error_cm": 100 * self.error[:, 0], "claimed_cm": 100 * self.claimed[:, 0]}
+
+
+def _fuse(
+    settings: Settings, flown: list[Estimate], every_s: float, test: Flight, pushes: np.ndarray
+) -> _Fused:
+    vehicles = pushes.shape[1]
+    receiver = Receiver(settings, vehicles)
+    error, claimed, squared, nis = (np.full((len(flown), vehicles), np.nan) for _ in range(4))
+    for row, (time, estimate) in enumerate(zip(test.time, flown, strict=True)):
+        if row and receiver.begun:
+            receiver.drive(pushes[row - 1], float(time - test.time[row - 1]))
+        if not estimate.lost_in(test.area):
+            told = estimate.told(every_s)
+            ratios = receiver.fuse(float(time), told.position, np.diagonal(told.covariance))
+            nis[row] = ratios.sum(axis=1)
+        if receiver.begun:
+            error[row] = np.hypot(*(receiver.position - test.position[row]).T)
+            claimed[row] = np.sqrt(receiver.variance.sum(axis=1))
+            squared[row] = receiver.squared_error(test.position[row])
+    first = int(np.searchsorted(test.time, test.time[0] + SETTLED_S))
+    return _Fused(error, claimed, squared, nis, min(first, len(flown) // 2))
+
+
+def _summary(runs: list[_Fused], alike: float, rng: np.random.Generator) -> dict[str, Any]:
+    """How honest the receivers are; `alike` reports share an error and say so.
+
+    Innovations are as large as ever where the covariance that is sent grew by so much: their ratio
+    is expected to be 2 over that. Its band holds 95 % of the means of as many independent ones as
+    there are in the flight.
+    """
+    from scipy.stats import chi2
+
+    first = runs[0].first
+    error, claimed, squared, nis = (
+        np.concatenate([getattr(run, name)[first:].T for run in runs])
+        for name in ("error", "claimed", "squared", "nis")
+    )
+    held = np.where(np.isfinite(squared), squared < REGION, np.nan)
+    freedom = max(2.0, 2 * np.isfinite(nis).sum(axis=1).mean() / alike)
+    low, high = 2 / alike * chi2.ppf((0.025, 0.975), freedom) / freedom
+    return {
+        "inside": _interval(held, rng),
+        "nees": np.nanmean(squared),
+        "error_cm": 100 * np.nanmean(error),
+        "axis_cm": 100 * np.sqrt(np.nanmean(np.square(error)) / 2),
+        "claimed_cm": 100 * np.sqrt(np.nanmean(np.square(claimed)) / 2),
+        "nis": {"mean": np.nanmean(nis), "low": low, "high": high},
+    }
+
+
+def _interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
+    """Mean of an ``(R, N)`` array with its 95 % interval over runs and stretches of the flight."""
+    drawn = [
+        np.nanmean(rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)])
+        for _ in range(DRAWS)
+    ]
+    low, high = np.percentile(drawn, (2.5, 97.5))
+    return {"median": np.nanmean(rows), "low": low, "high": high}
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    said = []
+    for name in record.values["order"]:
+        fused = record.values[name]["ekf2"]["sent"]
+        said.append(
+            f"fed with {METHODS[name]}, a receiver like EKF2 errs by {number(fused['axis_cm'])} cm "
+            f"along an axis, believes {number(fused['claimed_cm'])} and has the truth in its 90 % "
+            f"region {percent(fused['inside']['median'])} of the time"
+        )
+    text = "; ".join(said)
+    return f"{text[0].upper()}{text[1:]}."

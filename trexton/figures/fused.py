@@ -1,0 +1,59 @@
+"""Figures of what receivers make of what they are sent."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from trexton.experiments.fused import METHODS, SENT
+from trexton.experiments.receivers import RECEIVERS
+from trexton.figures.style import COLORS, canvas, legend_above
+from trexton.records import Record
+
+__all__ = ["believed_over_time", "truth_in_the_region"]
+
+_COLOR = {"paper": "paper", "guarded": "estimate", "field": "accent"}
+
+
+def truth_in_the_region(record: Record) -> Figure:
+    """Share of the time that the truth lies in the fused 90 % region, by method and receiver."""
+    with canvas(1, len(RECEIVERS), size=(7.2, 3.2), sharey=True) as (figure, axes):
+        band, order = record.values["band"], record.values["order"]
+        for plot, (receiver, settings) in zip(axes[0], RECEIVERS.items(), strict=True):
+            plot.axhspan(100 * band["low"], 100 * band["high"], color="#e8f1e8", zorder=0)
+            for place, name in enumerate(order):
+                for offset, sent in zip((-0.15, 0.15), SENT, strict=True):
+                    share = record.values[name][receiver][sent]["inside"]
+                    middle, low, high = (100 * share[key] for key in ("median", "low", "high"))
+                    plot.errorbar(
+                        place + offset,
+                        middle,
+                        [[max(middle - low, 0)], [max(high - middle, 0)]],
+                        fmt="o" if sent == "sent" else "s",
+                        markerfacecolor=COLORS[_COLOR[name]] if sent == "sent" else "white",
+                        color=COLORS[_COLOR[name]],
+                        markersize=6,
+                        label=SENT[sent] if place == len(order) - 1 else None,
+                    )
+            plot.set_xticks(range(len(order)), [METHODS[name] for name in order], fontsize=8)
+            plot.set(ylim=(0, 102), title=f"like {settings.label}")
+            plot.grid(axis="x", visible=False)
+        axes[0, 0].set_ylabel("truth in the fused 90 % region (%)")
+        legend_above(axes[0, 1])
+    return figure
+
+
+def believed_over_time(record: Record) -> Figure:
+    """Error of a receiver like EKF2 over the flight, and what it believes of it."""
+    order = record.values["order"]
+    with canvas(len(order), 1, size=(7.2, 1.7 * len(order)), sharex=True) as (figure, axes):
+        time = np.array(record.series["time_s"])
+        for plot, name in zip(axes[:, 0], order, strict=True):
+            color = COLORS[_COLOR[name]]
+            track = record.series[name]
+            believed = np.array(track["claimed_cm"], dtype=float)
+            plot.fill_between(time, 0, believed, color=color, alpha=0.25, linewidth=0)
+            plot.plot(time, np.array(track["error_cm"], dtype=float), color=color)
+            plot.set(ylabel="cm", ylim=(0, None), title=METHODS[name])
+        axes[-1, 0].set_xlabel("time (s)")
+    return figure
