@@ -26,8 +26,8 @@ def test_every_experiment_says_what_it_found_at_the_top_of_its_page():
     for name in EXPERIMENTS.keys() - {LEDGER}:
         assert importlib.import_module(f"trexton.experiments.{name}").finding.__doc__, name
         text = (ROOT / "notebooks" / f"{name}.md").read_text()
-        assert text.count("page.finding()") == 1, name
-        assert text.index("page.finding()") < text.index("page.show("), name
+        assert text.count("page.finding(") == 1, name
+        assert text.index("page.finding(") < text.index("page.show("), name
 
 
 def mocap(error, knn, lag_cm, within):
@@ -148,17 +148,24 @@ def test_times_and_stages():
 
 def test_best_settings_and_choices():
     best = {"particles": 400, "neighbors": 1, "samples": None}
-    values = {"best_setting": best, "best_error_cm": entry(48.6, 41, 55), "best_held_out_cm": 48.4}
+    values = {"best_setting": best, "best_error_cm": entry(48.6, 41, 55)}
     values |= {"default": {"axis_mean_cm": entry(66, 60, 70)}, "applies": {"samples": True}}
     text = found("trade_off", values, series={"grid": [1, 2]})
-    assert "best of 2 settings, 400 particles, 1 neighbour and every patch" in text
+    assert "Of 2 settings" in text and "(400 particles, 1 neighbour, every patch)" in text
+    assert "best in hindsight" in text
     values |= {
         "fewest_samples_error_cm": entry(68, 0, 0),
         "full_sampling_error_cm": entry(63, 0, 0),
     }
     assert "from 68 to 63 cm" in found("trade_off", values, series={"grid": [1]})
     values["applies"]["samples"] = False
-    assert "400 particles and 1 neighbour," in found("trade_off", values, series={"grid": [1]})
+    values |= {"tuned": {}, "tuned_setting": best | {"neighbors": 3}}
+    values["tuned_error_cm"] = entry(55, 50, 60)
+    text = found("trade_off", values, series={"grid": [1]})
+    assert (
+        "replaying the training flight (400 particles, 3 neighbours) errs by 55 [50, 60] cm" in text
+    )
+    assert "best in hindsight: 48.6 cm" in text
     variants = {
         "paper": {"label": "as the paper says", "mean_cm": entry(99, 83, 120)},
         "motion_25": {"label": "noise of 25 cm", "mean_cm": entry(46, 37, 56)},

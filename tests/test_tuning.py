@@ -1,137 +1,126 @@
-"""Choosing settings: predicted errors by hand, choices by enumeration. No time is asserted."""
+"""Choosing settings: errors by replay, frontier and choice by enumeration. No time is asserted."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import json
+import re
+import shlex
 
 import numpy as np
 import pytest
+from conftest import small_flight
 
 from trexton import cli
-from trexton.errors import ParameterError
+from trexton.errors import MapError, ParameterError
+from trexton.flights import Flight, write_flight
 from trexton.localizer import TextonMap
-from trexton.methods import compose
-from trexton.records import Record
-from trexton.textons import TextonDictionary
-from trexton.tuning import Setting, choose, costs, predicted_errors, tune
+from trexton.streams import stream
+from trexton.tuning import Bench, Setting, Tried, choose, frontier, replayed_errors, search
 
 
-def trade_off(with_samples=True) -> Record:
-    def rows(name, errors):
-        return [{name: value, "axis_mean_cm": {"median": error}} for value, error in errors.items()]
-
-    series = {"particles": rows("particles", {10: 45.0, 50: 40.0, 200: 36.0})}
-    if with_samples:
-        series["samples"] = rows("samples", {50: 55.0, 400: 40.0, None: 38.0})
-    parameters = {"samples": 400, "particles": 50}
-    return Record(
-        experiment="trade_off", flight="room", parameters=parameters, values={}, series=series
-    )
-
-
-def small_map(rng, images=True) -> TextonMap:
-    return TextonMap(
-        dictionary=TextonDictionary(rng.integers(0, 256, (5, 3, 3, 3), dtype=np.uint8))
-        if images
-        else None,
-        histograms=rng.dirichlet(np.ones(5), 40),
-        positions=rng.uniform(0, 4, (40, 2)),
-        time=0.08 * np.arange(40),
-        area=(0.0, 4.0, 0.0, 4.0),
-        image_shape=(24, 32) if images else None,
-        period_s=0.08,
-        method="paper",
-        parts={},
-        provenance={"flight": "room"},
-    ).with_parts(compose("paper"))
+def told_apart(frames: int = 90) -> Flight:
+    """Histograms that say where they were taken, along a circle."""
+    angle = np.linspace(0, 5 * np.pi, frames)
+    place = 2 + 1.5 * np.column_stack([np.cos(angle), np.sin(angle)])
+    centers = np.random.default_rng(3).uniform(0, 4, (8, 2))
+    seen = np.exp(-np.square(place[:, None] - centers).sum(axis=2))
+    return Flight(
+        "circle", np.arange(frames), np.arange(frames) * 0.2, place, (0.0, 4.0, 0.0, 4.0),
+        histograms=seen / seen.sum(axis=1, keepdims=True),
+    )  # fmt: skip
 
 
-def test_effects_of_samples_and_particles_add_up():
-    errors = predicted_errors(trade_off())
-    assert len(errors) == 9
-    assert errors[400, 50] == 40 and errors[50, 50] == 55 and errors[400, 10] == 45
-    assert errors[50, 200] == pytest.approx(40 + 15 - 4) and errors[None, 10] == pytest.approx(
-        40 - 2 + 5
-    )
+def tried(error_m, frame_s, **setting):
+    return Tried(Setting(**setting), error_m, frame_s)
 
 
-def test_a_map_of_histograms_needs_no_samples():
-    assert predicted_errors(trade_off(with_samples=False), with_samples=False) == {
-        (400, 10): 45,
-        (400, 50): 40,
-        (400, 200): 36,
-    }
+SOME = [
+    tried(0.40, 2e-3, samples=400),
+    tried(0.38, 9e-3, samples=0),
+    tried(0.385, 8e-3, samples=800),
+    tried(0.60, 1e-3, samples=50),
+    tried(0.70, 3e-3, samples=100),
+]
+
+
+def test_the_frontier_holds_what_nothing_beats():
+    assert [one.error_m for one in frontier(SOME)] == [0.60, 0.40, 0.385, 0.38]
+    assert frontier(SOME[::-1]) == frontier(SOME)
 
 
 def test_the_cheapest_of_the_good_is_chosen():
-    settings = [
-        Setting(400, 50, 2e-3, 40.0),
-        Setting(None, 50, 9e-3, 38.0),
-        Setting(None, 10, 8e-3, 38.5),
-        Setting(50, 10, 1e-3, 60.0),
-    ]
-    assert choose(settings, 1.0) == settings[2]  # within two per cent of the best, and cheaper
-    assert choose(settings, 5e-3) == settings[0]
-    assert choose(settings, 1e-3) == settings[3]
-    with pytest.raises(
-        ParameterError,
-        match="even 50 samples and 10 particles take 1 ms a frame, but 0.5 ms are to spend",
-    ):
-        choose(settings, 5e-4)
+    assert choose(SOME) == SOME[2]  # within two per cent of the best, and cheaper
+    assert choose(SOME, 5e-3) == SOME[0]
+    assert choose(SOME, 1e-3) == SOME[3]
+    with pytest.raises(ParameterError, match="takes 1 ms a frame, but 0.5 ms are to spend"):
+        choose(SOME, 5e-4)
 
 
-def test_costs_are_measured_for_every_pair(rng):
-    measured = costs(small_map(rng), [50, None], [10, 30], rng=rng, repeats=3)
-    assert (
-        set(measured) == {(50, 10), (50, 30), (None, 10), (None, 30)} and min(measured.values()) > 0
-    )
-    # Each histogram and each filter is timed once.
-    assert measured[50, 10] - measured[50, 30] == pytest.approx(
-        measured[None, 10] - measured[None, 30]
-    )
+def test_replayed_errors_are_of_maps_that_did_not_see_the_frames():
+    flight = told_apart()
+    honest = TextonMap.train(flight, neighbors=1, rng=stream(1, "map"))
+    errors = replayed_errors(honest, samples=None, rng=stream(1, "replay"))
+    assert errors.ndim == 2 and errors.shape[1] == 2
+    # Where every frame's histogram is noise, leaving the frame out leaves nothing to know it by.
+    rng = np.random.default_rng(5)
+    noise = Flight("noise", flight.frame, flight.time, flight.position, flight.area,
+                   histograms=rng.dirichlet(np.ones(8), len(flight)))  # fmt: skip
+    lost = replayed_errors(
+        TextonMap.train(noise, neighbors=1, rng=stream(1, "map")),
+        samples=None, rng=stream(1, "replay"),
+    )  # fmt: skip
+    assert np.hypot(*lost.T).mean() > 1.5 * np.hypot(*errors.T).mean()
 
 
-def test_tuning_returns_a_setting_of_the_record(rng):
-    best = tune(small_map(rng), trade_off(), 0.1, rng=rng)
-    assert (
-        best.error_cm
-        == predicted_errors(trade_off())[best.samples, best.particles]
-        == pytest.approx(34)
-    )
+def test_a_search_tries_the_usual_first_and_goes_on_where_it_stopped(tmp_path):
+    flight, study = told_apart(), tmp_path / "study.log"
+    first = search(flight, methods=["paper"], trials=2, study=study)
+    assert first[0].setting == Setting("paper", neighbors=5, particles=50)
+    assert search(flight, methods=["paper"], trials=2, study=study) == first
+    more = search(flight, methods=["paper"], trials=3, study=study)
+    assert more[:2] == first and len(more) == 3
+    # An error is a function of its setting alone, whoever asks for it and when.
+    bench = Bench(flight)
+    again = bench.error_m(more[2].setting, bench.map(more[2].setting))
+    assert again == more[2].error_m
 
 
-def test_bad_input_is_one_clear_error(rng):
-    texton_map, record = small_map(rng), trade_off()
-    for rate in (0.0, -1.0, np.inf, np.nan):
-        with pytest.raises(ParameterError, match="expected a positive number"):
-            tune(texton_map, record, rate, rng=rng)
-    with pytest.raises(ParameterError, match="the headroom is 1"):
-        tune(texton_map, record, 1.0, headroom=1, rng=rng)
-    with pytest.raises(ParameterError, match="expected one of 'trade_off'"):
-        tune(texton_map, replace(record, experiment="timing"), 1.0, rng=rng)
-    with pytest.raises(ParameterError, match="did not vary samples"):
-        tune(texton_map, trade_off(with_samples=False), 1.0, rng=rng)
+def test_settings_of_images_choose_textons_cells_and_samples():
+    setting = Setting("field", textons=30, cells=2, samples=0)
+    train, fly = setting.commands("room", "m.npz")
+    assert train == "trexton train room -o m.npz --method field --textons 30 --cells 2"
+    assert fly == "trexton onboard m.npz --samples 0"
+    assert str(setting) == "method field, 30 textons, 2 x 2 cells, every patch"
+    assert str(Setting(neighbors=1, particles=50)) == "method paper, 1 neighbour, 50 particles"
 
 
-def test_the_command_prints_settings_and_how_to_fly_them(rng, tmp_path, monkeypatch, capsys):
+def test_bad_input_is_one_clear_error(tmp_path):
+    flight = told_apart()
+    for wrong in ({"trials": 0}, {"seconds": 0.0}):
+        with pytest.raises(ParameterError, match="expected at least one"):
+            search(flight, **wrong)
+    with pytest.raises(ParameterError, match="unknown"):
+        search(flight, methods=["guess"], trials=1)
+    with pytest.raises(MapError, match="at least 12 s"):
+        search(told_apart(30))
+    (tmp_path / "study.log").write_text(json.dumps({"no": "study"}) + "\n")
+    with pytest.raises(ParameterError, match="no readable study"):
+        search(flight, trials=1, study=tmp_path / "study.log")
+
+
+def test_the_command_prints_the_frontier_and_how_to_fly_its_point(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    small_map(rng).save(tmp_path / "map.npz")
-    assert cli.main(["tune", "map.npz", "--rate", "1"]) == 1
-    assert "results/room/trade_off.json: no trade-off record" in capsys.readouterr().err
-    trade_off().save(tmp_path / "results" / "room")
-    assert cli.main(["tune", "map.npz", "--rate", "1"]) == 0
+    write_flight(told_apart(), tmp_path / "room")
+    words = ["tune", "room", "--trials", "2", "--methods", "paper", "--quiet"]
+    assert cli.main([*words, "--rate", "0.5"]) == 0
     printed = capsys.readouterr().out
-    assert "every patch, 200 particles" in printed and "predicted error: 34 cm" in printed
-    assert "trexton onboard map.npz --samples 0 --particles 200" in printed
-    assert cli.main(["tune", "map.npz", "--rate", "1e9"]) == 1
-    assert "lower the rate" in capsys.readouterr().err
-
-
-def test_the_command_knows_maps_of_histograms(rng, tmp_path, capsys):
-    small_map(rng, images=False).save(tmp_path / "map.npz")
-    record = trade_off(with_samples=False).save(tmp_path)
+    assert printed.startswith("2 settings tried") and " ms a frame  method paper" in printed
+    train = re.search(r"^(trexton train .*)$", printed, re.M)[1]
     assert (
-        cli.main(["tune", str(tmp_path / "map.npz"), "--rate", "1", "--record", str(record)]) == 0
+        cli.main([*shlex.split(train)[1:], "--quiet"]) == 0 and (tmp_path / "tuned.npz").is_file()
     )
-    printed = capsys.readouterr().out
-    assert printed.startswith("200 particles: ") and "--samples" not in printed
+    for wrong, told in ((["--rate", "-1"], "positive"), (["--headroom", "1"], "a share")):
+        assert cli.main([*words, *wrong]) == 1
+        assert told in capsys.readouterr().err
+    write_flight(small_flight(), tmp_path / "short")
+    assert cli.main(["tune", "short", "--rate", "1"]) == 1

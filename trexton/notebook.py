@@ -151,14 +151,14 @@ class Page:
         html = self.frame(table, caption).data
         return HTML(html.replace("<table", f'<table data-explore="{len(chosen)}"', 1))
 
-    def finding(self) -> HTML:
-        """What the experiment found on this flight, in one sentence made from the record."""
-        module = importlib.import_module(type(self.given.parameters).__module__)
-        return self.lead(module.finding(self.record))
+    def finding(self, sentence: str | None = None) -> HTML:
+        """What the experiment found on this flight, in one sentence made from the record.
 
-    def lead(self, sentence: str) -> HTML:
-        """A sentence as the page's finding, where a longer run than this one says it."""
-        return HTML(f'<p class="finding">{escape(sentence)}</p>')
+        Or `sentence`, where the record of a longer run says it.
+        """
+        module = importlib.import_module(type(self.given.parameters).__module__)
+        said = module.finding(self.record) if sentence is None else sentence
+        return HTML(f'<p class="finding">{escape(said)}</p>')
 
     def say(self, text: str, **more: object) -> Markdown:
         """A paragraph with its numbers and its verdicts from the record.

@@ -79,15 +79,17 @@ def stretches(time: np.ndarray) -> list[np.ndarray]:
     return [np.flatnonzero((time >= start) & (time < start + whole)) for start in starts]
 
 
-def replay(texton_map: TextonMap, *, samples: int, rng: np.random.Generator) -> Iterator[Flown]:
+def replay(
+    texton_map: TextonMap, *, samples: int | None, rng: np.random.Generator
+) -> Iterator[Flown]:
     """Fly the left-out stretches of a map's own training flight.
 
     Parameters
     ----------
     texton_map : TextonMap
         Whose parts say which method; calibration and integrity do not fly.
-    samples : int
-        Patches a frame, where the map has a dictionary.
+    samples : int or None
+        Patches a frame, where the map has a dictionary; None looks at every one.
     rng : numpy.random.Generator
 
     Raises
@@ -133,7 +135,7 @@ def _fly(
     texton_map: TextonMap,
     rows: np.ndarray,
     run: int,
-    samples: int,
+    samples: int | None,
     rng: np.random.Generator,
 ) -> Iterator[Flown]:
     drawn = samples if texton_map.dictionary is not None else None

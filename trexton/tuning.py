@@ -1,83 +1,274 @@
-"""Settings for a computer and a rate: what a frame costs here, and what it would lose in accuracy.
+"""Settings for a flight and a computer: what each would err, and what a frame of it costs here.
 
-Costs are measured on this machine, stage by stage. Errors are those of the trade-off experiment,
-which varied samples and particles one at a time; their effects are taken to add up.
+Errors are those of a replay of the training flight by maps that did not see what is flown
+(`trexton.replay`), so no test flight has a say. Costs are measured on this machine.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from itertools import product
-from typing import Any
+import os
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from time import perf_counter
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from trexton.bench.stages import StageClock
-from trexton.errors import ParameterError
-from trexton.localizer import TextonMap
-from trexton.records import Record
+from trexton.errors import ParameterError, TrextonError
+from trexton.files import digest
+from trexton.flights.flight import Flight
+from trexton.localizer import Localizer, TextonMap
+from trexton.methods import compose
+from trexton.replay import replay, stretches, warm
+from trexton.streams import stream
 
-__all__ = ["Setting", "choose", "costs", "predicted_errors", "tune"]
+if TYPE_CHECKING:
+    import optuna
 
-_ERROR = "axis_mean_cm"  # mean absolute error over both axes
+__all__ = ["Bench", "Setting", "Tried", "choose", "frontier", "replayed_errors", "search"]
+
+METHODS = ("paper", "field")
+TEXTONS = (10, 20, 30, 50)
+CELLS = (1, 2, 3)
+SAMPLES = (50, 100, 200, 400, 800, 0)
+PARTICLES = (50, 100, 200, 400)
+MOST_NEIGHBORS = 15
+TIMED = 30  # frames whose median counts, after a few that warm up
 _TOLERANCE = 0.02  # differences in error below this are not worth any time
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Samples (None: every patch) and particles, a frame's seconds here, and the error to expect in
-    cm.
+    """What can be chosen; None where a method or a flight without images has no such choice.
+
+    `samples` 0 looks at every patch.
     """
 
-    samples: int | None
-    particles: int
+    method: str = "paper"
+    textons: int | None = None
+    cells: int | None = None
+    samples: int | None = None
+    neighbors: int | None = None
+    particles: int | None = None
+
+    def __str__(self) -> str:
+        words = [f"method {self.method}"]
+        if self.cells is not None:
+            words += [f"{self.textons} textons", f"{self.cells} x {self.cells} cells"]
+            words += [f"{self.samples} samples" if self.samples else "every patch"]
+        if self.neighbors is not None:
+            words += [f"{self.neighbors} neighbour{'s' if self.neighbors > 1 else ''}"]
+            words += [f"{self.particles} particles"]
+        return ", ".join(words)
+
+    def commands(self, flight: str, output: str) -> list[str]:
+        """The commands that train a map and fly it with this setting."""
+        train, fly = ["trexton", "train", flight, "-o", output], ["trexton", "onboard", output]
+        train += ["--method", self.method]
+        for words, names in (
+            (train, ("textons", "cells", "neighbors")),
+            (fly, ("samples", "particles")),
+        ):
+            for name in names:
+                if (value := getattr(self, name)) is not None:
+                    words += [f"--{name}", str(value)]
+        return [" ".join(words) for words in (train, fly)]
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A setting, its mean error in the replay, and the seconds a frame of it takes here."""
+
+    setting: Setting
+    error_m: float
     frame_s: float
-    error_cm: float
 
 
-def tune(
-    texton_map: TextonMap,
-    record: Record,
-    rate: float,
-    *,
-    headroom: float = 0.5,
-    rng: np.random.Generator,
-) -> Setting:
-    """The setting to use on this machine at a given rate.
+def replayed_errors(
+    texton_map: TextonMap, *, samples: int | None, rng: np.random.Generator
+) -> np.ndarray:
+    """``(N, 2)`` metres by which left-out stretches of the training flight are misplaced.
+
+    Frames in which the filter has not yet had its time to settle do not count.
+    """
+    flown = replay(texton_map, samples=samples, rng=rng)
+    return np.array([one.error for one in flown if warm(one, texton_map.period_s)])
+
+
+@dataclass(eq=False)
+class Bench:
+    """Tries settings on a training flight; maps of equal histograms are made once.
 
     Parameters
     ----------
-    texton_map : TextonMap
-    record : Record
-        Of the experiment ``trade_off``.
-    rate : float
-        Frames a second.
-    headroom : float
-        Share of each frame's period that stays free.
-    rng : numpy.random.Generator
-        For the frames and the filter that are timed.
+    flight : Flight
+    seed : int
+    """
+
+    flight: Flight
+    seed: int = 1
+
+    def __post_init__(self) -> None:
+        self._maps: dict[tuple[int | None, int | None], TextonMap] = {}
+
+    def map(self, setting: Setting) -> TextonMap:
+        """The map of the whole flight with this setting."""
+        key = setting.textons, setting.cells
+        if key not in self._maps:
+            rng = stream(self.seed, "training")
+            chosen = {"n_textons": setting.textons or 20, "cells": setting.cells or 1}
+            self._maps[key] = TextonMap.train(self.flight, rng=rng, neighbors=1, **chosen)  # type: ignore[arg-type]
+        choices = {
+            "measurement.neighbors": setting.neighbors, "filter.particles": setting.particles
+        }  # fmt: skip
+        chosen = {name: value for name, value in choices.items() if value is not None}
+        return self._maps[key].for_method(setting.method).changed(chosen)
+
+    def error_m(self, setting: Setting, texton_map: TextonMap) -> float:
+        """Mean Euclidean error of the replay, metres."""
+        rng = stream(self.seed, f"replay {digest(asdict(setting))[:12]}")
+        errors = replayed_errors(texton_map, samples=setting.samples or None, rng=rng)
+        return float(np.hypot(*errors.T).mean())
+
+    def frame_s(self, setting: Setting, texton_map: TextonMap) -> float:
+        """Median seconds of a frame here."""
+        rng = stream(self.seed, "timed frames")
+        localizer = Localizer(texton_map, samples=setting.samples or None, rng=rng)
+        taken = []
+        for number in range(TIMED + 3):
+            frame = self._frames[number % len(self._frames)]
+            start = perf_counter()
+            localizer.step(frame)
+            taken.append(perf_counter() - start)
+        return float(np.median(taken[3:]))
+
+    @cached_property
+    def _frames(self) -> Sequence[np.ndarray]:
+        rows = np.unique(np.linspace(0, len(self.flight) - 1, 12).astype(int))
+        if self.flight.has_images:
+            return [self.flight.image(row) for row in rows]
+        assert self.flight.histograms is not None  # a flight has one or the other
+        return list(self.flight.histograms[rows])
+
+
+def search(
+    flight: Flight,
+    *,
+    methods: Sequence[str] = METHODS,
+    trials: int = 40,
+    seconds: float | None = None,
+    seed: int = 1,
+    study: str | os.PathLike[str] | None = None,
+) -> list[Tried]:
+    """Try settings, more of those that err little or cost little; the methods' own come first.
+
+    Parameters
+    ----------
+    flight : Flight
+        The training part.
+    methods : sequence of str
+    trials : int
+        In all, those of an earlier search in the same `study` included.
+    seconds : float, optional
+        No trial begins later than this.
+    seed : int
+    study : path, optional
+        A file that keeps every trial, so that a search can be stopped and goes on.
 
     Raises
     ------
+    MapError
+        The flight is too short to leave stretches out.
     ParameterError
-        The rate or the headroom is out of range, the record is of another experiment, or nothing is
-        fast enough.
+        A number is out of range, or no setting could be flown.
     """
-    if not 0 < rate < np.inf:
-        raise ParameterError(f"the rate is {rate} Hz: expected a positive number")
-    if not 0 <= headroom < 1:
+    import optuna
+
+    if trials < 1 or not (seconds is None or seconds > 0):
         raise ParameterError(
-            f"the headroom is {headroom}: expected a share from 0 up to 1, 0.5 to keep half of the "
-            "time free"
+            f"{trials} trials in {seconds} s: expected at least one, and some time"
         )
-    errors = predicted_errors(record, with_samples=texton_map.dictionary is not None)
-    samples, particles = zip(*errors, strict=False)
-    frame_s = costs(texton_map, sorted(set(samples), key=_amount), sorted(set(particles)), rng=rng)
-    settings = [Setting(*key, frame_s[key], error) for key, error in errors.items()]
-    return choose(settings, (1 - headroom) / rate)
+    stretches(flight.time)  # too short a flight is told before any work
+    for method in methods:
+        compose(method)
+    optuna.logging.set_verbosity(optuna.logging.CRITICAL)  # a failed trial is told below
+    searched = _study(study, digest(flight.data_hash, list(methods), seed)[:16], seed)
+    if not searched.trials:
+        for method in methods:
+            searched.enqueue_trial(_usual(method, flight.has_images))
+    bench, reasons = Bench(flight, seed), []
+
+    def attempt(trial: optuna.Trial) -> tuple[float, float]:
+        setting = _suggested(trial, methods, flight.has_images)
+        try:
+            texton_map = bench.map(setting)
+            return bench.error_m(setting, texton_map), bench.frame_s(setting, texton_map)
+        except TrextonError as error:
+            reasons.append(str(error))
+            raise
+
+    left = trials - sum(trial.state.is_finished() for trial in searched.trials)
+    if left > 0:
+        searched.optimize(
+            attempt, n_trials=left, timeout=seconds, catch=(TrextonError,), gc_after_trial=False
+        )
+    done = [trial for trial in searched.trials if trial.state == optuna.trial.TrialState.COMPLETE]
+    if not done:
+        raise ParameterError(f"no setting could be flown: {reasons[0] if reasons else 'no time'}")
+    known = {each.name for each in fields(Setting)}
+    return [
+        Tried(Setting(**{k: v for k, v in trial.params.items() if k in known}), *trial.values)
+        for trial in done
+    ]
 
 
-def choose(settings: list[Setting], budget_s: float) -> Setting:
+def _study(file: str | os.PathLike[str] | None, name: str, seed: int) -> optuna.Study:
+    """The study called `name`, with what is already in the file."""
+    import optuna
+    from optuna.storages import JournalStorage
+    from optuna.storages.journal import JournalFileBackend
+
+    try:
+        return optuna.create_study(
+            directions=["minimize", "minimize"],
+            sampler=optuna.samplers.TPESampler(seed=seed),
+            storage=None if file is None else JournalStorage(JournalFileBackend(os.fspath(file))),
+            study_name=name,
+            load_if_exists=True,
+        )
+    except (OSError, ValueError, KeyError) as error:
+        raise ParameterError(f"{file}: no readable study ({error}): name another file") from None
+
+
+def _suggested(trial: optuna.Trial, methods: Sequence[str], images: bool) -> Setting:
+    choices: dict[str, Any] = {"method": trial.suggest_categorical("method", methods)}
+    if images:
+        for name, values in (("textons", TEXTONS), ("cells", CELLS), ("samples", SAMPLES)):
+            choices[name] = trial.suggest_categorical(name, values)
+    if choices["method"] != "field":
+        choices["neighbors"] = trial.suggest_int("neighbors", 1, MOST_NEIGHBORS)
+        choices["particles"] = trial.suggest_categorical("particles", PARTICLES)
+    return Setting(**choices)
+
+
+def _usual(method: str, images: bool) -> dict[str, Any]:
+    """What one flies without a search."""
+    usual: dict[str, Any] = {"method": method}
+    usual |= {"textons": 20, "cells": 1, "samples": 400} if images else {}
+    return usual | ({"neighbors": 5, "particles": 50} if method != "field" else {})
+
+
+def frontier(tried: Sequence[Tried]) -> list[Tried]:
+    """Those that no other beats in both error and time, the quickest first."""
+    best: list[Tried] = []
+    for one in sorted(tried, key=lambda one: (one.frame_s, one.error_m)):
+        if not best or one.error_m < best[-1].error_m:
+            best.append(one)
+    return best
+
+
+def choose(tried: Sequence[Tried], budget_s: float = np.inf) -> Tried:
     """The cheapest of those within the budget whose error is within two per cent of the best of
     them.
 
@@ -86,94 +277,12 @@ def choose(settings: list[Setting], budget_s: float) -> Setting:
     ParameterError
         None is within the budget.
     """
-    affordable = [setting for setting in settings if setting.frame_s <= budget_s]
+    affordable = [one for one in tried if one.frame_s <= budget_s]
     if not affordable:
-        cheapest = min(settings, key=lambda setting: setting.frame_s)
+        cheapest = min(tried, key=lambda one: one.frame_s)
         raise ParameterError(
-            f"even {cheapest.samples} samples and {cheapest.particles} particles take "
-            f"{1000 * cheapest.frame_s:.3g} ms a frame, but {1000 * budget_s:.3g} ms are to spend: "
-            "lower the rate or the headroom"
+            f"even {cheapest.setting} takes {1000 * cheapest.frame_s:.3g} ms a frame, but "
+            f"{1000 * budget_s:.3g} ms are to spend: lower the rate or the headroom"
         )
-    enough = min(setting.error_cm for setting in affordable) * (1 + _TOLERANCE)
-    return min(
-        (one for one in affordable if one.error_cm <= enough), key=lambda setting: setting.frame_s
-    )
-
-
-def predicted_errors(
-    record: Record, *, with_samples: bool = True
-) -> dict[tuple[int | None, int], float]:
-    """Error in cm for every pair of samples and particles that the record varied.
-
-    Without samples (a map of histograms only) the first of each pair is the record's default and
-    stands for nothing.
-    """
-    if record.experiment != "trade_off":
-        raise ParameterError(f"the record is of {record.experiment!r}: expected one of 'trade_off'")
-    default = {name: record.parameters[name] for name in ("samples", "particles")}
-    if with_samples and "samples" not in record.series:
-        raise ParameterError(
-            f"the trade-off of {record.flight!r} did not vary samples, as it had no images: "
-            "give the record of a flight with images"
-        )
-    names = ("samples", "particles") if with_samples else ("particles",)
-    swept = {name: _sweep(record, name) for name in names}
-    base = swept["particles"][default["particles"]]
-    by_samples = swept.get("samples", {default["samples"]: base})
-    reference = by_samples[default["samples"]]
-    return {
-        (drawn, count): max(0.0, base + (first - reference) + (second - base))
-        for (drawn, first), (count, second) in product(
-            by_samples.items(), swept["particles"].items()
-        )
-    }
-
-
-def _sweep(record: Record, name: str) -> dict[Any, float]:
-    return {row[name]: row[_ERROR]["median"] for row in record.series[name]}
-
-
-def costs(
-    texton_map: TextonMap,
-    samples: list[int | None],
-    particles: list[int],
-    *,
-    rng: np.random.Generator,
-    repeats: int = 60,
-) -> dict[tuple[int | None, int], float]:
-    """Median seconds a frame takes here for every pair; histograms and filters are timed once, and
-    added.
-    """
-    if texton_map.dictionary is None:
-        frames = list(texton_map.histograms[:repeats])
-        of_samples = dict.fromkeys(samples, 0.0)
-    else:
-        # What is in the picture does not change the time; reading fresh memory does.
-        assert texton_map.image_shape is not None  # it has a dictionary
-        shape = (*texton_map.image_shape, 3)
-        frames = [np.asarray(rng.integers(0, 256, shape, dtype=np.uint8)) for _ in range(8)]
-        of_samples = {
-            drawn: _stage_medians(texton_map, frames, repeats, rng, samples=drawn)["histogram"]
-            for drawn in samples
-        }
-    of_particles = {}
-    for count in particles:
-        stages = _stage_medians(texton_map, texton_map.histograms, repeats, rng, particles=count)
-        of_particles[count] = sum(stages.values())
-    return {
-        pair: of_samples[pair[0]] + of_particles[pair[1]] for pair in product(samples, particles)
-    }
-
-
-def _stage_medians(
-    texton_map: TextonMap, frames: Any, repeats: int, rng: np.random.Generator, **options: Any
-) -> dict[str, float]:
-    clock = StageClock(texton_map, rng=rng, **options)
-    for index in range(repeats + 3):
-        clock.step(frames[index % len(frames)])
-    # the first three warm up
-    return {name: float(np.median(taken[3:])) for name, taken in clock.seconds.items() if taken}
-
-
-def _amount(samples: int | None) -> float:
-    return np.inf if samples is None else samples
+    enough = min(one.error_m for one in affordable) * (1 + _TOLERANCE)
+    return min((one for one in affordable if one.error_m <= enough), key=lambda one: one.frame_s)

@@ -1,63 +1,67 @@
-"""``trexton tune MAP --rate HZ``: samples and particles that keep a rate on this machine."""
+"""``trexton tune FLIGHT --rate HZ``: settings that suit a flight and keep a rate on this
+machine.
+"""
 
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
-from typing import Any
 
 from trexton.errors import ParameterError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
-    parser.add_argument(
-        "--rate", type=float, required=True, metavar="HZ", help="frames a second to keep up"
-    )
+    parser.add_argument("flight", help="flight folder; its train split is used where it has one")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="frames a second to keep up")
     share = "share of the time that stays free (default %(default)s)"
     parser.add_argument("--headroom", type=float, default=0.5, metavar="SHARE", help=share)
-    record = "trade_off.json of the experiment (default: in results/FLIGHT/ of the map's flight)"
-    parser.add_argument("--record", metavar="FILE", help=record)
     parser.add_argument(
-        "--seed", type=int, default=1, help="of the frames timed (default %(default)s)"
+        "--methods", nargs="+", default=["paper", "field"], metavar="NAME",
+        help="methods to choose from (default: paper field)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--trials", type=int, default=40, help="settings to try (default %(default)s)"
     )
+    parser.add_argument(
+        "--seconds", type=float, default=300, help="begin none later (default %(default)s)"
+    )
+    parser.add_argument(
+        "--study", metavar="FILE", help="keep all trials there; a search that was stopped goes on"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="of the search (default %(default)s)")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.localizer import TextonMap
-    from trexton.records import Record
-    from trexton.streams import stream
-    from trexton.tuning import tune
+    from trexton.flights import read_flight
+    from trexton.tuning import choose, frontier, search
 
-    texton_map = TextonMap.load(arguments.map)
-    record = Record.load(_record_file(arguments.record, texton_map))
-    rng = stream(arguments.seed, "tuning")
-    best = tune(texton_map, record, arguments.rate, headroom=arguments.headroom, rng=rng)
-    period_ms = 1000 / arguments.rate
-    patches = "every patch" if best.samples is None else f"{best.samples} samples"
-    drawn = patches + ", " if texton_map.dictionary is not None else ""
-    cost = (
-        f"{1000 * best.frame_s:.3g} ms a frame here, of {period_ms:.3g} ms at {arguments.rate:g} Hz"
-    )
-    print(f"{drawn}{best.particles} particles: {cost}")
-    print(
-        f"predicted error: {best.error_cm:.0f} cm on each axis (mean absolute, flight "
-        f"{record.flight})"
-    )
-    options = f"--samples {best.samples or 0} " if texton_map.dictionary is not None else ""
-    print(f"trexton onboard {arguments.map} {options}--particles {best.particles}")
+    budget_s = _budget(arguments.rate, arguments.headroom)
+    flight = read_flight(arguments.flight)
+    flight = flight.part("train") if "train" in flight.split else flight
+    tried = search(
+        flight, methods=arguments.methods, trials=arguments.trials, seconds=arguments.seconds,
+        seed=arguments.seed, study=arguments.study,
+    )  # fmt: skip
+    print(f"{len(tried)} settings tried; none errs less in less time than these:")
+    for one in frontier(tried):
+        print(f"{_metres(one.error_m)}  {1000 * one.frame_s:7.3f} ms a frame  {one.setting}")
+    best = choose(tried, budget_s)
+    within = "" if arguments.rate is None else f", within {1000 * budget_s:.3g} ms a frame"
+    print(f"\nFly {best.setting}{within}:")
+    print("\n".join(best.setting.commands(arguments.flight, "tuned.npz")))
     return 0
 
 
-def _record_file(given: str | None, texton_map: Any) -> Path:
-    """The file asked for, or the one that the book's run leaves for the map's flight."""
-    if given is not None:
-        path = Path(given)
-    else:
-        path = Path("results") / str(texton_map.provenance.get("flight", "")) / "trade_off.json"
-    if not path.is_file():
+def _budget(rate: float | None, headroom: float) -> float:
+    """Seconds that a frame may take."""
+    if rate is not None and not 0 < rate < float("inf"):
+        raise ParameterError(f"the rate is {rate} Hz: expected a positive number")
+    if not 0 <= headroom < 1:
         raise ParameterError(
-            f"{path}: no trade-off record, which knows what fewer samples cost: make it with "
-            "trexton run FLIGHT --only trade_off --out results, or name one with --record"
+            f"the headroom is {headroom}: expected a share from 0 up to 1, 0.5 to keep half of the "
+            "time free"
         )
-    return path
+    return float("inf") if rate is None else (1 - headroom) / rate
+
+
+def _metres(error: float) -> str:
+    return f"{100 * error:6.1f} cm" if error < 10 else f"{error:6.1f} m "

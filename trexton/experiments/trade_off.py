@@ -300,23 +300,25 @@ def _gain(
 
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
-    values, best = record.values, record.values["best_setting"]
-    drawn = f"{best['samples']} samples" if best["samples"] else "every patch"
-    setting = f"{best['particles']} particles, {best['neighbors']} neighbours and {drawn}"
-    if not values["applies"]["samples"]:
-        setting = f"{best['particles']} particles and {best['neighbors']} neighbours"
+    values = record.values
+    chosen = "tuned" if "tuned" in values else "best"
+    setting = values[f"{chosen}_setting"]
+    words = f"{setting['particles']} particles"
+    words += f", {setting['neighbors']} neighbours" if setting["neighbors"] > 1 else ", 1 neighbour"
+    if values["applies"]["samples"]:
+        words += f", {setting['samples']} samples" if setting["samples"] else ", every patch"
+    how = "chosen by replaying the training flight" if chosen == "tuned" else "best in hindsight"
     text = (
-        f"The best of {len(record.series['grid'])} settings, {setting}, errs by "
-        f"{interval(values['best_error_cm'], 'cm')} an axis instead of "
-        f"{number(middle(values['default']['axis_mean_cm']))} cm with the paper's "
-        f"({number(values['best_held_out_cm'])} cm where it is chosen on one half of the flight "
-        "and "
-        "measured on the other)"
+        f"Of {len(record.series['grid'])} settings of the paper's filter the one {how} "
+        f"({words}) errs by {interval(values[f'{chosen}_error_cm'], 'cm')} an axis instead of "
+        f"{number(middle(values['default']['axis_mean_cm']))} cm with the paper's"
     )
+    if chosen == "tuned":
+        text += f" (best in hindsight: {number(middle(values['best_error_cm']))} cm)"
     if "fewest_samples_error_cm" in values:
         few, full = values["fewest_samples_error_cm"], values["full_sampling_error_cm"]
         text += (
             f"; every patch instead of {SWEPT['samples'][0]} brings the error in x from "
             f"{number(middle(few))} to {number(middle(full))} cm"
         )
-    return text.replace("1 neighbours", "1 neighbour") + "."
+    return text + "."

@@ -100,8 +100,8 @@ def stored(record: Record) -> Figure:
 
 
 def grid(record: Record) -> Figure:
-    """Error of every setting of the grid, the best one marked."""
-    rows, best = record.series["grid"], record.values["best_setting"]
+    """Error of every setting of the grid; the tuned one and the best in hindsight marked."""
+    rows, values = record.series["grid"], record.values
     groups = dict.fromkeys((row["samples"], row["particles"]) for row in rows)
     with canvas(size=(6.4, 3.8)) as (figure, axes):
         plot = axes[0, 0]
@@ -112,13 +112,18 @@ def grid(record: Record) -> Figure:
             plot.fill_between(k, error["low"], error["high"], color=color, alpha=0.1, linewidth=0)
             label = f"{of_all}{_name(count)} particles"
             plot.plot(k, error["median"], color=color, marker=marker, markersize=5, label=label)
-        at = (best["neighbors"], record.values["best_error_cm"]["median"])
-        ring: dict[str, Any] = {
-            "markersize": 15,
-            "markerfacecolor": "none",
-            "markeredgecolor": COLORS["truth"],
-        }
-        plot.plot(*at, "o", label="best", **ring)
+        for name, label, size in (("best", "best in hindsight", 15), ("tuned", "tuned", 20)):
+            if name in values:
+                at = (
+                    values[f"{name}_setting"]["neighbors"],
+                    values[f"{name}_error_cm"]["median"],
+                )
+                ring: dict[str, Any] = {
+                    "markersize": size,
+                    "markerfacecolor": "none",
+                    "markeredgecolor": COLORS["truth" if name == "best" else "estimate"],
+                }
+                plot.plot(*at, "o", label=label, **ring)
         plot.set(
             xlabel=_AXIS["neighbors"],
             ylabel="mean error, both axes (cm)",
