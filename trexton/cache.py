@@ -17,6 +17,7 @@ import numpy as np
 
 from trexton.errors import DataError
 from trexton.files import atomic_file, digest
+from trexton.progress import say
 from trexton.records import software_versions
 
 __all__ = ["cache_folder", "cached", "code_hashes", "repository_root", "shipped"]
@@ -106,12 +107,15 @@ def cached(
     try:
         with np.load(path, allow_pickle=False) as stored:
             return dict(stored)
-    except FileNotFoundError:
+    except (FileNotFoundError, NotADirectoryError):
         pass
     except (OSError, ValueError, zipfile.BadZipFile):
         path.unlink(missing_ok=True)  # damaged: make it again
     arrays = compute()
-    with atomic_file(path, "wb") as stream:
-        save: Any = np.savez  # whose stubs take every name for an option
-        save(stream, **arrays)
+    try:
+        with atomic_file(path, "wb") as stream:
+            save: Any = np.savez  # whose stubs take every name for an option
+            save(stream, **arrays)
+    except OSError as error:  # of a disk that is full or not ours: what was computed is right
+        say(f"{path.parent}: nothing is kept there ({error.strerror or error})")
     return {name: np.asarray(array) for name, array in arrays.items()}

@@ -14,18 +14,17 @@ from typing import Any
 
 import numpy as np
 
+from trexton.counting import full_histograms
 from trexton.errors import MapError, ParameterError
 from trexton.files import atomic_file, canonical_json
 from trexton.flights.flight import Flight
-from trexton.histograms import texton_histogram
 from trexton.map_files import DAMAGE, check_map, read_arrays
 from trexton.methods import changed, compose
 from trexton.parts import name_of, part_class
 from trexton.parts.base import Area, Part, Training
-from trexton.progress import progress
 from trexton.textons import MAX_TEXTONS, TextonDictionary
 
-__all__ = ["TextonMap", "full_histograms"]
+__all__ = ["TextonMap"]
 
 SCHEMA = 2
 JUDGES = ("calibration", "integrity")  # parts that learn last, the first before the second
@@ -363,17 +362,3 @@ def _versions() -> dict[str, str]:
     from trexton.records import software_versions
 
     return software_versions()
-
-
-def full_histograms(
-    flight: Flight, dictionary: TextonDictionary | None, cells: int = 1
-) -> np.ndarray:
-    """``(N, K)`` histograms of a flight: full sampling of its images, or those that it brings."""
-    if dictionary is None or not flight.has_images:
-        if flight.histograms is None:
-            raise MapError(
-                f"flight {flight.name!r} has no histograms: give a dictionary to count by"
-            )
-        return flight.histograms
-    images = progress(flight.images(), "histograms", total=len(flight))
-    return np.stack([texton_histogram(image, dictionary, cells=cells) for image in images])

@@ -1,0 +1,81 @@
+"""Histograms of a whole flight: the same however it is cut, and none counted twice."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from small_room import picture_flight
+
+from trexton import counting
+from trexton.counting import full_histograms
+from trexton.histograms import texton_histogram
+from trexton.textons import TextonDictionary
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    return picture_flight(tmp_path_factory.mktemp("room"), "room")
+
+
+@pytest.fixture(scope="module")
+def dictionary(flight):
+    return TextonDictionary.learn(flight, 5, 4, rng=np.random.default_rng(1))
+
+
+@pytest.fixture
+def counted(monkeypatch, tmp_path):
+    """Frames that were counted, one entry each; more than `most` are stopped as Ctrl-C does."""
+    monkeypatch.setenv("TREXTON_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setattr(counting, "CHUNK", 20)
+    calls: list[int] = []
+    limit: dict[str, int | None] = {"most": None}
+
+    def count(image, *words, **options):
+        if len(calls) == limit["most"]:
+            raise KeyboardInterrupt
+        calls.append(1)
+        return texton_histogram(image, *words, **options)
+
+    monkeypatch.setattr(counting, "texton_histogram", count)
+    return calls, lambda most: limit.update(most=most)
+
+
+def test_a_stopped_count_goes_on_where_it_was(flight, dictionary, counted, capsys):
+    calls, stop_after = counted
+    stop_after(45)
+    with pytest.raises(KeyboardInterrupt):
+        full_histograms(flight, dictionary)
+    stop_after(None)
+    calls.clear()
+    histograms = full_histograms(flight, dictionary)
+    assert len(calls) == 8  # the last chunk, of which five had been counted
+    assert "40 of 48 frames had been counted before" in capsys.readouterr().err
+    direct = [texton_histogram(image, dictionary) for image in flight.images()]
+    np.testing.assert_array_equal(histograms, direct)
+
+
+def test_other_textons_cells_or_frames_are_counted_anew(flight, dictionary, counted):
+    calls, _ = counted
+    full_histograms(flight, dictionary)
+    full_histograms(flight, dictionary)
+    assert len(calls) == 48
+    full_histograms(flight, dictionary, cells=2)
+    assert len(calls) == 96
+    full_histograms(flight, TextonDictionary(dictionary.textons[::-1].copy()))
+    assert len(calls) == 144
+    shifted = full_histograms(flight.select(slice(1, None)), dictionary)
+    assert len(calls) == 191 and len(shifted) == 47
+
+
+def test_a_short_flight_leaves_nothing_behind(flight, dictionary, counted, tmp_path):
+    full_histograms(flight.select(slice(0, 20)), dictionary)
+    assert not (tmp_path / "cache").exists()
+
+
+def test_a_cache_that_cannot_be_written_stops_nothing(
+    flight, dictionary, counted, tmp_path, monkeypatch, capsys
+):
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("TREXTON_CACHE", str(tmp_path / "file" / "cache"))
+    assert full_histograms(flight, dictionary).shape == (48, 5)
+    assert "nothing is kept there" in capsys.readouterr().err
