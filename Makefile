@@ -10,7 +10,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book test check test-slow bench verify full lab lock sbom audit pdf clean
+.PHONY: help env book browser test check test-slow bench verify full lab lock sbom audit pdf clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -27,6 +27,10 @@ env: .venv/.ready  ## the environment only (.venv, from environment.lock)
 
 book: env  ## run the notebooks, build book/_build/html/index.html
 	@$(BIN)/trexton book $(ARGS)
+
+browser: env  ## every page of the built book in chromium; pictures of ten in book/_build/screenshots
+	@TREXTON_BOOK=book/_build/html TREXTON_SCREENSHOTS=book/_build/screenshots \
+	  $(BIN)/python -m pytest -n 2 -rs tests/test_browser_pages.py tests/test_browser_moving.py $(ARGS)
 
 test: env  ## the tests
 	@$(BIN)/python -m pytest -m "not slow" -n 2 $(ARGS)

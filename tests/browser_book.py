@@ -1,6 +1,7 @@
 """A browser and a built book for tests of what a reader sees: a plugin of those tests alone.
 
-The book is that of this clone, or the folder that ``TREXTON_BOOK`` names.
+The book is the folder that ``TREXTON_BOOK`` names, as ``make browser`` does; without it the tests
+are skipped, for they take minutes.
 """
 
 from __future__ import annotations
@@ -15,8 +16,8 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[1]
-BUILT = Path(os.environ.get("TREXTON_BOOK", ROOT / "book" / "_build" / "html"))
+BUILT = Path(os.environ.get("TREXTON_BOOK") or "no-book-is-named")
+NO_BOOK = "no built book is named in TREXTON_BOOK: make book, then make browser"
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 # The browser's own errands are no requests of a page.
 QUIET = (
@@ -26,19 +27,19 @@ QUIET = (
 
 
 def page_names(book: Path) -> list[str]:
-    """Every page of the book but the player, by its path."""
+    """Every page of the book by its path, but the players and what only leads to the first page."""
     names = sorted(str(path.relative_to(book)) for path in book.rglob("*.html"))
     return [
         name
         for name in names
-        if not name.startswith("_static") and not name.endswith("-player.html")
+        if not name.startswith("_static") and not name.endswith(("-player.html", "index.html"))
     ]
 
 
 @pytest.fixture(scope="session")
 def book() -> Path:
     if not (BUILT / "index.html").is_file():
-        pytest.skip("no book is built here: make book, or name one in TREXTON_BOOK")
+        pytest.skip(NO_BOOK)
     return BUILT
 
 
@@ -52,6 +53,24 @@ def browser() -> Iterator[object]:
         browser = playwright.chromium.launch(executable_path=found, args=list(QUIET))
         yield browser
         browser.close()
+
+
+@pytest.fixture(scope="session")
+def axe():
+    """``axe(page)``: what the accessibility checker calls serious or critical, as sentences."""
+    tool = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    # It would load the style sheets once more, from addresses that they do not have.
+    serious = {"resultTypes": ["violations"], "preload": False}
+
+    def axe(page) -> list[str]:
+        return [
+            f"{each['id']}: {node['target']} {node['html'][:120]}"
+            for each in tool.run(page, options=serious).response["violations"]
+            if each["impact"] in ("serious", "critical")
+            for node in each["nodes"]
+        ]
+
+    return axe
 
 
 @pytest.fixture(scope="session")
@@ -78,6 +97,7 @@ def open_page(browser, host):
             java_script_enabled=scripts,
         )
         contexts.append(context)
+        context.set_default_timeout(120_000)  # a busy machine is slow, not at fault
         context.add_init_script(
             f"localStorage.setItem('mode', '{theme}'); localStorage.setItem('theme', '{theme}')"
         )

@@ -77,6 +77,23 @@ def test_a_figure_in_a_page_follows_its_theme_and_names_nothing_twice(figure):
         inline_figure("nothing", "f1", "")
 
 
+def test_the_style_of_many_marks_is_said_once():
+    with canvas(size=(4, 3)) as (many, axes):
+        axes[0, 0].plot(np.arange(200.0), ".", color=COLORS["knn"])
+    svg = to_svg(many).decode()
+    mark, count = max(
+        ((each, svg.count(each)) for each in set(re.findall(r'<use xlink:href="[^"]+"', svg))),
+        key=lambda pair: pair[1],
+    )
+    drawn = inline_figure(svg, "f1", "")
+    assert count == 200 and 'svg class="chart narrow"' in drawn
+    name = mark.partition("#")[2].strip('"')
+    (group,) = re.findall(
+        rf'<g style="[^"]+">((?:<use xlink:href="#f1-{name}"[^>]*>\s*)+)</g>', drawn
+    )
+    assert group.count("<use") == 200 and "style" not in group
+
+
 def test_pictures_in_a_figure_get_lighter():
     noise = np.random.default_rng(1).integers(0, 256, (200, 200, 3), np.uint8)
     with canvas() as (figure, axes):

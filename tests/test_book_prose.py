@@ -65,10 +65,11 @@ def test_the_first_page_says_what_the_records_say():
     accuracy, filtered, noise, spread, landing = what_we_found(records)
     assert accuracy.page == "cyberzoo/mocap_training" and "is reproduced" in accuracy.text
     assert numbers(accuracy.text) == [60, 57, 48, 66, 68, 59, 77]
+    assert accuracy.claim.endswith("is reproduced") and accuracy.detail.startswith(": 57")
     assert "errs more than" in filtered.text
     assert numbers(filtered.text) == [87, 33, 1.5, 102, 48, 1.5]
     assert noise.page == "cyberzoo/choices" and numbers(noise.text) == [25, 58, 87, 46, 99]
-    assert "too sure" in spread.text and numbers(spread.text) == [57, 22, 60, 1.5, 600]
+    assert "too sure" in spread.text and numbers(spread.text) == [57, 22, 60, 2, 600]
     assert landing.page == "sim-survey/triggered_landing"
     assert numbers(landing.text) == [13, 38, 4, 6, 41, 46]
 

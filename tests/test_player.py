@@ -16,6 +16,8 @@ from small_room import picture_flight
 from trexton.cli import main
 from trexton.commands.play import serve
 from trexton.errors import ParameterError
+from trexton.experiments import mocap_training
+from trexton.experiments.replay import replay
 from trexton.localizer import Localizer, TextonMap
 from trexton.patches import gather_patches
 from trexton.player import player_html, record_replay
@@ -48,6 +50,15 @@ def test_it_keeps_what_every_step_gave(texton_map):
         assert kept["neighbors_cm"] == np.rint(100 * step.neighbors.position).astype(int).tolist()
         assert kept["errors_cm"]["one"] == round(100 * float(np.hypot(*(step.position - truth))))
         assert len(kept["particles_cm"]) == len(step.particles) and kept["image"] is None
+
+
+def test_the_replay_of_an_experiment_shows_every_method_that_can_fly():
+    flight = small_flight()
+    parameters = mocap_training.Parameters(neighbors=3, particles=20)
+    recording = replay(flight, flight, parameters)
+    names = ["the paper's filter", "neighbours alone", "guarded", "field"]
+    assert recording.names == names  # no images, so there is nothing that fine could compare
+    assert all(set(each["errors_cm"]) == set(names) for each in recording.frames)
 
 
 def test_patches_are_those_that_the_step_sampled(tmp_path, rng):

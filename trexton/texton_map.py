@@ -244,13 +244,19 @@ class TextonMap:
         return self.with_parts(new, rng=rng) if new else self
 
     def for_method(
-        self, method: str | None, *, rng: np.random.Generator | None = None
+        self,
+        method: str | None,
+        *,
+        flight: Flight | None = None,
+        rng: np.random.Generator | None = None,
     ) -> TextonMap:
-        """This map with the parts of another method; itself for its own, or None."""
+        """This map with the parts of another method, trained as by `with_parts`; itself for its
+        own, or None.
+        """
         if method in (None, self.method):
             return self
         parts = compose(method)
-        return replace(self, method=method).with_parts(parts, rng=rng)
+        return replace(self, method=method).with_parts(parts, flight=flight, rng=rng)
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """The map as named arrays, the form in which it is stored."""

@@ -14,8 +14,14 @@ from trexton.errors import DataError
 __all__ = ["is_figure", "inline_figure"]
 
 _PICTURE = re.compile(r'"data:image/png;base64,\s*([^"]+)"')
+_MARK = r'<use xlink:href="{}" x="[^"]+" y="[^"]+" style="{}"/>'
+_MARKS = re.compile(
+    _MARK.format('(?P<mark>[^"]+)', '(?P<style>[^"]+)')
+    + rf"(?:\s*{_MARK.format('(?P=mark)', '(?P=style)')})+"
+)
 _LIGHTER = 20_000  # characters from which a picture is worth compressing
 _QUALITY = 72
+_NARROW = 400  # points, up to which a figure can be read on a phone as it is
 
 
 def is_figure(svg: str) -> bool:
@@ -47,6 +53,7 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     body = re.sub(r'\b(id|xlink:href|href)="(#?)([^":]+)"', rf'\1="\2{name}-\3"', body)
     body = body.replace("url(#", f"url(#{name}-")
     body = re.sub(r"#[0-9a-fA-F]{6}\b(?!-)", _themed, body)
+    body = _MARKS.sub(_styled_once, body)
     body = _PICTURE.sub(_lighter, body)
     for side in ("width", "height"):  # points to the pixels that a browser counts in
         body = re.sub(
@@ -55,8 +62,16 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
             body,
             count=1,
         )
-    label = f'<svg class="chart" role="img" aria-label="{escape(alt, quote=True)}"'
+    box = re.search(r'viewBox="\S+ \S+ ([\d.]+)', body)
+    kind = "chart narrow" if box and float(box[1]) <= _NARROW else "chart"
+    label = f'<svg class="{kind}" role="img" aria-label="{escape(alt, quote=True)}"'
     return body.replace("<svg", label, 1).replace("\n", " ")
+
+
+def _styled_once(found: re.Match[str]) -> str:
+    """Marks of one kind: their style stands on the group, not on each of some thousand."""
+    style = f' style="{found["style"]}"'
+    return f"<g{style}>{found[0].replace(style, '')}</g>"
 
 
 def _themed(found: re.Match[str]) -> str:

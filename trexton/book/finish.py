@@ -105,6 +105,8 @@ def _frame(page: BeautifulSoup) -> None:
     for element in page.select("input.sidebar-toggle"):
         element["aria-hidden"] = "true"
         element["tabindex"] = "-1"
+    for element in page.select(".citation-list[role=list] > .citation"):
+        element["role"] = "listitem"
     for element in page.select(".bd-sidebar-primary .caption[role=heading]"):
         del element["role"], element["aria-level"]
 
@@ -158,6 +160,8 @@ def _tables(article: Tag, path: Path) -> None:
             caption = _new("caption")
             caption.append(title)
             table.insert(0, caption)
+        if "stacked" in table.get_attribute_list("class"):
+            _label_cells(table)
         words = " ".join(caption.get_text().split())
         link = _new("a", href=file.name, class_="csv", download="")
         link.string = "CSV"
@@ -171,6 +175,16 @@ def _tables(article: Tag, path: Path) -> None:
         area["aria-label"] = words
     for block in article.find_all("pre"):
         block["tabindex"] = "0"
+
+
+def _label_cells(table: Tag) -> None:
+    """Each cell told the name of its column, which a phone shows before it."""
+    heads = [cell.get_text().strip() for cell in table.select("thead tr th, thead tr td")]
+    for row in table.select("tbody tr"):
+        for head, cell in zip(heads, row.find_all(["td", "th"]), strict=False):
+            cell["data-label"] = cell.get("data-label") or head
+            if not cell.get_text().strip():
+                cell["class"] = "nothing"
 
 
 def _cells(row: Tag) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -17,12 +18,25 @@ Records = Mapping[str, Mapping[str, Any]]
 PLACES = {"cyberzoo": "on the authors' real flight", "sim-survey": "in the virtual hall"}
 
 
+_DETAIL = re.compile(r"(?=: |, where |, and )")
+
+
 @dataclass(frozen=True)
 class Found:
     """A sentence, and the page that shows it."""
 
     text: str
     page: str
+
+    @property
+    def claim(self) -> str:
+        """Its beginning, which says what was found."""
+        return _DETAIL.split(self.text, maxsplit=1)[0]
+
+    @property
+    def detail(self) -> str:
+        """The rest: how much, and where."""
+        return self.text[len(self.claim) :]
 
 
 def what_we_found(records: Records) -> list[Found]:
@@ -99,7 +113,7 @@ def _better(records: Records) -> Found | None:
     text, values, page = _on_each(records, "beyond", say)
     if not values:
         return _noise(records)
-    return Found(f"Beyond the paper, a field in place of the neighbours gives {text}.", page)
+    return Found(f"Beyond the paper, a field takes the place of the neighbours: {text}.", page)
 
 
 def _noise(records: Records) -> Found | None:
@@ -127,7 +141,7 @@ def _spread(records: Records) -> Found | None:
     limit = published()["triggered_landing"]["spread_cm"]
     return Found(
         f"{claim}: of the errors, twice their spread covers {text}, and the landing threshold of "
-        f"{limit} cm holds back {number(wide)} of {number(frames)} frames.",
+        f"{limit} cm holds back {wide:.0f} of {number(frames)} frames.",
         page,
     )
 

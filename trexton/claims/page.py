@@ -36,14 +36,20 @@ def _cell(label: str, content: str) -> str:
     return f'<td data-label="{escape(label)}">{content}</td>'
 
 
+def _test(claim: Claim) -> str:
+    """Our test of a claim; a phone folds it."""
+    small = f"<br><small>{escape(claim.rule)}</small>" if claim.rule else ""
+    words = f"{escape(claim.measure)}{small}" if claim.measure else ""
+    return f"<details open><summary>show</summary>{words}</details>" if words else ""
+
+
 def _row(claim: Claim, findings: list[Finding]) -> str:
     printed = claim.printed_value
     unit = f" {escape(claim.unit)}" if claim.unit else ""
-    small = f"<br><small>{escape(claim.rule)}</small>" if claim.rule else ""
     cells = [
         _cell("The paper says", f"{escape(claim.text)}<br><small>{escape(claim.place)}</small>"),
         _cell("It printed", "" if printed is None else number(printed) + unit),
-        _cell("Our test", escape(claim.measure) + small if claim.measure else ""),
+        _cell("Our test", _test(claim)),
     ]
     for finding in findings:
         found = quantities(finding, claim.unit)
@@ -68,7 +74,7 @@ def claims_html(rows: Rows, caption: str = "") -> str:
     body = "\n".join(_row(claim, findings) for claim, findings in rows)
     return (
         '<table class="table '
-        f'ledger">{_caption(caption)}<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n'
+        f'ledger stacked">{_caption(caption)}<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n'
         "</tbody></table>"
     )
 

@@ -10,7 +10,7 @@
 
   let now = 0, playing = null, floorImage = null;
   const pictures = new Map(), color = (name) => getComputedStyle(root).getPropertyValue(name).trim();
-  const methodColor = (i) => color("--m" + (i % 4));
+  const methodColor = (i) => color("--m" + (i % 5));
 
   function setTheme(name) { root.dataset.theme = name === "dark" ? "dark" : "light"; draw(); }
 
@@ -138,7 +138,7 @@
     const label = document.createElement("label"), box = document.createElement("input"), mark = document.createElement("i");
     box.type = "checkbox"; box.checked = true; box.addEventListener("change", () => { layers[name] = box.checked; draw(); });
     const which = names.indexOf(name);
-    mark.style.background = which >= 0 ? `var(--m${which % 4})` : `var(${dots[name] || "--soft"})`;
+    mark.style.background = which >= 0 ? `var(--m${which % 5})` : `var(${dots[name] || "--soft"})`;
     label.append(box, mark, name); $("layers").append(label);
   }
   if (data.floor) { floorImage = new Image(); floorImage.onload = draw; floorImage.src = data.floor.image; }
