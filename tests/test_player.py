@@ -56,8 +56,9 @@ def test_the_replay_of_an_experiment_shows_every_method_that_can_fly():
     flight = small_flight()
     parameters = mocap_training.Parameters(neighbors=3, particles=20)
     recording = replay(flight, flight, parameters)
-    names = ["the paper's filter", "neighbours alone", "guarded", "field"]
-    assert recording.names == names  # no images, so there is nothing that fine could compare
+    # Too short to calibrate a guarded filter, and without images that fine could compare.
+    names = ["the paper's filter", "neighbours alone", "field"]
+    assert recording.names == names
     assert all(set(each["errors_cm"]) == set(names) for each in recording.frames)
 
 

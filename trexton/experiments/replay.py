@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from trexton.errors import MapError
 from trexton.experiments.declaration import MapParameters
 from trexton.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
@@ -18,7 +19,7 @@ _METHODS = {"paper": "the paper's filter", "guarded": "guarded", "field": "field
 
 
 def replay(train: Flight, test: Flight, parameters: MapParameters) -> Recording:
-    """What the first run of the experiment sees and draws, and every other method beside it.
+    """What the first run of the experiment sees and draws, beside every method that can learn here.
 
     Parameters
     ----------
@@ -32,19 +33,25 @@ def replay(train: Flight, test: Flight, parameters: MapParameters) -> Recording:
         train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
     )
     frames = train.select(np.isfinite(train.position).all(axis=1))
-    laid = None not in (train.floor, train.camera, train.height) and test.has_images
-    methods = [each for each in _METHODS if each != "fine" or laid]
-    localizers = {
-        _METHODS[method]: Localizer(
-            texton_map.for_method(
-                method, flight=frames, rng=stream(parameters.seed, f"training {method}")
-            ),
+    known = (train.floor, train.camera, train.height)
+    laid = test.has_images and all(each is not None for each in known)
+    localizers = {}
+    for method, label in _METHODS.items():
+        rng = stream(parameters.seed, f"training {method}")
+        if method == "fine" and not laid:
+            continue
+        try:
+            learned = texton_map.for_method(method, flight=frames, rng=rng)
+        except MapError:  # too short a flight, for one; the paper's method learns from any
+            if method == "paper":
+                raise
+            continue
+        localizers[label] = Localizer(
+            learned,
             samples=parameters.samples,
             rng=stream(parameters.seed, "flight", 0),
             particles=parameters.particles if method == "paper" else None,
         )
-        for method in methods
-    }
     extent, pictures = floor_picture(test)
     floor = (pictures["floor"], tuple(extent["floor"]["extent_m"])) if pictures else None
     return record_replay(localizers, test, floor=floor)
