@@ -12,8 +12,10 @@ from trexton.estimate import Estimate, Measurement
 from trexton.localizer import Localizer, TextonMap
 from trexton.parts.calibration import Evidence, Replay
 from trexton.parts.integrity import Innovation
+from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.parts.scale import ErrorScale, independent_after
 from trexton.replay import STRETCH_S, WARM_S, replay, stretches, warm
+from trexton.unseen import flown_unseen
 
 
 @pytest.fixture(scope="module")
@@ -91,6 +93,31 @@ def test_replay_flies_what_its_map_did_not_see(plain):
     assert len(left_out) < 70 and all(rows[-1] * 0.1 > WARM_S for rows in every)
     with pytest.raises(MapError, match="longer one"):
         stretches(np.arange(20) * 0.25)
+
+
+def test_the_training_flight_flies_as_if_each_frame_were_new(plain):
+    flown = list(flown_unseen(plain, samples=50, rng=np.random.default_rng(2)))
+    rows = np.array([each.row for each in flown])
+    settled = round(2.0 / plain.period_s)
+    count = len(plain.time) - settled
+    np.testing.assert_array_equal(rows[:count], settled + np.arange(count))
+    np.testing.assert_array_equal(rows[count:], np.arange(count)[::-1])  # and backwards
+    for each in flown:
+        apart = np.abs(plain.time[each.neighbors.index] - plain.time[each.row])
+        assert apart.min() > EXCLUDED_SECONDS  # neither itself nor what looks like it
+        np.testing.assert_array_equal(each.truth, plain.positions[each.row])
+    localizer = Localizer(plain, rng=np.random.default_rng(2))
+    flattered = [localizer.step(histogram).position for histogram in plain.histograms]
+    own = np.hypot(*(np.array(flattered) - plain.positions).T)[settled:].mean()
+    assert np.mean([np.hypot(*each.error) for each in flown]) > own
+
+
+def test_flights_that_cannot_be_judged_are_refused(plain):
+    short = replace(plain, histograms=plain.histograms[:10])
+    with pytest.raises(MapError, match="longer one"):
+        list(flown_unseen(short, samples=50, rng=np.random.default_rng(2)))
+    with pytest.raises(MapError, match="calibration=none"):
+        plain.for_method("field").changed({"calibration": "replay"})
 
 
 def flights(texton_map, frames=120, **options):

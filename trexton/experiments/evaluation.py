@@ -109,7 +109,7 @@ def drawn_histograms(test: Flight, texton_map: TextonMap, samples: int, seed: in
 
 def flown_estimates(
     texton_map: TextonMap,
-    histograms: Sequence[np.ndarray],
+    histograms: np.ndarray,
     samples: int | None,
     seed: int,
     repeat: int,

@@ -9,10 +9,9 @@ import numpy as np
 
 from trexton.errors import MapError, ParameterError
 from trexton.estimate import Estimate, Measurement
-from trexton.neighbors import Neighbors, neighbors_in_flight
+from trexton.neighbors import Neighbors
 from trexton.observation import Observation
 from trexton.parts.base import Part, Training, learned
-from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.parts.scale import ErrorScale, independent_after
 
 __all__ = ["Calibration", "Evidence", "Judge", "NoCalibration", "Passing", "Replay"]
@@ -59,7 +58,7 @@ class Passing:
 
 @dataclass(eq=False)
 class Replay(Calibration):
-    """Flies left-out stretches of the training flight, and learns how large errors are.
+    """Flies the training flight again as if it were new, and learns how large errors are.
 
     The covariance about the position comes to depend on the filter's own, on how far it is from
     its neighbours' mean, on their scatter, and on how unlike the frame is to all it knows. What a
@@ -98,12 +97,11 @@ class Replay(Calibration):
         return self.with_learned(**found)
 
     def _of_estimate(self, training: Training) -> ErrorScale:
-        from trexton.replay import replay, warm  # it flies a localizer, which is made of parts
+        from trexton.unseen import flown_unseen  # it flies a localizer, which is made of parts
 
         if training.texton_map is None:
             raise MapError("calibration judges a method: train it with the other parts")
-        flights = replay(training.texton_map, samples=self.samples, rng=training.rng)
-        flown = [each for each in flights if warm(each, training.period_s)]
+        flown = list(flown_unseen(training.texton_map, samples=self.samples, rng=training.rng))
         seen = [Evidence.of(each.estimate, each.neighbors) for each in flown]
         return ErrorScale.fit(
             np.array([each.about_estimate for each in seen]),
@@ -185,20 +183,11 @@ class Alone:
     @classmethod
     def of(cls, training: Training, samples: int) -> Alone:
         """Of the neighbours' mean, those near in time left out as for the measurement model."""
-        histograms = training.histograms
-        if training.dictionary is not None:
-            shares = histograms / histograms.sum(axis=1, keepdims=True)
-            histograms = training.rng.multinomial(samples, shares) / samples
-        k = min(training.nearest.k, len(histograms) // 4)
-        rows = neighbors_in_flight(
-            training.nearest, histograms, training.time, max(k, 2), EXCLUDED_SECONDS
-        )
-        features = training.distance.features
-        first = features(histograms) - features(training.histograms[rows[:, 0]])
-        distance = np.linalg.norm(first, axis=1)
+        from trexton.unseen import unseen
+
+        _, neighbors = unseen(training, samples)
         errors, about, claimed = [], [], []
-        for row, nearest in enumerate(rows):
-            found = Neighbors(nearest, distance[row : row + 1], training.positions[nearest])
+        for row, found in enumerate(neighbors):
             nobody = Estimate(found.position.mean(axis=0), np.eye(2))
             evidence = Evidence.of(nobody, found)
             errors.append(evidence.measured.position - training.positions[row])
