@@ -6,7 +6,6 @@ import re
 import shutil
 from pathlib import Path
 
-import nbformat
 import pytest
 from conftest import ROOT, mocap_record, small_flight
 
@@ -21,6 +20,7 @@ from trexton.errors import DataError, TrextonError
 from trexton.flights import read_flight, write_flight
 from trexton.wording import Tree
 from trexton.workflow import FlightPair, Outcome
+from trexton.workflow.formats import nbformat
 
 BUILT = ROOT / "book" / "_build" / "html"
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 
-import nbformat
 import pytest
 from conftest import ROOT
 
@@ -19,6 +18,7 @@ from trexton.experiments import EXPERIMENTS
 from trexton.flights.names import flight_title
 from trexton.records import Record
 from trexton.workflow import Outcome
+from trexton.workflow.formats import nbformat
 
 
 def entry(middle, low=None, high=None):

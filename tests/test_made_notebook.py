@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 
-import nbformat
 import pytest
 from conftest import ROOT, small_flight
 
@@ -13,6 +12,7 @@ from trexton.claims import load_claims
 from trexton.experiments import EXPERIMENTS, Experiment
 from trexton.flights import write_flight
 from trexton.workflow import FlightPair, run_experiments
+from trexton.workflow.formats import nbformat
 from trexton.workflow.notebooks import find_notebooks
 
 

@@ -65,7 +65,7 @@ def test_the_footer_says_the_command_that_makes_it_again(names):
 
 def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):
     """Papermill, as a person runs it in a folder of their own; parameters as papermill has them."""
-    import jupytext
+    from trexton.workflow.formats import jupytext
 
     write_flight(small_flight(), tmp_path / "room")
     jupytext.write(jupytext.read(ROOT / "notebooks" / "mocap_training.md"), tmp_path / "mine.ipynb")

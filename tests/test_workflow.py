@@ -11,7 +11,6 @@ import sys
 import tempfile
 from pathlib import Path
 
-import nbformat
 import pytest
 from patience import alive, eventually
 from tiny_notebooks import BODY, FAILING, write_notebook
@@ -22,6 +21,7 @@ from trexton.experiments import Experiment
 from trexton.flights import read_flight
 from trexton.workflow import FlightPair, run_experiments
 from trexton.workflow.execution import Done
+from trexton.workflow.formats import nbformat
 from trexton.workflow.notebooks import Notebook
 
 

@@ -23,6 +23,7 @@ __all__ = [
 ]
 
 BLOCK = 12  # frames, about a second
+_AT_ONCE = 100_000  # drawn frames whose statistics are computed together
 
 
 def absolute_errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -53,24 +54,38 @@ def block_rows(count: int, rng: np.random.Generator, block: int = BLOCK) -> np.n
     return ((starts[:, None] + np.arange(block)) % count).ravel()[:count]
 
 
-def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, float]:
-    """All statistics of one ``(N, 2)`` array of absolute errors in cm, NaN rows left out."""
-    absolute = absolute[np.isfinite(absolute).all(axis=1)]
-    euclidean = np.hypot(*absolute.T)
-    mean, std = absolute.mean(axis=0), absolute.std(axis=0)
+def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
+    """All statistics of ``(D, N, 2)`` absolute errors in cm, each ``(D,)``: D tracks at once."""
+    euclidean = np.hypot(absolute[..., 0], absolute[..., 1])
+    mean, std = absolute.mean(axis=1), absolute.std(axis=1)
+    overall = euclidean.mean(axis=1)
     return {
-        "error_cm_x": mean[0],
-        "error_cm_y": mean[1],
-        "std_cm_x": std[0],
-        "std_cm_y": std[1],
-        "axis_mean_cm": mean.mean(),
-        "axis_std_cm": std.mean(),
-        "mean_cm": euclidean.mean(),
-        "median_cm": np.median(euclidean),
-        "p95_cm": np.percentile(euclidean, 95),
-        "rmse_cm": np.sqrt(np.mean(euclidean**2)),
-        "relative": euclidean.mean() / diagonal_cm if diagonal_cm > 0 else np.nan,
+        "error_cm_x": mean[:, 0],
+        "error_cm_y": mean[:, 1],
+        "std_cm_x": std[:, 0],
+        "std_cm_y": std[:, 1],
+        "axis_mean_cm": mean.mean(axis=1),
+        "axis_std_cm": std.mean(axis=1),
+        "mean_cm": overall,
+        "median_cm": np.median(euclidean, axis=1),
+        "p95_cm": np.percentile(euclidean, 95, axis=1),
+        "rmse_cm": np.sqrt(np.mean(euclidean**2, axis=1)),
+        "relative": overall / diagonal_cm if diagonal_cm > 0 else np.full_like(overall, np.nan),
     }
+
+
+def _of_each(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
+    """The statistics of ``(D, N, 2)`` errors, frames with NaN left out, tracks without any too."""
+    known = np.isfinite(absolute).all(axis=2)
+    if known.all():
+        return _statistics(absolute, diagonal_cm)
+    tracks = [track[rows][None] for track, rows in zip(absolute, known, strict=True) if rows.any()]
+    return _joined([_statistics(track, diagonal_cm) for track in tracks])
+
+
+def _joined(found: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    found = [each for each in found if each]
+    return {name: np.concatenate([each[name] for each in found]) for name in (found or [{}])[0]}
 
 
 def summarize(
@@ -112,15 +127,16 @@ def summarize(
     }
     if result["frames"] == 0:
         return result
-    single = [_statistics(run, 100 * diagonal) for run in absolute]
-    drawn = []
-    for _ in range(draws):
-        sample = absolute[rng.integers(len(absolute)), block_rows(absolute.shape[1], rng)]
-        if np.isfinite(sample).all(axis=1).any():
-            drawn.append(_statistics(sample, 100 * diagonal))
-    for name in single[0]:
-        values = [entry[name] for entry in single]
-        low, high = np.percentile([entry[name] for entry in drawn], (2.5, 97.5))
+    single = _of_each(absolute, 100 * diagonal)
+    rows = [(rng.integers(len(absolute)), block_rows(absolute.shape[1], rng)) for _ in range(draws)]
+    step = max(1, _AT_ONCE // absolute.shape[1])
+    chunks = (
+        np.stack([absolute[run, frames] for run, frames in rows[at : at + step]])
+        for at in range(0, draws, step)
+    )
+    drawn = _joined([_of_each(chunk, 100 * diagonal) for chunk in chunks])
+    for name, values in single.items():
+        low, high = np.percentile(drawn[name], (2.5, 97.5))
         runs_low, median, runs_high = np.percentile(values, (2.5, 50, 97.5))
         result[name] = {
             "median": median,

@@ -9,14 +9,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from nbformat import NotebookNode
-from nbformat.v4 import new_markdown_cell
-
 from trexton.book.found import what_we_found
 from trexton.book.paper_map import map_table
 from trexton.claims import load_records
 from trexton.flights.names import flight_title
 from trexton.parts.measurement import EXCLUDED_SECONDS
+from trexton.workflow.formats import nbformat
 
 __all__ = ["describe_notebook", "description", "page_names", "with_flight"]
 
@@ -50,12 +48,12 @@ def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[s
     }
 
 
-def with_flight(notebook: NotebookNode, flight: str, twins: Mapping[str, str]) -> None:
+def with_flight(notebook: nbformat.NotebookNode, flight: str, twins: Mapping[str, str]) -> None:
     """End the heading of an experiment's page with its flight, and the page with its twins.
 
     Parameters
     ----------
-    notebook : NotebookNode
+    notebook : nbformat.NotebookNode
         Changed in place.
     twins : mapping of str to str
         The page of the same experiment on other flights, by flight.
@@ -67,7 +65,9 @@ def with_flight(notebook: NotebookNode, flight: str, twins: Mapping[str, str]) -
     first.source = f"{heading}: {flight_title(flight)}\n{rest}"
     links = ", ".join(f"{{doc}}`{flight_title(each)} </{page}>`" for each, page in twins.items())
     if links:
-        notebook.cells.append(new_markdown_cell(f"The same on another flight: {links}."))
+        notebook.cells.append(
+            nbformat.v4.new_markdown_cell(f"The same on another flight: {links}.")
+        )
 
 
 def description(text: str) -> str:
@@ -86,7 +86,7 @@ def _shortened(text: str) -> str:
     return text if len(text) <= _LONGEST else text[:_LONGEST].rsplit(" ", 1)[0] + " …"
 
 
-def describe_notebook(notebook: NotebookNode) -> None:
+def describe_notebook(notebook: nbformat.NotebookNode) -> None:
     """Give an executed notebook its finding, or its first words, as a meta description."""
     outputs = [o for cell in notebook.cells for o in cell.get("outputs", ())]
     html = "".join(str(output.get("data", {}).get("text/html", "")) for output in outputs)

@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import nbformat
 import yaml
 
 from trexton.book.library import MODULES, describe_module
@@ -18,6 +17,7 @@ from trexton.book.prose import records_by_name, render
 from trexton.errors import DataError
 from trexton.experiments import EXPERIMENTS
 from trexton.workflow import FlightPair, Outcome, outputs_of
+from trexton.workflow.formats import nbformat
 
 __all__ = ["Contents", "stage"]
 

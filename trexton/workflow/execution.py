@@ -144,8 +144,9 @@ def _papermill(
     job: Job, out: Path, partial: Path, report: Callable[[int, int], None]
 ) -> str | None:
     """Execute into `partial`; a sentence where that failed."""
-    import jupytext
-    import papermill
+    from trexton.workflow.formats import jupytext  # first: see there
+
+    import papermill  # isort: skip
     from papermill.exceptions import PapermillExecutionError
 
     original = partial.with_name("original.ipynb")
@@ -179,7 +180,7 @@ def cleaned(path: Path, parameters: Mapping[str, Any], work: str) -> str:
     The injected parameters are shown or hidden like the defaults that they replace, and name the
     folder that a reader asked for instead of the one that was worked in.
     """
-    import nbformat
+    from trexton.workflow.formats import nbformat
 
     notebook = nbformat.reads(
         path.read_text("utf-8").replace(work, str(parameters["out"])), as_version=4

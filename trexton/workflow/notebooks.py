@@ -12,12 +12,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import jupytext
-
 import trexton
 from trexton.cache import code_hashes, shipped
 from trexton.errors import TrextonError
 from trexton.experiments import Experiment
+from trexton.workflow.formats import jupytext
 from trexton.workflow.made import made_notebook
 
 __all__ = ["GIVEN", "Notebook", "find_notebooks"]

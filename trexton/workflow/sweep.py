@@ -13,7 +13,6 @@ from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from importlib import import_module
 from multiprocessing import get_context
 from pathlib import Path
 from types import ModuleType
@@ -30,8 +29,9 @@ from trexton.flights import read_flight
 from trexton.options import Options
 from trexton.paper import look_up
 from trexton.progress import say
-from trexton.records import Record, software_versions
+from trexton.records import software_versions
 from trexton.workflow import engine
+from trexton.workflow.cells import measure, record
 from trexton.workflow.facts import Fact, fixed
 from trexton.workflow.pairs import FlightPair
 from trexton.workflow.plan import sole_writer
@@ -251,14 +251,6 @@ def _fly(
         call(record, str(Path(path).resolve()), pattern, layout, seed, every, frames)
 
 
-def record(path: str, pattern: str, layout: str, seed: int, every: int, frames: int | None) -> None:
-    """Record one flight over a painted floor."""
-    from trexton.simulator import Floor, record_flight
-
-    floor = Floor.painted(layout, seed)
-    record_flight(path, pattern=pattern, floor=floor, every=every, frames=frames)
-
-
 def _flown(pair: FlightPair) -> dict[str, str] | None:
     try:
         return {path: read_flight(path).data_hash for path in (pair.flight, str(pair.test_flight))}
@@ -276,17 +268,6 @@ def _measured(call: Call, module: str, pair: FlightPair, cell: _Cell) -> None:
     with atomic_file(cell.path) as stream:
         stream.write(text)
     say(f"ran     {cell.name}")
-
-
-def measure(module: str, flight: str, test_flight: str | None, parameters: dict[str, Any]) -> str:
-    """Run one experiment; the record without series and pictures, as JSON text."""
-    from trexton.flights.pair import load_pair
-
-    experiment = import_module(module)
-    train, test = load_pair(flight, test_flight)
-    found: Record = experiment.run(train, test, experiment.Parameters(**parameters))
-    kept = ("experiment", "flight", "parameters", "values", "timings", "provenance")
-    return canonical_json({name: getattr(found, name) for name in kept})
 
 
 def _row(plan: Plan, cell: _Cell, chosen: Sequence[Options]) -> dict[str, Any]:
