@@ -10,6 +10,7 @@ import pytest
 from trexton.errors import TrextonError
 from trexton.flights import Flight, write_flight
 from trexton.flights.exporters import export, load_trajectory
+from trexton.flights.importers.photos import local_metres
 
 
 @pytest.fixture
@@ -54,10 +55,35 @@ def test_a_flight_as_table_and_geojson(tmp_path):
         histograms=np.full((3, 4), 0.25),
     )
     track = load_trajectory(write_flight(flight, tmp_path / "f"))
+    assert track.origin is None
     rows = export(track, "csv", tmp_path / "t.csv").read_text().splitlines()
     assert rows == ["t_s,x_m,y_m,z_m,yaw_rad", "0.0,0.0,1.0,1.0,0.0", "0.2,2.0,3.0,1.2,0.0"]
     content = json.loads(export(track, "geojson", tmp_path / "t.json").read_text())
     assert content["features"][0]["geometry"]["coordinates"] == [[0.0, 1.0, 1.0], [2.0, 3.0, 1.2]]
+
+
+def test_photographs_are_drawn_on_earth_where_they_were_taken(tmp_path):
+    """Degrees to metres, into a Flight folder, and back."""
+    latitude = np.array([41.2101, 41.2134, 41.2118])
+    longitude = np.array([-82.9312, -82.9265, -82.9301])
+    place, origin = local_metres(latitude, longitude)
+    # A degree of latitude is some 111 km, of longitude less by the cosine.
+    np.testing.assert_allclose(place[1] - place[0], (394, 366.5), rtol=3e-3)
+    assert (place > -1e-6).all() and origin == (latitude.min(), longitude.min())
+    flight = Flight(
+        "photos", np.arange(3), np.arange(3) * 1.0, place, (-1, 500, -1, 500),
+        height=np.array([80.0, 81, 82]), histograms=np.full((3, 4), 0.25), origin=origin,
+    )  # fmt: skip
+    track = load_trajectory(write_flight(flight, tmp_path / "photos"))
+    (feature,) = json.loads(export(track, "geojson", tmp_path / "t.json").read_text())["features"]
+    found = np.array(feature["geometry"]["coordinates"])
+    np.testing.assert_allclose(found, np.column_stack([longitude, latitude]), atol=6e-8)
+    assert feature["properties"]["unit"] == "deg"
+    assert feature["properties"]["height_m"] == [80, 81, 82]
+    header = tmp_path / "photos" / "flight.toml"
+    header.write_text(header.read_text().replace("latitude_deg = 41", "latitude_deg = 141"))
+    with pytest.raises(TrextonError, match=r"\[origin\].*degrees of latitude"):
+        load_trajectory(tmp_path / "photos")
 
 
 def test_what_cannot_be_exported_is_said(record, tmp_path):

@@ -36,11 +36,11 @@ class Parameters(SeedParameters):
     """What can be chosen."""
 
     floors: str = option(
-        "hall:21 repeats:22 few:23 carpet:24",
+        "hall:21 few:23 carpet:24",
         "LAYOUT:SEED paints one, PICTURE@METRES lays a picture so wide; separated by blanks",
     )
-    frames: int = option(120, "of each survey; 0 takes as many as its lanes need", low=0)
-    test_frames: int = option(50, "of the flight on which errors are measured", low=20)
+    frames: int = option(160, "of each survey; 0 takes as many as its lanes need", low=0)
+    test_frames: int = option(60, "of the flight on which errors are measured", low=20)
     height: float = option(1.0, "metres above the floor", low=0.2, high=10)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from trexton.figures.style import COLORS, canvas, floor_axes, legend_above
 from trexton.simulator import Floor
@@ -59,6 +60,10 @@ def foretold(rows: Rows, kept: Rows) -> Figure:
             xscale="log", yscale="log", xlim=ends, ylim=ends,
             xlabel="foretold error (cm)", ylabel="measured error (cm)",
         )  # fmt: skip
+        for axis in (axes[0, 0].xaxis, axes[0, 0].yaxis, axes[0, 1].yaxis):
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter(ScalarFormatter())
+            axis.set_minor_locator(NullLocator())
         axes[0, 1].set_xlabel("the paper's loss")
         legend_above(axes[0, 0], 2)
     return figure

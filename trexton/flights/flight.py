@@ -52,6 +52,8 @@ class Flight:
     floor_file, floor_from_pixel
         A picture of the true floor, if known, and the ``(3, 3)`` homography from its pixels to
         metres.
+    origin : (latitude, longitude), optional
+        Degrees (WGS 84) of the place from which x counts metres east and y metres north.
     """
 
     name: str
@@ -68,6 +70,7 @@ class Flight:
     split: dict[str, tuple[int, int]] = field(default_factory=dict)
     floor_file: Path | None = None
     floor_from_pixel: np.ndarray | None = None
+    origin: tuple[float, float] | None = None
     source: str = ""
     licence: str = ""
     notes: tuple[str, ...] = ()

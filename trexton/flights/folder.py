@@ -174,10 +174,15 @@ def _assemble(
         split={key: (first, last) for key, (first, last) in header.get("split", {}).items()},
         floor_file=path / floor["image"] if floor else None,
         floor_from_pixel=np.array(floor["world_from_pixel"], dtype=float) if floor else None,
+        origin=_origin(header.get("origin")),
         source=header.get("source", ""),
         licence=header.get("licence", ""),
         notes=tuple(header.get("notes", ())),
     )
+
+
+def _origin(table: dict[str, float] | None) -> tuple[float, float] | None:
+    return None if table is None else (float(table["latitude_deg"]), float(table["longitude_deg"]))
 
 
 def _extent(position: np.ndarray) -> tuple[float, float, float, float]:

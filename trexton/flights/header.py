@@ -30,11 +30,13 @@ _KEYS = (
     "camera",
     "split",
     "floor",
+    "origin",
 )
 _TEXTS = ("name", "source", "licence", "features")
 _TABLES = {
     "camera": ("width_px", "height_px", "focal_px"),
     "floor": ("image", "world_from_pixel"),
+    "origin": ("latitude_deg", "longitude_deg"),
     "split": (),
 }
 
@@ -115,6 +117,13 @@ def _fault_values(header: dict[str, Any]) -> list[str]:
         if not _numbers(camera.get("center_px", [0, 0]), 2):
             faults.append(
                 f"[camera] center_px is {camera['center_px']}: expected [column, row] in pixels"
+            )
+    if origin := header.get("origin"):
+        degrees = [origin["latitude_deg"], origin["longitude_deg"]]
+        if not (_numbers(degrees, 2) and abs(degrees[0]) <= 90 and abs(degrees[1]) <= 180):
+            faults.append(
+                f"[origin] is {degrees}: expected degrees of latitude, -90 to 90, and of "
+                "longitude, -180 to 180"
             )
     if floor := header.get("floor"):
         rows = floor["world_from_pixel"]
@@ -197,6 +206,11 @@ def header_text(flight: Flight) -> str:
             f"focal_px = {float(camera.focal)}",
             f"center_px = {[float(value) for value in camera.principal_point]}",
         ]
+    if flight.origin is not None:
+        latitude, longitude = map(float, flight.origin)
+        lines += [
+            "", "[origin]", f"latitude_deg = {latitude}", f"longitude_deg = {longitude}"
+        ]  # fmt: skip
     if flight.floor_file is not None:
         matrix = np.asarray(flight.floor_from_pixel, dtype=float).tolist()
         lines += [

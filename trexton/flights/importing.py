@@ -174,6 +174,7 @@ def _flight(
         features=recording.features,
         camera=camera,
         split=split,
+        origin=recording.origin,
         source=recording.source,
         licence=recording.licence,
         notes=(f"time zero is stamp {first} ns of the source", *recording.notes),

@@ -7,7 +7,7 @@ describes it.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from pathlib import Path
 from typing import IO, Protocol, cast
@@ -41,12 +41,15 @@ class Trajectory:
         Metres, z of the floor plane (0) where no height is known.
     yaw : (N,) array
         Radians; 0 where no heading is known.
+    origin : (latitude, longitude) or None
+        Degrees of the place from which x counts metres east and y metres north, where known.
     """
 
     name: str
     time: np.ndarray
     position: np.ndarray
     yaw: np.ndarray
+    origin: tuple[float, float] | None = None
 
 
 class Exporter(Protocol):
@@ -73,7 +76,8 @@ def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
         flight = read_flight(source)
         height = np.zeros(len(flight)) if flight.height is None else flight.height
         yaw = np.zeros(len(flight)) if flight.attitude is None else flight.attitude[:, 2]
-        return _known(flight.name, flight.time, flight.position, height, yaw)
+        track = _known(flight.name, flight.time, flight.position, height, yaw)
+        return replace(track, origin=flight.origin)
     try:
         record = json.loads(read_text(source))
         series, name = record["series"], record["flight"]

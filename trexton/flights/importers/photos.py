@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from trexton.errors import FlightError
+from trexton.flights.earth import plane
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.recording import NANO, Recording, Track
 from trexton.flights.tables import column, read_table
@@ -80,7 +81,7 @@ def read(source: Path, settings: Settings) -> Recording:
         Track(stamps, position),
         ImageFiles(tuple(order)),
         source=f"photographs of {source.name}",
-        notes=[f"x east, y north of latitude {origin[0]:.7f}, longitude {origin[1]:.7f} (WGS 84)"],
+        origin=origin,
         said=[f"{missing} photographs without a position are left out"] if missing else [],
     )
 
@@ -90,16 +91,13 @@ def local_metres(
 ) -> tuple[np.ndarray, tuple[float, float]]:
     """``(N, 2)`` metres east and north of the south-west corner, and that corner in degrees.
 
-    A transverse Mercator projection about the middle of the points; true to a millimetre over some
-    kilometres.
+    See `trexton.flights.earth.plane`.
 
     Raises
     ------
     FlightError
         A latitude or longitude is no angle on Earth.
     """
-    from pyproj import Proj
-
     good = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180)
     if not good.all():
         row = int(np.argmin(good))
@@ -107,12 +105,8 @@ def local_metres(
             f"position {row + 1} is {latitude[row]}, {longitude[row]}: expected degrees of "
             "latitude and longitude"
         )
-    middle = float(np.median(latitude)), float(np.median(longitude))
-    plane = Proj(proj="tmerc", lat_0=middle[0], lon_0=middle[1], ellps="WGS84")
-    east, north = plane(longitude, latitude)
-    corner = plane(east.min(), north.min(), inverse=True)
-    metres = np.column_stack([east - east.min(), north - north.min()])
-    return metres, (float(corner[1]), float(corner[0]))
+    corner = float(latitude.min()), float(longitude.min())
+    return np.column_stack(plane(corner)(longitude, latitude)), corner
 
 
 def _from_table(

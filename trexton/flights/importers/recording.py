@@ -58,6 +58,8 @@ class Recording:
     camera : Camera or None
     distortion : (D,) array or None
         Of the camera, in OpenCV's order.
+    origin : (latitude, longitude) or None
+        Degrees of the place from which the track counts metres east and north.
     notes : list of str
         What a reader of the flight must know.
     said : list of str
@@ -71,6 +73,7 @@ class Recording:
     features: str = "textons"
     camera: Camera | None = None
     distortion: np.ndarray | None = None
+    origin: tuple[float, float] | None = None
     source: str = ""
     licence: str = ""
     notes: list[str] = field(default_factory=list)
