@@ -56,6 +56,20 @@ def test_histograms_that_say_nothing_are_found_out():
     assert any(sentence.startswith("Repeated texture") for sentence in advice(hopeless))
 
 
+def test_a_filter_worse_than_its_neighbours_or_the_centre_is_named(record):
+    def said(cm):
+        errors = record.values["errors"]
+        entry = errors["paper"]["mean_cm"]
+        changed = errors["paper"] | {"mean_cm": entry | dict.fromkeys(entry, cm)}
+        values = record.values | {"errors": errors | {"paper": changed}}
+        return [s for s in advice(replace(record, values=values)) if "`paper` is worse" in s]
+
+    centre, knn = (record.values["errors"][n]["mean_cm"]["median"] for n in ("centre", "knn"))
+    assert knn < centre and said(0.9 * knn) == []
+    assert "the plain mean of its neighbours" in said(knn + 5)[0] and "by 5 cm" in said(knn + 5)[0]
+    assert "always guessing the centre: do not fly it" in said(centre + 1)[0]
+
+
 def test_places_that_were_never_flown_are_named():
     train = make_flight(1)
     half = train.select(train.position[:, 0] < 0)

@@ -21,7 +21,7 @@ __all__ = ["write_report"]
 
 _STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 46rem; margin: 2rem auto; padding: 0 1rem;
-  color: #222; background: #fff; }
+  color: #222; background: #fff; color-scheme: light dark; }
 h1 { font-size: 1.6rem; line-height: 1.2 } h2 { font-size: 1.2rem; margin-top: 2rem }
 .finding { font-size: 1.15rem; border-left: 4px solid #0072B2; padding-left: 1rem }
 figure { margin: 1.5rem 0; break-inside: avoid } img { max-width: 100%; height: auto }
@@ -30,6 +30,10 @@ figcaption, footer { font-size: .85rem; color: #555 }
 th, td { padding: .25rem .75rem; text-align: right }
 th:first-child, td:first-child { text-align: left } tbody tr { border-top: 1px solid #ddd }
 code { background: #f2f2f2; padding: 0 .2rem }
+@media (prefers-color-scheme: dark) {
+  body { color: #ddd; background: #181818 } figcaption, footer { color: #aaa }
+  code { background: #2c2c2c } tbody tr { border-color: #444 } img { border-radius: 4px }
+}
 @media print { body { max-width: none; margin: 0; font-size: 11pt } }
 """
 _ROWS = {

@@ -19,6 +19,7 @@ from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import constant_guess, shuffled_neighbors, summarize
 from trexton.neighbors import NearestHistograms
+from trexton.parts.field import grid_cells
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
 from trexton.streams import stream
@@ -50,42 +51,38 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     frames = frames_of(test)
     known = np.isfinite(test.position).all(axis=1)
-    runs, timings, dictionary, field_map = {}, {}, None, None
+    runs, timings, field_map = {}, {}, None
+    base = TextonMap.train(
+        train, n_textons=parameters.textons, rng=stream(parameters.seed, "training")
+    )
+    located = train.select(np.isfinite(train.position).all(axis=1))
     for method in parameters.methods.split():
-        texton_map = TextonMap.train(
-            train,
-            method=method,
-            n_textons=parameters.textons,
-            dictionary=dictionary,
-            rng=stream(parameters.seed, "training"),
-        )
-        dictionary = texton_map.dictionary
+        rng = stream(parameters.seed, f"map {method}")
+        texton_map = base.for_method(method, flight=located, rng=rng)
         runs[method], timings[method] = _flown(texton_map, frames, parameters)
         if hasattr(texton_map.parts["measurement"], "expected_error"):
             field_map = texton_map
     rng = stream(parameters.seed, "intervals")
-    k = min(parameters.neighbors, len(texton_map.positions))
-    nearest = NearestHistograms(texton_map.histograms, texton_map.positions, k)
-    looked = Localizer(
-        texton_map, samples=parameters.samples, rng=stream(parameters.seed, "neighbours")
-    )
+    k = min(parameters.neighbors, len(base.positions))
+    nearest = NearestHistograms(base.histograms, base.positions, k)
+    looked = Localizer(base, samples=parameters.samples, rng=stream(parameters.seed, "neighbours"))
     runs["knn"] = np.array(
         [nearest.query(looked.observe(frame)).position.mean(axis=0) for frame in frames]
     )
-    runs["centre"] = constant_guess(texton_map.positions, len(test))
-    runs["shuffled"] = shuffled_neighbors(texton_map.positions, len(test), k, rng=rng)
+    runs["centre"] = constant_guess(base.positions, len(test))
+    runs["shuffled"] = shuffled_neighbors(base.positions, len(test), k, rng=rng)
     values: dict[str, Any] = {
         "errors": {
             name: summarize([track[known]], test.position[known], test.diagonal, rng=rng)
             for name, track in runs.items()
         },
-        "limits": _limits(texton_map, train, test),
-        "counts": {"train": len(texton_map.positions), "test": int(known.sum())},
+        "limits": _limits(base, train, test),
+        "counts": {"train": len(base.positions), "test": int(known.sum())},
         "features": train.features,
     }
     series: dict[str, Any] = {
         "area_m": train.area,
-        "train_m": texton_map.positions,
+        "train_m": base.positions,
         "truth_m": test.position[known],
         "time_s": (test.time - test.time[0])[known],
         **{f"{name}_m": track[known] for name, track in runs.items()},
@@ -146,12 +143,8 @@ def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any
 
 def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[str, float]]]:
     """The expected error over the floor, and its hardest places near where was flown."""
-    x_min, x_max, y_min, y_max = flight.area
-    cell = flight.diagonal / 70
-    columns, rows = (max(2, round(side / cell)) for side in (x_max - x_min, y_max - y_min))
-    x = x_min + (np.arange(columns) + 0.5) * (x_max - x_min) / columns
-    y = y_min + (np.arange(rows) + 0.5) * (y_max - y_min) / rows
-    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    sides = np.diff(np.reshape(flight.area, (2, 2)), axis=1)
+    places, shape = grid_cells(flight.area, round(sides.prod() / (flight.diagonal / 70) ** 2))
     error = expected(places)
     known = flight.position[np.isfinite(flight.position).all(axis=1)]
     apart = np.array([np.hypot(*(known - place).T).min() for place in places])
@@ -169,7 +162,7 @@ def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[
             hardest.append(
                 {"x_m": place[0], "y_m": place[1], "expected_cm": 100 * float(error[cell_number])}
             )
-    heat = np.where(near, error, np.nan).reshape(rows, columns)
+    heat = np.where(near, error, np.nan).reshape(shape).T
     return {"error_m": heat.round(4), "extent_m": flight.area}, hardest
 
 
@@ -237,11 +230,20 @@ def advice(record: Record) -> list[str]:
             "by "
             f"{distance(place['expected_cm'])}."
         )
-    paper, centre = (record.values["errors"].get(name) for name in ("paper", "centre"))
-    if paper and centre and middle(paper["mean_cm"]) >= middle(centre["mean_cm"]):
-        said.append(
-            "The paper's filter is worse here than always guessing the centre: do not fly it."
-        )
+    errors = record.values["errors"]
+    centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
+    for method in record.parameters["methods"].split():
+        error = middle(errors[method]["mean_cm"])
+        if error >= centre:
+            said.append(
+                f"The method `{method}` is worse here than always guessing the centre: do not fly "
+                "it."
+            )
+        elif error > knn:
+            said.append(
+                f"The method `{method}` is worse here than the plain mean of its neighbours, by "
+                f"{distance(error - knn)}: its filter brings nothing on this flight."
+            )
     seconds = record.timings.get(best, {}).get("median_s")
     if seconds:
         said.append(
