@@ -107,12 +107,22 @@ def test_it_lands_before_the_middle_where_the_vehicle_flies_towards_it():
 
 
 def test_less_is_asked_for_as_the_time_runs_out():
-    zone = TouchdownZone((0, 0), 0.6, time_limit=60)
+    zone = TouchdownZone((0, 0), 0.6, confidence=0.9, least=0.8, time_limit=60)
     near = moving((0.4, 0.0))
     assert 0.8 < zone.chance(near) < 0.9
     assert not zone.update(near, 5.0)
     assert zone.update(near, 60.0)
     assert zone.wanted(600.0) == 0.8
+
+
+def test_a_chance_that_still_grows_is_waited_for():
+    zone = TouchdownZone((0, 0), 0.6, drift_s=0.5, confidence=0.7, least=0.7)
+    coming, over, leaving = (moving((x, 0), (0.6, 0)) for x in (-0.55, -0.3, -0.2))
+    assert zone.chance(coming) > 0.7 and not zone.accepts(coming)
+    assert zone.accepts(over) and zone.accepts(leaving)
+    assert TouchdownZone((0, 0), 0.6, drift_s=0.5, confidence=0.7, least=0.7, later_s=0).accepts(
+        coming
+    )
 
 
 def test_a_lost_or_unseen_frame_lands_nowhere():
@@ -134,7 +144,15 @@ def test_an_estimate_without_velocity_stays_where_it_is():
 
 
 @pytest.mark.parametrize(
-    "bad", [{"gust": 0}, {"drift_s": -1}, {"time_limit": 0}, {"least": 0.99}, {"confidence": 1.0}]
+    "bad",
+    [
+        {"gust": 0},
+        {"drift_s": -1},
+        {"time_limit": 0},
+        {"least": 0.99},
+        {"confidence": 1.0},
+        {"later_s": -1},
+    ],
 )
 def test_nonsense_is_refused_by_the_touchdown_zone(bad):
     with pytest.raises(ParameterError, match="expected"):

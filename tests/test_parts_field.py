@@ -10,7 +10,7 @@ from small_room import histogram_flight
 
 from trexton.errors import MapError, ParameterError
 from trexton.localizer import Localizer, TextonMap
-from trexton.observation import Observation
+from trexton.observation import Aiding, Observation
 from trexton.parts.base import Training
 from trexton.parts.distances import Hellinger
 from trexton.parts.field import ErrorModel, Field, grid_cells
@@ -337,3 +337,46 @@ def test_a_field_measures_for_particles_too():
     for histogram in flight.histograms[:30]:
         estimate = localizer.step(histogram)
     assert np.hypot(*(estimate.position - flight.position[29])) < 1.0
+
+
+def test_a_velocity_that_comes_with_the_frames_makes_both_better(field, motion, later, rng):
+    places, histograms = later
+    velocity = np.gradient(places, 0.08, axis=0)
+    found = {}
+    for told in (False, True):
+        tracker, errors = TrackFilter(motion, field, AREA), []
+        for row, histogram in enumerate(histograms):
+            noisy = velocity[row] + 0.05 * rng.standard_normal(2)
+            tracker.step(
+                Observation(
+                    histogram=lambda h=histogram: h, aiding=Aiding(velocity=noisy if told else None)
+                )
+            )
+            estimate = tracker.estimate()
+            errors.append(
+                [*(estimate.position - places[row]), *(estimate.velocity - velocity[row])]
+            )
+        found[told] = np.sqrt(np.square(errors[25:]).mean(axis=0))
+    assert (found[True][:2] < found[False][:2]).all()
+    assert (found[True][2:] < 0.6 * found[False][2:]).all()
+
+
+def test_a_track_that_the_measured_velocity_contradicts_loses_weight(field, motion, later):
+    tracker = TrackFilter(motion, field, AREA)
+    for histogram in later[1][:30]:
+        tracker.step(observed(histogram))
+    here = tracker.states[0].copy()
+    there = here.copy()
+    there[2:4] = -here[2:4]
+    tracker.states = np.array([here, there])
+    tracker.covariances = np.repeat(tracker.covariances[:1], 2, axis=0)
+    tracker.weights = np.array([0.5, 0.5])
+    histogram = later[1][30]
+    tracker.step(Observation(histogram=lambda: histogram, aiding=Aiding(velocity=here[2:4])))
+    assert tracker.states[0, 2:4] == pytest.approx(here[2:4], abs=0.3)
+    assert tracker.weights[0] > 0.6
+
+
+def test_a_velocity_needs_a_positive_doubt():
+    with pytest.raises(ParameterError, match="velocity_sigma"):
+        Tracks(velocity_sigma=0.0)

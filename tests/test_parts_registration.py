@@ -63,6 +63,24 @@ def test_regions_hold_about_what_they_claim(fine, flights):
     assert 0.1 < np.mean(distances) / 2 < 3
 
 
+def test_it_says_how_fast_the_vehicle_goes(fine, flights):
+    test = flights[1]
+    localizer = Localizer(fine, rng=np.random.default_rng(2))
+    velocity = np.gradient(test.position, test.time, axis=0)
+    errors, claimed = [], []
+    for row, (attitude, height) in enumerate(zip(test.attitude, test.height, strict=True)):
+        roll, pitch, yaw = attitude
+        aiding = Aiding(roll=roll, pitch=pitch, yaw=yaw, height=height)
+        estimate = localizer.step(test.image(row), aiding=aiding, time=test.time[row])
+        if estimate.velocity is not None:
+            errors.append(estimate.velocity - velocity[row])
+            claimed.append(np.diagonal(estimate.joint)[2:])
+    assert len(errors) > 20
+    assert np.sqrt(np.square(errors).mean()) < 0.12
+    assert 0.1 < np.square(errors).mean() / np.mean(claimed) < 4
+    assert localizer.step(None).velocity is None
+
+
 def test_a_stitched_picture_serves_as_well(flights):
     train, test = flights
     bare = replace(train, floor_file=None)

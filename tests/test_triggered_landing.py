@@ -231,16 +231,3 @@ def test_the_table_stands_beside_the_paper(record):
     assert causes.iloc[1]["Drift to touchdown"].startswith(
         f"{record.values['perfect']['drift_cm']['median']:.0f} "
     )
-
-
-def test_another_method_and_trigger_land_too(train):
-    changes = {"method": "field", "trigger": "touchdown", "cells": 2, "landings": 2}
-    flown = triggered_landing.run(train, train, triggered_landing.Parameters(**OPTIONS | changes))
-    assert flown.values["attempts"] == 2
-    assert flown.parameters["method"] == "field"
-
-
-@pytest.mark.parametrize("name", ["method", "trigger"])
-def test_an_unknown_method_or_trigger_is_refused(name):
-    with pytest.raises(ParameterError, match="choose one of"):
-        triggered_landing.Parameters(**{name: "hope"})

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from trexton.errors import ParameterError
 from trexton.estimate import Estimate
 
-__all__ = ["TRIGGERS", "LandingZone", "TouchdownZone"]
+__all__ = ["LandingZone", "TouchdownZone"]
 
 
 class LandingZone:
@@ -98,7 +98,8 @@ class TouchdownZone(LandingZone):
     From the trigger to the ground a vehicle drifts on. What counts is where it will touch down: the
     estimate carried on with its velocity, and how far that may be off. The chance that it lies in
     the circle must be high at first, and may be lower as the time runs out: a late landing at the
-    edge is worth more than none.
+    edge is worth more than none. And a chance that is still growing is waited for: a vehicle on its
+    way to the middle would else come down at the edge.
 
     Parameters
     ----------
@@ -114,6 +115,8 @@ class TouchdownZone(LandingZone):
         Chance of a touchdown inside that is asked for at first, and at the end of the time.
     time_limit : float
         Seconds that the search for a moment to land may take.
+    later_s : float
+        Seconds after which the chance must not be better than now.
     consecutive : int
         Number of estimates in a row that must agree.
 
@@ -131,15 +134,22 @@ class TouchdownZone(LandingZone):
         drift_s: float = 0.5,
         gust: float = 0.14,
         confidence: float = 0.9,
-        least: float = 0.8,
+        least: float = 0.6,
         time_limit: float = 60.0,
+        later_s: float = 0.25,
         consecutive: int = 1,
     ):
         super().__init__(center, radius, consecutive=consecutive)
-        if not (0 <= drift_s < np.inf and 0 < gust < np.inf and 0 < time_limit < np.inf):
+        if not (
+            0 <= drift_s < np.inf
+            and 0 < gust < np.inf
+            and 0 < time_limit < np.inf
+            and 0 <= later_s < np.inf
+        ):
             raise ParameterError(
-                f"a drift of {drift_s} s, gusts of {gust} m and {time_limit} s of time were given: "
-                "expected no drift or some, and positive gusts and time"
+                f"a drift of {drift_s} s, gusts of {gust} m, {time_limit} s of time and a look "
+                f"{later_s} s ahead were given: expected no drift or look ahead or some, and "
+                "positive gusts and time"
             )
         if not 0 < least <= confidence < 1:
             raise ParameterError(
@@ -148,10 +158,11 @@ class TouchdownZone(LandingZone):
             )
         self.drift_s, self.gust, self.time_limit = float(drift_s), float(gust), float(time_limit)
         self.confidence, self.least = float(confidence), float(least)
+        self.later_s = float(later_s)
 
-    def chance(self, estimate: Estimate) -> float:
-        """Chance that a landing triggered now touches down inside the circle."""
-        place, covariance = estimate.ahead(self.drift_s)
+    def chance(self, estimate: Estimate, later_s: float = 0.0) -> float:
+        """Chance that a landing triggered now, or so much later, touches down in the circle."""
+        place, covariance = estimate.ahead(self.drift_s + later_s)
         variances, axes = np.linalg.eigh(covariance + self.gust**2 * np.eye(2))
         offset = axes.T @ (np.asarray(place) - self.center)
         return _inside(offset, np.sqrt(variances), self.radius)
@@ -163,8 +174,10 @@ class TouchdownZone(LandingZone):
 
     def accepts(self, estimate: Estimate, elapsed_s: float = 0.0) -> bool:
         """Whether this estimate alone permits a landing after so many seconds of search."""
-        known = estimate.observed and not estimate.lost
-        return known and self.chance(estimate) >= self.wanted(elapsed_s)
+        if not estimate.observed or estimate.lost:
+            return False
+        chance = self.chance(estimate)
+        return chance >= self.wanted(elapsed_s) and chance >= self.chance(estimate, self.later_s)
 
 
 def _inside(offset: np.ndarray, deviation: np.ndarray, radius: float) -> float:
@@ -178,7 +191,3 @@ def _inside(offset: np.ndarray, deviation: np.ndarray, radius: float) -> float:
         for edge in half
     ]
     return float(radius * (weights * density) @ share / 2)
-
-
-# The paper's trigger, and ours.
-TRIGGERS: dict[str, type[LandingZone]] = {"inside": LandingZone, "touchdown": TouchdownZone}

@@ -117,6 +117,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     ),
     "light": Experiment("Other light", needs=_SURVEYED, cost_s=30),
     "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=300),
+    "touchdown": Experiment("Landing that lands", needs=_SURVEYED, cost_s=60),
     "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=120, alone=True),
     "map_loss": Experiment(
         "Which floors are suitable: the map loss", needs=("positions",), cost_s=8

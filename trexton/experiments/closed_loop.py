@@ -1,10 +1,14 @@
-"""The closed loop of the triggered landings: the localizer sees what the virtual camera sees, and
-decides.
+"""The closed loop of the triggered landings: localizers see what the virtual camera sees, and
+decide.
+
+All that are compared fly the same flight, frame by frame; each lands a vehicle of its own.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -13,9 +17,12 @@ import numpy as np
 
 from trexton.camera import Camera
 from trexton.executor import spread
-from trexton.landing import LandingZone, TouchdownZone
+from trexton.landing import LandingZone
 from trexton.localizer import Estimate, Localizer, TextonMap
+from trexton.observation import Aiding
+from trexton.odometry import VisualOdometry
 from trexton.simulator import (
+    PERIOD,
     Effects,
     Floor,
     Light,
@@ -26,9 +33,11 @@ from trexton.simulator import (
 )
 from trexton.streams import stream
 
-__all__ = ["Attempt", "Mission", "fly_all", "fly_attempt"]
+__all__ = ["AIDING", "Attempt", "Lander", "Mission", "fly_all", "fly_together"]
 
 NOWHERE = np.full(2, np.nan)
+AIDING = ("none", "attitude", "odometry")
+HEIGHT_NOISE = 0.01  # metres, of the autopilot's height
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,34 +48,44 @@ class Mission:
     ----------
     places : (2, 2) array
         Lowest and highest x, y of a zone's centre: the circle stays within the surveyed area.
-    options : dict
-        Of the localizer.
-    trigger : str
-        A name of `trexton.landing.TRIGGERS`.
+    attitude_deg : float
+        Noise of the attitude that the autopilot tells.
     """
 
-    texton_map: TextonMap
     floor: Floor
     camera: Camera
     height: float
     speed: float
+    area: tuple[float, float, float, float]
     places: np.ndarray
     radius: float
-    spread: float
-    consecutive: int
     armed_after: float
     time_limit: float
-    options: dict[str, Any]
     seed: int
-    trigger: str = "inside"
+    attitude_deg: float = 0.3
 
-    def zone(self, center: np.ndarray) -> LandingZone:
-        """The zone around a centre, with the mission's trigger."""
-        if self.trigger == "touchdown":
-            return TouchdownZone(
-                center, self.radius, consecutive=self.consecutive, time_limit=self.time_limit
-            )
-        return LandingZone(center, self.radius, self.spread, self.consecutive)
+
+@dataclass(frozen=True, eq=False)
+class Lander:
+    """One that decides when to land.
+
+    Attributes
+    ----------
+    texton_map : TextonMap or None
+        None: it knows the truth, and what remains is what landing itself costs.
+    zone : callable
+        Gives the zone and its trigger around a centre.
+    options : dict
+        Of the localizer.
+    aiding : str
+        What it knows besides the frame, of `AIDING`: nothing, the autopilot's attitude, or the
+        velocity that visual odometry makes of the frames with attitude and height.
+    """
+
+    texton_map: TextonMap | None
+    zone: Callable[[np.ndarray], LandingZone]
+    options: dict[str, Any] = field(default_factory=dict)
+    aiding: str = "none"
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,17 +116,16 @@ class Attempt:
     frame_s: np.ndarray
 
 
-def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt:
-    """Fly at random until the trigger fires, then land; attempt `number` has a generator of its
+def fly_together(
+    mission: Mission, landers: Mapping[str, Lander], number: int
+) -> dict[str, Attempt]:
+    """Fly at random until each has triggered its landing; flight `number` has a generator of its
     own.
-
-    `perfect` puts the true position in the localizer's place: what remains is what landing itself
-    costs.
     """
     rng = stream(mission.seed, "landings", number)
     zone_rng, plan_rng, simulator_rng, localizer_rng = rng.spawn(4)
-    zone = mission.zone(zone_rng.uniform(*mission.places))
-    plan = Plan(random_waypoints(mission.texton_map.area, plan_rng))
+    center = zone_rng.uniform(*mission.places)
+    plan = Plan(random_waypoints(mission.area, plan_rng))
     # The camera hands its frames over as they are: nothing is compressed on board.
     simulator = Simulator(
         mission.floor,
@@ -119,27 +137,102 @@ def fly_attempt(mission: Mission, number: int, perfect: bool = False) -> Attempt
         speed=mission.speed,
         rng=simulator_rng,
     )
-    localizer = (
-        None if perfect else Localizer(mission.texton_map, rng=localizer_rng, **mission.options)
-    )
-    state, path, frame_s, triggered = simulator.state, [], [], False
-    while not triggered and state.time < mission.time_limit:
+    autopilot = _Autopilot(mission, stream(mission.seed, "autopilot", number))
+    # Each draws the same patches: what differs between them is not chance.
+    flying = {
+        name: _Flying(lander, center, deepcopy(localizer_rng)) for name, lander in landers.items()
+    }
+    attempts: dict[str, Attempt] = {}
+    state, path = simulator.state, []
+    while flying and state.time < mission.time_limit:
         state = simulator.step(plan.goal(state.position))
+        path.append(state.position[:2])
         start = perf_counter()
-        estimate = localizer.step(simulator.render()) if localizer else _certain(state)
-        frame_s.append(perf_counter() - start)
-        path.append(state.position[:2])
-        triggered = zone.update(estimate, state.time) and state.time > mission.armed_after
-    wait_s, guess = state.time, estimate.position if triggered else NOWHERE
-    truth, velocity = (state.position[:2], state.velocity[:2]) if triggered else (NOWHERE, NOWHERE)
-    if triggered:
-        simulator.vehicle.land()
-    while triggered and not state.landed:
-        state = simulator.step()
-        path.append(state.position[:2])
-    touchdown = state.position[:2] if triggered else NOWHERE
-    flown = np.array(path), np.array(frame_s)
-    return Attempt(zone.center, triggered, wait_s, guess, truth, velocity, touchdown, *flown)
+        looking = any(each.localizer for each in flying.values())
+        frame = simulator.render() if looking else None
+        told = autopilot.tell(frame, state, {each.aiding for each in flying.values()})
+        rendered_s = perf_counter() - start
+        for name, each in list(flying.items()):
+            if each.decides(frame, told, state, rendered_s) and state.time > mission.armed_after:
+                attempts[name] = each.land(simulator, path)
+                del flying[name]
+    attempts |= {name: each.give_up(state, path) for name, each in flying.items()}
+    return {name: attempts[name] for name in landers}
+
+
+class _Autopilot:
+    """What comes with a frame, by the names of `AIDING`."""
+
+    def __init__(self, mission: Mission, rng: np.random.Generator):
+        self._rng, self._sigma = rng, np.radians(mission.attitude_deg)
+        self._odometry = VisualOdometry(mission.camera)
+
+    def tell(
+        self, frame: np.ndarray | None, state: VehicleState, wanted: set[str]
+    ) -> dict[str, Aiding]:
+        """What comes with a frame; odometry only as long as somebody wants it."""
+        attitude = state.attitude + self._sigma * self._rng.standard_normal(3)
+        height = float(state.position[2] + HEIGHT_NOISE * self._rng.standard_normal())
+        roll, pitch, yaw = (float(angle) for angle in attitude)
+        known = Aiding(roll=roll, pitch=pitch, yaw=yaw)
+        velocity = None
+        if frame is not None and "odometry" in wanted:
+            moved = self._odometry.step(frame, state.time, height=height, attitude=attitude)
+            velocity = None if moved is None else moved.velocity
+        return {
+            "none": Aiding(),
+            "attitude": known,
+            "odometry": replace(known, height=height, velocity=velocity),
+        }
+
+
+class _Flying:
+    """A lander in flight."""
+
+    def __init__(self, lander: Lander, center: np.ndarray, rng: np.random.Generator):
+        self.zone, self.aiding = lander.zone(center), lander.aiding
+        self.localizer = (
+            None
+            if lander.texton_map is None
+            else Localizer(lander.texton_map, rng=rng, **lander.options)
+        )
+        self._frame_s: list[float] = []
+
+    def decides(
+        self,
+        frame: np.ndarray | None,
+        told: dict[str, Aiding],
+        state: VehicleState,
+        rendered_s: float,
+    ) -> bool:
+        """Whether it would land after this frame."""
+        start = perf_counter()
+        self._estimate = (
+            self.localizer.step(frame, aiding=told[self.aiding], time=state.time)
+            if self.localizer
+            else _certain(state)
+        )
+        self._frame_s.append(rendered_s + perf_counter() - start)
+        return self.zone.update(self._estimate, state.time)
+
+    def land(self, simulator: Simulator, path: list[np.ndarray]) -> Attempt:
+        """Brake and come down, in a vehicle that flew like the others and now parts from them."""
+        vehicle, state = deepcopy(simulator.vehicle), simulator.state
+        vehicle.land()
+        landed, flown = state, list(path)
+        while not landed.landed:
+            landed = vehicle.advance(PERIOD)
+            flown.append(landed.position[:2])
+        return Attempt(
+            self.zone.center, True, state.time, self._estimate.position, state.position[:2],
+            state.velocity[:2], landed.position[:2], np.array(flown), np.array(self._frame_s),
+        )  # fmt: skip
+
+    def give_up(self, state: VehicleState, path: list[np.ndarray]) -> Attempt:
+        """The attempt of one that never triggered."""
+        nowhere = (NOWHERE,) * 4
+        flown = np.array(path), np.array(self._frame_s)
+        return Attempt(self.zone.center, False, state.time, *nowhere, *flown)
 
 
 def _certain(state: VehicleState) -> Estimate:
@@ -148,7 +241,9 @@ def _certain(state: VehicleState) -> Estimate:
     return Estimate(place, np.zeros((2, 2)), velocity=velocity, joint=np.zeros((4, 4)))
 
 
-def fly_all(mission: Mission, landings: int, perfect: bool = False) -> list[Attempt]:
-    """All attempts in order, wherever there is room for them."""
-    fly = partial(fly_attempt, mission, perfect=perfect)
-    return spread(fly, range(landings), "landings")
+def fly_all(
+    mission: Mission, landers: Mapping[str, Lander], flights: int
+) -> dict[str, list[Attempt]]:
+    """The attempts of each lander in order, flown wherever there is room for them."""
+    flown = spread(partial(fly_together, mission, landers), range(flights), "landings")
+    return {name: [attempts[name] for attempts in flown] for name in landers}

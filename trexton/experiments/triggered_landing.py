@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from trexton.errors import ParameterError
-from trexton.experiments.closed_loop import Attempt, Mission, fly_all
+from trexton.experiments.closed_loop import Attempt, Lander, Mission, fly_all
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
-from trexton.landing import TRIGGERS, LandingZone
-from trexton.localizer import TextonMap
-from trexton.methods import METHODS
+from trexton.landing import LandingZone
 from trexton.metrics import wilson_interval
 from trexton.records import Record
 from trexton.simulator import Floor
 from trexton.streams import stream
 from trexton.wording import number, percent
 
-__all__ = ["finding", "Parameters", "run", "summarize_attempts"]
+__all__ = ["Parameters", "finding", "mission_over", "run", "summarize_attempts"]
 
 PAPER_LANDINGS, PAPER_INSIDE = 6, 4
 
@@ -39,9 +38,6 @@ class Parameters(MapParameters):
         60.0, "seconds after which a landing counts as never triggered", low=0
     )
     speed: float = option(0.6, "of the vehicle, metres a second", low=0)
-    method: str = option("paper", "that localizes; see trexton.methods")
-    trigger: str = option("inside", "that lands: inside (the paper's) or touchdown")
-    cells: int = option(1, "parts of the image a side, each with a histogram", low=1)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -50,11 +46,6 @@ class Parameters(MapParameters):
                 f"armed after {self.armed_after} s of at most {self.time_limit} s: "
                 "expected a limit after the zone is armed"
             )
-        for name, known in (("method", METHODS), ("trigger", TRIGGERS)):
-            if getattr(self, name) not in known:
-                raise ParameterError(
-                    f"{name} {getattr(self, name)!r} is unknown: choose one of {', '.join(known)}"
-                )
         LandingZone((0, 0), self.radius, self.spread, self.consecutive)  # refuses the rest
 
 
@@ -72,35 +63,31 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         The flight has no floor or camera, or the area is too small for the zone.
     """
-    if train.floor is None or train.camera is None:
-        raise ParameterError(
-            f"flight {train.name!r} has no picture of its floor or no camera: the closed loop "
-            "needs both, as "
-            "trexton simulate gives them"
-        )
-    options = {"samples": parameters.samples}
-    if parameters.method == "paper":
-        options |= {"particles": parameters.particles, "neighbors": parameters.neighbors}
-    choices: dict[str, Any] = {
-        "radius": parameters.radius,
-        "spread": parameters.spread,
-        "consecutive": parameters.consecutive,
-        "speed": parameters.speed,
-        "seed": parameters.seed,
-        "trigger": parameters.trigger,
-    }
-    choices |= {"armed_after": parameters.armed_after, "time_limit": parameters.time_limit}
-    mission = Mission(
-        texton_map=_trained(train, parameters),
-        floor=Floor(train.floor),
-        camera=train.camera,
-        height=1.0 if train.height is None else float(np.nanmean(train.height)),
-        places=_zone_places(train, parameters.radius),
-        options=options,
-        **choices,
+    mission = mission_over(
+        train,
+        radius=parameters.radius,
+        speed=parameters.speed,
+        armed_after=parameters.armed_after,
+        time_limit=parameters.time_limit,
+        seed=parameters.seed,
     )
-    attempts = fly_all(mission, parameters.landings)
-    perfect = fly_all(mission, parameters.landings, perfect=True)
+    texton_map = trained_map(
+        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+    )
+    zone = partial(
+        LandingZone,
+        radius=parameters.radius,
+        spread=parameters.spread,
+        consecutive=parameters.consecutive,
+    )
+    options = {
+        "samples": parameters.samples,
+        "particles": parameters.particles,
+        "neighbors": parameters.neighbors,
+    }
+    landers = {"paper": Lander(texton_map, zone, options), "perfect": Lander(None, zone)}
+    flown = fly_all(mission, landers, parameters.landings)
+    attempts, perfect = flown["paper"], flown["perfect"]
     floor, pictures = floor_picture(train)
     frame_s = np.concatenate([attempt.frame_s for attempt in attempts])
     return parameters.record(
@@ -113,18 +100,27 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _trained(train: Flight, parameters: Parameters) -> TextonMap:
-    """The paper's map, from the cache where it is; another method's is trained here."""
-    if (parameters.method, parameters.cells) == ("paper", 1):
-        return trained_map(
-            train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
+def mission_over(train: Flight, **choices: Any) -> Mission:
+    """A mission over the floor that a flight carries, seen by its camera.
+
+    Raises
+    ------
+    ParameterError
+        The flight has no floor or camera, or the area is too small for the zone.
+    """
+    if train.floor is None or train.camera is None:
+        raise ParameterError(
+            f"flight {train.name!r} has no picture of its floor or no camera: the closed loop "
+            "needs both, as "
+            "trexton simulate gives them"
         )
-    return TextonMap.train(
-        train,
-        method=parameters.method,
-        n_textons=parameters.textons,
-        cells=parameters.cells,
-        rng=stream(parameters.seed, "training"),
+    return Mission(
+        floor=Floor(train.floor),
+        camera=train.camera,
+        height=1.0 if train.height is None else float(np.nanmean(train.height)),
+        area=train.area,
+        places=_zone_places(train, choices["radius"]),
+        **choices,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
@@ -26,6 +27,8 @@ __all__ = ["Registration", "RunningRegistration"]
 
 PICTURES = ("auto", "surveyed", "stitched")
 _LEARN = 250  # training frames, at most, that trust is learned from
+_RECENT = 4  # fixes in a row that a velocity is taken from
+_BENDS = 0.5  # m/s^2: what a vehicle accelerates meanwhile, one standard deviation along an axis
 
 
 @dataclass(eq=False)
@@ -129,7 +132,7 @@ class Registration(Filter):
     ) -> RunningRegistration:
         if self.floor is None:
             raise MapError("coarse to fine has no picture of the floor: train the map for it")
-        return RunningRegistration(self.tracker(), texton_map.area)
+        return RunningRegistration(self.tracker(), texton_map.area, texton_map.period_s)
 
 
 class RunningRegistration:
@@ -140,10 +143,16 @@ class RunningRegistration:
     tracker : FloorTracker
     area : (x_min, x_max, y_min, y_max)
         Its middle is the estimate as long as nothing was seen.
+    period_s : float
+        From frame to frame, where frames bear no stamps.
     """
 
-    def __init__(self, tracker: FloorTracker, area: tuple[float, float, float, float]):
-        self.tracker = tracker
+    def __init__(
+        self, tracker: FloorTracker, area: tuple[float, float, float, float], period_s: float
+    ):
+        self.tracker, self._period_s = tracker, period_s
+        self._time = 0.0
+        self._recent: deque[tuple[float, np.ndarray]] = deque(maxlen=_RECENT)  # when, and where
         x_min, x_max, y_min, y_max = area
         sides = np.array([x_max - x_min, y_max - y_min])
         self._nothing = Estimate(
@@ -155,22 +164,31 @@ class RunningRegistration:
         """Forget where the vehicle was."""
         self.tracker.reset()
         self._fix = None
+        self._recent.clear()
 
     def step(self, observation: Observation | None) -> FloorFix:
         """Advance one frame; None where nothing was observed."""
+        self._fix = self._locate(observation)
+        stamp = None if observation is None else observation.time
+        self._time = self._time + self._period_s if stamp is None else stamp
+        if self._fix.lost or not self._fix.observed:
+            self._recent.clear()
+        else:
+            self._recent.append((self._time, self._fix.position))
+        return self._fix
+
+    def _locate(self, observation: Observation | None) -> FloorFix:
         if observation is None:
-            self._fix = self.tracker.step(None)
-            return self._fix
+            return self.tracker.step(None)
         if observation.frame is None:
             raise MapError("coarse to fine looks at images, and was given a histogram: give frames")
         aiding = observation.aiding
-        self._fix = self.tracker.step(
+        return self.tracker.step(
             observation.frame,
             attitude=_attitude(aiding),
             height=aiding.height,
             places=lambda: observation.neighbors.position,
         )
-        return self._fix
 
     def estimate(self) -> Estimate:
         """The latest fix; it is a measurement for others unless the vehicle is lost."""
@@ -178,9 +196,25 @@ class RunningRegistration:
         if fix is None or not np.isfinite(fix.position).all():
             return self._nothing
         found = Measurement(fix.position, fix.covariance) if fix.observed and not fix.lost else None
+        velocity, joint = self._motion(fix.covariance)
         return Estimate(
-            fix.position, fix.covariance, lost=fix.lost, observed=fix.observed, measurement=found
-        )
+            fix.position, fix.covariance, lost=fix.lost, observed=fix.observed, measurement=found,
+            velocity=velocity, joint=joint,
+        )  # fmt: skip
+
+    def _motion(self, covariance: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Velocity, by a line through the latest fixes, and the covariance of both."""
+        if len(self._recent) < _RECENT:
+            return None, None
+        times, places = (np.array(column) for column in zip(*self._recent, strict=True))
+        ages = times - times.mean()
+        if ages[-1] <= 0:
+            return None, None
+        slope = ages / (ages @ ages)
+        # The line's velocity is that of its middle.
+        of_velocity = (slope @ slope) * covariance + (_BENDS * ages[-1]) ** 2 * np.eye(2)
+        shared = slope[-1] * covariance
+        return slope @ places, np.block([[covariance, shared], [shared, of_velocity]])
 
 
 def _attitude(aiding: Aiding) -> np.ndarray | None:

@@ -14,8 +14,6 @@ from trexton.parts.motion import MotionModel, uniform_places
 
 __all__ = ["Singer"]
 
-# Vehicles hover and dash: accelerations are rarer and larger than normal ones of this variance.
-AGILITY = 2.0
 REACH = 2  # frames before and after, that give a velocity and an acceleration
 
 
@@ -35,7 +33,7 @@ class Singer(MotionModel):
         speed, acceleration, lasts_s = _moments(training.positions, training.time)
         return self.with_learned(
             speed=np.asarray(speed),
-            acceleration=np.asarray(AGILITY * acceleration),
+            acceleration=np.asarray(acceleration),
             lasts_s=np.asarray(lasts_s),
             period_s=np.asarray(training.period_s),
         )

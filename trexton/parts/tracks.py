@@ -46,13 +46,20 @@ class Tracks(Filter):
     ----------
     tracks : int
         How many are kept at most.
+    velocity_sigma : float
+        Standard deviation in m/s along an axis of a velocity that comes with a frame.
     """
 
     tracks: int = 5
+    velocity_sigma: float = 0.1
 
     def check(self) -> None:
         if not 1 <= self.tracks <= 100:
             raise ParameterError(f"{self.tracks} tracks were asked for: expected 1 to 100")
+        if not 0 < self.velocity_sigma < np.inf:
+            raise ParameterError(
+                f"velocity_sigma is {self.velocity_sigma} m/s: expected a positive number"
+            )
 
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
@@ -70,7 +77,13 @@ class Tracks(Filter):
                     f"filter 'tracks' was given {type(parts[role]).__name__} for {role}: "
                     f"it needs {kind.__name__}"
                 )
-        return TrackFilter(parts["motion"], parts["measurement"], texton_map.area, self.tracks)
+        return TrackFilter(
+            parts["motion"],
+            parts["measurement"],
+            texton_map.area,
+            self.tracks,
+            velocity_sigma=self.velocity_sigma,
+        )
 
 
 class TrackFilter:
@@ -82,6 +95,8 @@ class TrackFilter:
     measurement : Field
     area : (x_min, x_max, y_min, y_max)
     tracks : int
+    velocity_sigma : float
+        See `Tracks`.
 
     Attributes
     ----------
@@ -92,7 +107,15 @@ class TrackFilter:
         Summing to one.
     """
 
-    def __init__(self, motion: Singer, measurement: Field, area: Area, tracks: int = 5):
+    def __init__(
+        self,
+        motion: Singer,
+        measurement: Field,
+        area: Area,
+        tracks: int = 5,
+        *,
+        velocity_sigma: float = 0.1,
+    ):
         self.motion, self.measurement, self.area, self.tracks = motion, measurement, area, tracks
         errors = measurement.error_model
         memory = np.exp(-float(motion.period_s) / errors.lasts_s)
@@ -105,6 +128,7 @@ class TrackFilter:
         self._seen[:, :2] = self._seen[:, 6:] = np.eye(2)
         self._fresh = errors.fresh**2 * np.eye(2)
         self._independent_s = errors.independent_s(float(motion.period_s))
+        self._measured = velocity_sigma**2 * np.eye(2)
         self._grain = measurement.cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
@@ -127,6 +151,8 @@ class TrackFilter:
         cells, shares = self.measurement.centers[kept], np.exp(found[kept] - peak)
         shares /= shares.sum()
         self._predict()
+        if (velocity := observation.aiding.velocity) is not None:
+            self._be_told(np.asarray(velocity, dtype=float))
         begun = len(self.states) > 0
         log_weights, looked_at = self._correct(cells, shares)
         places = self._births(cells, shares, looked_at)
@@ -141,6 +167,27 @@ class TrackFilter:
     def _predict(self) -> None:
         self.states = self.states @ self._transition.T
         self.covariances = self._transition @ self.covariances @ self._transition.T + self._noise
+
+    def _be_told(self, velocity: np.ndarray) -> None:
+        """Take a velocity that something else measured; a track that it contradicts loses weight,
+        against one of which no velocity is known.
+        """
+        if not len(self.states):
+            return
+        gain = self.covariances[:, :, 2:4]
+        spread = gain[:, 2:4] + self._measured
+        precision = np.linalg.inv(spread)
+        offset = velocity - self.states[:, 2:4]
+        gain = gain @ precision
+        self.states = self.states + np.einsum("tij,tj->ti", gain, offset)
+        covariances = self.covariances - gain @ spread @ gain.transpose(0, 2, 1)
+        self.covariances = (covariances + covariances.transpose(0, 2, 1)) / 2
+        unknown = self._rest[2:4, 2:4] + self._measured
+        squared = np.einsum("ti,tij,tj->t", offset, precision, offset)
+        squared -= velocity @ np.linalg.solve(unknown, velocity)
+        ratio = np.linalg.det(precision) * np.linalg.det(unknown)
+        weights = self.weights * np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), MISSED)
+        self.weights = weights / weights.sum()
 
     def _correct(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Log weights of the tracks after the frame, ``(T, 2)`` places where they saw it."""

@@ -1,0 +1,54 @@
+"""Landings by predicted touchdown: all see the same flight, each lands a vehicle of its own."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from trexton.camera import Camera
+from trexton.experiments import touchdown
+from trexton.figures import touchdown as figures
+from trexton.flights.flight import Flight
+from trexton.records import Record
+from trexton.simulator import record_flight
+
+OPTIONS = {
+    "flights": 2, "time_limit": 4.0, "armed_after": 1.0, "samples": 100, "textons": 8, "seed": 5,
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def train(tmp_path_factory) -> Flight:
+    folder = tmp_path_factory.mktemp("touchdown") / "room"
+    return record_flight(folder, frames=110, every=6, camera=Camera(160, 120, 130.0))
+
+
+@pytest.fixture(scope="module")
+def record(train) -> Record:
+    return touchdown.run(train, train, touchdown.Parameters(**OPTIONS))
+
+
+def test_counts_and_rates_agree_with_the_series(record):
+    for name, values in record.values["landers"].items():
+        series = record.series[name]
+        places = [place for place in series["touchdown_m"] if place[0] is not None]
+        assert values["attempts"] == 2 and values["landings"] == len(places)
+        assert values["inside"] == sum(np.hypot(*place) <= 0.6 for place in places)
+        assert values["landed_rate"]["median"] == len(places) / 2
+        assert values["inside_of_flights"]["median"] == values["inside"] / 2
+        assert all(1.0 < wait <= 12.08 for wait in series["wait_s"])
+
+
+def test_coarse_to_fine_knows_where_it_is_when_it_lands(record):
+    fine = record.values["landers"]["fine"]
+    assert fine["landings"] >= 1 and fine["trigger_error_cm"] < 2
+
+
+def test_the_page_shows_the_record(record):
+    table = figures.table(record)
+    assert table["landed"].tolist() == [
+        record.values["landers"][name]["landings"] for name in touchdown.LANDERS
+    ]
+    assert f"{record.values['landers']['fine']['landings']} of 2" in touchdown.finding(record)
+    assert len(figures.targets(record).axes) == len(touchdown.LANDERS)
+    assert len(figures.waiting(record).axes[0].lines) == len(touchdown.LANDERS)

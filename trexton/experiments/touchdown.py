@@ -1,0 +1,207 @@
+"""Landing that lands: the trigger asks where the vehicle will touch down.
+
+Beyond the paper. Each flight is flown once, and all that are compared see its frames: the paper's
+filter with the paper's trigger, and the methods beside it with one that predicts the touchdown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import numpy as np
+
+from trexton.executor import spread
+from trexton.experiments.closed_loop import Attempt, Lander, fly_all
+from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.evaluation import trained_map
+from trexton.experiments.triggered_landing import mission_over
+from trexton.flights.flight import Flight
+from trexton.landing import LandingZone, TouchdownZone
+from trexton.localizer import TextonMap
+from trexton.methods import compose
+from trexton.metrics import wilson_interval
+from trexton.records import Record
+from trexton.simulator import LAYOUTS, Floor, record_flight
+from trexton.streams import stream
+from trexton.wording import percent
+
+__all__ = ["LANDERS", "Parameters", "finding", "run"]
+
+# Who lands: a label, a method (None knows the truth), the trigger, and what comes beside a frame.
+LANDERS: dict[str, tuple[str, str | None, str, str]] = {
+    "paper": ("The paper's filter and trigger", "paper", "inside", "none"),
+    "field_inside": ("Field, the paper's trigger", "field", "inside", "none"),
+    "field": ("Field, predicted touchdown", "field", "touchdown", "none"),
+    "field_odometry": ("Field and visual odometry", "field", "touchdown", "odometry"),
+    "fine": ("Coarse to fine", "fine", "touchdown", "attitude"),
+    "truth": ("The true position", None, "touchdown", "none"),
+}
+FIRST_FLOOR = 200  # seed of the first painted floor
+
+
+@dataclass(frozen=True)
+class Parameters(SeedParameters):
+    """What can be chosen."""
+
+    floors: int = option(
+        0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
+    )
+    flights: int = option(2, "flights over each floor", low=1)
+    radius: float = option(0.6, "r of the zone in metres", low=0.01)
+    armed_after: float = option(5.0, "seconds of flight before a trigger counts", low=0)
+    time_limit: float = option(60.0, "seconds of a flight", low=1)
+    speed: float = option(0.6, "of the vehicle, metres a second", low=0.01)
+    samples: int = option(400, "patches drawn from an image", low=1)
+    textons: int = option(50, "textons of the field; the paper's filter has its 20", low=2)
+    cells: int = option(2, "parts of the image a side for the field", low=1, high=8)
+    attitude_deg: float = option(0.3, "noise of the autopilot's attitude in degrees", low=0)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly at random and land, over the flight's floor or over painted ones with a survey each.
+
+    Parameters
+    ----------
+    train, test : Flight
+        The map is trained on `train`, and flown over the floor it carries, unless there are floors
+        to paint. Of `test` nothing is used.
+    """
+    if parameters.floors:
+        over = spread(partial(_over_painted, parameters), range(parameters.floors), "floors")
+    else:
+        over = [(train.name, _over(train, parameters, parameters.seed))]
+    flown = {name: [each for _, trial in over for each in trial[name]] for name in LANDERS}
+    radius = parameters.radius
+    return parameters.record(
+        train,
+        values={
+            "landers": {name: _summary(attempts, radius) for name, attempts in flown.items()},
+            "floors": {
+                floor: {
+                    name: {key: summary[key] for key in ("attempts", "landings", "inside")}
+                    for name in LANDERS
+                    if (summary := _summary(trial[name], radius))
+                }
+                for floor, trial in over
+            },
+        },
+        series={name: _series(attempts, radius) for name, attempts in flown.items()},
+    )
+
+
+def _over_painted(parameters: Parameters, index: int) -> tuple[str, dict[str, list[Attempt]]]:
+    """Survey one painted floor, the layouts in turn, and fly over it."""
+    layout, seed = list(LAYOUTS)[index % len(LAYOUTS)], FIRST_FLOOR + index
+    floor = Floor.painted(layout, seed)
+    with TemporaryDirectory() as folder:
+        survey = record_flight(Path(folder) / f"{layout}-{seed}", seed=seed, floor=floor)
+        return f"{layout} {seed}", _over(survey, parameters, parameters.seed + 1000 * (index + 1))
+
+
+def _over(train: Flight, parameters: Parameters, seed: int) -> dict[str, list[Attempt]]:
+    """The attempts of all landers over one floor."""
+    mission = mission_over(
+        train,
+        radius=parameters.radius,
+        speed=parameters.speed,
+        armed_after=parameters.armed_after,
+        time_limit=parameters.time_limit,
+        attitude_deg=parameters.attitude_deg,
+        seed=seed,
+    )
+    maps = _maps(train, parameters)
+    zones: dict[str, Callable[[np.ndarray], LandingZone]] = {
+        "inside": partial(LandingZone, radius=parameters.radius),
+        "touchdown": partial(
+            TouchdownZone, radius=parameters.radius, time_limit=parameters.time_limit
+        ),
+    }
+    landers = {
+        name: Lander(
+            None if method is None else maps[method],
+            zones[trigger],
+            {"samples": parameters.samples},
+            aiding,
+        )
+        for name, (_, method, trigger, aiding) in LANDERS.items()
+    }
+    return fly_all(mission, landers, parameters.flights)
+
+
+def _maps(train: Flight, parameters: Parameters) -> dict[str, TextonMap]:
+    rng = stream(parameters.seed, "training")
+    paper = trained_map(train, seed=parameters.seed)
+    field = TextonMap.train(
+        train, method="field", n_textons=parameters.textons, cells=parameters.cells, rng=rng
+    )
+    fine = replace(paper, method="fine", parts={"distance": paper.parts["distance"]})
+    return {
+        "paper": paper,
+        "field": field,
+        "fine": fine.with_parts(compose("fine"), flight=train, rng=rng),
+    }
+
+
+def _distances(attempts: list[Attempt], place: str) -> np.ndarray:
+    """``(N,)`` metres from the zone's centre; NaN where nothing was triggered."""
+    places = np.array([getattr(attempt, place) for attempt in attempts])
+    distance: np.ndarray = np.hypot(*(places - [attempt.zone for attempt in attempts]).T)
+    return distance
+
+
+def _summary(attempts: list[Attempt], radius: float) -> dict[str, Any]:
+    """Landings and flights counted, both rates with 95 % intervals, how far it was off."""
+    landed = [attempt for attempt in attempts if attempt.triggered]
+    inside = int((_distances(attempts, "touchdown") <= radius).sum())
+    error = [100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in landed]
+    return {
+        "attempts": len(attempts),
+        "landings": len(landed),
+        "inside": inside,
+        "landed_rate": _rate(len(landed), len(attempts)),
+        "inside_rate": _rate(inside, len(landed)),
+        "inside_of_flights": _rate(inside, len(attempts)),
+        "wait_s": float(np.median([attempt.wait_s for attempt in landed])) if landed else None,
+        "trigger_error_cm": float(np.median(error)) if landed else None,
+    }
+
+
+def _rate(successes: int, trials: int) -> dict[str, float] | None:
+    if not trials:
+        return None
+    low, high = wilson_interval(successes, trials)
+    return {"median": successes / trials, "low": low, "high": high}
+
+
+def _series(attempts: list[Attempt], radius: float) -> dict[str, Any]:
+    """What the figures draw, about the zone's centre, in the resolution of millimetres."""
+    offset = np.array([attempt.touchdown - attempt.zone for attempt in attempts])
+    return {
+        "touchdown_m": np.round(offset, 3),
+        "wait_s": [round(attempt.wait_s, 2) for attempt in attempts],
+        "triggered": [attempt.triggered for attempt in attempts],
+        "radius_m": radius,
+    }
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    parts = []
+    for name in ("field", "fine", "paper"):
+        label, values = LANDERS[name][0], record.values["landers"][name]
+        inside = (
+            f"{percent(values['inside_rate']['median'])} inside"
+            if values["inside_rate"]
+            else "none inside"
+        )
+        parts.append(
+            f"{label[0].lower()}{label[1:]}: {values['landings']} of {values['attempts']} flights "
+            f"landed, {inside}"
+        )
+    text = "; ".join(parts)
+    return f"{text[0].upper()}{text[1:]}."
