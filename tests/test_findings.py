@@ -112,9 +112,11 @@ def test_kidnapping():
         lost = {"wrong_frames_rate": wrong}
         return {"recovered_rate": entry(rate, 0, 1), "recovery_s": when, "lost": lost}
 
-    text = found("kidnapping", {"plain": one(0.0, None, None), "augmented": one(1.0, 0.24, 0.32)})
+    plain, augmented, field = one(0.0, None, None), one(1.0, 0.24, 0.32), one(1.0, 0.08, 0.97)
+    text = found("kidnapping", {"plain": plain, "augmented": augmented, "field": field})
     assert "filter finds the vehicle again in 0 % of the kidnappings, and calls 0 %" in text
     assert "100 % of the kidnappings after 0.24 s" in text and "calls 32 %" in text
+    assert "the field finds the vehicle again in 100 %" in text and "calls 97 %" in text
 
 
 def test_dictionary_and_mosaic_and_overview():

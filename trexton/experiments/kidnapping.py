@@ -8,6 +8,7 @@ and how often does it say so for nothing?
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -28,7 +29,13 @@ from trexton.streams import stream
 
 __all__ = ["filter_trials", "finding", "Parameters", "run", "Trial"]
 
-FILTERS = {"plain": "none", "augmented": "augmented"}
+# name: method, choices
+FILTERS: dict[str, tuple[str, dict[str, object]]] = {
+    "plain": ("paper", {"recovery": "none"}),
+    "augmented": ("paper", {"recovery": "augmented"}),
+    "field": ("field", {}),
+}
+IN_TIME_S = 3.0
 SETTLED = 25  # frames, two seconds, in which the filter finds the vehicle for the first time
 SHARES = np.round(
     np.arange(0.1, 1.51, 0.05), 2
@@ -75,8 +82,8 @@ class Parameters(MapParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Kidnap the vehicle again and again, with the paper's filter and with augmented Monte Carlo
-    localization.
+    """Kidnap the vehicle again and again, with the paper's filter, with augmented Monte Carlo
+    localization and with the field.
 
     Parameters
     ----------
@@ -94,15 +101,17 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         {},
         {"time_s": np.arange(patience) * period, "shares": SHARES, "area_m": test.area},
     )
-    for name, recovery in FILTERS.items():
+    for name, (method, choices) in FILTERS.items():
+        if method == "paper":
+            choices = choices | {"particles": parameters.particles}
         trials = filter_trials(
-            texton_map,
+            texton_map.for_method(method),
             histograms,
             test.position,
             plan,
             patience,
-            recovery,
-            particles=parameters.particles,
+            choices,
+            samples=parameters.samples if test.has_images else None,
             seed=parameters.seed,
         )
         values[name] = _values(trials, parameters.tolerance, parameters.consecutive, period)
@@ -153,19 +162,19 @@ def filter_trials(
     truth: np.ndarray,
     plan: np.ndarray,
     patience: int,
-    recovery: str,
+    choices: Mapping[str, object],
     *,
-    particles: int,
+    samples: int | None = None,
     seed: int,
 ) -> list[Trial]:
-    """Fly every kidnapping of the `plan` with a filter of its own; trial i draws from (seed, 1 +
-    i).
+    """Fly every kidnapping of the `plan` with a filter of its own; trial i draws from the i-th
+    stream. `samples` were counted for each of the histograms.
     """
     rows = [
         np.r_[taken - patience : taken, carried : carried + patience] for taken, carried in plan
     ]
-    fly = partial(_trial, texton_map, histograms, truth, patience, recovery, particles, seed)
-    return spread(fly, list(enumerate(rows)), f"kidnappings, recovery {recovery}")
+    fly = partial(_trial, texton_map, histograms, truth, patience, choices, samples, seed)
+    return spread(fly, list(enumerate(rows)), f"kidnappings, {texton_map.method}")
 
 
 def _trial(
@@ -173,8 +182,8 @@ def _trial(
     histograms: np.ndarray,
     truth: np.ndarray,
     patience: int,
-    recovery: str,
-    particles: int,
+    choices: Mapping[str, Any],
+    samples: int | None,
     seed: int,
     numbered: tuple[int, np.ndarray],
 ) -> Trial:
@@ -182,8 +191,10 @@ def _trial(
     number, rows = numbered
     nothing = float(np.hypot(*ignorance(texton_map.area)))
     rng = stream(seed, "kidnappings", number)
-    localizer = Localizer(texton_map, particles=particles, recovery=recovery, rng=rng)
-    estimates = [localizer.step(histograms[row]) for row in rows]
+    localizer = Localizer(texton_map, rng=rng, **choices)
+    estimates = [
+        localizer.advance(localizer.observation(histograms[row], samples=samples)) for row in rows
+    ]
     position = np.array([estimate.position for estimate in estimates])
     return Trial(
         np.hypot(*(position - truth[rows]).T),
@@ -205,6 +216,7 @@ def _values(
     control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
     return {
         "recovered_rate": _rate(len(times), len(trials)),
+        "in_time_rate": _rate(sum(seconds <= IN_TIME_S for seconds in times), len(trials)),
         "recovery_s": dict(
             zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100)), strict=False)
         )
@@ -235,11 +247,13 @@ def _lost(
         calms.append(lost[trial.calm])
         errors.append(trial.error[trial.calm])
     calm, calm_error = np.concatenate(calms), np.concatenate(errors)
-    wrong = np.concatenate([[], *wrongs])
+    wrong, right = np.concatenate([[], *wrongs]), calm_error < tolerance
     return {
         "declared_rate": _rate(sum(declared), len(declared)),
         "wrong_frames_rate": wrong.mean() if len(wrong) else None,
+        "wrong_frames": len(wrong),
         "calm_frames_rate": calm.mean(),
+        "right_frames_rate": calm[right].mean() if right.any() else None,
         "calm_error_cm": {
             "lost": 100 * calm_error[calm].mean() if calm.any() else None,
             "not_lost": 100 * calm_error[~calm].mean() if not calm.all() else None,
@@ -277,9 +291,11 @@ def _rate(successes: int, trials: int) -> dict[str, Any] | None:
 
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
-    plain, augmented = record.values["plain"], record.values["augmented"]
+    names = {"plain": "The paper's filter", "augmented": "with random particles it",
+             "field": "the field"}  # fmt: skip
     parts = []
-    for values, name in ((plain, "The paper's filter"), (augmented, "with random particles it")):
+    for key, name in names.items():
+        values = record.values[key]
         rate, after = wording.percent(values["recovered_rate"]["median"]), values["recovery_s"]
         when = f" after {wording.number(after['median'])} s in the median" if after else ""
         wrong = values["lost"]["wrong_frames_rate"] or 0.0

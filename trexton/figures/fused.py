@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from trexton.experiments.fused import METHODS, SENT
 from trexton.experiments.receivers import RECEIVERS
-from trexton.figures.style import COLORS, canvas, legend_above
+from trexton.figures.style import COLORS, canvas
 from trexton.records import Record
 
 __all__ = ["believed_over_time", "truth_in_the_region"]
@@ -39,7 +39,7 @@ def truth_in_the_region(record: Record) -> Figure:
             plot.set(ylim=(0, 102), title=f"like {settings.label}")
             plot.grid(axis="x", visible=False)
         axes[0, 0].set_ylabel("truth in the fused 90 % region (%)")
-        legend_above(axes[0, 1])
+        axes[0, 0].legend(loc="center left", bbox_to_anchor=(0, 0.45))
     return figure
 
 

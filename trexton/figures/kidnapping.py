@@ -13,6 +13,7 @@ __all__ = ["error_since", "lost_told", "time_to_recover"]
 _FILTERS = {
     "plain": ("the paper's filter", COLORS["estimate"], "-"),
     "augmented": ("with random particles", COLORS["accent"], "--"),
+    "field": ("the field", COLORS["spread"], "-."),
 }
 
 
@@ -53,10 +54,10 @@ def error_since(record: Record) -> Figure:
                 time, band["low"], band["high"], color=color, alpha=0.15, linewidth=0
             )
             error.plot(time, band["median"], color=color, linestyle=style, label=label)
-        lost.plot(
-            time, 100 * np.array(record.series["augmented"]["lost"]),
-            color=COLORS["accent"], linestyle="--",
-        )  # fmt: skip
+        for name in ("augmented", "field"):  # the paper's filter never says it
+            _, color, style = _FILTERS[name]
+            share = 100 * np.array(record.series[name]["lost"])
+            lost.plot(time, share, color=color, linestyle=style)
         error.axhline(
             record.parameters["tolerance"],
             color=COLORS["truth"],
@@ -75,7 +76,8 @@ def error_since(record: Record) -> Figure:
 
 
 def lost_told(record: Record) -> Figure:
-    """What a width of the cloud, taken as "lost", tells of wrong frames and of calm ones."""
+    """What a width of the cloud, taken as "lost", tells of wrong frames and of calm ones; and the
+    field's own word."""
     series, values = record.series["augmented"], record.values["augmented"]
     shares, told, nothing = (
         100 * np.array(column, dtype=float)
@@ -102,11 +104,11 @@ def lost_told(record: Record) -> Figure:
                 textcoords="offset points",
                 fontsize=9,
             )
-        for key, label, color, marker in (
-            ("lost_by_fit", "the filter's fit alone", COLORS["spread"], "D"),
-            ("lost", "both, as on board", COLORS["warm"], "s"),
+        for point, label, color, marker in (
+            (values["lost_by_fit"], "the filter's fit alone", COLORS["knn"], "D"),
+            (values["lost"], "both, as on board", COLORS["warm"], "s"),
+            (record.values["field"]["lost"], "the field", COLORS["spread"], "^"),
         ):
-            point = values[key]
             if point["wrong_frames_rate"] is not None:
                 plot.plot(
                     100 * point["calm_frames_rate"],
