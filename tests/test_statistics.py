@@ -14,7 +14,7 @@ from trexton.bench.scene import observations
 from trexton.estimate import Estimate
 from trexton.flights import read_flight, write_flight
 from trexton.landing import LandingZone
-from trexton.metrics import block_rows, summarize, wilson_interval
+from trexton.metrics import block_rows, bootstrap_interval, summarize, wilson_interval
 from trexton.neighbors import NearestHistograms
 from trexton.onboard.clock import SMALLEST, StampKeeper
 from trexton.onboard.tally import Tally
@@ -96,12 +96,13 @@ def test_nees_is_in_its_band_where_the_model_is_true_and_out_of_it_where_it_is_n
     assert not low < nees.mean() * 1.33**2 < high and not low < nees.mean() / 1.33**2 < high
 
 
-def test_printed_intervals_of_errors_hold_what_they_say():
+@pytest.mark.parametrize("frames", [300, 420])
+def test_printed_intervals_of_errors_hold_what_they_say(frames):
     """95 % intervals of independent errors hold the true mean in 93 to 97 of a hundred flights.
 
-    Of flights as long as the simulated one; the fewer blocks a flight has, the less they hold.
+    Of flights as long as the real one and the simulated one.
     """
-    sigma, frames, trials, draws = 10.0, 420, 3000, 1000
+    sigma, trials, draws = 10.0, 3000, 1000
     true = sigma * np.sqrt(np.pi / 2)  # the mean of Rayleigh's distribution
     rng = np.random.default_rng(3)
     errors = rng.normal(0, sigma, (trials, frames, 2))
@@ -109,14 +110,25 @@ def test_printed_intervals_of_errors_hold_what_they_say():
     for draw in range(draws):
         again.integers(1)  # which of the runs: there is one
         weights[draw] = np.bincount(block_rows(frames, again), minlength=frames) / frames
-    means = np.hypot(*np.moveaxis(errors, 2, 0)) @ weights.T
-    low, high = np.percentile(means, (2.5, 97.5), axis=1)
+    low, high = bootstrap_interval(weights @ np.hypot(*np.moveaxis(errors, 2, 0)).T, frames)
     # These are the intervals that are printed.
     printed = summarize(
         [errors[0] / 100], np.zeros((frames, 2)), 5.0, rng=np.random.default_rng(4)
     )["mean_cm"]
     np.testing.assert_allclose((low[0], high[0]), (printed["low"], printed["high"]))
-    assert 0.93 <= ((low <= true) & (true <= high)).mean() <= 0.97
+    assert 0.945 <= ((low <= true) & (true <= high)).mean() <= 0.965
+
+
+def test_an_interval_of_few_blocks_is_as_wide_as_students():
+    """Of normal means the expanded percentiles are those of Student's t."""
+    from scipy.stats import norm, t
+
+    drawn = norm.ppf((np.arange(100_000) + 0.5) / 100_000)
+    for blocks in (5, 20, 100):
+        low, high = bootstrap_interval(drawn, 12 * blocks)
+        wide = t.isf(0.025, blocks - 1) * np.sqrt(blocks / (blocks - 1))
+        assert -low == pytest.approx(wide, rel=0.01) and high == pytest.approx(wide, rel=0.01)
+    assert bootstrap_interval([1.0, 2.0, np.nan], 3).tolist() == [1, 2]  # one block: all there is
 
 
 @pytest.mark.parametrize("rate", [0.1, 0.5, 0.93])

@@ -16,6 +16,7 @@ from trexton.errors import ParameterError
 __all__ = [
     "absolute_errors",
     "block_rows",
+    "bootstrap_interval",
     "constant_guess",
     "shuffled_neighbors",
     "summarize",
@@ -52,6 +53,34 @@ def block_rows(count: int, rng: np.random.Generator, block: int = BLOCK) -> np.n
     block = min(block, count)
     starts = rng.integers(count, size=-(-count // block))
     return ((starts[:, None] + np.arange(block)) % count).ravel()[:count]
+
+
+def bootstrap_interval(
+    drawn: Sequence[Any] | np.ndarray, count: int, block: int = BLOCK
+) -> np.ndarray:
+    """95 % interval of a statistic of `count` rows, from its values where blocks were drawn anew.
+
+    Percentiles, as far out as Student's t asks for so few blocks (the expanded percentile interval
+    of Hesterberg, The American Statistician 69, 2015); plain ones hold less than they say.
+
+    Parameters
+    ----------
+    drawn : (draws,) or (draws, K) array
+        NaN where a draw has no value.
+    count, block : int
+        Rows in the sample, and in a block.
+
+    Returns
+    -------
+    (2,) or (2, K) array
+    """
+    from scipy.stats import norm, t
+
+    blocks = -(-count // max(1, min(block, count)))
+    tail = 0.0
+    if blocks > 1:
+        tail = 100 * norm.sf(np.sqrt(blocks / (blocks - 1)) * t.isf(0.025, blocks - 1))
+    return np.nanpercentile(drawn, (tail, 100 - tail), axis=0)
 
 
 def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
@@ -136,7 +165,7 @@ def summarize(
     )
     drawn = _joined([_of_each(chunk, 100 * diagonal) for chunk in chunks])
     for name, values in single.items():
-        low, high = np.percentile(drawn[name], (2.5, 97.5))
+        low, high = bootstrap_interval(drawn[name], absolute.shape[1])
         runs_low, median, runs_high = np.percentile(values, (2.5, 50, 97.5))
         result[name] = {
             "median": median,

@@ -45,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     import json
 
+    from trexton.errors import TrextonError
     from trexton.onboard import Settings, build
     from trexton.onboard.edges import chosen_options
     from trexton.onboard.signals import stopped_by_signals
@@ -70,6 +71,12 @@ def run(arguments: argparse.Namespace) -> int:
     if useless:
         say("trexton onboard: not one frame could be localized: see the faults above")
     flush()
+    if left_out := summary["left_out"]:
+        file, lines = next(iter(left_out.items()))
+        raise TrextonError(
+            f"{file}: {lines} lines were left out while the rest went on (a full disk?): make "
+            "room, or name another place"
+        )
     return int(useless)
 
 

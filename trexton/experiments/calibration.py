@@ -13,7 +13,7 @@ from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, flown_estimates, trained_map
 from trexton.flights.flight import Flight
-from trexton.metrics import block_rows
+from trexton.metrics import block_rows, bootstrap_interval
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
@@ -167,7 +167,7 @@ def _interval(rows: np.ndarray, rng: np.random.Generator, draws: int = 500) -> d
     drawn = [
         rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)].mean() for _ in range(draws)
     ]
-    low, high = np.percentile(drawn, (2.5, 97.5))
+    low, high = bootstrap_interval(drawn, rows.shape[1])
     return {"median": rows.mean(), "low": low, "high": high}
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.metrics import BLOCK, block_rows
+from trexton.metrics import BLOCK, block_rows, bootstrap_interval
 
 __all__ = ["pair_correlation", "pearson", "rank_correlation"]
 
@@ -25,7 +25,7 @@ def rank_correlation(
         _spearman(a[rows], b[rows])
         for rows in (block_rows(len(a), rng, block) for _ in range(draws))
     ]
-    return _with_interval(_spearman(a, b), drawn)
+    return _with_interval(_spearman(a, b), drawn, len(a), block)
 
 
 def pair_correlation(
@@ -53,7 +53,7 @@ def pair_correlation(
             correlation(np.bincount(block_rows(count, rng), minlength=count).astype(float))
             for _ in range(draws)
         ]
-        return _with_interval(correlation(np.ones(count)), drawn)
+        return _with_interval(correlation(np.ones(count)), drawn, count)
 
 
 def pearson(a: np.ndarray, b: np.ndarray) -> float:
@@ -83,8 +83,10 @@ def _pair_ranks(matrix: np.ndarray) -> np.ndarray:
     return ranks + ranks.T
 
 
-def _with_interval(value: float, drawn: list[float]) -> dict[str, Any]:
-    low, high = (
-        np.nanpercentile(drawn, (2.5, 97.5)) if np.isfinite(drawn).any() else (np.nan, np.nan)
-    )
+def _with_interval(
+    value: float, drawn: list[float], count: int, block: int = BLOCK
+) -> dict[str, Any]:
+    low = high = np.nan
+    if np.isfinite(drawn).any():
+        low, high = bootstrap_interval(drawn, count, block)
     return {"value": value, "low": low, "high": high}

@@ -22,6 +22,7 @@ from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import (
     absolute_errors,
     block_rows,
+    bootstrap_interval,
     constant_guess,
     shuffled_neighbors,
     summarize,
@@ -193,7 +194,7 @@ def drift(
         return float(np.polyfit(minutes[rows], euclidean[run][rows], 1)[0])
 
     drawn = [slope(int(rng.integers(len(runs))), block_rows(len(test), rng)) for _ in range(draws)]
-    low, high = np.percentile(drawn, (2.5, 97.5))
+    low, high = bootstrap_interval(drawn, len(test))
     return {
         "median": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]),
         "low": low,

@@ -24,7 +24,7 @@ from trexton.experiments.evaluation import frames_of
 from trexton.flights.flight import Flight
 from trexton.flights.registry import data_folder
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import absolute_errors, block_rows, constant_guess
+from trexton.metrics import absolute_errors, block_rows, bootstrap_interval, constant_guess
 from trexton.options import Options, option
 from trexton.parts.field import grid_cells
 from trexton.simulator import PERIOD, Floor, record_flight
@@ -148,7 +148,7 @@ def _summary(estimates: np.ndarray, flight: Flight, rng: np.random.Generator) ->
     """
     errors = 100 * _euclidean(estimates, flight)
     drawn = [errors[block_rows(len(errors), rng)].mean() for _ in range(400)]
-    low, high = np.percentile(drawn, (2.5, 97.5))
+    low, high = bootstrap_interval(drawn, len(errors))
     return {
         "mean_cm": errors.mean(),
         "low": low,

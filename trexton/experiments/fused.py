@@ -14,7 +14,7 @@ from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, flown_estimates, trained_map
 from trexton.experiments.receivers import RECEIVERS, Receiver, Settings, readings
 from trexton.flights.flight import Flight
-from trexton.metrics import block_rows
+from trexton.metrics import block_rows, bootstrap_interval
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
@@ -164,7 +164,7 @@ def _interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
         np.nanmean(rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)])
         for _ in range(DRAWS)
     ]
-    low, high = np.percentile(drawn, (2.5, 97.5))
+    low, high = bootstrap_interval(drawn, rows.shape[1])
     return {"median": np.nanmean(rows), "low": low, "high": high}
 
 

@@ -14,7 +14,7 @@ from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, fly, frames_of, trained_map
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import absolute_errors, block_rows
+from trexton.metrics import absolute_errors, block_rows, bootstrap_interval
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
 from trexton.streams import stream
@@ -221,7 +221,7 @@ def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict[str
             )
 
     drawn = [means(100 * errors, block_rows(len(errors), rng)) for _ in range(400)]
-    low, high = np.nanpercentile(drawn, (2.5, 97.5), axis=0)
+    low, high = bootstrap_interval(drawn, len(errors))
     loss, error = (means(values, np.arange(len(order))) for values in (losses, 100 * errors))
     return [
         {"loss": loss[i], "error_cm": {"value": error[i], "low": low[i], "high": high[i]}}

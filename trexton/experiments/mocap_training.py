@@ -20,7 +20,7 @@ from trexton.experiments.evaluation import (
 )
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
-from trexton.metrics import absolute_errors, block_rows, summarize
+from trexton.metrics import absolute_errors, block_rows, bootstrap_interval, summarize
 from trexton.parts import ROLES
 from trexton.records import Record
 from trexton.streams import stream
@@ -156,7 +156,7 @@ def _spread(
         (ratio[rng.integers(len(runs)), block_rows(len(test), rng)] <= 2).mean()
         for _ in range(draws)
     ]
-    low, high = np.percentile(drawn, (2.5, 97.5))
+    low, high = bootstrap_interval(drawn, len(test))
     widest = np.array([run.spread.max(axis=1) for run in runs])
     return {
         "within_one": (ratio <= 1).mean(),

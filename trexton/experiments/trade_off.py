@@ -20,7 +20,7 @@ from trexton.experiments.tuned import search_settings
 from trexton.flights.flight import Flight
 from trexton.histograms import texton_histogram
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import absolute_errors, block_rows, summarize
+from trexton.metrics import absolute_errors, block_rows, bootstrap_interval, summarize
 from trexton.patches import position_grid
 from trexton.progress import progress
 from trexton.records import Record
@@ -293,7 +293,7 @@ def _gain(
         drawn.append(
             share(first[rng.integers(len(first)), rows], second[rng.integers(len(second)), rows])
         )
-    low, high = np.percentile(drawn, (2.5, 97.5))
+    low, high = bootstrap_interval(drawn, len(test))
     value = share(np.median(first.mean(axis=1)), np.median(second.mean(axis=1)))
     return {"value": value, "low": low, "high": high}
 

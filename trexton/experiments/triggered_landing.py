@@ -14,7 +14,7 @@ from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone
-from trexton.metrics import wilson_interval
+from trexton.metrics import bootstrap_interval, wilson_interval
 from trexton.records import Record
 from trexton.simulator import Floor
 from trexton.streams import stream
@@ -207,7 +207,7 @@ def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> di
     if not len(values):
         return None
     means = values[rng.integers(len(values), size=(draws, len(values)))].mean(axis=1)
-    low, high = np.percentile(means, (2.5, 97.5))
+    low, high = bootstrap_interval(means, len(values), block=1)
     return {"median": values.mean(), "low": low, "high": high}
 
 

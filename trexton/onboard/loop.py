@@ -88,7 +88,10 @@ class Onboard:
         self._service = Service()
 
     def run(self, stop: threading.Event) -> dict[str, Any]:
-        """Go on until the source ends, `frames` are done or `stop` is set; returns the summary."""
+        """Go on until the source ends, `frames` are done or `stop` is set; returns the summary.
+
+        Its ``left_out`` counts the lines that files did not take.
+        """
         feed = feed_from(self.source, self.tally)
         began = self._clock()
         self._service.ready()
@@ -120,6 +123,8 @@ class Onboard:
                 sink.event({"event": "end", **summary})
                 sink.close()
             flush()
+        files = {each.sink.file: each.left_out for each in self._everything()}
+        summary["left_out"] = {file: n for file, n in files.items() if n and file not in ("", "-")}
         return summary
 
     def _give_up(self, began: float) -> None:

@@ -107,10 +107,16 @@ class Guard:
     tally : Tally
     clock : callable
         Seconds.
+
+    Attributes
+    ----------
+    left_out : int
+        Fixes and events that it did not take.
     """
 
     def __init__(self, sink: Sink, tally: Tally, clock: Callable[[], float] = time.monotonic):
         self.sink, self._tally, self._clock = sink, tally, clock
+        self.left_out = 0
         self._open, self._pause, self._retry_at = False, FIRST_PAUSE, -np.inf
 
     def write(self, fix: Fix) -> None:
@@ -124,6 +130,7 @@ class Guard:
     def _try(self, act: Callable[[], None]) -> None:
         now = self._clock()
         if not self._open and now < self._retry_at:
+            self.left_out += 1
             return
         try:
             if not self._open:
@@ -133,6 +140,7 @@ class Guard:
             self._pause = FIRST_PAUSE
         except (OSError, ValueError, TypeError, AttributeError) as error:
             self._tally.fault("output")
+            self.left_out += 1
             why = getattr(error, "strerror", None) or error
             say(f"trexton onboard: {self.sink.name}: {why}: trying again in {self._pause:g} s")
             self._retry_at = now + self._pause
