@@ -39,7 +39,7 @@ COMMANDS = {
 }
 SLOW = {
     "run": (
-        "run plain --only mocap_training --set particles=10 repeats=2 neighbors=2 --out",
+        "run plain --no-book --only mocap_training --set particles=10 repeats=2 neighbors=2 --out",
         "DISK/results", "--set seed=3",
     ),
     "report": ("report plain --no-book --out", "DISK/report", "--methods paper"),
