@@ -18,6 +18,7 @@ import signal
 import sys
 import tempfile
 import time
+import warnings
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,8 +29,10 @@ from trexton.errors import TrextonError
 from trexton.flights import Flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.importers import importer
+from trexton.flights.importers.calibration import read_calibration
 from trexton.images import read_image
 from trexton.localizer import TextonMap
+from trexton.onboard.logbook import events, summary
 from trexton.progress import set_quiet
 from trexton.records import Record
 
@@ -115,9 +118,94 @@ def _importer(kind: str, name: str, folder: Path, whole: bool = False, **setting
     return _file(name, folder, read)
 
 
+CALIBRATION = b"""%YAML:1.0
+---
+image_width: 64
+image_height: 48
+camera_matrix: !!opencv-matrix
+   rows: 3
+   cols: 3
+   dt: d
+   data: [ 50., 0., 32., 0., 50., 24., 0., 0., 1. ]
+distortion_coefficients: !!opencv-matrix
+   rows: 1
+   cols: 5
+   dt: d
+   data: [ 0.1, 0., 0., 0., 0. ]
+"""
+SENSOR = b"""sensor_type: camera
+resolution: [64, 48]
+camera_model: pinhole
+intrinsics: [50.0, 50.0, 32.0, 24.0]
+distortion_model: radial-tangential
+distortion_coefficients: [0.1, 0.0, 0.0, 0.0]
+"""
+LOG = b"""{"event": "start", "time_s": null, "unix_s": 1.0, "clock_s": 2.0, "map": {}}
+{"time_s": 0.1, "told_m": [1, 2], "observed": true, "lost": false, "stale": false, "fault": null}
+{"event": "link", "time_s": 0.2, "output": "udpout", "state": "heard"}
+{"event": "end", "time_s": 0.3, "frames": 1}
+"""
+
+
+def _photograph(folder: Path) -> bytes:
+    """A JPEG that says where and when it was taken, beside another."""
+    import io
+
+    from PIL import ExifTags, Image
+
+    for name, minutes in (("a.jpg", 1.0), ("b.jpg", 2.0)):
+        exif = Image.Exif()
+        exif[ExifTags.Base.DateTime] = f"2026:01:01 00:0{minutes:.0f}:00"
+        exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.DateTimeOriginal] = "2026:01:01 00:00:00"
+        place = {1: "N", 2: (52.0, minutes, 0.0), 3: "E", 4: (4.0, 0.0, 0.0)}
+        exif.get_ifd(ExifTags.IFD.GPSInfo).update(place)
+        stream = io.BytesIO()
+        Image.new("RGB", (32, 24)).save(stream, "JPEG", exif=exif)
+        (folder / name).write_bytes(stream.getvalue())
+    return stream.getvalue()
+
+
 def _encoded(suffix: str) -> bytes:
     rng = np.random.default_rng(0)
     return cv2.imencode(suffix, rng.integers(0, 256, (24, 32, 3), dtype=np.uint8))[1].tobytes()
+
+
+# Their files would be made anew at whatever place a mutation names.
+_FILES = ("csv", "json", "tum")
+
+
+def _sink(folder: Path) -> Callable[[bytes], object]:
+    from trexton.onboard.local import LocalFrame
+    from trexton.onboard.sinks import Surroundings, open_sink
+    from trexton.onboard.tally import Tally
+
+    around = Surroundings(LocalFrame(), (0.0, 2.0, 0.0, 2.0), np.eye(2), Tally())
+
+    def target(data: bytes) -> object:
+        address = _word(data)
+        kind, colon, rest = address.partition(":")
+        if kind in _FILES and rest:
+            address = f"{kind}:{folder / ('f' + rest.replace('/', '_'))}"
+        return open_sink(address, around)
+
+    return target
+
+
+def _source(folder: Path) -> Callable[[bytes], object]:
+    from trexton.onboard.sources import open_source
+
+    def target(data: bytes) -> object:
+        address = _word(data).replace("FLIGHT", str(folder))
+        if re.fullmatch(r"simulator(:[0-9]*)?|stream:.*", address):
+            return address  # sound: it would paint a room, or open what is there
+        return open_source(address)
+
+    return target
+
+
+def _word(data: bytes) -> str:
+    """As a shell hands it over."""
+    return data.replace(b"\0", b"").decode("utf-8", "surrogateescape")
 
 
 def _euroc(folder: Path) -> bytes:
@@ -131,7 +219,9 @@ def _euroc(folder: Path) -> bytes:
 
 def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[bytes]]]:
     """Each target by name, with sound inputs to begin from."""
-    parts = {name: folder / name for name in ("toml", "frames", "hist", "map", "euroc", "tum")}
+    parts = {
+        name: folder / name for name in ("toml", "frames", "hist", "map", "euroc", "tum", "photos")
+    }
     for part in parts.values():
         part.mkdir()
     sound = write_flight(small(), folder / "sound")
@@ -173,6 +263,37 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
         "import video": (
             _importer("video", "v.avi", folder, positions="p.csv", offset="0"),
             [b"RIFF" + bytes(60)],
+        ),
+        "import photos": (
+            _importer("photos", "a.jpg", parts["photos"], True),
+            [_photograph(parts["photos"])],
+        ),
+        "calibration": (_file("c.yaml", folder, read_calibration), [CALIBRATION, SENSOR]),
+        "log": (_file("log", folder, lambda path: [*events(path), summary(path)]), [LOG]),
+        "sink address": (
+            _sink(folder),
+            [
+                b"csv:a.csv",
+                b"json",
+                b"tum:t",
+                b"paparazzi:7@192.168.1.255:2010",
+                b"udpout:127.0.0.1:14550",
+                b"udpin:0.0.0.0:14550",
+                b"tcp:localhost:5760",
+                b"serial:/dev/ttyS0:57600",
+            ],
+        ),
+        "source address": (
+            _source(sound),
+            [
+                b"FLIGHT",
+                b"FLIGHT#test",
+                b"/dev/video0",
+                b"simulator:7",
+                b"rtsp://localhost:1/x",
+                b"flight:FLIGHT",
+                b"images:FLIGHT",
+            ],
         ),
         "import bag": (_importer("bag", "b.bag", folder), [b"#ROSBAG V2.0\n" + bytes(60)]),
     }
@@ -249,10 +370,11 @@ def search(seconds: float, seed: int, folder: Path, corpus: Path | None = None) 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--minutes", type=float, default=10)
+    parser.add_argument("--minutes", type=float, default=10, help="how long (10)")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
     set_quiet(True)
+    warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as temporary:
         found = search(60 * chosen.minutes, chosen.seed, Path(temporary), CORPUS)
     print("\n".join(sorted(set(found))))

@@ -25,6 +25,11 @@ NAMES = (
     "import csv",
     "import features",
     "import video",
+    "import photos",
+    "calibration",
+    "log",
+    "sink address",
+    "source address",
     "import bag",
 )
 

@@ -21,12 +21,12 @@ def rows(path: str | Path) -> Iterator[dict[str, Any]]:
             for line in stream:
                 number += 1
                 row = json.loads(line)
-                if not isinstance(row, dict):
-                    raise ValueError("no object")
+                if fault := _fault(row):
+                    raise ValueError(fault)
                 yield row
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror}): give a log") from None
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise DataError(
             f"{path}: line {number} is none of a log ({error}): give what --log wrote"
         ) from None
@@ -40,7 +40,7 @@ def events(path: str | Path) -> Iterator[str]:
     told, usable = "nothing told yet", True
     for row in rows(path):
         if "event" not in row:
-            fit = bool(row["observed"] and not row["lost"] and not row["stale"])
+            fit = _fit(row)
             if fit:
                 told = f"told x {row['told_m'][0]:.2f} y {row['told_m'][1]:.2f} m"
             if fit != usable:
@@ -61,10 +61,38 @@ def summary(path: str | Path) -> dict[str, int]:
             counts[f"event {row['event']}"] += 1
             continue
         counts["fixes"] += 1
-        counts["told"] += bool(row["observed"] and not row["lost"] and not row["stale"])
+        counts["told"] += _fit(row)
         if row["fault"]:
             counts[f"fault {row['fault']}"] += 1
     return dict(counts)
+
+
+def _fault(row: object) -> str | None:
+    """What keeps a row from being one of a log."""
+    if not isinstance(row, dict):
+        return "no object"
+    if not _number(row.get("time_s") or 0.0):
+        return "time_s is no number"
+    if "event" in row:
+        return None
+    if missing := [name for name in _OF_A_FIX if name not in row]:
+        return f"no {missing[0]}"
+    told = row["told_m"]
+    if _fit(row) and not (isinstance(told, list) and len(told) == 2 and all(map(_number, told))):
+        return "told_m is no place"
+    return None
+
+
+_OF_A_FIX = ("observed", "lost", "stale", "fault", "told_m")
+
+
+def _fit(row: dict[str, Any]) -> bool:
+    """Was it told to whoever steers by it?"""
+    return bool(row["observed"] and not row["lost"] and not row["stale"])
+
+
+def _number(value: object) -> bool:
+    return isinstance(value, (int, float)) and abs(value) < 1e12
 
 
 def _time(row: dict[str, Any]) -> str:

@@ -35,7 +35,7 @@ def _opencv(text: str) -> tuple[Camera, np.ndarray] | None:
         width, height = (
             int(storage.getNode(name).real()) for name in ("image_width", "image_height")
         )
-    except cv2.error:
+    except (cv2.error, SystemError, OverflowError, ValueError):  # of text that is not its own
         return None
     if matrix is None or distortion is None or matrix.shape != (3, 3) or min(width, height) < 1:
         return None
@@ -53,8 +53,12 @@ def _asl(path: Path, text: str) -> tuple[Camera, np.ndarray]:
         width, height = (int(value) for value in content["resolution"])
         fx, fy, cx, cy = (float(value) for value in content["intrinsics"])
         distortion = np.array(content.get("distortion_coefficients", []), dtype=float)
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, AttributeError) as error:
+    except (
+        yaml.YAMLError, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError,
+        ValueError,
+    ) as error:  # fmt: skip
+        why = " ".join(str(error).split())[:200]
         raise FlightError(
-            f"{path}: neither a calibration of OpenCV nor of ASL ({error}): correct it"
+            f"{path}: neither a calibration of OpenCV nor of ASL ({why}): correct it"
         ) from None
     return Camera(width, height, (fx + fy) / 2, (cx, cy)), distortion

@@ -51,6 +51,15 @@ def open_source(
     TrextonError
         Nothing is there, or no source understands the address.
     """
+    try:
+        return _made(address, view or View(), options or {})
+    except OSError as error:
+        raise ParameterError(
+            f"camera {address[:80]!r} cannot be read ({error.strerror or error}): check its path"
+        ) from None
+
+
+def _made(address: str, view: View, options: Mapping[type[Options], Any]) -> Source:
     kind, colon, rest = address.partition(":")
     if colon and kind in SOURCES:
         candidates = [(load(SOURCES[kind]), rest)]
@@ -58,8 +67,7 @@ def open_source(
         candidates = [(load(place), address) for place in SOURCES.values()]
         candidates = [(source, words) for source, words in candidates if source.matches(words)]
     for source, words in candidates[:1]:
-        chosen = (options or {}).get(source.options, source.options())
-        made: Source = source.make(words, chosen, view or View())
+        made: Source = source.make(words, options.get(source.options, source.options()), view)
         return made
     raise ParameterError(
         f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, "

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 from trexton.errors import ParameterError
 from trexton.onboard.sources.base import Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced
@@ -37,12 +39,13 @@ class SimulatorSource(Source):
 
     @classmethod
     def make(cls, address: str, options: Playback, view: View) -> Source:
-        if address not in ("", "simulator") and not address.isdigit():
+        seed = re.fullmatch("[0-9]{1,9}", address)
+        if address not in ("", "simulator") and not seed:
             raise ParameterError(
                 f"camera 'simulator:{address}': "
                 "give simulator or simulator:SEED with a whole number"
             )
-        source = cls(int(address) if address.isdigit() else view.seed)
+        source = cls(int(address) if seed else view.seed)
         return source if options.pace == "fast" else Paced(source)
 
     def __init__(self, seed: int = 1):
