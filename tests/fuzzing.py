@@ -153,7 +153,7 @@ def _photograph(folder: Path) -> bytes:
 
     from PIL import ExifTags, Image
 
-    for name, minutes in (("a.jpg", 1.0), ("b.jpg", 2.0)):
+    for name, minutes in (("b.jpg", 2.0), ("c.jpg", 3.0), ("a.jpg", 1.0)):
         exif = Image.Exif()
         exif[ExifTags.Base.DateTime] = f"2026:01:01 00:0{minutes:.0f}:00"
         exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.DateTimeOriginal] = "2026:01:01 00:00:00"
@@ -292,7 +292,6 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
                 b"simulator:7",
                 b"rtsp://localhost:1/x",
                 b"flight:FLIGHT",
-                b"images:FLIGHT",
             ],
         ),
         "import bag": (_importer("bag", "b.bag", folder), [b"#ROSBAG V2.0\n" + bytes(60)]),

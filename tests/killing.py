@@ -315,6 +315,9 @@ def kill(
         os.kill(process, signal.SIGKILL)
         killed = grave.bury(process)
         done += killed
+        if attempt % 10 == 9:
+            said = f"{name}: killed {done} times so far, {len(grave.faults)} faults"
+            print(said, file=sys.stderr, flush=True)
         look(attempt % 2, killed and grave.rng.random() < 0.4)
         if done == kills:
             break

@@ -65,9 +65,8 @@ def read(source: Path, settings: Settings) -> Recording:
     known = [file for file in files if places.get(file) is not None]
     if len(known) < 3:
         raise FlightError(
-            f"{source}: {len(known)} of {len(files)} photographs have a position: expected GPS in "
-            "their "
-            "EXIF, or a table named with positions="
+            f"{source}: {len(known)} of {len(files)} photographs have a position: expected 3 "
+            "or more, by GPS in their EXIF or by a table named with positions="
         )
     taken: dict[Path, Any] = {file: places[file] for file in known}
     order = sorted(known, key=lambda file: (taken[file][3], file.name))
