@@ -1,5 +1,7 @@
 """Speed against accuracy: errors against direct runs, what sweeps hold, the stored histograms."""
 
+import json
+
 import numpy as np
 import pytest
 from small_room import histogram_flight, picture_flight
@@ -142,6 +144,18 @@ def test_best_of_the_grid(record):
         key: lowest[key] for key in ("samples", "particles", "neighbors")
     }
     assert record.values["best"]["axis_mean_cm"] == lowest["axis_mean_cm"]
+
+
+def test_other_motion_noise_is_flown_to_look_at(record):
+    grid, explored = record.series["grid"], record.series["explored"]
+    assert [row["noise"] for row in explored] == [1, 2, 4] * len(grid)
+    for row, same in zip(grid, explored[::3], strict=True):
+        assert same["axis_mean_cm"] == row["axis_mean_cm"]
+        assert [same[key] for key in ("samples", "particles", "neighbors")] == [
+            row[key] for key in ("samples", "particles", "neighbors")
+        ]
+    errors = {json.dumps(row["axis_mean_cm"]) for row in explored[:3]}
+    assert len(errors) == 3  # each noise was flown
 
 
 def test_what_the_replay_chooses_is_measured_on_the_test_flight(without_images):

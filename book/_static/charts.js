@@ -159,7 +159,10 @@
       make("button", { type: "button", className: "enlarge", textContent: "Enlarge", onclick: () => enlarge(figure, svg) }, figure);
     });
     document.querySelectorAll("table[data-explore]").forEach(explore);
-    if (matchMedia("(max-width: 720px)").matches) document.querySelectorAll(".stacked details").forEach((each) => { each.open = false; });
+    const phone = matchMedia("(max-width: 720px)");
+    const fold = () => document.querySelectorAll(".stacked details").forEach((each) => { each.open = !phone.matches; });
+    phone.addEventListener("change", fold);
+    fold();
     document.querySelectorAll("iframe.player").forEach((frame) => frame.addEventListener("load", theme));
     new MutationObserver(theme).observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
     theme();

@@ -14,7 +14,7 @@ from trexton.errors import DataError
 __all__ = ["is_figure", "inline_figure"]
 
 _PICTURE = re.compile(r'"data:image/png;base64,\s*([^"]+)"')
-_MARK = r'<use xlink:href="{}" x="[^"]+" y="[^"]+" style="{}"/>'
+_MARK = r'<use href="{}" x="[^"]+" y="[^"]+" style="{}"/>'
 _MARKS = re.compile(
     _MARK.format('(?P<mark>[^"]+)', '(?P<style>[^"]+)')
     + rf"(?:\s*{_MARK.format('(?P=mark)', '(?P=style)')})+"
@@ -50,7 +50,8 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     if start < 0:
         raise DataError(f"figure {name}: no SVG: run its experiment again")
     body = re.sub(r"<metadata>.*?</metadata>", "", svg[start:], flags=re.DOTALL)
-    body = re.sub(r'\b(id|xlink:href|href)="(#?)([^":]+)"', rf'\1="\2{name}-\3"', body)
+    body = _with_short_names(body)
+    body = re.sub(r'\b(id|href)="(#?)([^":]+)"', rf'\1="\2{name}-\3"', body)
     body = body.replace("url(#", f"url(#{name}-")
     body = re.sub(r"#[0-9a-fA-F]{6}\b(?!-)", _themed, body)
     body = _MARKS.sub(_styled_once, body)
@@ -66,6 +67,14 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     kind = "chart narrow" if box and float(box[1]) <= _NARROW else "chart"
     label = f'<svg class="{kind}" role="img" aria-label="{escape(alt, quote=True)}"'
     return body.replace("<svg", label, 1).replace("\n", " ")
+
+
+def _with_short_names(body: str) -> str:
+    """Marks are named by a hash, some thousand times; a number will do."""
+    hashes = dict.fromkeys(re.findall(r'(?<=id=")m[0-9a-f]{10}(?=")', body))
+    for index, name in enumerate(hashes):
+        body = body.replace(f'"{name}"', f'"m{index}"').replace(f'"#{name}"', f'"#m{index}"')
+    return body.replace("xlink:href=", "href=")
 
 
 def _styled_once(found: re.Match[str]) -> str:

@@ -14,6 +14,9 @@ from pathlib import Path
 from trexton.book.audit import audit
 from trexton.book.finish import finish_book
 from trexton.book.flights import prepare_flights
+from trexton.book.found import what_we_found
+from trexton.book.prose import records_by_name
+from trexton.book.readme import is_current
 from trexton.book.stage import Contents, stage
 from trexton.cache import code_hashes, repository_root, shipped
 from trexton.errors import TrextonError
@@ -28,10 +31,11 @@ __all__ = ["Made", "build_small_book", "make_book"]
 
 @dataclass
 class Made:
-    """What `make_book` did: sentences for a person, outcomes, and where the book is."""
+    """What `make_book` did and found, as sentences for a person; outcomes; where the book is."""
 
     index: Path
     said: list[str] = field(default_factory=list)
+    found: list[str] = field(default_factory=list)
     outcomes: list[Outcome] = field(default_factory=list)
 
     @property
@@ -61,8 +65,14 @@ def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None 
     results = Path("results")
     outcomes = run_experiments(prepared.pairs, results, settings=settings, jobs=jobs)
     contents = Contents(Path("book"), results, prepared.pairs, outcomes, prepared.absent)
-    made = Made(Path("book") / "_build" / "html" / "index.html", prepared.said, outcomes)
+    made = Made(Path("book") / "_build" / "html" / "index.html", prepared.said, outcomes=outcomes)
     made.said.append(_build(contents, made.index.parent))
+    made.found += [each.text for each in what_we_found(records_by_name(results, outcomes))]
+    if not is_current(Path("README.md"), results):
+        made.said.append(
+            "README.md tells other numbers than these results: "
+            "python -m trexton.book.readme renews it"
+        )
     return made
 
 

@@ -36,5 +36,9 @@ def run(arguments: argparse.Namespace) -> int:
     print_outcomes(made.outcomes, arguments.explain)
     for sentence in made.said:
         print(sentence)
-    print(f"{made.index} after {time.monotonic() - started:.0f} s")
+    print(
+        f"\nThe book, made in {time.monotonic() - started:.0f} s: open {made.index} in a browser."
+    )
+    for sentence in made.found:
+        print(f"- {sentence}")
     return int(made.failed)

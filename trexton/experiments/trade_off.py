@@ -75,7 +75,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     bench = _Bench(texton_map, train, test, defaults, parameters.repeats, parameters.seed)
     sweeps = {name: bench.sweep(name) for name in SWEPT if name != "samples" or test.has_images}
     values, timings = _headlines(sweeps, bench)
-    grid, best = search_settings(
+    grid, explored, best = search_settings(
         bench.wide,
         test,
         bench.frames,
@@ -107,7 +107,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "counts": {"train": len(train), "test": len(test)},
         },
         series={name: sweep.rows for name, sweep in sweeps.items()}
-        | {"stored": rows, "grid": grid},
+        | {"stored": rows, "grid": grid, "explored": explored},
         timings=timings
         | ends
         | {name: sweep.clocks for name, sweep in sweeps.items()}

@@ -27,6 +27,7 @@ __all__ = ["search_settings"]
 
 PARTICLES = (50, 400)
 NEIGHBORS = (1, 3, 5, 10)
+NOISES = (1, 2, 4)  # times the motion noise that was learned
 
 
 def search_settings(
@@ -38,7 +39,7 @@ def search_settings(
     samples: int,
     repeats: int,
     seed: int,
-) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]], dict[str, Any]]:
     """Try a grid of settings on a test flight.
 
     Parameters
@@ -56,6 +57,9 @@ def search_settings(
     -------
     grid : list of dict
         Every setting with its mean absolute error over both axes.
+    explored : list of dict
+        The same with other motion noise too, ``noise`` times the learned one (the same in x and
+        y): to look at, not among the settings that are chosen from.
     best : dict
         ``best_error_cm``, the lowest of the grid: chosen on the flight it is measured on, a little
         too good; ``best_setting``; ``best``, all its statistics. Unless the training flight is too
@@ -70,33 +74,41 @@ def search_settings(
         }
         flights = drawn_once | flights
     counts = [k for k in NEIGHBORS if k <= texton_map.neighbors]
+    noisy = {noise: _with_noise(texton_map, noise) for noise in NOISES}
     grid: list[dict[str, Any]] = []
+    explored: list[dict[str, Any]] = []
     summaries = []
     for (drawn, flown), m, k in progress(
         list(product(flights.items(), PARTICLES, counts)), "settings"
     ):
-        estimates = [_fly(texton_map, one, seed, i, m, k) for i, one in enumerate(flown)]
-        rng = stream(seed, "intervals")
-        summary = summarize(estimates, test.position, test.diagonal, rng=rng, draws=400)
-        summaries.append(summary)
-        grid.append(
-            {
-                "samples": drawn,
-                "particles": m,
-                "neighbors": k,
-                "axis_mean_cm": summary["axis_mean_cm"],
-            }
-        )
+        setting = {"samples": drawn, "particles": m, "neighbors": k}
+        for noise, noisy_map in noisy.items():
+            estimates = [_fly(noisy_map, one, seed, i, m, k) for i, one in enumerate(flown)]
+            rng = stream(seed, "intervals")
+            summary = summarize(estimates, test.position, test.diagonal, rng=rng, draws=400)
+            row = setting | {"axis_mean_cm": summary["axis_mean_cm"]}
+            explored.append(row | {"noise": noise})
+            if noise == 1:
+                summaries.append(summary)
+                grid.append(row)
     best = min(range(len(grid)), key=lambda i: grid[i]["axis_mean_cm"]["median"])
     found = _told("best", grid[best], summaries[best])
     try:
         replayed = spread(partial(_replayed_cm, texton_map, seed), grid, "replays")
     except MapError:  # too short a training flight to leave parts of it out
-        return grid, found | {"tuned_error_cm": None}
+        return grid, explored, found | {"tuned_error_cm": None}
     for row, error in zip(grid, replayed, strict=True):
         row["replayed_cm"] = error
     tuned = int(np.argmin(replayed))
-    return grid, found | _told("tuned", grid[tuned], summaries[tuned])
+    return grid, explored, found | _told("tuned", grid[tuned], summaries[tuned])
+
+
+def _with_noise(texton_map: TextonMap, times: int) -> TextonMap:
+    if times == 1:
+        return texton_map
+    learned = texton_map.parts["motion"].growth(texton_map.period_s)
+    sigma = times * float(np.sqrt(np.trace(learned) / 2))
+    return texton_map.changed({"motion.sigma": sigma})
 
 
 def _told(name: str, row: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
