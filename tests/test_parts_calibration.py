@@ -11,7 +11,7 @@ from trexton.errors import MapError, ParameterError
 from trexton.estimate import Estimate, Measurement
 from trexton.localizer import Localizer, TextonMap
 from trexton.parts.calibration import Evidence, Replay
-from trexton.parts.integrity import Innovation
+from trexton.parts.integrity import Elsewhere
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.parts.scale import ErrorScale, independent_after
 from trexton.replay import STRETCH_S, WARM_S, replay, stretches, warm
@@ -174,17 +174,25 @@ def test_a_saved_map_makes_the_same_claims(guarded, tmp_path):
         assert one.covariance.tobytes() == other.covariance.tobytes() and one.lost == other.lost
 
 
-def test_measurements_far_from_the_estimate_say_lost(guarded):
-    judge = guarded.parts["integrity"].open()
-    here = Estimate(np.zeros(2), 0.01 * np.eye(2), lost=True)
-    (observation,) = observations(np.zeros((1, 5, 2)))
-    near = replace(here, measurement=Measurement(np.array([0.05, 0.0]), 0.04 * np.eye(2)))
-    far = replace(here, measurement=Measurement(np.array([2.0, 0.0]), 0.04 * np.eye(2)))
-    said = [judge.judge(near, observation).lost for _ in range(20)]
-    assert said[0] and not said[-1]
-    assert not judge.judge(here, None).lost
-    said = [judge.judge(far, observation).lost for _ in range(20)]
-    assert said[-1]
+def test_frames_that_speak_for_another_place_say_lost(guarded):
+    """Whatever the filter claims: a wide claim is no excuse."""
+    flight = histogram_flight("again", frames=60, turns=3.0, noise=5)
+    localizer = Localizer(guarded, rng=np.random.default_rng(3))
+
+    def said(shift, spread):
+        judge, answers = guarded.parts["integrity"].open(), []
+        for histogram, place in zip(flight.histograms, flight.position, strict=True):
+            position = 2 * flight.position.mean(axis=0) - place if shift else place
+            here = Estimate(position, spread**2 * np.eye(2), lost=not shift)
+            answers.append(judge.judge(here, localizer.observation(histogram)).lost)
+        assert judge.judge(here, None).lost == answers[-1]  # nothing new was seen
+        judge.reset()
+        assert judge.judge(here, None).lost
+        return np.array(answers[5:])
+
+    assert said(False, 0.2).mean() < 0.02
+    for spread in (0.2, 2.0):
+        assert said(True, spread).mean() > 0.8
 
 
 def test_judges_learn_anew_when_the_method_changes(guarded):
@@ -204,12 +212,11 @@ def test_evidence_is_finite_where_all_neighbours_agree(guarded):
 def test_what_does_not_fit_is_refused(plain):
     for build in (
         lambda: Replay(samples=0),
-        lambda: Innovation(memory_s=0.0),
-        lambda: Innovation(false_alarms=1.0),
-        lambda: Innovation().with_learned(threshold=np.asarray(-1.0)),
+        lambda: Elsewhere(doubt=0.0),
+        lambda: Elsewhere(cells=1),
         lambda: plain.changed({"calibration.samples": 10}),
     ):
         with pytest.raises(ParameterError, match="expected|choose"):
             build()
     with pytest.raises(MapError, match="calibration=replay"):
-        plain.changed({"integrity": "innovation"})
+        plain.changed({"integrity": "elsewhere"})

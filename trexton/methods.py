@@ -33,7 +33,7 @@ METHODS: dict[str, dict[str, Any]] = {
         "estimation": "map",
         "recovery": "augmented",
         "calibration": "replay",
-        "integrity": "innovation",
+        "integrity": "elsewhere",
     },
     "field": {
         "distance": "hellinger",

@@ -137,7 +137,7 @@ EXPERIMENTS: dict[str, Experiment] = {
         after=("mocap_training",),
         cost_s=20,
     ),
-    "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=25),
+    "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=30),
     "fine": Experiment(
         "Coarse to fine: the image says where exactly",
         needs=_SURVEYED,

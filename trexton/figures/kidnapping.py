@@ -19,11 +19,12 @@ _FILTERS = {
 
 def time_to_recover(record: Record) -> Figure:
     """Share of the kidnappings after which the vehicle has been found again, over time."""
-    total, patience = record.values["counts"]["kidnappings"], record.values["patience_s"]
+    counts, patience = record.values["counts"], record.values["patience_s"]
     with canvas(size=(6.4, 3.4)) as (figure, axes):
         plot = axes[0, 0]
         for name, (label, color, style) in _FILTERS.items():
             times = np.array(record.series[name]["recovery_s"])
+            total = counts["field" if name == "field" else "kidnappings"]
             found = 100 * np.arange(1, len(times) + 1) / total
             plot.step(
                 [0, *times, patience],

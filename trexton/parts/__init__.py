@@ -52,7 +52,7 @@ ROLES: dict[str, dict[str, str]] = {
     },
     "integrity": {
         "none": "trexton.parts.integrity:NoIntegrity",
-        "innovation": "trexton.parts.integrity:Innovation",
+        "elsewhere": "trexton.parts.integrity:Elsewhere",
     },
 }
 

@@ -79,6 +79,7 @@ class Replay(Calibration):
     of_estimate: np.ndarray = learned()
     of_measurement: np.ndarray = learned()
     independent_s: np.ndarray = learned()
+    usual: np.ndarray = learned()  # () metres: the median claim along an axis in training
 
     def check(self) -> None:
         if self.samples < 1:
@@ -92,37 +93,35 @@ class Replay(Calibration):
             "of_measurement": measurement.to_array(),
             "independent_s": np.asarray(frames * training.period_s),
         }
+        deviations = measurement.deviation(alone.features)
         if not self.trusting:
-            found["of_estimate"] = self._of_estimate(training).to_array()
-        return self.with_learned(**found)
+            scale, deviations = self._of_estimate(training)
+            found["of_estimate"] = scale.to_array()
+        return self.with_learned(**found, usual=np.asarray(np.median(deviations)))
 
-    def _of_estimate(self, training: Training) -> ErrorScale:
+    def _of_estimate(self, training: Training) -> tuple[ErrorScale, np.ndarray]:
         from trexton.unseen import flown_unseen  # it flies a localizer, which is made of parts
 
         if training.texton_map is None:
             raise MapError("calibration judges a method: train it with the other parts")
         flown = list(flown_unseen(training.texton_map, samples=self.samples, rng=training.rng))
         seen = [Evidence.of(each.estimate, each.neighbors) for each in flown]
-        return ErrorScale.fit(
-            np.array([each.about_estimate for each in seen]),
+        features = np.array([each.about_estimate for each in seen])
+        scale = ErrorScale.fit(
+            features,
             np.array([each.error for each in flown]),
             np.array([each.estimate.about_position for each in flown]),
         )
+        return scale, scale.deviation(features)
 
     def prepare(self) -> None:
         if not (self.independent_s.shape == () and 0 <= self.independent_s < np.inf):
             raise ParameterError(f"errors last {self.independent_s} s: expected 0 or more")
+        if not (self.usual.shape == () and 0 < self.usual < np.inf):
+            raise ParameterError(f"the usual claim is {self.usual} m: expected a positive length")
         trusting = self.of_estimate is None
         self._estimate = None if trusting else ErrorScale.from_array(self.of_estimate)
         self._measurement = ErrorScale.from_array(self.of_measurement)
-
-    def innovations(self, training: Training) -> tuple[np.ndarray, np.ndarray]:
-        """``(N,)`` squared deviations of what single training frames measure, and their runs.
-
-        Frames that follow each other share a run's number.
-        """
-        alone = Alone.of(training, self.samples)
-        return np.square(alone.white(self._measurement)).sum(axis=1), alone.runs
 
     def open(self) -> Judge:
         return _Calibrated(self._estimate, self._measurement, float(self.independent_s))

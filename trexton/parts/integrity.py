@@ -1,8 +1,8 @@
 """Lost or not: a test of its own, whatever the filter thinks of itself.
 
-If the vehicle is where the estimate says, then what single frames measure scatters about it as
-much as it did about the true positions of the training flight. A mean over the last frames that
-is larger than all but a stated share of what training showed says that the vehicle is lost.
+A field of the floor, learnt beside the method, says of every frame how much better it fits where
+the estimate is than a place drawn from the whole area. A chain of two states, here and elsewhere,
+adds that up over the frames.
 """
 
 from __future__ import annotations
@@ -17,10 +17,13 @@ from trexton.estimate import Estimate
 from trexton.observation import Observation
 from trexton.parts.base import Part, Training, learned
 from trexton.parts.calibration import Judge, Passing, Replay
+from trexton.parts.field import Field
 
-__all__ = ["Innovation", "Integrity", "NoIntegrity"]
+__all__ = ["Elsewhere", "Integrity", "NoIntegrity"]
 
-_MOST = 9.0  # squared deviations that one frame may add: a single odd one is no proof
+CARRIED = 1e-3  # chance a frame that a vehicle that was here is elsewhere
+RETURNED = 0.1  # and the other way round: filters find their way back
+ODD = 1e-3  # share of frames that fit no place better than another, whatever they look like
 
 
 @dataclass(eq=False)
@@ -41,32 +44,28 @@ class NoIntegrity(Integrity):
 
 
 @dataclass(eq=False)
-class Innovation(Integrity):
-    """Mean squared innovation of the last frames, in units of what may honestly be claimed.
+class Elsewhere(Field, Integrity):
+    """Lost where the frames speak for other places.
+
+    What counts as here is what the calibration usually claims: a filter that is carried away claims
+    more, and must not be excused by it.
 
     Parameters
     ----------
-    memory_s : float
-        Time in seconds over which frames are averaged.
-    false_alarms : float
-        Share of right frames that may be called lost.
+    doubt : float
+        Chance of being elsewhere from which on the vehicle is lost.
     """
 
-    memory_s: float = 0.25
-    false_alarms: float = 0.002
-    threshold: np.ndarray = learned()
-    period_s: np.ndarray = learned()
+    doubt: float = 0.5
+    usual: np.ndarray = learned()  # () metres, deviation along an axis
 
     def check(self) -> None:
-        if not 0 < self.memory_s < np.inf:
-            raise ParameterError(f"memory_s is {self.memory_s}: expected a positive time")
-        if not 0 < self.false_alarms < 1:
-            raise ParameterError(
-                f"false_alarms is {self.false_alarms}: expected a share between 0 and 1"
-            )
+        super().check()
+        if not 0 < self.doubt < 1:
+            raise ParameterError(f"doubt is {self.doubt}: expected a chance between 0 and 1")
 
     def fit(self, training: Training) -> Self:
-        """Learn the threshold.
+        """Learn the field.
 
         Raises
         ------
@@ -79,60 +78,43 @@ class Innovation(Integrity):
             raise MapError(
                 "integrity tests what a calibration claims: train it with calibration=replay"
             )
-        squared, runs = calibration.innovations(training)
-        rate = self._rate(training.period_s)
-        means, run = [], -1
-        for value, number in zip(squared, runs, strict=True):
-            if number != run:
-                run, mean = number, _Mean(rate)
-            means.append(mean.add(value))
-        return self.with_learned(
-            # Below what one frame may add, or nothing would ever be found.
-            threshold=np.asarray(min(np.quantile(means, 1 - self.false_alarms), 0.9 * _MOST)),
-            period_s=np.asarray(training.period_s),
-        )
+        return super().fit(training).with_learned(usual=calibration.usual)
 
     def prepare(self) -> None:
-        for name, value in self.arrays().items():
-            if not (value.shape == () and 0 < value < np.inf):
-                raise ParameterError(
-                    f"the integrity's {name} is {value}: expected a positive number"
-                )
-
-    def _rate(self, period_s: float) -> float:
-        return float(-np.expm1(-period_s / self.memory_s))
+        super().prepare()
+        if self.usual is not None and not (self.usual.shape == () and 0 < self.usual < np.inf):
+            raise ParameterError(
+                f"the integrity's usual claim is {self.usual}: expected a positive length"
+            )
 
     def open(self) -> Judge:
-        return _Watch(float(self.threshold), self._rate(float(self.period_s)))
+        return _Chain(self)
+
+    def evidence(self, observation: Observation, estimate: Estimate) -> float:
+        """Log of the frame's likelihood about the estimate over its mean anywhere."""
+        found = self.over_cells(observation)
+        shares = np.exp(found - found.max())
+        claimed = estimate.about_position
+        claimed = claimed * min(1.0, 2 * float(self.usual) ** 2 / float(np.trace(claimed)))
+        inverse = np.linalg.inv(claimed + self.cell**2 / 12 * np.eye(2))
+        offset = self.centers - estimate.position
+        squared = np.einsum("ni,ij,nj->n", offset, inverse, offset)
+        about = np.exp(-0.5 * (squared - squared.min()))
+        return float(np.log(about @ shares / about.sum() / shares.mean() + 1e-300))
 
 
-class _Mean:
-    """Exponential mean; a plain one until enough was seen."""
-
-    def __init__(self, rate: float):
-        self.rate, self.value, self.count = rate, 0.0, 0
-
-    def add(self, squared: float) -> float:
-        self.count += 1
-        step = min(squared, _MOST) - self.value
-        self.value += max(self.rate, 1 / self.count) * step
-        return self.value
-
-
-class _Watch:
-    def __init__(self, threshold: float, rate: float):
-        self._threshold, self._rate = threshold, rate
+class _Chain:
+    def __init__(self, test: Elsewhere):
+        self._test = test
         self.reset()
 
     def reset(self) -> None:
-        """Forget all frames; lost until enough were seen."""
-        self._mean, self._lost = _Mean(self._rate), True
+        """Forget all frames; lost until some have spoken for the estimate."""
+        self._elsewhere = 1 - CARRIED
 
     def judge(self, estimate: Estimate, observation: Observation | None) -> Estimate:
-        measured = estimate.measurement
-        if observation is not None and measured is not None:
-            off = measured.position - estimate.position
-            expected = measured.covariance + estimate.covariance
-            mean = self._mean.add(float(off @ np.linalg.solve(expected, off)))
-            self._lost = mean > self._threshold or self._mean.count * self._rate < 1
-        return replace(estimate, lost=self._lost)
+        if observation is not None:
+            prior = (1 - RETURNED) * self._elsewhere + CARRIED * (1 - self._elsewhere)
+            fits = (1 - ODD) * np.exp(self._test.evidence(observation, estimate)) + ODD
+            self._elsewhere = float(prior / (prior + (1 - prior) * fits))
+        return replace(estimate, lost=self._elsewhere > self._test.doubt)
