@@ -21,11 +21,9 @@ def rank_correlation(
     constant.
     """
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
-    drawn = [
-        _spearman(a[rows], b[rows])
-        for rows in (block_rows(len(a), rng, block) for _ in range(draws))
-    ]
-    return _with_interval(_spearman(a, b), drawn, len(a), block)
+    rows = np.stack([block_rows(len(a), rng, block) for _ in range(draws)])
+    value, *drawn = _spearman(*(np.vstack([each[None], each[rows]]) for each in (a, b)))
+    return _with_interval(value, drawn, len(a), block)
 
 
 def pair_correlation(
@@ -67,10 +65,13 @@ def pearson(a: np.ndarray, b: np.ndarray) -> float:
         )
 
 
-def _spearman(a: np.ndarray, b: np.ndarray) -> float:
+def _spearman(a: np.ndarray, b: np.ndarray) -> list[float]:
+    """Of each row."""
     from scipy.stats import rankdata
 
-    return pearson(rankdata(a), rankdata(b))
+    return [
+        pearson(*ranks) for ranks in zip(*(rankdata(each, axis=1) for each in (a, b)), strict=True)
+    ]
 
 
 def _pair_ranks(matrix: np.ndarray) -> np.ndarray:
