@@ -36,6 +36,11 @@ class Cluster:
                 client.wait_for_workers(self.size, timeout=120)
         return self
 
+    @property
+    def alive(self) -> int:
+        """Processes that run."""
+        return [process.poll() for process in self.processes].count(None)
+
     def _start(self, kind: str, *words: object) -> None:
         command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", "--no-dashboard"]
         with open(self.folder / f"{kind}-{len(self.processes)}.log", "w") as log:

@@ -59,7 +59,8 @@ def test_there_are_the_five_that_are_promised():
 @pytest.mark.parametrize("title", SECTIONS)
 def test_it_is_done_as_printed(title, tmp_path, flight):
     body = SECTIONS[title]
-    ignored = shutil.ignore_patterns("__pycache__")
+    # What is compiled comes along: it is as old and as long as what it was compiled from.
+    ignored = shutil.ignore_patterns("*.pyc.*", "*.tmp.*")
     shutil.copytree(ROOT / "trexton", tmp_path / "trexton", ignore=ignored)
     for name in ("notebooks", "data/paper"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
