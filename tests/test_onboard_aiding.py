@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from onboard_flying import Kept, run
 from onboard_tools import AREA, CAMERA, Clock, colourful_floor
-from test_onboard_loop import Kept, run
 
 from trexton.localizer import Localizer, TextonMap
 from trexton.observation import Aiding

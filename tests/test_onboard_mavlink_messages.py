@@ -1,0 +1,276 @@
+"""MAVLink messages: fields against their definition, bytes against a plain encoder."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+import numpy as np
+import pytest
+
+pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
+
+from onboard_autopilot import ATTITUDE  # noqa: E402
+from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
+
+from trexton.estimate import ignorance  # noqa: E402
+from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.mavlink import messages  # noqa: E402
+
+AREA = (0.0, 5.0, 0.0, 5.0)
+
+NORTH_UP = LocalFrame(0.0, 1.0)
+
+NAN = math.nan
+
+
+def crc(data: bytes) -> int:
+    """The checksum of MAVLink: CRC-16/MCRF4XX, bit by bit."""
+    total = 0xFFFF
+    for byte in data:
+        total ^= byte
+        for _ in range(8):
+            total = total >> 1 ^ (0x8408 if total & 1 else 0)
+    return total
+
+
+def plain_packet(message_id: int, extra: int, layout: str, *values, sequence: int = 0) -> bytes:
+    """A MAVLink 2 packet from system 1, component 191, after the serialization chapter of the
+    protocol.
+    """
+    payload = struct.pack("<" + layout, *values).rstrip(b"\0") or b"\0"
+    head = struct.pack("<BBBBBB", len(payload), 0, 0, sequence, 1, 191) + message_id.to_bytes(
+        3, "little"
+    )
+    return b"\xfd" + head + payload + struct.pack("<H", crc(head + payload + bytes([extra])))
+
+
+def packed(message) -> bytes:
+    return message.pack(mavlink.MAVLink(None, srcSystem=1, srcComponent=191))
+
+
+COVARIANCE = np.array([[0.04, 0.01], [0.01, 0.09]])
+
+
+def upper_triangle(diagonal, north_east: float, rest: float) -> list[float]:
+    """The 21 numbers, by walking through the 6x6 matrix."""
+    numbers = []
+    for row in range(6):
+        for column in range(row, 6):
+            numbers.append(
+                diagonal[row] if row == column else north_east if (row, column) == (0, 1) else rest
+            )
+    return numbers
+
+
+class TestFields:
+    def test_vision_position_for_px4(self):
+        message = messages.vision_position(
+            1_234_567, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 258
+        )
+        assert (message.usec, message.x, message.y, message.z) == (1_234_567, 2.0, 1.0, -1.0)
+        assert (message.roll, message.pitch, message.yaw) == ATTITUDE
+        assert message.reset_counter == 2
+        # North is the map's y; the correlation is added to both variances.
+        np.testing.assert_allclose(
+            message.covariance,
+            upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN),
+            rtol=1e-6,
+        )
+
+    def test_no_attitude_is_no_zero(self):
+        message = messages.vision_position(0, np.zeros(2), COVARIANCE, None, NORTH_UP, 0)
+        assert all(math.isnan(angle) for angle in (message.roll, message.pitch, message.yaw))
+
+    def test_odometry_for_ardupilot(self):
+        message = messages.odometry(99, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 3, 77)
+        assert (message.time_usec, message.x, message.y, message.z) == (99, 2.0, 1.0, -1.0)
+        assert (message.frame_id, message.child_frame_id) == (
+            20,
+            12,
+        )  # LOCAL_FRD and BODY_FRD; all else is dropped
+        assert (message.reset_counter, message.estimator_type, message.quality) == (3, 2, 77)
+        assert all(
+            math.isnan(value)
+            for value in (message.vx, message.vy, message.vz, message.rollspeed, message.yawspeed)
+        )
+        numbers = np.array(message.pose_covariance)
+        assert np.isfinite(numbers).all()
+        assert (numbers[0], numbers[1], numbers[6]) == pytest.approx((0.10, 0.01, 0.05))
+        assert all(math.isnan(value) for value in message.velocity_covariance)
+
+    @pytest.mark.parametrize("std", [0.05, 0.2, 0.3, 0.6, 1.0, 3.0])
+    def test_ardupilots_position_error_is_never_less_than_ours(self, std):
+        """Both ways in which its versions make one number of the three variances."""
+        for ratio in (0.1, 0.7, 1.0):
+            covariance = np.diag([std**2, (ratio * std) ** 2])
+            x, y, z = np.array(
+                messages.odometry(
+                    0, np.zeros(2), covariance, ATTITUDE, NORTH_UP, 0, 50
+                ).pose_covariance
+            )[[0, 6, 11]]
+            assert math.sqrt(x + y + z) >= std - 1e-6
+            assert math.cbrt(x**2 + y**2 + z**2) >= std - 1e-6
+
+    def test_quaternion_is_the_rotation(self):
+        """Against the product of three plain rotations, yaw after pitch after roll."""
+
+        def product(a, b):
+            return (
+                a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+                a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+                a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+                a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+            )
+
+        roll, pitch, yaw = (math.cos(a / 2) for a in ATTITUDE)
+        sines = [math.sin(a / 2) for a in ATTITUDE]
+        expected = product(
+            (yaw, 0, 0, sines[2]), product((pitch, 0, sines[1], 0), (roll, sines[0], 0, 0))
+        )
+        assert messages.quaternion(*ATTITUDE) == pytest.approx(expected)
+
+    def test_quality_from_knowing_nothing_to_knowing_all(self):
+        assert messages.quality(ignorance(AREA), AREA) == 1
+        assert messages.quality(2 * ignorance(AREA), AREA) == 1
+        assert messages.quality(np.array([1e-9, 1e-9]), AREA) == 100
+        assert messages.quality(ignorance(AREA) * [0.2, 0.5], AREA) == 50
+
+    def test_variances_never_shrink_on_the_wire(self, rng):
+        for value in rng.uniform(1e-6, 10, 200):
+            assert np.float32(messages.rounded_up(value)) >= value
+
+    def test_heading_turns_position_and_covariance(self):
+        east_up = LocalFrame(math.pi / 2, 2.0)
+        message = messages.vision_position(
+            0, np.array([1.0, 2.0]), np.diag([0.01, 0.09]), None, east_up, 0
+        )
+        assert (message.x, message.y, message.z) == pytest.approx((-1.0, 2.0, -2.0))
+        assert (message.covariance[0], message.covariance[6]) == pytest.approx((0.01, 0.09))
+
+    def test_land_and_origin(self):
+        message = messages.land((1, 1), 3, NAN)
+        assert (
+            message.target_system,
+            message.target_component,
+            message.command,
+            message.confirmation,
+        ) == (
+            1,
+            1,
+            21,
+            3,
+        )
+        assert (message.param1, message.param2) == (0, 0) and math.isnan(message.param5)
+        assert messages.land((1, 1), 0, 0.0).param5 == 0
+        message = messages.origin(1, 51.9906, 4.3768, -2.5, 7)
+        assert (message.latitude, message.longitude, message.altitude, message.time_usec) == (
+            519_906_000,
+            43_768_000,
+            -2500,
+            7,
+        )
+
+
+class TestGoldenBytes:
+    """One packet of each kind: as recorded, and as a plain encoder makes it from the definition."""
+
+    def check(self, message, plain: bytes, golden: str) -> None:
+        assert packed(message).hex() == plain.hex() == golden
+
+    def test_heartbeat(self):
+        self.check(
+            messages.heartbeat(),
+            plain_packet(0, 50, "IBBBBB", 0, 18, 8, 0, 4, 3),
+            "fd0900000001bf000000000000001208000403aec6",
+        )
+
+    def test_vision_position_estimate(self):
+        message = messages.vision_position(
+            1_234_567, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 2
+        )
+        numbers = upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN)
+        numbers[0], numbers[6] = messages.rounded_up(0.09 + 0.01), messages.rounded_up(0.04 + 0.01)
+        plain = plain_packet(102, 158, "Q6f21fB", 1_234_567, 2.0, 1.0, -1.0, *ATTITUDE, *numbers, 2)
+        self.check(
+            message,
+            plain,
+            (
+                "fd7500000001bf66000087d6120000000000000000400000803f000080bfcdcccc3dcdcc4cbe0000c03fcdcccc3d0ad7233c"
+                "0000c07f0000c07f0000c07f0000c07fcdcc4c3d0000c07f0000c07f0000c07f0000c07f0000c8420000c07f0000c07f0000"
+                "c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f023454"
+            ),
+        )
+
+    def test_odometry(self):
+        message = messages.odometry(
+            99, np.array([1.0, 2.0]), np.diag([0.25, 0.25]), (0.0, 0.0, 0.0), NORTH_UP, 3, 77
+        )
+        numbers = upper_triangle([0.25, 0.25, 0.0, math.pi**2, math.pi**2, math.pi**2], 0.0, 0.0)
+        plain = plain_packet(
+            331,
+            91,
+            "Q3f4f6f21f21fBBBBb",
+            99,
+            2.0,
+            1.0,
+            -1.0,
+            1.0,
+            0.0,
+            0.0,
+            0.0,
+            *[NAN] * 6,
+            *numbers,
+            *[NAN] * 21,
+            20,
+            12,
+            3,
+            2,
+            77,
+        )
+        self.check(
+            message,
+            plain,
+            (
+                "fde900000001bf4b01006300000000000000000000400000803f000080bf0000803f0000000000000000000000000000c07f"
+                "0000c07f0000c07f0000c07f0000c07f0000c07f0000803e00000000000000000000000000000000000000000000803e0000"
+                "000000000000000000000000000000000000000000000000000000000000e6e91d410000000000000000e6e91d4100000000"
+                "e6e91d410000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000"
+                "c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f140c03024d247e"
+            ),
+        )
+
+    def test_set_gps_global_origin(self):
+        plain = plain_packet(48, 41, "iiiBQ", 519_906_000, 43_768_000, -2500, 1, 7)
+        self.check(
+            messages.origin(1, 51.9906, 4.3768, -2.5, 7),
+            plain,
+            "fd0e00000001bf300000d022fd1ec0d89b023cf6ffff0107563a",
+        )
+
+    def test_command_long(self):
+        plain = plain_packet(76, 152, "7fHBBB", 0, 0, 0, NAN, NAN, NAN, NAN, 21, 1, 1, 2)
+        self.check(
+            messages.land((1, 1), 2, NAN),
+            plain,
+            (
+                "fd2100000001bf4c00000000000000000000000000000000c07f0000c07f0000c07f0000c07f150001010266d8"
+            ),
+        )
+        plain = plain_packet(76, 152, "7fHBBB", 30, 50_000, 0, 0, 0, 0, 0, 511, 1, 1, 0)
+        self.check(
+            messages.interval_request((1, 1), messages.ATTITUDE, 20.0),
+            plain,
+            (
+                "fd2000000001bf4c00000000f041005043470000000000000000000000000000000000000000ff0101010075"
+            ),
+        )
+
+    def test_timesync(self):
+        request = mavlink.MAVLink_timesync_message(0, 123_456_789)
+        plain = plain_packet(111, 34, "qq", 5_000_000_000, 123_456_789)
+        self.check(
+            messages.timesync_reply(request, 5_000_000_000),
+            plain,
+            "fd0c00000001bf6f000000f2052a0100000015cd5b07884a",
+        )

@@ -1,0 +1,252 @@
+"""What is said to an autopilot, and when; what is heard of it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from onboard_tools import make_fix
+
+pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
+
+from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT  # noqa: E402
+from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
+
+from trexton.errors import ParameterError  # noqa: E402
+from trexton.onboard.local import LocalFrame  # noqa: E402
+from trexton.onboard.mavlink import messages  # noqa: E402
+from trexton.onboard.mavlink.listener import Answer, Listener  # noqa: E402
+from trexton.onboard.mavlink.profiles import profile_named  # noqa: E402
+from trexton.onboard.mavlink.speaker import ORIGIN_ATTEMPTS, PATIENCE, Speaker  # noqa: E402
+
+AREA = (0.0, 5.0, 0.0, 5.0)
+
+NORTH_UP = LocalFrame(0.0, 1.0)
+
+NAN = math.nan
+
+
+def from_autopilot(message, system=1, component=1):
+    """The message as if it had come from there."""
+    decoder = mavlink.MAVLink(None)
+    return decoder.parse_buffer(
+        message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=component))
+    )[0]
+
+
+def speaker(name="px4", *, heard_at=0.0, attitude_at=None, **options) -> Speaker:
+    listener = Listener(options.pop("system_id", None), NORTH_UP)
+    result = Speaker(profile_named(name, NORTH_UP, AREA), 0.01 * np.eye(2), listener, **options)
+    if heard_at is not None:
+        listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), heard_at)
+    if attitude_at is not None:
+        listener.hear(
+            from_autopilot(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)), attitude_at
+        )
+    return result
+
+
+def due(speaker: Speaker, now: float, kind: str) -> list:
+    return [message for message in speaker.due(now) if message.get_type() == kind]
+
+
+class TestSpeaker:
+    def test_heartbeat_once_a_second_even_to_nobody(self):
+        alone = speaker(heard_at=None)
+        assert [len(due(alone, now, "HEARTBEAT")) for now in (0, 0.5, 1.0, 1.5, 2.0)] == [
+            1,
+            0,
+            1,
+            0,
+            1,
+        ]
+
+    def test_px4_gets_thirty_a_second_from_twelve_and_a_half(self):
+        talk, stamps = speaker(), []
+        for tick in range(1000):  # a second in milliseconds
+            now = 1 + tick / 1000
+            if tick % 80 == 0:
+                talk.tell(make_fix(now - 0.005, (now, 0)), now)
+            stamps += [message.usec for message in due(talk, now, "VISION_POSITION_ESTIMATE")]
+        assert (
+            29 <= len(stamps) <= 39
+        )  # never less than documented: each new position goes out at once
+        assert np.diff(stamps).min() >= 1000
+        assert np.diff(stamps).max() < 200_000
+
+    def test_repetitions_hold_the_position_and_lose_certainty(self):
+        talk = speaker()
+        talk.tell(make_fix(10.0, (1, 2)), 10.02)
+        sent = [
+            message
+            for tick in range(300)
+            for message in due(talk, 10.02 + tick / 1000, "VISION_POSITION_ESTIMATE")
+        ]
+        assert len(sent) == 9
+        assert sent[0].usec == 10_000_000  # the capture, not the sending
+        assert {(message.x, message.y) for message in sent} == {(2.0, 1.0)}
+        north = np.array([message.covariance[0] for message in sent])
+        assert (np.diff(north) > 0).all()
+        assert (1 / north).sum() <= 1 / 0.09  # together they never weigh more than the one image
+
+    def test_no_repetition_claims_less_than_the_filter_and_the_motion_model(self):
+        talk = speaker()
+        talk.tell(make_fix(10.0), 10.0)
+        for tick in range(400):
+            for message in due(talk, 10.0 + tick / 1000, "VISION_POSITION_ESTIMATE"):
+                age = message.usec / 1e6 - 10.0
+                assert message.covariance[0] >= 0.09 + 0.01 * age
+                assert message.covariance[6] >= 0.04 + 0.01 * age
+
+    def test_repeating_ends_when_nothing_new_is_told(self):
+        talk = speaker()
+        talk.tell(make_fix(10.0), 10.0)
+        assert due(talk, 10.0 + PATIENCE - 0.01, "VISION_POSITION_ESTIMATE")
+        assert not due(talk, 10.0 + PATIENCE + 0.01, "VISION_POSITION_ESTIMATE")
+
+    @pytest.mark.parametrize(
+        "bad",
+        [
+            {"lost": True},
+            {"stale": True},
+            {"position": (NAN, 0)},
+            {"covariance": ((NAN, 0), (0, 1))},
+        ],
+    )
+    def test_px4_hears_nothing_of_what_is_not_usable(self, bad):
+        talk = speaker()
+        talk.tell(make_fix(10.0), 10.0)
+        assert due(talk, 10.0, "VISION_POSITION_ESTIMATE")
+        talk.tell(make_fix(10.08, **bad), 10.08)
+        assert not [
+            message
+            for tick in range(200)
+            for message in due(talk, 10.08 + tick / 1000, "VISION_POSITION_ESTIMATE")
+        ]
+
+    def test_a_prediction_is_no_measurement(self):
+        talk = speaker("ardupilot", attitude_at=9.9)
+        talk.tell(make_fix(10.0, observed=False), 10.0)
+        assert not due(talk, 10.0, "ODOMETRY")
+
+    def test_ardupilot_once_with_quality_then_failed_when_lost(self):
+        talk = speaker("ardupilot", attitude_at=9.9)
+        talk.tell(make_fix(10.0), 10.0)
+        (message,) = due(talk, 10.0, "ODOMETRY")
+        assert message.quality == messages.quality(np.array([0.2, 0.3]), AREA)
+        assert message.pose_covariance[0] == pytest.approx(0.09)
+        assert not due(talk, 10.05, "ODOMETRY")
+        talk.tell(make_fix(10.08, lost=True), 10.08)
+        (message,) = due(talk, 10.08, "ODOMETRY")
+        assert message.quality == -1 and math.isfinite(message.x)
+        talk.tell(make_fix(10.16, (NAN, 0)), 10.16)
+        assert not due(talk, 10.16, "ODOMETRY")
+
+    def test_ardupilot_is_told_nothing_without_its_real_attitude(self):
+        talk = speaker("ardupilot")
+        talk.tell(make_fix(10.0), 10.0)
+        assert not due(talk, 10.0, "ODOMETRY") and talk.withheld == 1
+        assert due(talk, 13.0, "COMMAND_LONG")[0].param1 == 30  # asks for ATTITUDE
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_attitude_message(0, *ATTITUDE, 0, 0, 0)), 13.9
+        )
+        talk.tell(make_fix(14.0), 14.0)
+        (message,) = due(talk, 14.0, "ODOMETRY")
+        assert message.q == pytest.approx(messages.quaternion(*ATTITUDE), abs=1e-6)
+
+    def test_px4_gets_the_attitude_nearest_to_the_capture(self):
+        talk = speaker()
+        for when, yaw in ((9.8, 0.5), (10.0, 1.0), (10.2, 1.5)):
+            talk.listener.hear(
+                from_autopilot(mavlink.MAVLink_attitude_message(0, 0, 0, yaw, 0, 0, 0)), when
+            )
+        talk.tell(make_fix(10.05), 10.2)
+        assert due(talk, 10.2, "VISION_POSITION_ESTIMATE")[0].yaw == pytest.approx(1.0)
+
+    def test_origin_is_set_until_it_is_confirmed(self):
+        talk = speaker(origin=(51.99, 4.37, 1.0))
+        assert len(due(talk, 0.0, "SET_GPS_GLOBAL_ORIGIN")) == 1
+        assert len(due(talk, 1.0, "SET_GPS_GLOBAL_ORIGIN")) == 0
+        assert len(due(talk, 2.0, "SET_GPS_GLOBAL_ORIGIN")) == 1
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_gps_global_origin_message(0, 0, 0, 0)), 3.0
+        )
+        assert (
+            len(due(talk, 4.0, "SET_GPS_GLOBAL_ORIGIN")) == 1
+        )  # another's origin confirms nothing
+        talk.listener.hear(
+            from_autopilot(
+                mavlink.MAVLink_gps_global_origin_message(519_900_000, 43_700_000, 1000, 0)
+            ),
+            5.0,
+        )
+        assert len(due(talk, 6.0, "SET_GPS_GLOBAL_ORIGIN")) == 0
+
+    def test_origin_is_not_asked_for_for_ever_nor_unasked(self):
+        talk = speaker(origin=(51.99, 4.37, 1.0))
+        asked = sum(len(due(talk, float(now), "SET_GPS_GLOBAL_ORIGIN")) for now in range(100))
+        assert asked == ORIGIN_ATTEMPTS
+        assert any(news["event"] == "origin not confirmed" for news in talk.listener.news)
+        assert not [
+            m for now in range(100) for m in due(speaker(), float(now), "SET_GPS_GLOBAL_ORIGIN")
+        ]
+
+    def test_timesync_is_answered_and_answers_are_not(self):
+        talk = speaker()
+        talk.listener.hear(from_autopilot(mavlink.MAVLink_timesync_message(0, 42)), 5.0)
+        talk.listener.hear(from_autopilot(mavlink.MAVLink_timesync_message(7, 42)), 5.0)
+        (answer,) = due(talk, 5.0, "TIMESYNC")
+        assert (answer.tc1, answer.ts1) == (5_000_000_000, 42)
+
+    def test_only_the_autopilot_is_obeyed_and_listened_to(self):
+        talk = speaker(heard_at=None)
+        talk.listener.hear(
+            from_autopilot(
+                mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3), system=255, component=190
+            ),
+            0.0,
+        )
+        assert talk.listener.target is None and not talk.land(0, 0.0)
+        talk.listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), 0.0)
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_command_ack_message(21, 0), system=9), 0.0
+        )
+        assert not talk.listener.answers
+        talk.listener.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 2)), 0.0)
+        assert list(talk.listener.answers) == [Answer(21, 2)]
+        assert talk.land(1, 0.0) and due(talk, 0.0, "COMMAND_LONG")[0].confirmation == 1
+
+    def test_an_answer_to_somebody_else_is_none_to_us(self):
+        talk = speaker()
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 255, 190)), 0.0
+        )
+        assert not talk.listener.answers
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 1, 191)), 0.0
+        )
+        assert list(talk.listener.answers) == [Answer(21, 0)]
+
+    def test_what_the_autopilot_says_is_kept_for_the_log(self):
+        talk = speaker()
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_statustext_message(3, b"EKF variance")), 1.0
+        )
+        assert talk.listener.news[-1]["text"] == "EKF variance"
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_estimator_status_message(0, 8, *[0.0] * 8)), 1.0
+        )
+        assert talk.listener.fused(1.0) is True and talk.listener.fused(9.0) is None
+        talk.listener.hear(
+            from_autopilot(mavlink.MAVLink_ekf_status_report_message(1, *[0.0] * 6)), 1.0
+        )
+        assert talk.listener.fused(1.0) is False
+
+    def test_presence(self):
+        talk = speaker(heard_at=5.0)
+        assert talk.listener.present(7.9) and not talk.listener.present(8.1)
+
+    def test_unknown_profile(self):
+        with pytest.raises(ParameterError, match="px4, ardupilot"):
+            profile_named("inav", NORTH_UP, AREA)

@@ -1,0 +1,17 @@
+"""Counting faults and latencies."""
+
+from __future__ import annotations
+
+from trexton.onboard.tally import FAULTS, Latencies
+
+
+def test_every_fault_says_what_is_done_about_it():
+    assert all(len(deed.split()) > 3 for deed in FAULTS.values())
+
+
+def test_latencies_in_constant_memory():
+    latencies = Latencies(size=10)
+    for value in range(100):
+        latencies.add(value)
+    assert (latencies.count, latencies.longest) == (100, 99)
+    assert latencies.quantile(0) == 90 and latencies.quantile(1) == 99
