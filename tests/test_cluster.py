@@ -133,7 +133,8 @@ def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
     run = subprocess.Popen(
         [sys.executable, "-c", script], env=environment, stderr=subprocess.PIPE, text=True
     )
-    assert eventually(lambda: mark.exists() or run.poll() is not None) and run.poll() is None
+    assert eventually(lambda: mark.exists() or run.poll() is not None)
+    assert run.poll() is None, run.stderr.read()
     run.send_signal(signal.SIGINT)
     said = run.communicate(timeout=120)[1]
     assert "KeyboardInterrupt" in said and "failed" not in said
