@@ -9,7 +9,13 @@ from conftest import ROOT
 
 from trexton.book.found import what_we_found
 from trexton.book.library import describe_module
-from trexton.book.pages import describe_notebook, description, page_names, with_flight
+from trexton.book.pages import (
+    describe_notebook,
+    description,
+    name_figures,
+    page_names,
+    with_flight,
+)
 from trexton.book.paper_map import load_map, map_table
 from trexton.book.prose import records_by_name
 from trexton.claims import load_claims
@@ -131,13 +137,27 @@ def test_the_map_shows_theirs_beside_ours_with_links_to_pages_that_are_there(res
 def test_a_page_is_named_after_its_experiment_and_flight_and_knows_its_twin():
     cells = [nbformat.v4.new_markdown_cell("# A finding\n\nText."), nbformat.v4.new_code_cell("1")]
     notebook = nbformat.v4.new_notebook(cells=cells)
-    with_flight(notebook, "cyberzoo", {"sim-survey": "sim-survey/x"})
+    with_flight(
+        notebook, "cyberzoo", {"sim-survey": "sim-survey/x"}, {"sim-survey/x": ["its-figure"]}
+    )
     assert notebook.cells[0].source == "# A finding: CyberZoo flight (real)\n\nText."
-    assert "{doc}`Virtual hall (simulated) </sim-survey/x>`" in notebook.cells[-1].source
+    twin = "{doc}`Virtual hall (simulated) </sim-survey/x>`, {numref}`its-figure`"
+    assert twin in notebook.cells[-1].source
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# The ledger")])
-    with_flight(notebook, "", {})
+    with_flight(notebook, "", {}, {})
     assert notebook.cells[0].source == "# The ledger" and len(notebook.cells) == 1
     assert flight_title("my-flight") == "my-flight"
+
+
+def test_figures_are_named_after_their_page_where_they_were_drawn():
+    cells = [nbformat.v4.new_code_cell(f'page.show("{name}", x)') for name in ("floor", "other")]
+    for cell in cells:
+        cell.metadata["mystnb"] = {"figure": {"caption": "A floor."}}
+    cells[0].outputs = [nbformat.v4.new_output("display_data", {"image/svg+xml": "<svg/>"})]
+    notebook = nbformat.v4.new_notebook(cells=cells)
+    assert name_figures(notebook, "cyberzoo/mocap_training") == ["cyberzoo-mocap-training-floor"]
+    assert cells[0].metadata["mystnb"]["figure"]["name"] == "cyberzoo-mocap-training-floor"
+    assert "name" not in cells[1].metadata["mystnb"]["figure"]
 
 
 def test_pages_are_described_by_their_first_words_or_their_finding():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from html import unescape
 from importlib.metadata import version
 from pathlib import Path
@@ -16,7 +16,7 @@ from trexton.flights.names import flight_title
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.workflow.formats import nbformat
 
-__all__ = ["describe_notebook", "description", "page_names", "with_flight"]
+__all__ = ["describe_notebook", "description", "name_figures", "page_names", "with_flight"]
 
 _LONGEST = 200  # characters of a description, about what search engines show
 
@@ -48,7 +48,31 @@ def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[s
     }
 
 
-def with_flight(notebook: nbformat.NotebookNode, flight: str, twins: Mapping[str, str]) -> None:
+def name_figures(notebook: nbformat.NotebookNode, page: str) -> list[str]:
+    """Give each captioned figure of an executed notebook the name by which text refers to it.
+
+    Returns
+    -------
+    list of str
+        The names, in order: the page's and the figure's, as in ``cyberzoo-mocap-training-floor``.
+    """
+    names = []
+    for cell in notebook.cells:
+        figure = cell.metadata.get("mystnb", {}).get("figure")
+        shown = re.search(r"""page\.show\(\s*["'](\w+)["']""", cell.source)
+        drawn = any("image/svg+xml" in output.get("data", {}) for output in cell.get("outputs", ()))
+        if figure is not None and shown and drawn:
+            figure["name"] = re.sub(r"[/_]", "-", f"{page}-{shown[1]}").lower()
+            names.append(figure["name"])
+    return names
+
+
+def with_flight(
+    notebook: nbformat.NotebookNode,
+    flight: str,
+    twins: Mapping[str, str],
+    figures: Mapping[str, Sequence[str]],
+) -> None:
     """End the heading of an experiment's page with its flight, and the page with its twins.
 
     Parameters
@@ -57,13 +81,19 @@ def with_flight(notebook: nbformat.NotebookNode, flight: str, twins: Mapping[str
         Changed in place.
     twins : mapping of str to str
         The page of the same experiment on other flights, by flight.
+    figures : mapping of str to sequence of str
+        Names of the figures of each page.
     """
     first = notebook.cells[0] if notebook.cells else None
     if not flight or first is None or not first.source.startswith("# "):
         return
     heading, _, rest = first.source.partition("\n")
     first.source = f"{heading}: {flight_title(flight)}\n{rest}"
-    links = ", ".join(f"{{doc}}`{flight_title(each)} </{page}>`" for each, page in twins.items())
+    links = ", ".join(
+        f"{{doc}}`{flight_title(each)} </{page}>`"
+        + "".join(f", {{numref}}`{name}`" for name in figures.get(page, ()))
+        for each, page in twins.items()
+    )
     if links:
         notebook.cells.append(
             nbformat.v4.new_markdown_cell(f"The same on another flight: {links}.")

@@ -12,7 +12,13 @@ from typing import Any
 import yaml
 
 from trexton.book.library import MODULES, describe_module
-from trexton.book.pages import describe_notebook, description, page_names, with_flight
+from trexton.book.pages import (
+    describe_notebook,
+    description,
+    name_figures,
+    page_names,
+    with_flight,
+)
 from trexton.book.prose import records_by_name, render
 from trexton.errors import DataError
 from trexton.experiments import EXPERIMENTS
@@ -69,7 +75,13 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
         toc["root"],
         *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"]),
     }
-    context, pictures = _context(contents), _pictures(contents)
+    context, pictures, figures = _context(contents), _pictures(contents), _figures(contents)
+
+    def first_figure(page: str) -> str:
+        """A reference to the first figure of a page, in brackets; nothing where it has none."""
+        return f" ({{numref}}`{figures[page][0]}`)" if figures.get(page) else ""
+
+    context["first_figure"] = first_figure
     for page in sorted(pages):
         source = contents.source / f"{page}.md"
         if source.is_file():
@@ -86,7 +98,10 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
                         for pair in contents.pairs
                         if flight not in ("", pair.name) and name in contents.good(pair.name)
                     }
-                    _copy_notebook(path, folder / flight / path.name, flight, twins, contents)
+                    notebook = nbformat.read(path, as_version=4)
+                    name_figures(notebook, f"{flight}/{name}")
+                    with_flight(notebook, flight, twins, figures)
+                    _write_notebook(notebook, folder / flight / path.name, contents.good(flight))
                 else:
                     shutil.copyfile(path, folder / flight / path.name)
     for name, path in contents.extra.items():
@@ -98,16 +113,8 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
     (folder / "_toc.yml").write_text(yaml.safe_dump(toc, sort_keys=False), encoding="utf-8")
 
 
-def _copy_notebook(
-    path: Path, target: Path, flight: str, twins: Mapping[str, str], contents: Contents
-) -> None:
-    """Copy an executed notebook, its flight in the heading.
-
-    Links to experiments that have no page here become plain text.
-    """
-    notebook = nbformat.read(path, as_version=4)
-    pages = contents.good(flight)
-    with_flight(notebook, flight, twins)
+def _write_notebook(notebook: nbformat.NotebookNode, target: Path, pages: list[str]) -> None:
+    """Write an executed notebook; links to experiments that have no page become plain text."""
     describe_notebook(notebook)
 
     def link(found: re.Match[str]) -> str:
@@ -142,6 +149,18 @@ def _context(contents: Contents) -> dict[str, Any]:
         "records": records, "flights": flights, "flight": named, "absent": dict(contents.absent),
         "modules": [text for name in MODULES if (text := describe_module(name))],
     }  # fmt: skip
+
+
+def _figures(contents: Contents) -> dict[str, list[str]]:
+    """Names of the figures of each experiment's page."""
+    found = {}
+    for pair in contents.pairs:
+        for name in contents.good(pair.name):
+            path = contents.results / pair.name / f"{name}.ipynb"
+            if path.is_file():
+                notebook = nbformat.read(path, as_version=4)
+                found[f"{pair.name}/{name}"] = name_figures(notebook, f"{pair.name}/{name}")
+    return found
 
 
 def _pictures(contents: Contents) -> dict[str, str]:
