@@ -35,13 +35,16 @@ def recording(folder, frames=24):
 def test_the_commands_of_the_page_do_what_it_says(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     recording(tmp_path / "my-recording")
-    blocks = re.findall(r"^```bash\n(.*?)^```", PAGE.read_text(), re.M | re.S)
-    commands = [line for block in blocks[:2] for line in block.splitlines()]
-    assert len(commands) == 4
-    for line in commands:
-        assert main(shlex.split(line)[1:]) == 0, capsys.readouterr().err
-    said = capsys.readouterr()
-    assert "24 of 24 frames have a position" in said.err and "usable" in said.out
+    pieces = re.findall(r"^```(bash|text)\n(.*?)^```", PAGE.read_text(), re.M | re.S)[:4]
+    assert [kind for kind, _ in pieces] == ["bash", "text"] * 2
+    for (_, commands), (_, shown) in zip(pieces[::2], pieces[1::2], strict=True):
+        printed = ""
+        for line in commands.splitlines():
+            code = main(shlex.split(line)[1:])
+            said = capsys.readouterr()
+            assert code == 0, said.err
+            printed += said.err + said.out
+        assert printed == shown
     assert read_flight(tmp_path / "my-flight").split == {"train": (0, 11), "test": (12, 23)}
     assert (tmp_path / "my-hall.npz").is_file()
     assert len((tmp_path / "truth.tum").read_text().splitlines()) == 24

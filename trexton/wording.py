@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 __all__ = [
+    "METRES_FROM",
     "Tree",
     "apart",
     "distance",
@@ -23,6 +24,8 @@ __all__ = [
     "text",
     "times",
 ]
+
+METRES_FROM = 200  # centimetres: longer distances are told in metres
 
 
 def number(value: float) -> str:
@@ -47,7 +50,7 @@ def interval(entry: Mapping[str, Any], unit: str = "") -> str:
 
 def distance(entry: Mapping[str, Any] | float) -> str:
     """A distance given in cm, with its interval if it has one; in metres from two metres on."""
-    metres = middle(entry) >= 200
+    metres = middle(entry) >= METRES_FROM
     unit, scale = ("m", 0.01) if metres else ("cm", 1.0)
     if not isinstance(entry, Mapping):
         return f"{number(scale * entry)} {unit}"

@@ -15,7 +15,7 @@ from trexton.experiments import assessment
 from trexton.figures import assessment as figures
 from trexton.files import atomic_file
 from trexton.records import Record
-from trexton.wording import distance
+from trexton.wording import distance, middle
 
 __all__ = ["write_report"]
 
@@ -27,7 +27,7 @@ h1 { font-size: 1.6rem; line-height: 1.2 } h2 { font-size: 1.2rem; margin-top: 2
 figure { margin: 1.5rem 0; break-inside: avoid } img { max-width: 100%; height: auto }
 figcaption, footer { font-size: .85rem; color: #555 }
 .scroll { overflow-x: auto } table { border-collapse: collapse }
-th, td { padding: .25rem .75rem; text-align: right }
+th, td { padding: .25rem .75rem; text-align: right; white-space: nowrap }
 th:first-child, td:first-child { text-align: left } tbody tr { border-top: 1px solid #ddd }
 code { background: #f2f2f2; padding: 0 .2rem }
 @media (prefers-color-scheme: dark) {
@@ -106,7 +106,7 @@ def _table(record: Record) -> str:
         f"<tr><td>{escape(_ROWS.get(name, name))}</td>"
         + "".join(f"<td>{distance(entry[key])}</td>" for key in names)
         + "</tr>"
-        for name, entry in errors.items()
+        for name, entry in sorted(errors.items(), key=lambda one: middle(one[1]["mean_cm"]))
     )
     table = f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
     return f'<div class="scroll" tabindex="0">{table}</div>'

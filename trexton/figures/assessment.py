@@ -7,6 +7,7 @@ from matplotlib.figure import Figure
 
 from trexton.figures.style import COLORS, canvas, floor_axes, legend_above, show_floor
 from trexton.records import Record
+from trexton.wording import METRES_FROM
 
 __all__ = ["error_shares", "over_the_floor"]
 
@@ -20,6 +21,12 @@ LABELS = {
 }
 
 
+def _unit(record: Record) -> tuple[str, float]:
+    """What errors are told in, and how many of it a metre has: as the record's words do."""
+    best = min(entry["mean_cm"]["median"] for entry in record.values["errors"].values())
+    return ("m", 1.0) if best >= METRES_FROM else ("cm", 100.0)
+
+
 def over_the_floor(record: Record) -> Figure:
     """The truth, and the best method's estimates joined to it, over the error to expect."""
     series, errors = record.series, record.values["errors"]
@@ -31,13 +38,14 @@ def over_the_floor(record: Record) -> Figure:
         floor_axes(plan, series["area_m"])
         show_floor(plan, series.get("floor"), record.images.get("floor"), fade=0.3)
         if "expected" in series:
-            heat = 100 * np.array(series["expected"]["error_m"], dtype=float)
+            unit, scale = _unit(record)
+            heat = scale * np.array(series["expected"]["error_m"], dtype=float)
             colors = plan.imshow(
                 heat, extent=series["expected"]["extent_m"], origin="lower", cmap="YlOrRd",
                 alpha=0.65, zorder=1,
             )  # fmt: skip
             bar = figure.colorbar(colors, ax=plan, shrink=0.85)
-            bar.set_label("expected error (cm)")
+            bar.set_label(f"expected error ({unit})")
             bar.outline.set_visible(False)
         for true, guess in zip(truth[::5], estimate[::5], strict=True):
             plan.plot(*zip(true, guess, strict=True), color=COLORS["accent"], linewidth=0.6)
@@ -53,18 +61,19 @@ def over_the_floor(record: Record) -> Figure:
 def error_shares(record: Record) -> Figure:
     """Cumulated shares of the errors: a line further to the left is better."""
     series, truth = record.series, np.array(record.series["truth_m"])
+    unit, scale = _unit(record)
     names = [*record.parameters["methods"].split(), "knn", "centre", "shuffled"]
     with canvas(size=(7.2, 3.4)) as (figure, axes):
         plot = axes[0, 0]
         for name in names:
             label, color = LABELS.get(name, (name, "paper"))
-            error = 100 * np.sort(np.hypot(*(np.array(series[f"{name}_m"]) - truth).T))
+            error = scale * np.sort(np.hypot(*(np.array(series[f"{name}_m"]) - truth).T))
             share = 100 * np.arange(1, len(error) + 1) / len(error)
             plot.step(
                 error, share, where="post", color=COLORS[color], label=label,
                 linestyle="--" if name in ("centre", "shuffled") else "-",
             )  # fmt: skip
-        plot.set(xlabel="error (cm)", ylabel="frames below it (%)", ylim=(0, 100))
+        plot.set(xlabel=f"error ({unit})", ylabel="frames below it (%)", ylim=(0, 100))
         plot.set_xlim(0, None)
         legend_above(plot)
     return figure
