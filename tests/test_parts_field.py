@@ -377,6 +377,13 @@ def test_a_track_that_the_measured_velocity_contradicts_loses_weight(field, moti
     assert tracker.weights[0] > 0.6
 
 
+def test_agility_takes_accelerations_larger_than_flown(motion):
+    once = Singer(agility=1.0).fit(training())
+    assert float(motion.acceleration) == pytest.approx(2 * float(once.acceleration))
+    with pytest.raises(ParameterError, match="agility"):
+        Singer(agility=0.0)
+
+
 def test_a_velocity_needs_a_positive_doubt():
     with pytest.raises(ParameterError, match="velocity_sigma"):
         Tracks(velocity_sigma=0.0)

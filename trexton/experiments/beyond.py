@@ -14,6 +14,8 @@ from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, frames_of, trained_map
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
+from trexton.observation import Aiding
+from trexton.odometry import VisualOdometry
 from trexton.paper import paper_file
 from trexton.records import Record
 from trexton.streams import stream
@@ -25,6 +27,8 @@ __all__ = ["VARIANTS", "Flown", "Parameters", "Variant", "finding", "run"]
 HELD = 4.605  # squared distance within which 90 % of a normal distribution in a plane lie
 WIDE_M = 0.25  # process noise and rank widths of the ablations
 MOST_LAG = 36  # frames
+DRAWS = 50  # of errors as long as they are expected to be, on average
+ATTITUDE_NOISE = np.radians(0.3)  # of the autopilot's roll, pitch and yaw
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,7 @@ class Variant:
     choices: Mapping[str, object]
     draws: bool = True  # whether repeats differ by more than the patches
     cells: int = 1  # parts of the image a side, each with a histogram
+    odometry: bool = False  # whether it is told the velocity that visual odometry finds
 
 
 VARIANTS: dict[str, Variant] = {
@@ -55,6 +60,8 @@ VARIANTS: dict[str, Variant] = {
     "field": Variant("The field with its tracks", "field", {}, draws=False),
     "field_parts": Variant("with a histogram a quarter of the "
                            "image", "field", {}, draws=False, cells=2),
+    "field_odometry": Variant("and a velocity by visual odometry", "field", {}, draws=False,
+                              cells=2, odometry=True),
 }  # fmt: skip
 
 
@@ -75,12 +82,17 @@ class Flown:
     step_s: np.ndarray
 
     @classmethod
-    def of(cls, localizer: Localizer, frames: Sequence[np.ndarray]) -> Flown:
+    def of(
+        cls,
+        localizer: Localizer,
+        frames: Sequence[np.ndarray],
+        aiding: Sequence[Aiding] | None = None,
+    ) -> Flown:
         """Step the localizer through all frames from a start that may be anywhere."""
         rows, seconds = [], []
-        for frame in frames:
+        for row, frame in enumerate(frames):
             start = perf_counter()
-            estimate = localizer.step(frame)
+            estimate = localizer.step(frame, aiding=None if aiding is None else aiding[row])
             seconds.append(perf_counter() - start)
             rows.append((estimate.position, estimate.covariance))
         position, covariance = (np.array(column) for column in zip(*rows, strict=True))
@@ -112,9 +124,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
     )
     frames, truth = frames_of(test), test.position
+    moved = _odometry(test, frames, parameters.seed)
     flown, timings, changed = {}, {}, {}
     for name, variant in VARIANTS.items():
-        if variant.cells > 1 and not train.has_images:
+        if (variant.cells > 1 and not train.has_images) or (variant.odometry and moved is None):
             continue
         started = perf_counter()
         if variant.cells == 1:
@@ -132,7 +145,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         for repeat in range(parameters.repeats if variant.draws else 1):
             rng = stream(parameters.seed, f"beyond {name}", repeat)
             localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
-            runs.append(Flown.of(localizer, frames))
+            runs.append(Flown.of(localizer, frames, moved if variant.odometry else None))
         flown[name] = runs
         timings[name]["step_s"] = float(np.median(runs[0].step_s))
     values: dict[str, Any] = {
@@ -142,7 +155,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     values |= {
         "lag": lag["values"],
         "ratio": values["field"]["mean_cm"] / values["paper"]["mean_cm"],
-        "predictor": _predictor(changed["field"], flown["field"][0], truth, parameters.sigma),
+        "predictor": _predictor(
+            changed["field"], flown["field"][0], truth, parameters.sigma, parameters.seed
+        ),
         "protocol": _protocol(),
         "frames": len(test),
     }
@@ -169,6 +184,26 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         images=pictures,
         timings=timings,
     )
+
+
+def _odometry(flight: Flight, frames: Sequence[np.ndarray], seed: int) -> list[Aiding] | None:
+    """Velocities from frame to frame, with attitude as an autopilot knows it and the height.
+
+    None where the flight lacks what that takes.
+    """
+    if not flight.has_images or flight.camera is None:
+        return None
+    if flight.attitude is None or flight.height is None:
+        return None
+    odometry, rng = VisualOdometry(flight.camera), stream(seed, "autopilot")
+    told = []
+    for frame, time, attitude, height in zip(
+        frames, flight.time, flight.attitude, flight.height, strict=True
+    ):
+        noisy = attitude + ATTITUDE_NOISE * rng.standard_normal(3)
+        motion = odometry.step(frame, float(time), height=float(height), attitude=noisy)
+        told.append(Aiding(velocity=None if motion is None else motion.velocity))
+    return told
 
 
 def _summary(runs: list[Flown], truth: np.ndarray, diagonal: float) -> dict[str, float]:
@@ -208,7 +243,7 @@ def _lag(runs: list[Flown], truth: np.ndarray, period_s: float) -> dict[str, dic
 
 
 def _predictor(
-    texton_map: TextonMap, flown: Flown, truth: np.ndarray, sigma: float
+    texton_map: TextonMap, flown: Flown, truth: np.ndarray, sigma: float, seed: int
 ) -> dict[str, float]:
     """How what was known before the flight ranks its errors, and how near it is to their mean."""
     from scipy.stats import spearmanr
@@ -217,8 +252,12 @@ def _predictor(
     expected = texton_map.parts["measurement"].expected_error(truth)
     losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
     loss = smooth(losses, texton_map.positions, truth, sigma)
+    # Lengths of normal errors scatter about their mean however well that is known.
+    scatter = stream(seed, "predictor").rayleigh(size=(DRAWS, len(expected)))
+    limit = [spearmanr(expected, expected * drawn).statistic for drawn in scatter]
     return {
         "rank": float(spearmanr(expected, errors).statistic),
+        "rank_limit": float(np.mean(limit)),
         "loss_rank": float(spearmanr(loss, errors).statistic),
         "expected_cm": 100 * expected.mean(),
         "error_cm": 100 * errors.mean(),

@@ -136,9 +136,12 @@ def _over(train: Flight, parameters: Parameters, seed: int) -> dict[str, list[At
 def _maps(train: Flight, parameters: Parameters) -> dict[str, TextonMap]:
     rng = stream(parameters.seed, "training")
     paper = trained_map(train, seed=parameters.seed)
+    # A trigger needs the velocity's covariance as it is: accelerations as they were flown.
+    agility: dict[str, Any] = {"motion.agility": 1.0}
     field = TextonMap.train(
-        train, method="field", n_textons=parameters.textons, cells=parameters.cells, rng=rng
-    )
+        train, method="field", n_textons=parameters.textons, cells=parameters.cells, rng=rng,
+        **agility,
+    )  # fmt: skip
     fine = replace(paper, method="fine", parts={"distance": paper.parts["distance"]})
     return {
         "paper": paper,

@@ -22,18 +22,29 @@ class Singer(MotionModel):
     """Position, velocity and acceleration along each axis; the acceleration forgets itself in time.
 
     States are ``(M, 6)``: x, y, their velocities, their accelerations.
+
+    Parameters
+    ----------
+    agility : float
+        Accelerations are taken so many times as large as flown. Vehicles hover and dash: with
+        more than 1 a filter follows the dashes, and claims less of the velocity than it knows.
     """
 
+    agility: float = 2.0
     speed: np.ndarray = learned()  # () standard deviation of the velocity along an axis, m/s
     acceleration: np.ndarray = learned()  # () the same of the acceleration, m/s^2
     lasts_s: np.ndarray = learned()  # () time after which an acceleration is down to 1/e
     period_s: np.ndarray = learned()
 
+    def check(self) -> None:
+        if not 0 < self.agility < np.inf:
+            raise ParameterError(f"agility is {self.agility}: expected a positive number")
+
     def fit(self, training: Training) -> Self:
         speed, acceleration, lasts_s = _moments(training.positions, training.time)
         return self.with_learned(
             speed=np.asarray(speed),
-            acceleration=np.asarray(acceleration),
+            acceleration=np.asarray(self.agility * acceleration),
             lasts_s=np.asarray(lasts_s),
             period_s=np.asarray(training.period_s),
         )
