@@ -11,6 +11,7 @@ import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Annotation
 
 __all__ = ["COLORS", "canvas", "floor_axes", "legend_above", "mean_line", "show_floor"]
 
@@ -102,10 +103,15 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
 
 
 def mean_line(axes: Axes, values: np.ndarray, color: str, unit: str) -> None:
-    """A dashed line at the mean, its value at its right end."""
+    """A dashed line at the mean, its value at its right end, clear of the one drawn before it."""
     mean = float(np.mean(values))
     axes.axhline(mean, color=color, linestyle="--", linewidth=1.0)
-    axes.annotate(
+    before = [text for text in axes.texts if isinstance(text, Annotation)]
+    label = axes.annotate(
         f"mean {mean:.0f} {unit}", (1, mean), xycoords=("axes fraction", "data"), xytext=(4, 0),
         textcoords="offset points", color=color, fontsize=8.5, va="center", annotation_clip=False,
     )  # fmt: skip
+    if before:
+        lower, upper = sorted((label, before[-1]), key=lambda text: text.xy[1])
+        lower.set_verticalalignment("top")
+        upper.set_verticalalignment("bottom")
