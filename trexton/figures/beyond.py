@@ -16,6 +16,7 @@ SHADES = {
     "field": COLORS["estimate"],
     "field_particles": COLORS["knn"],
     "field_parts": COLORS["spread"],
+    "field_odometry": COLORS["accent"],
 }
 
 
