@@ -56,7 +56,10 @@ def cache_folder() -> Path:
 
 @lru_cache
 def code_hashes(module: str) -> dict[str, str]:
-    """SHA-256 of the source of `module` and of all of this package it imports, however deep."""
+    """SHA-256 of the source of `module` and of all of this package it imports, however deep.
+
+    What tables name as ``"trexton.module:name"`` counts as imported.
+    """
     hashes: dict[str, str] = {}
     waiting = [module]
     while waiting:
@@ -83,6 +86,9 @@ def _hash_and_imports(module: str) -> tuple[str, list[str]] | None:
             names += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
             names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            if _ADDRESS.fullmatch(node.value):  # in a table of what is imported when asked for
+                names.append(node.value.partition(":")[0])
     return hashlib.sha256(source).hexdigest(), names
 
 

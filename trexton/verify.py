@@ -20,14 +20,14 @@ from trexton.cache import repository_root
 from trexton.errors import TrextonError
 from trexton.executor import THREAD_VARIABLES
 from trexton.experiments import EXPERIMENTS
-from trexton.files import atomic_file, canonical_json
+from trexton.files import atomic_file, canonical_json, digest
 from trexton.flights.pair import load_pair
 from trexton.progress import progress
 from trexton.records import Record, software_versions
 
 __all__ = [
-    "RELATIVE", "VARIANTS", "Verdict", "Variant", "differences", "moved", "rebuild", "references",
-    "update", "verify",
+    "QUICK", "RELATIVE", "VARIANTS", "Verdict", "Variant", "differences", "moved", "rebuild",
+    "references", "update", "verify",
 ]  # fmt: skip
 
 RELATIVE, NEAR_ZERO = 1e-9, 1e-12  # of numbers that are not whole
@@ -79,6 +79,8 @@ VARIANTS = (
     Variant("BLAS kernels of Haswell", blas="Haswell"),
     Variant("BLAS kernels of Nehalem", blas="Nehalem"),  # without fused products
 )
+# As far from the process that made the references as the bits allow.
+QUICK = (VARIANTS[1],)
 
 
 @dataclass(frozen=True)
@@ -135,7 +137,7 @@ def verify(
     Parameters
     ----------
     path, work : Path
-        The record, and a folder for caches, flights and results.
+        The record, and a folder for caches, flights and results, which several records may share.
     flight, test_flight : str, optional
         Folders of its flights; needed where the record does not say how they are simulated.
 
@@ -146,6 +148,8 @@ def verify(
     """
     record = _read(path)
     flights = [str(each) for each in (flight, test_flight) if each] or _simulated(record, work)
+    work = work / path.stem
+    work.mkdir(exist_ok=True)
     if not flights:
         raise TrextonError(
             f"{path}: was made of {', '.join(record['provenance'].get('flights', {})) or 'flights'}"
@@ -293,9 +297,12 @@ def _simulated(record: Content, work: Path) -> list[str]:
         return []
     from trexton.simulator import record_flight
 
-    folders = [work / name for name in ("train", "test") if name in recipe]
-    for folder in folders:
-        record_flight(folder, **recipe[folder.name])
+    folders = []
+    for name in ("train", "test"):
+        if name in recipe:
+            folders.append(work / "flights" / digest(recipe[name])[:12] / name)
+            if not folders[-1].exists():
+                record_flight(folders[-1], **recipe[name])
     return [str(folder) for folder in folders]
 
 
