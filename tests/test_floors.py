@@ -125,7 +125,7 @@ def test_a_kept_sweep_reads_as_the_run_does():
 
 
 def test_floors_are_foretold_and_flown(picture):
-    floors = f"{picture}@1.5 few:3"
+    floors = f"{picture}@1.5 {picture}@1"
     given = suitability.Parameters(floors=floors, frames=25, test_frames=20)
     flight = small_flight()
     record = suitability.run(flight, flight, given)
