@@ -33,7 +33,7 @@ browser: env  ## every page of the built book in chromium; pictures of ten in bo
 	  $(BIN)/python -m pytest -n 2 -rs tests/test_browser_pages.py tests/test_browser_moving.py $(ARGS)
 
 test: env  ## the tests
-	@$(BIN)/python -m pytest -m "not slow" -n 2 $(ARGS)
+	@$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile $(ARGS)
 
 check: env  ## format, lint, types, import directions, dead code
 	@$(BIN)/ruff format --check --quiet .
@@ -45,7 +45,7 @@ check: env  ## format, lint, types, import directions, dead code
 # Kernels are Python only where they are not compiled: what calls them is run again without.
 coverage: env  ## branch coverage by module, with the lines and branches that no test reaches
 	@$(BIN)/coverage erase
-	@$(BIN)/python -m pytest -m "not slow" -n 2 --cov --cov-report= $(ARGS)
+	@$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile --cov --cov-report= $(ARGS)
 	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m "not slow" --cov --cov-append --cov-report= -k "not without_vector" \
 	  tests/test_kernels.py tests/test_histograms.py tests/test_neighbors.py tests/test_textons.py tests/test_simulator.py
 	@$(BIN)/coverage report
