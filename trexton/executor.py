@@ -9,6 +9,7 @@ function gives the same values everywhere::
 from __future__ import annotations
 
 import os
+import socket
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -129,9 +130,13 @@ def _apply(item: Any) -> Any:
 def connect(address: str) -> Any:
     """A client of the Dask scheduler at `address`; raises `ParameterError` if none answers."""
     from distributed import Client
+    from distributed.comm.addressing import parse_address, parse_host_port
 
     try:
-        return Client(address, timeout="10s", set_as_default=False)
+        scheme, place = parse_address(address)
+        if scheme in ("tcp", "tls"):  # where nothing listens it is known at once
+            socket.create_connection(parse_host_port(place, 8786), timeout=10).close()
+        return Client(address, timeout="60s", set_as_default=False)
     except (OSError, ValueError) as error:
         raise ParameterError(
             f"no Dask scheduler answers at {address} ({error}): start one with dask scheduler, and "
