@@ -38,12 +38,12 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.quick and arguments.update:
         raise ParameterError("--update needs all processes: leave --quick out")
     flights = arguments.flight, arguments.test_flight
+    status = 0
     with tempfile.TemporaryDirectory() as work:
-        verdicts = [
-            verify(path, Path(work), *flights, variants=variants)
-            for path in [Path(record) for record in arguments.records] or references()
-        ]
-    return max(_told(verdict, variants, arguments.update) for verdict in verdicts)
+        for path in [Path(record) for record in arguments.records] or references():
+            verdict = verify(path, Path(work), *flights, variants=variants)
+            status |= _told(verdict, variants, arguments.update)
+    return status
 
 
 def _told(verdict: Verdict, variants: tuple[Variant, ...], updating: bool) -> int:
