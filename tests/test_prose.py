@@ -16,10 +16,11 @@ from conftest import ROOT
 import trexton
 from trexton.camera import Camera
 from trexton.cli import COMMANDS, build_parser
+from trexton.estimate import Estimate
 from trexton.experiments import EXPERIMENTS, LEDGER
 from trexton.histograms import sampled_histogram
 from trexton.homography import HomographyLocalizer
-from trexton.landing import LandingZone
+from trexton.landing import LandingZone, TouchdownZone
 from trexton.mosaic import stitch
 from trexton.observation import Aiding, Observation
 from trexton.simulator import Floor, Light, Simulator, record_flight
@@ -81,6 +82,7 @@ def names(tmp_path_factory):
         "heat_map": heat_map,
         "HomographyLocalizer": HomographyLocalizer,
         "LandingZone": LandingZone,
+        "TouchdownZone": TouchdownZone,
         "Simulator": Simulator,
         "Light": Light,
         "Observation": Observation,
@@ -98,6 +100,8 @@ def names(tmp_path_factory):
         "camera": [image, flight.image(4)],
         "mosaic": SimpleNamespace(map=flight.floor),
         "center": center,
+        "simulator": Simulator(floor, start=center, rng=np.random.default_rng(0)),
+        "aiding": None,
         "plan": SimpleNamespace(goal=lambda position: center),
     }
 
@@ -110,6 +114,9 @@ def test_python_runs_as_printed(code, names, monkeypatch):
     localizer.step(names["image"])
     if "localizer.locate" in code:
         localizer = HomographyLocalizer(names["flight"].floor)
+    if "TouchdownZone" in code:  # whose map would know a velocity: it stands over the zone
+        there = Estimate(names["center"], 0.01 * np.eye(2), False)
+        localizer = SimpleNamespace(step=lambda image, aiding=None: there)
     exec(compile(code, "page", "exec"), names | {"rng": rng, "localizer": localizer})
 
 

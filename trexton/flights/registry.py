@@ -11,9 +11,8 @@ import tomllib
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
-from io import BufferedRandom
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 from trexton.cache import cache_folder, shipped
 from trexton.errors import DataError
@@ -21,6 +20,9 @@ from trexton.files import atomic_file
 from trexton.flights.flight import Flight
 from trexton.flights.folder import write_flight
 from trexton.progress import say
+
+if TYPE_CHECKING:
+    from io import BufferedRandom
 
 __all__ = ["data_folder", "fetch", "locate", "raw_files", "registry"]
 
