@@ -11,8 +11,9 @@ import tomllib
 from collections.abc import Callable
 from functools import cache
 from importlib import import_module
+from io import BufferedRandom
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from trexton.cache import cache_folder, shipped
 from trexton.errors import DataError
@@ -20,9 +21,6 @@ from trexton.files import atomic_file
 from trexton.flights.flight import Flight
 from trexton.flights.folder import write_flight
 from trexton.progress import say
-
-if TYPE_CHECKING:
-    from io import BufferedRandom
 
 __all__ = ["data_folder", "fetch", "locate", "raw_files", "registry"]
 
@@ -124,7 +122,7 @@ def _from_cache(key: str, file: dict[str, Any]) -> Path:
     say(f"fetching {file['url']}")
     try:
         with atomic_file(path, "w+b") as written:
-            stream = cast("BufferedRandom", written)
+            stream = cast(BufferedRandom, written)
             pooch.HTTPDownloader(timeout=20)(file["url"], stream, None)
             stream.seek(0)
             if hashlib.file_digest(stream, "sha256").hexdigest() != file["sha256"]:
