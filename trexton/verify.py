@@ -121,8 +121,7 @@ def references() -> list[Path]:
         There are none, as where the package is installed without its repository.
     """
     root = repository_root()
-    files = sorted((root / "data" / "reference").glob("*.json")) if root else []
-    found = [path for path in files if "simulated" in _read(path)["provenance"]]
+    found = sorted((root / "data" / "reference").glob("verify-*.json")) if root else []
     if not found:
         raise TrextonError("no reference values are here: name a record, or work in a whole clone")
     return found
@@ -149,7 +148,7 @@ def verify(
     record = _read(path)
     flights = [str(each) for each in (flight, test_flight) if each] or _simulated(record, work)
     work = work / path.stem
-    work.mkdir(exist_ok=True)
+    work.mkdir(parents=True, exist_ok=True)
     if not flights:
         raise TrextonError(
             f"{path}: was made of {', '.join(record['provenance'].get('flights', {})) or 'flights'}"
