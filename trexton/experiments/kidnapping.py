@@ -76,7 +76,7 @@ class Parameters(MapParameters):
     """What can be chosen."""
 
     kidnappings: int = option(200, "independent ones, the same for each filter", low=1)
-    field_kidnappings: int = option(50, "of these, flown with the field, which takes longer", low=1)
+    field_kidnappings: int = option(30, "of these, flown with the field, which takes longer", low=1)
     patience_s: float = option(10.0, "seconds that the filter has to find the vehicle again", low=0)
     tolerance: float = option(1.0, "metres of error that count as found", low=0)
     consecutive: int = option(5, "frames in a row within the tolerance", low=1)
