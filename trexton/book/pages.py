@@ -96,7 +96,7 @@ def with_flight(
     )
     if links:
         notebook.cells.append(
-            nbformat.v4.new_markdown_cell(f"The same on another flight: {links}.")
+            nbformat.v4.new_markdown_cell(f"The same on another flight: {links}.", id="twins")
         )
 
 
