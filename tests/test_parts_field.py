@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from small_room import histogram_flight
+from threadpoolctl import threadpool_limits
 
 from trexton.errors import MapError, ParameterError
 from trexton.localizer import Localizer, TextonMap
@@ -387,3 +388,14 @@ def test_agility_takes_accelerations_larger_than_flown(motion):
 def test_a_velocity_needs_a_positive_doubt():
     with pytest.raises(ParameterError, match="velocity_sigma"):
         Tracks(velocity_sigma=0.0)
+
+
+def test_a_field_does_not_depend_on_how_many_threads_fit_it():
+    fitted = []
+    for threads in (1, 2):
+        with threadpool_limits(threads, user_api="blas"):
+            fitted.append(Field().fit(training()).arrays())
+    one, two = fitted
+    assert {name: array.tobytes() for name, array in one.items()} == {
+        name: array.tobytes() for name, array in two.items()
+    }

@@ -18,7 +18,9 @@ __all__ = [
     "block_rows",
     "bootstrap_interval",
     "constant_guess",
+    "mean_with_interval",
     "shuffled_neighbors",
+    "success_rate",
     "summarize",
     "wilson_interval",
 ]
@@ -81,6 +83,20 @@ def bootstrap_interval(
     if blocks > 1:
         tail = 100 * norm.sf(np.sqrt(blocks / (blocks - 1)) * t.isf(0.025, blocks - 1))
     return np.nanpercentile(drawn, (tail, 100 - tail), axis=0)
+
+
+def mean_with_interval(
+    rows: np.ndarray, rng: np.random.Generator, draws: int = 500
+) -> dict[str, float]:
+    """Mean of ``(R, N)`` values with its 95 % interval over runs and stretches of the flight, as
+    records hold it; NaN is left out.
+    """
+    drawn = [
+        np.nanmean(rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)])
+        for _ in range(draws)
+    ]
+    low, high = bootstrap_interval(drawn, rows.shape[1])
+    return {"median": np.nanmean(rows), "low": low, "high": high}
 
 
 def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
@@ -191,6 +207,14 @@ def shuffled_neighbors(
     shuffled.
     """
     return positions[rng.integers(len(positions), size=(count, k))].mean(axis=1)
+
+
+def success_rate(successes: int, trials: int) -> dict[str, Any] | None:
+    """A rate with its 95 % Wilson interval, as records hold it; None without trials."""
+    if not trials:
+        return None
+    low, high = wilson_interval(int(successes), trials)
+    return {"median": successes / trials, "low": low, "high": high, "trials": trials}
 
 
 def wilson_interval(successes: int, trials: int) -> tuple[float, float]:

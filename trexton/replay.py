@@ -19,34 +19,28 @@ from trexton.neighbors import Neighbors
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.texton_map import TextonMap
 
-__all__ = ["Flown", "replay", "stretches", "warm"]
+__all__ = ["WARM_S", "Flown", "replay", "stretches"]
 
 STRETCH_S = 5.0
-WARM_S = 2.0  # before a stretch, left out as well and flown, but not judged
+WARM_S = 2.0  # in which a filter settles: flown, but not judged
 MOST_STRETCHES = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """One frame of a replay.
+    """One frame of a training flight that was flown again.
 
     Attributes
     ----------
-    run : int
-        Which flight it belongs to; within one, frames follow each other.
-    since : int
-        Frames since that flight began.
-    time : float
-        Seconds.
+    row : int
+        Of the training set.
     truth : (2,) array
         Metres.
     estimate : Estimate
     neighbors : Neighbors
     """
 
-    run: int
-    since: int
-    time: float
+    row: int
     truth: np.ndarray
     estimate: Estimate
     neighbors: Neighbors
@@ -59,7 +53,8 @@ class Flown:
 
 
 def stretches(time: np.ndarray) -> list[np.ndarray]:
-    """Rows of the stretches that are left out, warm-up included, evenly spread over the flight.
+    """Rows of the stretches that are left out, those in which a filter settles included, evenly
+    spread over the flight.
 
     Raises
     ------
@@ -82,7 +77,8 @@ def stretches(time: np.ndarray) -> list[np.ndarray]:
 def replay(
     texton_map: TextonMap, *, samples: int | None, rng: np.random.Generator
 ) -> Iterator[Flown]:
-    """Fly the left-out stretches of a map's own training flight.
+    """Fly the left-out stretches of a map's own training flight, without the frames in which the
+    filter settles.
 
     Parameters
     ----------
@@ -104,7 +100,6 @@ def replay(
     }
     every = stretches(texton_map.time)
     half = len(every) // 2
-    run = 0
     for first in range(half):
         pair = every[first], every[first + half]
         method = _without(replace(texton_map, parts={}), np.concatenate(pair)).with_parts(
@@ -114,8 +109,7 @@ def replay(
             localizer = Localizer(method, rng=rng)
             for rows in order:
                 localizer.reset()
-                yield from _fly(localizer, texton_map, rows, run, samples, rng)
-                run += 1
+                yield from _fly(localizer, texton_map, rows, samples, rng)
 
 
 def _without(texton_map: TextonMap, rows: np.ndarray) -> TextonMap:
@@ -134,7 +128,6 @@ def _fly(
     localizer: Localizer,
     texton_map: TextonMap,
     rows: np.ndarray,
-    run: int,
     samples: int | None,
     rng: np.random.Generator,
 ) -> Iterator[Flown]:
@@ -145,16 +138,5 @@ def _fly(
             histogram = rng.multinomial(drawn, histogram / histogram.sum()) / drawn
         observation = localizer.observation(histogram, samples=drawn)
         estimate = localizer.advance(observation)
-        yield Flown(
-            run,
-            since,
-            float(texton_map.time[row]),
-            texton_map.positions[row],
-            estimate,
-            observation.neighbors,
-        )
-
-
-def warm(flown: Flown, period_s: float) -> bool:
-    """Whether the filter has had its time to settle."""
-    return flown.since * period_s >= WARM_S
+        if since * texton_map.period_s >= WARM_S:
+            yield Flown(row, texton_map.positions[row], estimate, observation.neighbors)

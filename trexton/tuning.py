@@ -20,7 +20,7 @@ from trexton.files import digest
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import compose
-from trexton.replay import replay, stretches, warm
+from trexton.replay import replay, stretches
 from trexton.streams import stream
 
 if TYPE_CHECKING:
@@ -92,8 +92,7 @@ def replayed_errors(
 
     Frames in which the filter has not yet had its time to settle do not count.
     """
-    flown = replay(texton_map, samples=samples, rng=rng)
-    return np.array([one.error for one in flown if warm(one, texton_map.period_s)])
+    return np.array([one.error for one in replay(texton_map, samples=samples, rng=rng)])
 
 
 @dataclass(eq=False)

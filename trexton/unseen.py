@@ -8,49 +8,21 @@ Histograms of full sampling are drawn anew, as a flight that samples sees them.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from trexton.errors import MapError
-from trexton.estimate import Estimate
 from trexton.localizer import Localizer
 from trexton.neighbors import Neighbors, neighbors_in_flight
 from trexton.observation import Observation
 from trexton.parts.base import Training
 from trexton.parts.measurement import EXCLUDED_SECONDS, RankMixture
+from trexton.replay import WARM_S, Flown
 from trexton.texton_map import JUDGES, TextonMap
 
-__all__ = ["Flown", "flown_unseen", "unseen"]
-
-WARM_S = 2.0  # in which the filter settles: flown, but not judged
-
-
-@dataclass(frozen=True, eq=False)
-class Flown:
-    """One frame of such a flight.
-
-    Attributes
-    ----------
-    row : int
-        Of the training set.
-    truth : (2,) array
-        Metres.
-    estimate : Estimate
-    neighbors : Neighbors
-    """
-
-    row: int
-    truth: np.ndarray
-    estimate: Estimate
-    neighbors: Neighbors
-
-    @property
-    def error(self) -> np.ndarray:
-        """``(2,)`` metres."""
-        error: np.ndarray = self.estimate.position - self.truth
-        return error
+__all__ = ["flown_unseen", "unseen"]
 
 
 def unseen(training: Training, samples: int) -> tuple[np.ndarray, list[Neighbors]]:

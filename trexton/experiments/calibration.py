@@ -13,7 +13,7 @@ from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, flown_estimates, trained_map
 from trexton.flights.flight import Flight
-from trexton.metrics import block_rows, bootstrap_interval
+from trexton.metrics import mean_with_interval
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
@@ -120,9 +120,9 @@ class _Claims:
             "error_cm": 100 * self.error.mean(),
             "axis_cm": 100 * np.sqrt(np.square(self.error).mean() / 2),
             "claimed_cm": 100 * np.sqrt(np.square(self.claimed).mean()),
-            "within_90": _interval(held, rng),
+            "within_90": mean_with_interval(held, rng),
             "quarters": [part.mean() for part in np.array_split(held, QUARTERS, axis=1)],
-            "nees": _interval(self.squared, rng),
+            "nees": mean_with_interval(self.squared, rng),
             "single_frame": {
                 "within_90": (alone < REGION).mean() if len(alone) else None,
                 "nees": alone.mean() if len(alone) else None,
@@ -160,15 +160,6 @@ def _measured(run: list[Estimate], truth: np.ndarray) -> np.ndarray:
             off = estimate.measurement.position - truth[row]
             found[row] = off @ np.linalg.solve(estimate.measurement.covariance, off)
     return found
-
-
-def _interval(rows: np.ndarray, rng: np.random.Generator, draws: int = 500) -> dict[str, float]:
-    """Mean of an ``(R, N)`` array with its 95 % interval over runs and stretches of the flight."""
-    drawn = [
-        rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)].mean() for _ in range(draws)
-    ]
-    low, high = bootstrap_interval(drawn, rows.shape[1])
-    return {"median": rows.mean(), "low": low, "high": high}
 
 
 def finding(record: Record) -> str:

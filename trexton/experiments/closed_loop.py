@@ -16,7 +16,9 @@ from typing import Any
 import numpy as np
 
 from trexton.camera import Camera
+from trexton.errors import ParameterError
 from trexton.executor import spread
+from trexton.experiments.declaration import SeedParameters, option
 from trexton.landing import LandingZone
 from trexton.localizer import Estimate, Localizer, TextonMap
 from trexton.observation import Aiding
@@ -38,6 +40,26 @@ __all__ = ["AIDING", "Attempt", "Lander", "Mission", "fly_all", "fly_together"]
 NOWHERE = np.full(2, np.nan)
 AIDING = ("none", "attitude", "odometry")
 HEIGHT_NOISE = 0.01  # metres, of the autopilot's height
+
+
+@dataclass(frozen=True)
+class LandingParameters(SeedParameters):
+    """Those of flights that end in a landing."""
+
+    radius: float = option(0.6, "r of the zone in metres", low=0)
+    armed_after: float = option(5.0, "seconds of flight before a trigger counts", low=0)
+    time_limit: float = option(
+        60.0, "seconds after which a landing counts as never triggered", low=0
+    )
+    speed: float = option(0.6, "of the vehicle, metres a second", low=0)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.armed_after >= self.time_limit:
+            raise ParameterError(
+                f"armed after {self.armed_after} s of at most {self.time_limit} s: "
+                "expected a limit after the zone is armed"
+            )
 
 
 @dataclass(frozen=True, eq=False)

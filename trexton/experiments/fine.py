@@ -22,7 +22,7 @@ from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.peers import PEERS, make_peer
 from trexton.experiments.stitched import stitched_map
 from trexton.flights.flight import Flight
-from trexton.metrics import wilson_interval
+from trexton.metrics import success_rate
 from trexton.records import Record
 from trexton.registration import FloorFix, FloorTracker, Trust
 from trexton.registration.calibration import learn_trust
@@ -309,18 +309,11 @@ def kidnapping_summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
     calm = np.concatenate([trial["right"][5:SETTLED] for trial in trials])
     calm_lost = np.concatenate([trial["lost"][5:SETTLED] for trial in trials])
     return {
-        "found_rate": _rate(len(found), len(trials)),
+        "found_rate": success_rate(len(found), len(trials)),
         "frames": {"median": float(np.median(found)), "longest": max(found)} if found else None,
-        "wrong_not_lost": _rate(int((~right & ~lost).sum()), int((~right).sum())),
-        "right_lost": _rate(int((calm & calm_lost).sum()), int(calm.sum())),
+        "wrong_not_lost": success_rate(int((~right & ~lost).sum()), int((~right).sum())),
+        "right_lost": success_rate(int((calm & calm_lost).sum()), int(calm.sum())),
     }
-
-
-def _rate(successes: int, trials: int) -> dict[str, Any] | None:
-    if not trials:
-        return None
-    low, high = wilson_interval(successes, trials)
-    return {"median": successes / trials, "low": low, "high": high, "trials": trials}
 
 
 # -- light and peers ------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, flown_estimates, trained_map
 from trexton.experiments.receivers import RECEIVERS, Receiver, Settings, readings
 from trexton.flights.flight import Flight
-from trexton.metrics import block_rows, bootstrap_interval
+from trexton.metrics import mean_with_interval
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
@@ -149,23 +149,13 @@ def _summary(runs: list[_Fused], alike: float, rng: np.random.Generator) -> dict
     freedom = max(2.0, 2 * np.isfinite(nis).sum(axis=1).mean() / alike)
     low, high = 2 / alike * chi2.ppf((0.025, 0.975), freedom) / freedom
     return {
-        "inside": _interval(held, rng),
+        "inside": mean_with_interval(held, rng, DRAWS),
         "nees": np.nanmean(squared),
         "error_cm": 100 * np.nanmean(error),
         "axis_cm": 100 * np.sqrt(np.nanmean(np.square(error)) / 2),
         "claimed_cm": 100 * np.sqrt(np.nanmean(np.square(claimed)) / 2),
         "nis": {"mean": np.nanmean(nis), "low": low, "high": high},
     }
-
-
-def _interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
-    """Mean of an ``(R, N)`` array with its 95 % interval over runs and stretches of the flight."""
-    drawn = [
-        np.nanmean(rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)])
-        for _ in range(DRAWS)
-    ]
-    low, high = bootstrap_interval(drawn, rows.shape[1])
-    return {"median": np.nanmean(rows), "low": low, "high": high}
 
 
 def finding(record: Record) -> str:

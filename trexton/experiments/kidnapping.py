@@ -23,7 +23,7 @@ from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, trained_map
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import wilson_interval
+from trexton.metrics import success_rate
 from trexton.records import Record
 from trexton.streams import stream
 
@@ -217,14 +217,14 @@ def _values(
     ]
     control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
     return {
-        "recovered_rate": _rate(len(times), len(trials)),
-        "in_time_rate": _rate(sum(seconds <= IN_TIME_S for seconds in times), len(trials)),
+        "recovered_rate": success_rate(len(times), len(trials)),
+        "in_time_rate": success_rate(sum(seconds <= IN_TIME_S for seconds in times), len(trials)),
         "recovery_s": dict(
             zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100)), strict=False)
         )
         if times
         else None,
-        "control_rate": _rate(sum(frames is not None for frames in control), len(trials)),
+        "control_rate": success_rate(sum(frames is not None for frames in control), len(trials)),
         "undisturbed_error_cm": 100
         * np.concatenate([trial.error[trial.calm] for trial in trials]).mean(),
         "lost": _lost(
@@ -251,7 +251,7 @@ def _lost(
     calm, calm_error = np.concatenate(calms), np.concatenate(errors)
     wrong, right = np.concatenate([[], *wrongs]), calm_error < tolerance
     return {
-        "declared_rate": _rate(sum(declared), len(declared)),
+        "declared_rate": success_rate(sum(declared), len(declared)),
         "wrong_frames_rate": wrong.mean() if len(wrong) else None,
         "wrong_frames": len(wrong),
         "calm_frames_rate": calm.mean(),
@@ -282,13 +282,6 @@ def _series(
         "told": [entry["wrong_frames_rate"] for entry in shares],
         "for_nothing": [entry["calm_frames_rate"] for entry in shares],
     }
-
-
-def _rate(successes: int, trials: int) -> dict[str, Any] | None:
-    if not trials:
-        return None
-    low, high = wilson_interval(int(successes), trials)
-    return {"median": successes / trials, "low": low, "high": high}
 
 
 def finding(record: Record) -> str:

@@ -7,7 +7,7 @@ filter with the paper's trigger, and the methods beside it with one that predict
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,15 +16,14 @@ from typing import Any
 import numpy as np
 
 from trexton.executor import spread
-from trexton.experiments.closed_loop import Attempt, Lander, fly_all
-from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.closed_loop import Attempt, Lander, LandingParameters, fly_all
+from trexton.experiments.declaration import option
 from trexton.experiments.evaluation import trained_map
 from trexton.experiments.triggered_landing import mission_over
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone, TouchdownZone
 from trexton.localizer import TextonMap
-from trexton.methods import compose
-from trexton.metrics import wilson_interval
+from trexton.metrics import success_rate
 from trexton.records import Record
 from trexton.simulator import LAYOUTS, Floor, record_flight
 from trexton.streams import stream
@@ -45,17 +44,13 @@ FIRST_FLOOR = 200  # seed of the first painted floor
 
 
 @dataclass(frozen=True)
-class Parameters(SeedParameters):
+class Parameters(LandingParameters):
     """What can be chosen."""
 
     floors: int = option(
         0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
     )
     flights: int = option(2, "flights over each floor", low=1)
-    radius: float = option(0.6, "r of the zone in metres", low=0.01)
-    armed_after: float = option(5.0, "seconds of flight before a trigger counts", low=0)
-    time_limit: float = option(60.0, "seconds of a flight", low=1)
-    speed: float = option(0.6, "of the vehicle, metres a second", low=0.01)
     samples: int = option(400, "patches drawn from an image", low=1)
     textons: int = option(50, "textons of the field; the paper's filter has its 20", low=2)
     cells: int = option(2, "parts of the image a side for the field", low=1, high=8)
@@ -105,15 +100,7 @@ def _over_painted(parameters: Parameters, index: int) -> tuple[str, dict[str, li
 
 def _over(train: Flight, parameters: Parameters, seed: int) -> dict[str, list[Attempt]]:
     """The attempts of all landers over one floor."""
-    mission = mission_over(
-        train,
-        radius=parameters.radius,
-        speed=parameters.speed,
-        armed_after=parameters.armed_after,
-        time_limit=parameters.time_limit,
-        attitude_deg=parameters.attitude_deg,
-        seed=seed,
-    )
+    mission = mission_over(train, parameters, seed=seed, attitude_deg=parameters.attitude_deg)
     maps = _maps(train, parameters)
     zones: dict[str, Callable[[np.ndarray], LandingZone]] = {
         "inside": partial(LandingZone, radius=parameters.radius),
@@ -142,11 +129,10 @@ def _maps(train: Flight, parameters: Parameters) -> dict[str, TextonMap]:
         train, method="field", n_textons=parameters.textons, cells=parameters.cells, rng=rng,
         **agility,
     )  # fmt: skip
-    fine = replace(paper, method="fine", parts={"distance": paper.parts["distance"]})
     return {
         "paper": paper,
         "field": field,
-        "fine": fine.with_parts(compose("fine"), flight=train, rng=rng),
+        "fine": paper.for_method("fine", flight=train, rng=rng),
     }
 
 
@@ -166,19 +152,12 @@ def _summary(attempts: list[Attempt], radius: float) -> dict[str, Any]:
         "attempts": len(attempts),
         "landings": len(landed),
         "inside": inside,
-        "landed_rate": _rate(len(landed), len(attempts)),
-        "inside_rate": _rate(inside, len(landed)),
-        "inside_of_flights": _rate(inside, len(attempts)),
+        "landed_rate": success_rate(len(landed), len(attempts)),
+        "inside_rate": success_rate(inside, len(landed)),
+        "inside_of_flights": success_rate(inside, len(attempts)),
         "wait_s": float(np.median([attempt.wait_s for attempt in landed])) if landed else None,
         "trigger_error_cm": float(np.median(error)) if landed else None,
     }
-
-
-def _rate(successes: int, trials: int) -> dict[str, float] | None:
-    if not trials:
-        return None
-    low, high = wilson_interval(successes, trials)
-    return {"median": successes / trials, "low": low, "high": high}
 
 
 def _series(attempts: list[Attempt], radius: float) -> dict[str, Any]:

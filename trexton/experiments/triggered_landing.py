@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from trexton.errors import ParameterError
-from trexton.experiments.closed_loop import Attempt, Lander, Mission, fly_all
+from trexton.experiments.closed_loop import Attempt, Lander, LandingParameters, Mission, fly_all
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone
-from trexton.metrics import bootstrap_interval, wilson_interval
+from trexton.metrics import bootstrap_interval, success_rate
 from trexton.records import Record
 from trexton.simulator import Floor
 from trexton.streams import stream
@@ -26,26 +26,15 @@ PAPER_LANDINGS, PAPER_INSIDE = 6, 4
 
 
 @dataclass(frozen=True)
-class Parameters(MapParameters):
+class Parameters(MapParameters, LandingParameters):
     """What can be chosen."""
 
     landings: int = option(24, "attempts, each with another zone, path, wind and start", low=1)
-    radius: float = option(0.6, "r of the zone in metres", low=0)
     spread: float = option(0.6, "theta: standard deviation in metres that still lands", low=0)
     consecutive: int = option(1, "estimates in a row that must agree", low=1)
-    armed_after: float = option(5.0, "seconds of flight before a trigger counts", low=0)
-    time_limit: float = option(
-        60.0, "seconds after which a landing counts as never triggered", low=0
-    )
-    speed: float = option(0.6, "of the vehicle, metres a second", low=0)
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.armed_after >= self.time_limit:
-            raise ParameterError(
-                f"armed after {self.armed_after} s of at most {self.time_limit} s: "
-                "expected a limit after the zone is armed"
-            )
         LandingZone((0, 0), self.radius, self.spread, self.consecutive)  # refuses the rest
 
 
@@ -63,14 +52,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         The flight has no floor or camera, or the area is too small for the zone.
     """
-    mission = mission_over(
-        train,
-        radius=parameters.radius,
-        speed=parameters.speed,
-        armed_after=parameters.armed_after,
-        time_limit=parameters.time_limit,
-        seed=parameters.seed,
-    )
+    mission = mission_over(train, parameters, seed=parameters.seed)
     texton_map = trained_map(
         train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
     )
@@ -100,7 +82,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def mission_over(train: Flight, **choices: Any) -> Mission:
+def mission_over(
+    train: Flight, parameters: LandingParameters, *, seed: int, attitude_deg: float = 0.3
+) -> Mission:
     """A mission over the floor that a flight carries, seen by its camera.
 
     Raises
@@ -119,8 +103,13 @@ def mission_over(train: Flight, **choices: Any) -> Mission:
         camera=train.camera,
         height=1.0 if train.height is None else float(np.nanmean(train.height)),
         area=train.area,
-        places=_zone_places(train, choices["radius"]),
-        **choices,
+        places=_zone_places(train, parameters.radius),
+        radius=parameters.radius,
+        speed=parameters.speed,
+        armed_after=parameters.armed_after,
+        time_limit=parameters.time_limit,
+        seed=seed,
+        attitude_deg=attitude_deg,
     )
 
 
@@ -146,7 +135,7 @@ def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict[str, A
     beyond = np.array([_beyond(attempt, attempt.touchdown, mission.radius) for attempt in done])
     outliers = np.sort(beyond[beyond > 0])
     triggered_inside = sum(_beyond(attempt, attempt.truth, mission.radius) <= 0 for attempt in done)
-    inside_rate = _rate(len(done) - len(outliers), len(done))
+    inside_rate = success_rate(len(done) - len(outliers), len(done))
     first = [
         _beyond(attempt, attempt.touchdown, mission.radius)
         for attempt in attempts[:PAPER_LANDINGS]
@@ -157,10 +146,10 @@ def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict[str, A
         "attempts": len(attempts),
         "landings": len(done),
         "never_triggered": len(attempts) - len(done),
-        "never_rate": _rate(len(attempts) - len(done), len(attempts)),
+        "never_rate": success_rate(len(attempts) - len(done), len(attempts)),
         "inside": len(done) - len(outliers),
         "inside_rate": inside_rate,
-        "triggered_inside_rate": _rate(triggered_inside, len(done)),
+        "triggered_inside_rate": success_rate(triggered_inside, len(done)),
         "outliers": len(outliers),
         "outliers_cm": outliers,
         "outlier_mean_cm": _mean(outliers, stream(mission.seed, "intervals")),
@@ -193,13 +182,6 @@ def _lag(attempt: Attempt) -> float:
     return float(
         100 * (attempt.truth - attempt.estimate) @ attempt.velocity / np.hypot(*attempt.velocity)
     )
-
-
-def _rate(successes: int, trials: int) -> dict[str, Any] | None:
-    if not trials:
-        return None
-    low, high = wilson_interval(successes, trials)
-    return {"median": successes / trials, "low": low, "high": high}
 
 
 def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> dict[str, Any] | None:

@@ -253,8 +253,12 @@ class _Change:
 
     def apply(self, frames: Frames, row: int) -> tuple[bytes, bool, bool]:
         """The bytes of the image file, and whether it was turned and scaled to the size of most."""
-        image = bgr_from_yuv(frames[row])  # black stays black where a lens is undistorted
+        image = frames[row]
         size = (image.shape[1], image.shape[0])
+        if self.keeps and size == self.full and isinstance(frames, ImageFiles):
+            if self.suffix(frames, row) == frames.files[row].suffix.lower():
+                return frames.files[row].read_bytes(), False, False
+        image = bgr_from_yuv(image)  # black stays black where a lens is undistorted
         turned = size != self.full and size[::-1] == self.full
         if turned:
             image = cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE)
@@ -268,22 +272,15 @@ class _Change:
                     "of another shape: leave it out"
                 )
             image = cv2.resize(image, self.full, interpolation=cv2.INTER_AREA)
-        if self.keeps and not turned and not scaled and isinstance(frames, ImageFiles):
-            if self.suffix(frames, row) == frames.files[row].suffix.lower():
-                return frames.files[row].read_bytes(), False, False
         if self.maps is not None:
             image = cv2.remap(image, *self.maps, cv2.INTER_LINEAR)
         x, y, width, height = self.crop
         image = image[y : y + height, x : x + width]
         if image.shape[1::-1] != self.size:
             image = cv2.resize(image, self.size, interpolation=cv2.INTER_AREA)
-        return (
-            cv2.imencode(self.suffix(frames, row), image, [cv2.IMWRITE_JPEG_QUALITY, QUALITY])[
-                1
-            ].tobytes(),
-            turned,
-            scaled,
-        )
+        quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+        _, data = cv2.imencode(self.suffix(frames, row), image, quality)
+        return data.tobytes(), turned, scaled
 
 
 def _usual_size(frames: Frames) -> tuple[int, int]:

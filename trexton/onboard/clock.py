@@ -40,16 +40,12 @@ class StampKeeper:
         future. A frame that is merely old keeps its stamp."""
         now = self._steady()
         offset = self._calendar() - now
-        if (
-            abs(offset - self._offset) > TOLERANCE
-        ):  # stamps do not come from this clock, so nothing else happens
+        if abs(offset - self._offset) > TOLERANCE:  # stamps are not of this clock: only said
             self._tally.fault("clock")
             self._offset = offset
         believed = stamp if now - OLDEST <= stamp <= now + TOLERANCE else now
         kept = believed + self._shift
-        if (
-            self._last is not None and kept <= self._last
-        ):  # the clock went back: go on from where it was
+        if self._last is not None and kept <= self._last:  # back in time: go on from where it was
             self._shift += self._last + SMALLEST - kept
             kept = self._last + SMALLEST
             self._tally.fault("clock")

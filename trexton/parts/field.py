@@ -132,6 +132,8 @@ class Field(MeasurementModel):
         MapError
             All histograms are alike.
         """
+        from threadpoolctl import threadpool_limits
+
         roots = np.sqrt(np.maximum(training.histograms, 0))
         used = np.ptp(roots, axis=0) > 1e-6
         if not used.any():
@@ -141,12 +143,14 @@ class Field(MeasurementModel):
             )
         features, places = roots[:, used], training.positions
         center = features.mean(axis=0)
-        study = _Study.of(places, features - center, training.time, training.area)
-        merged, values, counts = merge_places(places, features - center)
-        process = Process.fit(merged, values, study.length, counts)
         cells = min(self.cells, max(16, LARGEST_TABLE // features.shape[1]))
         centers, _ = grid_cells(training.area, cells)
-        mean, variance = process.predict(centers)
+        with threadpool_limits(1, user_api="blas"):  # sums are rounded alike on any machine
+            study = _Study.of(places, features - center, training.time, training.area)
+            merged, values, counts = merge_places(places, features - center)
+            process = Process.fit(merged, values, study.length, counts)
+            mean, variance = process.predict(centers)
+            prior = _relative(_bumps(centers, merged, process.length) @ counts)
         return self.with_learned(
             used=used,
             center=center,
@@ -154,7 +158,7 @@ class Field(MeasurementModel):
             noise=study.noise,
             mean=mean.astype(np.float32),
             variance=variance,
-            prior=_relative(_bumps(centers, merged, process.length) @ counts),
+            prior=prior,
             area=np.array(training.area, dtype=float),
             errors=np.array([study.model.lasting, study.model.fresh, study.model.lasts_s]),
             expected=study.expected,

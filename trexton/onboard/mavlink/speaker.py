@@ -54,7 +54,12 @@ class Speaker:
     ):
         self.profile, self.listener = profile, listener
         self._motion_rate, self._wanted_origin, self._origin = motion_rate, origin, origin
-        self._aiding, self._boots = aiding, listener.boots
+        self._boots = listener.boots
+        self._asked = {
+            "none": {},
+            "tilt": {"height": messages.HEIGHT},
+            "all": {"height": messages.HEIGHT, "velocity": messages.VELOCITY},
+        }[aiding]
         self.withheld = 0
         self._commands: deque[Any] = deque()
         self._fix: Fix | None = None  # the latest usable one that an image went into
@@ -109,7 +114,7 @@ class Speaker:
         return max(0.0, wait)
 
     def _requests(self, target: tuple[int, int], now: float) -> list[Any]:
-        out, aiding = [], self.listener.aiding(now)
+        out = []
         if self._boots != self.listener.boots:
             self._boots, self._due = self.listener.boots, {}
             self._origin, self._origin_attempts = self._wanted_origin, 0
@@ -119,12 +124,9 @@ class Speaker:
             out.append(messages.interval_request(target, messages.ATTITUDE, ATTITUDE_RATE))
         if self.listener.on_ground(now) is None and self._is_due("state", now, REQUEST_PAUSE):
             out.append(messages.interval_request(target, messages.LANDED_STATE, STATE_RATE))
-        for name, known, message in (
-            ("height", aiding.height, messages.HEIGHT),
-            ("velocity", aiding.velocity, messages.VELOCITY),
-        ):
-            wanted = self._aiding == "all" or (self._aiding, name) == ("tilt", "height")
-            if wanted and known is None and self._is_due(name, now, REQUEST_PAUSE):
+        known = self.listener.aiding(now) if self._asked else None
+        for name, message in self._asked.items():
+            if getattr(known, name) is None and self._is_due(name, now, REQUEST_PAUSE):
                 out.append(messages.interval_request(target, message, ATTITUDE_RATE))
         return out
 
