@@ -152,3 +152,28 @@ def test_filters_of_the_ledger_change_what_is_counted(open_page, book):
         select.select_option(value)
         counts.add(page.evaluate(shown))
     assert before in counts and len(counts) > 1
+
+
+def test_a_phone_folds_the_ledger_to_claims_and_verdicts(open_page, book):
+    page, _ = open_page(first_page(book, "claims.html"), 360)
+    card = page.locator("table.ledger tbody tr:has(details)").first
+    if not card.locator("summary").count():
+        pytest.skip("this ledger does not fold")
+    rest = card.locator("small").first
+    assert card.locator(".verdict").first.is_visible() and not rest.is_visible()
+    heights = page.eval_on_selector_all(
+        "table.ledger tbody tr:has(details)", "rows => rows.map(r => r.offsetHeight)"
+    )
+    assert max(heights) < 120
+    card.locator("summary").click()
+    assert rest.is_visible()
+    card.locator("summary").click()
+    assert not rest.is_visible()
+    page.set_viewport_size({"width": 1400, "height": 900})
+    assert rest.is_visible() and not card.locator("summary").is_visible()
+
+
+def test_without_scripts_the_ledger_is_whole(open_page, book):
+    page, _ = open_page(first_page(book, "claims.html"), 360, scripts=False)
+    small = page.locator("table.ledger small").all()
+    assert small and all(each.is_visible() for each in small)

@@ -150,6 +150,15 @@
     document.querySelectorAll("iframe.player").forEach((frame) => frame.contentWindow && frame.contentWindow.postMessage({ theme: now }, "*"));
   }
 
+  /* What a phone folds is folded as it comes, so that nothing moves after it was seen. */
+  const phone = matchMedia("(max-width: 720px)");
+  const fold = (details) => { details.open = !phone.matches; };
+  const coming = new MutationObserver((changes) => changes.forEach((change) => change.addedNodes.forEach((node) => {
+    if (node.matches && node.matches("details.fold")) fold(node);
+  })));
+  coming.observe(document, { childList: true, subtree: true });
+  phone.addEventListener("change", () => document.querySelectorAll("details.fold").forEach(fold));
+
   document.addEventListener("DOMContentLoaded", () => {
     document.querySelectorAll("figure.plate").forEach((figure) => {
       const svg = figure.querySelector("svg.chart");
@@ -159,10 +168,7 @@
       make("button", { type: "button", className: "enlarge", textContent: "Enlarge", onclick: () => enlarge(figure, svg) }, figure);
     });
     document.querySelectorAll("table[data-explore]").forEach(explore);
-    const phone = matchMedia("(max-width: 720px)");
-    const fold = () => document.querySelectorAll(".stacked details").forEach((each) => { each.open = !phone.matches; });
-    phone.addEventListener("change", fold);
-    fold();
+    coming.disconnect();
     document.querySelectorAll("iframe.player").forEach((frame) => frame.addEventListener("load", theme));
     new MutationObserver(theme).observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });
     theme();

@@ -37,10 +37,11 @@ def _cell(label: str, content: str) -> str:
 
 
 def _test(claim: Claim) -> str:
-    """Our test of a claim; a phone folds it."""
+    """Our test of a claim; a phone folds it, and with it all but the claim and its verdicts."""
     small = f"<br><small>{escape(claim.rule)}</small>" if claim.rule else ""
+    handle = f'<summary aria-label="Test and numbers: {escape(claim.text)}"></summary>'
     words = f"{escape(claim.measure)}{small}" if claim.measure else ""
-    return f"<details open><summary>show</summary>{words}</details>" if words else ""
+    return f'<details class="fold" open>{handle}{words}</details>' if words else ""
 
 
 def _row(claim: Claim, findings: list[Finding]) -> str:
@@ -53,7 +54,7 @@ def _row(claim: Claim, findings: list[Finding]) -> str:
     ]
     for finding in findings:
         found = quantities(finding, claim.unit)
-        content = (found + "<br>" if found else "") + _verdict(finding)
+        content = (f"<span>{found}</span><br>" if found else "") + _verdict(finding)
         cells.append(_cell(flight_title(finding.flight), content))
     verdicts = "|".join(finding.verdict for finding in findings)
     return (
@@ -119,10 +120,10 @@ def filters_html(rows: Rows) -> str:
 
 _SCRIPT = """
 <script>
+document.querySelector(".ledger-filters").hidden = false;
 addEventListener("DOMContentLoaded", () => {
   const form = document.querySelector(".ledger-filters");
   const rows = [...document.querySelectorAll("table.ledger tbody tr")];
-  if (!form || !rows.length) return;
   const value = name => form.querySelector(`[data-filter=${name}]`).value;
   const show = () => {
     const [verdict, flight, experiment] = ["verdict", "flight", "experiment"].map(value);
@@ -141,6 +142,5 @@ addEventListener("DOMContentLoaded", () => {
   };
   form.addEventListener("input", show);
   form.addEventListener("submit", event => event.preventDefault());
-  form.hidden = false;
 });
 </script>"""
