@@ -10,7 +10,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book browser test check test-slow bench verify full lab lock sbom audit pdf clean
+.PHONY: help env book browser test check coverage test-slow fuzz bench verify full lab lock sbom audit pdf clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -52,6 +52,9 @@ coverage: env  ## branch coverage by module, with the lines and branches that no
 
 test-slow: env  ## the tests that take minutes
 	@$(BIN)/python -m pytest -m slow $(ARGS)
+
+fuzz: env  ## damaged and hostile files for ten minutes; what breaks a reader is kept in tests/fuzz_corpus
+	@$(BIN)/python tests/fuzzing.py $(ARGS)
 
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)

@@ -19,7 +19,7 @@ import sys
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import cv2
@@ -338,10 +338,14 @@ def _too_slow(*_: object) -> None:
     raise TimeoutError(f"more than {SECONDS} s")
 
 
-def search(seconds: float, seed: int, folder: Path, corpus: Path | None = None) -> list[str]:
-    """Try mutations of all targets in turn; what broke, one line each, kept in `corpus`."""
+def search(
+    seconds: float, seed: int, folder: Path, corpus: Path | None = None, names: Sequence[str] = ()
+) -> list[str]:
+    """Try mutations of all targets (those of `names`) in turn; what broke, one line each, kept in
+    `corpus`.
+    """
     rng, broken = np.random.default_rng(seed), []
-    entries = list(targets(folder).items())
+    entries = [each for each in targets(folder).items() if not names or each[0] in names]
     resource.setrlimit(resource.RLIMIT_DATA, (3 * 2**30, 3 * 2**30))
     for alarm in (signal.SIGALRM, signal.SIGPROF):
         signal.signal(alarm, _too_slow)
@@ -377,12 +381,13 @@ def search(seconds: float, seed: int, folder: Path, corpus: Path | None = None) 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="TARGET", help="of these only")
     parser.add_argument("--minutes", type=float, default=10, help="how long (10)")
     parser.add_argument("--seed", type=int, default=0)
     chosen = parser.parse_args()
     set_quiet(True)
     warnings.simplefilter("ignore")
     with tempfile.TemporaryDirectory() as temporary:
-        found = search(60 * chosen.minutes, chosen.seed, Path(temporary), CORPUS)
+        found = search(60 * chosen.minutes, chosen.seed, Path(temporary), CORPUS, chosen.names)
     print("\n".join(sorted(set(found))))
     sys.exit(bool(found))

@@ -2,16 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
 
-import cv2
 import numpy as np
 
 from trexton.camera import Camera
 from trexton.errors import FlightError
 from trexton.flights.tables import read_text
+from trexton.images import MOST_PIXELS
 
 __all__ = ["read_calibration"]
+
+# OpenCV may add every point it saw. What may open a level is counted: parsers call themselves for
+# each, and may overflow the stack.
+MOST_CHARACTERS = 2**18
+OPENING, MOST_OPENINGS = "[{<:-?", 10_000
 
 
 def read_calibration(path: Path) -> tuple[Camera, np.ndarray | None]:
@@ -20,45 +28,84 @@ def read_calibration(path: Path) -> tuple[Camera, np.ndarray | None]:
     Raises
     ------
     FlightError
-        The file is of neither kind.
+        The file is of neither kind, far longer or deeper than a calibration, or of no camera.
     """
     text = read_text(path)
-    camera, distortion = _opencv(text) or _asl(path, text)
-    return camera, distortion if distortion.any() else None
-
-
-def _opencv(text: str) -> tuple[Camera, np.ndarray] | None:
     try:
-        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        matrix = storage.getNode("camera_matrix").mat()
-        distortion = storage.getNode("distortion_coefficients").mat()
-        width, height = (
-            int(storage.getNode(name).real()) for name in ("image_width", "image_height")
-        )
-    except (cv2.error, SystemError, OverflowError, ValueError):  # of text that is not its own
-        return None
-    if matrix is None or distortion is None or matrix.shape != (3, 3) or min(width, height) < 1:
-        return None
-    focal, center = float(matrix[0, 0] + matrix[1, 1]) / 2, (matrix[0, 2], matrix[1, 2])
-    camera = Camera(width, height, focal, center)
-    return camera, distortion.ravel()
-
-
-def _asl(path: Path, text: str) -> tuple[Camera, np.ndarray]:
-    import yaml
-
-    try:
-        lines = (line for line in text.splitlines() if not line.startswith("%"))
-        content = yaml.safe_load("\n".join(lines))
-        width, height = (int(value) for value in content["resolution"])
-        fx, fy, cx, cy = (float(value) for value in content["intrinsics"])
-        distortion = np.array(content.get("distortion_coefficients", []), dtype=float)
+        if len(text) > MOST_CHARACTERS or sum(map(text.count, OPENING)) > MOST_OPENINGS:
+            raise ValueError("too long or too deep for one")
+        content = _xml(text) if text.lstrip().startswith("<") else _yaml(text)
+        camera, distortion = _opencv(content) if "camera_matrix" in content else _asl(content)
     except (
-        yaml.YAMLError, ArithmeticError, AttributeError, LookupError, RecursionError, TypeError,
+        ArithmeticError, AttributeError, LookupError, RecursionError, SyntaxError, TypeError,
         ValueError,
     ) as error:  # fmt: skip
         why = " ".join(str(error).split())[:200]
         raise FlightError(
             f"{path}: neither a calibration of OpenCV nor of ASL ({why}): correct it"
         ) from None
+    numbers = [camera.focal, *camera.principal_point, *distortion]
+    if (
+        min(camera.width, camera.height) < 1
+        or camera.width * camera.height > MOST_PIXELS
+        or not np.isfinite(numbers).all()
+        or camera.focal <= 0
+    ):
+        raise FlightError(
+            f"{path}: expected a picture of 1 to {MOST_PIXELS:,} pixels, a focal length above zero "
+            "and finite numbers: correct it"
+        )
+    return camera, distortion if distortion.any() else None
+
+
+def _opencv(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:
+    (fx, _, cx), (_, fy, cy), _ = _matrix(content["camera_matrix"])
+    width, height = int(content["image_width"]), int(content["image_height"])
+    distortion = _matrix(content["distortion_coefficients"]).ravel()
+    return Camera(width, height, float(fx + fy) / 2, (float(cx), float(cy))), distortion
+
+
+def _matrix(node: Mapping[str, Any]) -> np.ndarray:
+    return np.array(node["data"], dtype=float).reshape(int(node["rows"]), int(node["cols"]))
+
+
+def _asl(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:
+    width, height = (int(value) for value in content["resolution"])
+    fx, fy, cx, cy = (float(value) for value in content["intrinsics"])
+    distortion = np.array(content.get("distortion_coefficients", []), dtype=float).ravel()
     return Camera(width, height, (fx + fy) / 2, (cx, cy)), distortion
+
+
+def _yaml(text: str) -> Mapping[str, Any]:
+    """What YAML or JSON says, with OpenCV's matrices as mappings."""
+    import yaml
+
+    class Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+        pass
+
+    Loader.add_multi_constructor(
+        "tag:yaml.org,2002:opencv", lambda loader, _, node: loader.construct_mapping(node, True)
+    )
+    lines = "\n".join(line for line in text.splitlines() if not line.startswith("%"))
+    try:
+        # A few that name one another stand for billions of values.
+        if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(lines, Loader)):
+            raise ValueError("an alias in it")
+        return yaml.load(lines, Loader)
+    except yaml.YAMLError as error:
+        raise ValueError(str(error)) from None
+
+
+def _xml(text: str) -> Mapping[str, Any]:
+    """The children of the root by name, and theirs; words that blanks part as a list."""
+    if "<!ENTITY" in text:
+        raise ValueError("an entity in it")
+    root = ElementTree.fromstring(text)
+    return {
+        child.tag: {each.tag: _words(each) for each in child} or _words(child) for child in root
+    }
+
+
+def _words(element: ElementTree.Element) -> str | list[str]:
+    words = (element.text or "").split()
+    return words[0] if len(words) == 1 else words

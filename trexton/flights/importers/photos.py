@@ -167,9 +167,12 @@ def _stamp(path: Path, text: str) -> int:
     try:
         date, _, clock = text.strip().partition(" ")
         moment = datetime.fromisoformat(f"{date.replace(':', '-')} {clock}".strip())
-        return int(moment.replace(tzinfo=UTC).timestamp()) * NANO
+        stamp = int(moment.replace(tzinfo=UTC).timestamp()) * NANO
+        if abs(stamp) < 2**63:  # until the year 2262
+            return stamp
     except ValueError:
-        raise FlightError(f"{path}: {text!r} is no time: expected 2013:06:04 13:37:29") from None
+        pass
+    raise FlightError(f"{path}: {text[:40]!r} is no time: expected 2013:06:04 13:37:29")
 
 
 def _increasing(stamps: np.ndarray) -> np.ndarray:

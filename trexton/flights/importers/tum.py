@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
@@ -62,9 +62,12 @@ def read_trajectory(path: Path) -> Track:
 def nanoseconds(path: Path, text: str) -> int:
     """Seconds as text, to the nanosecond, which a float of today's Unix time would lose."""
     try:
-        return int(Decimal(text) * NANO)
-    except (InvalidOperation, ValueError, OverflowError):
-        raise FlightError(f"{path}: {text!r} is no stamp in seconds") from None
+        stamp = Decimal(text) * NANO
+        if abs(stamp) < 2**63:
+            return int(stamp)
+    except (ArithmeticError, ValueError):
+        pass
+    raise FlightError(f"{path}: {text[:40]!r} is no stamp in seconds")
 
 
 def _rows(path: Path, fields: int) -> list[list[str]]:

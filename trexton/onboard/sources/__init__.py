@@ -60,6 +60,8 @@ def open_source(
 
 
 def _made(address: str, view: View, options: Mapping[type[Options], Any]) -> Source:
+    if len(address.splitlines()) > 1:
+        raise ParameterError(f"camera {address!r}: expected one line")
     kind, colon, rest = address.partition(":")
     if colon and kind in SOURCES:
         candidates = [(load(SOURCES[kind]), rest)]
