@@ -12,8 +12,10 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import os
 import re
 import resource
+import shutil
 import signal
 import sys
 import tempfile
@@ -38,6 +40,7 @@ from trexton.records import Record
 
 CORPUS = Path(__file__).parent / "fuzz_corpus"
 SECONDS, MEGABYTES = 2, 500
+TRIED = "tried:"  # begins the name of a file with what is being tried
 # What a careless or a hostile hand puts into text.
 TOKENS = (
     b"1e300",
@@ -338,6 +341,10 @@ def _too_slow(*_: object) -> None:
     raise TimeoutError(f"more than {SECONDS} s")
 
 
+def _kept(name: str, data: bytes) -> str:
+    return f"{name.replace(' ', '-')}-{hashlib.sha256(data).hexdigest()[:12]}"
+
+
 def search(
     seconds: float, seed: int, folder: Path, corpus: Path | None = None, names: Sequence[str] = ()
 ) -> list[str]:
@@ -354,6 +361,10 @@ def search(
         name, (target, seeds) = entries[tried % len(entries)]
         tried += 1
         data = mutate(seeds[int(rng.integers(len(seeds)))], rng)
+        if corpus:
+            for stale in folder.glob(f"{TRIED}*"):
+                stale.unlink()
+            (folder / f"{TRIED}{_kept(name, data)}").write_bytes(data)
         before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         try:
             # Of the processor, which a busy machine cannot hurry; and of waiting, which costs none.
@@ -371,9 +382,7 @@ def search(
         if fault:
             line = f"{name}: {re.sub(r'[0-9]+', '#', fault)[:160]}"
             if corpus and line not in broken:
-                corpus.mkdir(exist_ok=True)
-                short = hashlib.sha256(data).hexdigest()[:12]
-                (corpus / f"{name.replace(' ', '-')}-{short}").write_bytes(data)
+                (corpus / _kept(name, data)).write_bytes(data)
             broken.append(line)
     print(json.dumps({"tried": tried, "broken": len(broken)}))
     return broken
@@ -387,7 +396,17 @@ if __name__ == "__main__":
     chosen = parser.parse_args()
     set_quiet(True)
     warnings.simplefilter("ignore")
+    CORPUS.mkdir(exist_ok=True)
     with tempfile.TemporaryDirectory() as temporary:
-        found = search(60 * chosen.minutes, chosen.seed, Path(temporary), CORPUS, chosen.names)
-    print("\n".join(sorted(set(found))))
-    sys.exit(bool(found))
+        # What ends the process outright is kept by the one that outlives it.
+        process = os.fork()
+        if not process:
+            found = search(60 * chosen.minutes, chosen.seed, Path(temporary), CORPUS, chosen.names)
+            print("\n".join(sorted(set(found))), flush=True)
+            os._exit(bool(found))
+        status = os.waitstatus_to_exitcode(os.waitpid(process, 0)[1])
+        if status < 0:
+            for path in Path(temporary).glob(f"{TRIED}*"):
+                shutil.move(path, CORPUS / path.name.removeprefix(TRIED))
+                print(f"{path.name.removeprefix(TRIED)}: {signal.Signals(-status).name}")
+    sys.exit(bool(status))
