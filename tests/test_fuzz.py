@@ -85,9 +85,17 @@ def test_what_once_broke_a_target_does_no_more(targets):
         assert fuzzing.attempt(targets[name][0], path.read_bytes()) is None, path.name
 
 
-def test_a_picture_of_any_format_that_declares_too_much_is_refused(tmp_path):
+PNG_HEAD = b"\x89PNG\r\n\x1a\n\0\0\0\rIHDR\0\0\0 \0\0\0\x18\x08\x02\0\0\0\x14\x31hc"
+
+
+@pytest.mark.parametrize(
+    "bomb",
+    [b"P6 30000 30000 255\n" + bytes(300), PNG_HEAD + b"\x40\0\0\0IDAT" + bytes(300)],
+    ids=["pixels", "chunk"],
+)
+def test_a_picture_that_declares_too_much_is_refused_before_it_is_made(tmp_path, bomb):
     """The limit that OpenCV itself holds to, for formats whose heads are not parsed here."""
-    (tmp_path / "bomb.ppm").write_bytes(b"P6 30000 30000 255\n" + bytes(300))
+    (tmp_path / "bomb.ppm").write_bytes(bomb)
     code = (
         "import sys\nfrom trexton.cli import sentence\nfrom trexton.images import read_image\n"
         "try: read_image(sys.argv[1])\n"

@@ -30,6 +30,7 @@ __all__ = [
 
 MOST_PIXELS = 50_000_000
 MOST_BYTES = 2**28
+_PNG = b"\x89PNG\r\n\x1a\n"
 # A camera's "video range" bytes: Y 16..235 and U, V 16..240 become 0..255 by a look-up, so that the
 # result is exact.
 _LEVELS = np.arange(256, dtype=np.float64)
@@ -122,7 +123,7 @@ def declared_size(data: bytes) -> tuple[int, int] | None:
     """Width and height that the head of a PNG, BMP or JPEG file declares; None where they are not
     found.
     """
-    if data[:8] == b"\x89PNG\r\n\x1a\n":
+    if data.startswith(_PNG):
         return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
     if data[:2] == b"BM":
         width, height = (int.from_bytes(data[i : i + 4], "little", signed=True) for i in (18, 22))
@@ -141,10 +142,22 @@ def decode(data: bytes, flags: int = cv2.IMREAD_COLOR) -> np.ndarray | None:
     """The picture in the bytes of a file as OpenCV decodes it (BGR); None where it cannot, or
     declares too much.
     """
+    if not data or _is_cut(data):
+        return None
     try:
-        return cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error:
         return None
+
+
+def _is_cut(data: bytes) -> bool:
+    """Whether a chunk of a PNG is longer than the file: OpenCV would first get memory for it."""
+    if not data.startswith(_PNG):
+        return False
+    place = len(_PNG)
+    while place < len(data) and data[place + 4 : place + 8] != b"IEND":
+        place += 12 + int.from_bytes(data[place : place + 4], "big")
+    return place >= len(data)
 
 
 def check_size(path: Path) -> tuple[int, int]:

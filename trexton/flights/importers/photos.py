@@ -147,7 +147,10 @@ def _from_exif(path: Path) -> tuple[float, float, float, int] | None:
             exif = image.getexif()
             gps, details = exif.get_ifd(_GPS), exif.get_ifd(_DETAILS)
         latitude, longitude = _degrees(gps[2], gps[1], "S"), _degrees(gps[4], gps[3], "W")
-    except (KeyError, TypeError, ValueError, ZeroDivisionError, UnidentifiedImageError, OSError):
+    except (
+        KeyError, TypeError, ValueError, ZeroDivisionError, UnidentifiedImageError, OSError,
+        Image.DecompressionBombError,
+    ):  # fmt: skip
         return None
     altitude = float(gps[6]) * (-1 if gps.get(5) in (1, b"\x01") else 1) if 6 in gps else np.nan
     text = next(
