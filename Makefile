@@ -42,12 +42,12 @@ check: env  ## format, lint, types, import directions, dead code
 	@$(BIN)/lint-imports --no-logo
 	@$(BIN)/vulture
 
-# Kernels are Python only where they are not compiled: what calls them is run again without.
+# Two kernels are Python where they are not compiled: what calls them is run again without.
 coverage: env  ## branch coverage by module, with the lines and branches that no test reaches
 	@$(BIN)/coverage erase
 	@$(BIN)/python -m pytest -m "not slow" -n 2 --dist loadfile --cov --cov-report= $(ARGS)
-	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -m "not slow" --cov --cov-append --cov-report= -k "not without_vector" \
-	  tests/test_kernels.py tests/test_histograms.py tests/test_neighbors.py tests/test_textons.py tests/test_simulator.py
+	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest --cov --cov-append --cov-report= \
+	  tests/test_neighbors.py tests/test_textons.py
 	@$(BIN)/coverage report
 
 test-slow: env  ## the tests that take minutes

@@ -124,7 +124,7 @@ def _label_block(typing, planes, start, offsets, weights, bias, labels):
 
 
 @njit(cache=True, nogil=True)
-def _fill_plane(line, start, plane):
+def _fill_plane(line, start, plane):  # pragma: no cover - compiled
     """The word of four bytes at byte 3 x + `start` of a line, for every x."""
     for x in range((len(line) - start) // 3 - 1):
         byte = np.uint64(3 * x + start)
@@ -136,7 +136,7 @@ def _fill_plane(line, start, plane):
 
 
 @njit(cache=True, nogil=True)
-def label_rows(image, weights, bias, labels, counts):
+def label_rows(image, weights, bias, labels, counts):  # pragma: no cover - compiled
     """Label all positions of an image (or a strip of one) and count the labels.
 
     image (H, 3 W) uint8; weights (G, P words, GROUP) int32, each four signed bytes; bias (G GROUP,)
