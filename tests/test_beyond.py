@@ -39,6 +39,7 @@ def test_the_level_is_expected_over_found(record):
     found = record.values["predictor"]
     assert found["level"] == pytest.approx(found["expected_cm"] / found["error_cm"])
     assert -1 <= found["rank"] <= 1 and -1 <= found["loss_rank"] <= 1
+    assert found["knn"]["rank"] != found["rank"]  # they err otherwise
 
 
 def test_every_look_says_what_followed(record):

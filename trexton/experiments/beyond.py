@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import floor_picture, frames_of, trained_map
+from trexton.experiments.evaluation import floor_picture, fly, frames_of, trained_map
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.observation import Aiding
@@ -151,13 +151,18 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     values: dict[str, Any] = {
         name: _summary(runs, truth, test.diagonal) for name, runs in flown.items()
     }
+    looked = Localizer(
+        texton_map, samples=parameters.samples, rng=stream(parameters.seed, "neighbours")
+    )
+    errors = {
+        "field": flown["field"][0].errors(truth),
+        "knn": np.hypot(*(fly(looked, frames).knn - truth).T),
+    }
     lag = _lag(flown["paper"], truth, float(np.median(np.diff(test.time))))
     values |= {
         "lag": lag["values"],
         "ratio": values["field"]["mean_cm"] / values["paper"]["mean_cm"],
-        "predictor": _predictor(
-            changed["field"], flown["field"][0], truth, parameters.sigma, parameters.seed
-        ),
+        "predictor": _predictor(changed["field"], truth, errors, parameters.sigma, parameters.seed),
         "protocol": _protocol(),
         "frames": len(test),
     }
@@ -243,26 +248,39 @@ def _lag(runs: list[Flown], truth: np.ndarray, period_s: float) -> dict[str, dic
 
 
 def _predictor(
-    texton_map: TextonMap, flown: Flown, truth: np.ndarray, sigma: float, seed: int
-) -> dict[str, float]:
-    """How what was known before the flight ranks its errors, and how near it is to their mean."""
+    texton_map: TextonMap,
+    places: np.ndarray,
+    errors: dict[str, np.ndarray],
+    sigma: float,
+    seed: int,
+) -> dict[str, Any]:
+    """How what was known of the places before the flight ranks the errors made there, of the field
+    and of others, and how near it is to the mean of the field's.
+    """
     from scipy.stats import spearmanr
 
-    errors = flown.errors(truth)
-    expected = texton_map.parts["measurement"].expected_error(truth)
+    expected = texton_map.parts["measurement"].expected_error(places)
     losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
-    loss = smooth(losses, texton_map.positions, truth, sigma)
+    loss = smooth(losses, texton_map.positions, places, sigma)
+
+    def ranks(made: np.ndarray) -> dict[str, float]:
+        both = {"rank": expected, "loss_rank": loss}
+        return {name: float(spearmanr(known, made).statistic) for name, known in both.items()}
+
     # Lengths of normal errors scatter about their mean however well that is known.
     scatter = stream(seed, "predictor").rayleigh(size=(DRAWS, len(expected)))
     limit = [spearmanr(expected, expected * drawn).statistic for drawn in scatter]
-    return {
-        "rank": float(spearmanr(expected, errors).statistic),
-        "rank_limit": float(np.mean(limit)),
-        "loss_rank": float(spearmanr(loss, errors).statistic),
-        "expected_cm": 100 * expected.mean(),
-        "error_cm": 100 * errors.mean(),
-        "level": expected.mean() / errors.mean(),
-    }
+    ranked = {name: ranks(made) for name, made in errors.items()}
+    return (
+        ranked.pop("field")
+        | ranked
+        | {
+            "rank_limit": float(np.mean(limit)),
+            "expected_cm": 100 * expected.mean(),
+            "error_cm": 100 * errors["field"].mean(),
+            "level": expected.mean() / errors["field"].mean(),
+        }
+    )
 
 
 def _protocol() -> dict[str, Any]:

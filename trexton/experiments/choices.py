@@ -69,7 +69,7 @@ def without_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
 class Parameters(FilterParameters):
     """What can be chosen."""
 
-    repeats: int = option(6, "independent runs of the filter for each variant", low=1)
+    repeats: int = option(4, "independent runs of the filter for each variant", low=1)
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:

@@ -45,7 +45,7 @@ class Parameters(MapParameters):
     """What can be chosen."""
 
     repeats: int = option(
-        5, "independent runs for each setting; fewer where a frame takes long", low=1
+        3, "independent runs for each setting; fewer where a frame takes long", low=1
     )
     stored: int = option(
         1_000_000, "the largest number of histograms that the search is timed on", low=1

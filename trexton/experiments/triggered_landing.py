@@ -29,7 +29,7 @@ PAPER_LANDINGS, PAPER_INSIDE = 6, 4
 class Parameters(MapParameters, LandingParameters):
     """What can be chosen."""
 
-    landings: int = option(24, "attempts, each with another zone, path, wind and start", low=1)
+    landings: int = option(16, "attempts, each with another zone, path, wind and start", low=1)
     spread: float = option(0.6, "theta: standard deviation in metres that still lands", low=0)
     consecutive: int = option(1, "estimates in a row that must agree", low=1)
 
