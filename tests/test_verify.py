@@ -165,7 +165,7 @@ def test_differences_compare_kinds_too():
     assert differences({"a": [1, 2]}, {"a": [1, 2, 3]}) == ["a: 2 entries -> 3 entries"]
     assert differences({"a": {"b": 1}}, {"a": {"b": 1.0}}) == ["a.b: 1 -> 1.0"]
     assert differences([True, None, 0.0], [True, None, 1e-13]) == []
-    assert differences(0.0, 1e-13, "x", exactly=True) == ["x: 0.0 -> 1e-13"]
+    assert differences(0.0, 1e-13, "x", within=0) == ["x: 0.0 -> 1e-13"]
     assert moved({"a": "1", "b": "2"}, {"b": "2", "c": "3"}) == ["a 1 -> absent", "c absent -> 3"]
 
 

@@ -1,8 +1,9 @@
 """Are the results still the same? A record's experiment runs again, in fresh processes.
 
 The processes differ in what must not matter (hash seed, threads, cache, numba), and must agree to
-the byte; with other kernels of the BLAS, which round their sums otherwise, to 1e-9. What they agree
-on is compared with the record; where that differs, the versions that moved since are named.
+the byte; with other kernels of the BLAS, which round their sums otherwise, to 1e-9 (1e-6 where a
+method multiplies in single precision). What they agree on is compared with the record; where that
+differs, the versions that moved since are named.
 """
 
 from __future__ import annotations
@@ -26,11 +27,12 @@ from trexton.progress import progress
 from trexton.records import Record, software_versions
 
 __all__ = [
-    "QUICK", "RELATIVE", "VARIANTS", "Verdict", "Variant", "differences", "moved", "rebuild",
+    "QUICK", "VARIANTS", "Verdict", "Variant", "differences", "moved", "precision", "rebuild",
     "references", "update", "verify",
 ]  # fmt: skip
 
 RELATIVE, NEAR_ZERO = 1e-9, 1e-12  # of numbers that are not whole
+SINGLE = {"kidnapping": 1e-6}  # instead, where a method multiplies in single precision
 RESULTS = ("values", "series", "images")
 _PROGRAM = "from trexton.verify import rebuild; rebuild(*sys.argv[1:])"
 
@@ -159,17 +161,18 @@ def verify(
         cache = work / f"cache-{0 if variant.warm else number}"
         results.append(_run(variant, path, cache, work / f"results-{number}", flights))
     first, *others = results
+    within = precision(record)
     disagreements = [
         f"{variant.name}: {line}"
         for variant, other in zip(variants[1:], others, strict=True)
         if canonical_json(other) != canonical_json(first)
-        for line in differences(first, other, exactly=variant.exact)
+        for line in differences(first, other, within=0 if variant.exact else within)
     ]
     changes = [
         line
         for section in RESULTS
         if record.get(section)
-        for line in differences(record[section], first[section], section)
+        for line in differences(record[section], first[section], section, within)
     ]
     then, now = record["provenance"], first["provenance"]
     changes += differences(then.get("flights", {}), now["flights"], "data of flight ")
@@ -238,20 +241,25 @@ def update(verdict: Verdict) -> None:
         stream.write(canonical_json(new))
 
 
+def precision(record: Content) -> float:
+    """How far numbers of a record may relatively be apart, the kernels of the BLAS being others."""
+    return SINGLE.get(record["experiment"], RELATIVE)
+
+
 def differences(
-    expected: object, found: object, place: str = "", exactly: bool = False
+    expected: object, found: object, place: str = "", within: float = RELATIVE
 ) -> list[str]:
     """Lines that name each entry of nested values that is not as expected.
 
-    Whole numbers, words and truth values must be equal; other numbers within 1e-9 of each other, or
-    (`exactly`) to the last bit.
+    Whole numbers, words and truth values must be equal; other numbers `within` a share of each
+    other, or, for 0, to the last bit.
     """
     if isinstance(expected, dict) and isinstance(found, dict):
         keys = sorted(expected.keys() | found.keys())
         pairs = [(key, expected.get(key, _ABSENT), found.get(key, _ABSENT)) for key in keys]
     elif isinstance(expected, list) and isinstance(found, list) and len(expected) == len(found):
         pairs = [(str(row), *both) for row, both in enumerate(zip(expected, found, strict=True))]
-    elif _equal(expected, found, exactly):
+    elif _equal(expected, found, within):
         return []
     else:
         return [f"{place}: {_shown(expected)} -> {_shown(found)}"]
@@ -259,16 +267,16 @@ def differences(
     return [
         line
         for key, one, other in pairs
-        for line in differences(one, other, f"{place}{joint}{key}", exactly)
+        for line in differences(one, other, f"{place}{joint}{key}", within)
     ]
 
 
 _ABSENT = object()
 
 
-def _equal(one: object, other: object, exactly: bool) -> bool:
-    if type(one) is float and type(other) is float and not exactly:
-        return math.isclose(one, other, rel_tol=RELATIVE, abs_tol=NEAR_ZERO)
+def _equal(one: object, other: object, within: float) -> bool:
+    if type(one) is float and type(other) is float and within:
+        return math.isclose(one, other, rel_tol=within, abs_tol=NEAR_ZERO)
     return type(one) is type(other) and one == other
 
 

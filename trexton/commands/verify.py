@@ -48,14 +48,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _told(verdict: Verdict, variants: tuple[Variant, ...], updating: bool) -> int:
     """Say what came of one record; 1 if it is not as it was."""
-    from trexton.verify import RELATIVE, update
+    from trexton.verify import precision, update
 
     path = verdict.path
     exact = sum(variant.exact for variant in variants)
     if verdict.holds:
         print(
             f"{path}: as it was; {exact} processes agree to the byte, "
-            f"{len(variants) - exact} with other BLAS kernels to {RELATIVE:g}"
+            f"{len(variants) - exact} with other BLAS kernels to {precision(verdict.rebuilt):g}"
             if len(variants) > 1
             else f"{path}: as it was, in one process ({variants[0].name})"
         )
