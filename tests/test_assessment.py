@@ -70,6 +70,35 @@ def test_a_filter_worse_than_its_neighbours_or_the_centre_is_named(record):
     assert "always guessing the centre: do not fly it" in said(centre + 1)[0]
 
 
+def test_what_limits_it_is_said_by_its_share(record):
+    def said(**limits):
+        values = record.values | {"limits": record.values["limits"] | limits}
+        return " ".join(advice(replace(record, values=values)))
+
+    plain = said(repeated=0.05, blurred=0.05, gap_m=0.01)
+    assert not any(word in plain for word in ("Blur", "Repeated", "Too few", "too short"))
+    assert "Blur: 30 %" in said(blurred=0.3)
+    assert "too short to tell whether its texture repeats" in said(repeated=None)
+    assert "Repeated texture: for 20 %" in said(repeated=0.2)
+
+
+def test_the_judgement_follows_the_best_method(record):
+    def judged(cm):
+        errors = record.values["errors"]
+        changed = {
+            name: entry | {"mean_cm": entry["mean_cm"] | dict.fromkeys(entry["mean_cm"], cm)}
+            for name, entry in errors.items()
+            if name in record.parameters["methods"].split()
+        }
+        return finding(replace(record, values=record.values | {"errors": errors | changed}))
+
+    centre = record.values["errors"]["centre"]["mean_cm"]["median"]
+    assert judged(0.4 * centre).startswith("It works here")
+    assert judged(0.6 * centre).startswith("It works poorly here")
+    assert judged(1.1 * centre).startswith("It will not work here")
+    assert "as much as the plain mean of its own neighbours" in judged(1.1 * centre)
+
+
 def test_places_that_were_never_flown_are_named():
     train = make_flight(1)
     half = train.select(train.position[:, 0] < 0)

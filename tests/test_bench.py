@@ -6,12 +6,14 @@ from __future__ import annotations
 
 import json
 import re
+from functools import partial
+from importlib import import_module
 
 import numpy as np
 import pytest
 
 from trexton import cli
-from trexton.bench import STAGES, Row, machine, measure, table
+from trexton.bench import STAGES, Row, estimation, growth, images, machine, measure, table
 from trexton.bench.clock import Times, duration, interleave, limited_threads
 from trexton.bench.estimation import _by_numpy, _map_by_einsum, _map_by_sums
 from trexton.bench.growth import exponent
@@ -180,6 +182,42 @@ def test_unknown_stages_and_missing_packages_are_clear_errors(monkeypatch):
 
 def test_the_machine_is_described():
     assert machine()["processors"] >= 1 and machine()["processor"]
+
+
+STAGE_ROWS = {
+    "neighbors": ["NumPy brute force", "SciPy cKDTree", "scikit-learn"] * 3,
+    "simulator": ["warpPerspective"],
+    "start": ["target", "target", "import NumPy and OpenCV"],
+}
+
+
+@pytest.fixture
+def hurried(monkeypatch):
+    """Every contestant once or twice: what is measured matters here, not how long it took."""
+    for module in (estimation, growth, images):
+        brief = partial(interleave, seconds=1e-4, rounds=1)
+        monkeypatch.setattr(module, "interleave", lambda turns, *_, brief=brief, **__: brief(turns))
+
+
+@pytest.mark.parametrize("stage", STAGE_ROWS)
+def test_a_stage_is_beside_its_yardsticks(stage, scene, hurried):
+    module, function = STAGES[stage]
+    rows = list(getattr(import_module(f"trexton.bench.{module}"), function)(scene, quick=True))
+    assert [row.yardstick for row in rows] == STAGE_ROWS[stage]
+    assert all(row.ours_s > 0 and row.yardstick_s > 0 for row in rows)
+    if stage == "neighbors":
+        assert [row.size for row in rows[::3]] == ["800", "10000", "100000"]
+
+
+def test_growth_of_every_size_is_fitted(scene, hurried):
+    rows = list(growth.growth(scene, quick=True))
+    stages = dict.fromkeys(row.stage for row in rows)
+    assert len(stages) == 6 and all(stage.startswith("growth, ") for stage in stages)
+    for stage in stages:
+        fitted = [row for row in rows if row.stage == stage]
+        sizes, seconds = zip(*((float(row.size), row.yardstick_s) for row in fitted), strict=True)
+        slope, _ = exponent(sizes, seconds)  # the fit itself is a power law
+        assert f"exponent {slope:.2f}" in fitted[0].yardstick
 
 
 @pytest.mark.slow

@@ -74,6 +74,32 @@ def test_headers_that_lead_nowhere_are_faults(row, text, fault, flight_folder):
     assert [fault in line for line in check_flight(flight_folder).faults] == [True]
 
 
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("name = 7", "name is 7: expected text"),
+        ('notes = "one"', "notes is 'one': expected a list of texts"),
+        ("notes = [1]", "notes is [1]: expected a list of texts"),
+        ("camera = 3", "camera is 3: expected a table [camera]"),
+        ("origin = { latitude_deg = 3 }", "[origin] lacks longitude_deg"),
+        ("camera = { width_px = 0, height_px = 2, focal_px = 1.0 }", "expected positive numbers"),
+        ("camera = { width_px = 2, height_px = 2, focal_px = -1 }", "expected positive numbers"),
+        (
+            "camera = { width_px = 2, height_px = 2, focal_px = 1, center_px = [1] }",
+            "center_px is [1]: expected [column, row]",
+        ),
+        ("origin = { latitude_deg = 91, longitude_deg = 0 }", "degrees of latitude, -90 to 90"),
+        ('floor = { image = "f.png", world_from_pixel = [[1]] }', "three rows of three numbers"),
+    ],
+)
+def test_every_entry_of_a_header_is_held_to_its_kind(text, fault, flight_folder):
+    header = flight_folder / "flight.toml"
+    key = text.split()[0]
+    lines = [line for line in header.read_text().splitlines() if not line.startswith(f"{key} =")]
+    header.write_text("\n".join([text, *lines]))
+    assert [fault in line for line in check_flight(flight_folder).faults] == [True]
+
+
 def test_a_place_beyond_the_earth_and_endless_stamps_are_faults(flight_folder):
     table = flight_folder / "frames.csv"
     text = table.read_text()

@@ -71,6 +71,56 @@ def test_undistorting_changes_the_images_and_cropping_the_camera(tmp_path):
     assert "6 images of 32x20" in said
 
 
+@pytest.mark.parametrize(
+    ("settings", "told"),
+    [
+        ({"undistort": "CALIBRATION"}, "the calibration is for 640x480, the images are 64x48"),
+        ({"undistort": "STRAIGHT"}, "no calibration with distortion"),
+        ({"mask": "MASK"}, "no free rectangle of a tenth of the image is left"),
+        ({"mask": "absent.png"}, "expected a picture of 64x48 pixels"),
+    ],
+)
+def test_lenses_and_masks_that_do_not_fit_are_refused(tmp_path, settings, told):
+    source = euroc(tmp_path / "MH")
+    sensor = (source / "mav0" / "cam0" / "sensor.yaml").read_text()
+    (tmp_path / "CALIBRATION").write_text(sensor.replace("64, 48", "640, 480"))
+    straight = sensor.replace("-0.28, 0.07, 0.0002, 0.00002", "0, 0, 0, 0")
+    (tmp_path / "STRAIGHT").write_text(straight)
+    cv2.imwrite(str(tmp_path / "MASK.png"), np.eye(48, 64, dtype=np.uint8) * 0)
+    (tmp_path / "MASK.png").rename(tmp_path / "MASK")
+    given = {name: str(tmp_path / value) for name, value in settings.items()}
+    with pytest.raises(TrextonError, match=told):
+        import_flight(source, tmp_path / "out", settings=given)
+    assert not (tmp_path / "out").exists()
+
+
+def test_frames_out_of_order_are_put_in_order_and_repeated_stamps_dropped(tmp_path):
+    plain = import_flight(euroc(tmp_path / "MH"), tmp_path / "plain")[0]
+    table = tmp_path / "MH" / "mav0" / "cam0" / "data.csv"
+    head, *rows = table.read_text().splitlines()
+    table.write_text("\n".join([head, *rows[::-1], rows[2]]))
+    flight, said = import_flight(tmp_path / "MH", tmp_path / "out")
+    assert "frames put in order of their stamps, 1 of repeated stamps dropped" in said
+    np.testing.assert_array_equal(flight.time, plain.time)
+    np.testing.assert_array_equal(flight.image(2), plain.image(2))
+
+
+def test_pictures_turned_or_of_another_size_are_made_like_most(tmp_path):
+    source = euroc(tmp_path / "MH")
+    files = sorted((source / "mav0" / "cam0" / "data").iterdir())
+    cv2.imwrite(str(files[1]), cv2.rotate(picture(1), cv2.ROTATE_90_COUNTERCLOCKWISE))
+    cv2.imwrite(str(files[2]), cv2.resize(picture(2), (128, 96), interpolation=cv2.INTER_NEAREST))
+    flight, said = import_flight(source, tmp_path / "out")
+    assert {flight.image(row).shape for row in range(6)} == {(48, 64, 3)}
+    assert any("turned" in line for line in said) and any("scaled" in line for line in said)
+    plain = import_flight(euroc(tmp_path / "plain"), tmp_path / "as-is")[0]
+    for row in (1, 2):
+        assert np.abs(flight.image(row).astype(int) - plain.image(row)).mean() < 20
+    cv2.imwrite(str(files[3]), picture(3, (64, 64)))
+    with pytest.raises(TrextonError, match="of another shape: leave it out"):
+        import_flight(source, tmp_path / "again")
+
+
 def test_tum(tmp_path):
     lines = [f"{1305031102.175304 + i * 0.1:.6f} rgb/{i}.png" for i in range(4)]
     (tmp_path / "rgb.txt").write_text("# color images\n" + "\n".join(lines))

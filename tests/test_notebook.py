@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -16,6 +17,7 @@ from trexton.errors import ParameterError
 from trexton.experiments import mocap_training
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.flights import write_flight
+from trexton.paper import published
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,60 @@ def test_the_footer_says_the_command_that_makes_it_again(names):
         "trexton run room --test-flight &#x27;a b&#x27; --only mocap_training --set samples=9 "
         "--out my-results"
     )
+
+
+@pytest.fixture
+def page(names):
+    """The page of a record with a bit of everything."""
+    given = notebook.given(mocap_training.Parameters, names)
+    error = {"median": 12.34, "low": 8.0, "high": 123.4}
+    values = {"knn": {"error_cm_x": error, "median_cm": 5.06}, "frames": 12345, "share": 0.123456}
+    return notebook.Page(given.parameters.record(given.train, values=values), given)
+
+
+def test_quantities_are_rounded_and_the_absent_left_out(page):
+    html = page.quantities({"Frames": "frames", "Share": "share", "None": "no.such"}, "c & d").data
+    assert re.findall("<td>(.*?)</td>", html) == ["Frames", "12,345", "Share", "0.123"]
+    assert "<caption>Table 1. c &amp; d</caption>" in html
+
+
+def test_errors_stand_beside_the_papers_with_their_intervals(page):
+    html = page.table({"Neighbours": "knn", "Absent": "no.such"}, "Errors").data
+    rows = [re.findall("<td>(.*?)</td>", row) for row in html.split("<tr>")[1:]]
+    assert rows[0][0] == "Paper" and rows[0][1] == str(
+        published()["mocap_training"]["error_cm"]["x"]
+    )
+    assert rows[1][:2] == ["Neighbours", "12 <small>[8, 123]</small>"]
+    assert rows[1][-1] == "5.1" and set(rows[2][1:]) == {""}
+
+
+def test_a_table_to_explore_tells_how_many_columns_choose(page):
+    rows = [
+        {"samples": 100, "cells": None, "cm": {"median": 9.0, "low": 8.0, "high": 10.0}},
+        {"samples": 400, "cells": 2, "cm": None},
+    ]
+    chosen = {"Samples": "samples", "Cells": "cells"}
+    html = page.explore(rows, chosen, {"Error": "cm"}, "Choices").data
+    assert html.count('data-explore="2"') == 1
+    assert re.findall("<td>(.*?)</td>", html)[:3] == [
+        "100",
+        "all",
+        "9.0 <small>[8.0, 10.0]</small>",
+    ]
+    assert re.findall("<td>(.*?)</td>", html)[3:] == ["400", "2", ""]
+
+
+def test_the_footer_names_what_there_is_to_take_home(page):
+    (page.folder / f"{page.record.experiment}-errors.svg").write_text("<svg/>")
+    html = page.footer().data
+    assert re.findall("href=\"(.*?)\"", html) == [
+        "mocap_training.ipynb", "mocap_training-errors.svg", "mocap_training.json",
+    ]  # fmt: skip
+
+
+def test_what_is_kept_with_the_code_is_found_and_what_is_not_is_none():
+    assert notebook.reference("fine").experiment == "fine" and notebook.swept("suitability")
+    assert notebook.reference("nothing") is None and notebook.swept("nothing") is None
 
 
 def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):

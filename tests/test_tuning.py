@@ -103,6 +103,8 @@ def test_bad_input_is_one_clear_error(tmp_path):
         search(flight, methods=["guess"], trials=1)
     with pytest.raises(MapError, match="at least 12 s"):
         search(told_apart(30))
+    with pytest.raises(ParameterError, match="no setting could be flown: no time"):
+        search(flight, trials=1, seconds=1e-9)
     (tmp_path / "study.log").write_text(json.dumps({"no": "study"}) + "\n")
     with pytest.raises(ParameterError, match="no readable study"):
         search(flight, trials=1, study=tmp_path / "study.log")

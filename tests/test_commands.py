@@ -1,0 +1,177 @@
+"""What commands that run experiments say and hand on, the experiments themselves stood in for."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import mocap_record, small_flight
+from test_assessment import make_flight
+
+import trexton.book
+import trexton.workflow
+from trexton import cli
+from trexton.book.make import Made
+from trexton.experiments import assessment
+from trexton.flights import read_flight, write_flight
+from trexton.flights.pair import load_pair
+from trexton.progress import set_quiet
+from trexton.workflow.display import Display, Outcome
+
+OUTCOMES = [
+    Outcome("room", "mocap_training", "ran", ("its code changed",), 2.0),
+    Outcome("room", "map_loss", "reused", ("nothing changed",)),
+    Outcome("room", "overview", "skipped", ("it needs images",)),
+]
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """What `run_experiments` was asked for; it answers with `OUTCOMES`."""
+    seen = {}
+
+    def stand_in(pairs, out, **options):
+        seen.update(options, pairs=pairs, out=out)
+        return OUTCOMES
+
+    monkeypatch.setattr("trexton.commands.run.run_experiments", stand_in)
+    return seen
+
+
+def test_run_hands_settings_on_and_says_why_one_was_left_out(asked, capsys):
+    words = "run a b --out o --no-book --set particles=9 k=a=b --jobs 3".split()
+    assert cli.main(words) == 0
+    assert asked["settings"] == {"particles": "9", "k": "a=b"} and asked["jobs"] == 3
+    assert [pair.flight for pair in asked["pairs"]] == ["a", "b"]
+    told = capsys.readouterr().out.splitlines()
+    assert told[-1] == "1 ran, 1 reused, 1 skipped"
+    assert "        it needs images" in told and "        its code changed" not in told
+    assert cli.main([*words, "--explain"]) == 0
+    assert "        its code changed" in capsys.readouterr().out
+
+
+def test_run_makes_a_small_book_of_what_there_is(asked, capsys, monkeypatch, tmp_path):
+    monkeypatch.setattr(trexton.book, "build_small_book", lambda *given: f"book of {given[2]}")
+    assert cli.main(["run", "a", "--out", str(tmp_path)]) == 0
+    assert capsys.readouterr().out.endswith(f"book of {tmp_path}\n")
+    monkeypatch.setattr(
+        sys.modules[__name__], "OUTCOMES", [Outcome("room", "x", "failed", ("no",))]
+    )
+    assert cli.main(["run", "a", "--out", "o"]) == 1
+    assert "book" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["a", "b", "--test-flight", "c"], "--test-flight belongs to one flight"),
+        (["a", "--no-book", "--set", "particles"], "--set 'particles': expected key=value"),
+        (["a", "--set", "=3"], "--set '=3': expected key=value"),
+    ],
+)
+def test_run_refuses_what_has_no_meaning(asked, capsys, words, told):
+    assert cli.main(["run", "--out", "o", *words]) == 1
+    assert told in capsys.readouterr().err and not asked
+
+
+def test_book_prints_what_it_made_and_found_and_fails_with_an_experiment(monkeypatch, capsys):
+    made = Made(Path("book/index.html"), ["the flight is absent"], ["It works."], list(OUTCOMES))
+    asked = {}
+    monkeypatch.setattr(
+        "trexton.commands.book.make_book", lambda **given: asked.update(given) or made
+    )
+    assert cli.main(["book", "--set", "repeats=2", "--jobs", "2"]) == 0
+    assert asked == {"settings": {"repeats": "2"}, "jobs": 2}
+    told = capsys.readouterr().out
+    assert "the flight is absent\n" in told and told.endswith("- It works.\n")
+    assert "open book/index.html in a browser" in told
+    made.outcomes.append(Outcome("room", "light", "failed"))
+    assert cli.main(["book"]) == 1
+
+
+def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, monkeypatch, capsys):
+    write_flight(make_flight(1), tmp_path / "loop")
+
+    def stand_in(pairs, out, *, only, settings):
+        assert only == ["assessment"]
+        train, test = load_pair(pairs[0].flight, None)
+        options = assessment.Parameters(methods=settings["assessment.methods"])
+        assessment.run(train, test, options).save(out / pairs[0].name)
+        return [Outcome(pairs[0].name, "assessment", "ran")]
+
+    monkeypatch.setattr(trexton.workflow, "run_experiments", stand_in)
+    out = tmp_path / "out"
+    words = ["report", str(tmp_path / "loop"), "--no-book", "--methods", "paper"]
+    assert cli.main([*words, "--out", str(out)]) == 0
+    split = read_flight(out / "flight" / "loop").split
+    assert split == {"train": (0, 71), "test": (72, 119)}  # of 120 frames six tenths
+    said = capsys.readouterr()
+    assert "names no splits: its first 72 of 120 frames train" in said.err
+    assert said.out.endswith(f"{out / 'report.html'}\n")
+    assert "with the method `paper`" in said.out
+    assert (out / "report.html").read_text("utf-8").rstrip().endswith("</html>")
+
+    failed = [Outcome("loop", "assessment", "failed", ("oops",))]
+    monkeypatch.setattr(trexton.workflow, "run_experiments", lambda *_, **__: failed)
+    write_flight(small_flight(), tmp_path / "small")
+    again = ["report", str(tmp_path / "small"), "--no-book", "--out", str(tmp_path / "again")]
+    assert cli.main(again) == 1
+    assert not (tmp_path / "again").exists()  # it has its splits, and nothing to show
+
+
+def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkeypatch, capsys):
+    train, test = make_flight(1), make_flight(2)
+    write_flight(train, tmp_path / "loop")
+
+    def stand_in(pairs, out, *, only, settings):
+        assert "overview" in only and pairs[0].test_flight == "other"
+        assessment.run(train, test, assessment.Parameters()).save(out / pairs[0].name)
+        return [Outcome(pairs[0].name, "assessment", "reused")]
+
+    monkeypatch.setattr(trexton.workflow, "run_experiments", stand_in)
+    monkeypatch.setattr(trexton.book, "build_small_book", lambda *given: f"book of {given[2]}")
+    words = ["report", str(tmp_path / "loop"), "--test-flight", "other"]
+    assert cli.main([*words, "--out", str(tmp_path / "out")]) == 0
+    assert f"book of {tmp_path / 'out'}\n" in capsys.readouterr().out
+
+
+def test_claims_prints_every_claim_and_its_verdicts(tmp_path, capsys):
+    for flight, value in (("a", 61.0), ("b", np.nan)):
+        mocap_record(flight, value).save(tmp_path / flight)
+    assert cli.main(["claims", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert "\n    printed: 61 cm\n" in told and "\n    a: 61 [61, 61]: reproduced" in told
+    assert "\n    b: -: not testable" in told
+    assert told.splitlines()[-1] == f"written to {tmp_path / 'claims.json'}"
+    assert (tmp_path / "claims.json").is_file()
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_terminal_is_shown_what_runs_and_what_ended(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    with Display(2) as display:
+        display.moved(0, "room/light")
+        assert "room/light" in terminal.getvalue()
+        display.finished(OUTCOMES[1])
+        display.finished(OUTCOMES[0])
+        display.moved(0, None)
+    assert "ran     room/mocap_training (2.0 s)" in terminal.getvalue()
+    assert "reused" not in terminal.getvalue() and "2/2" in terminal.getvalue()
+
+
+def test_elsewhere_a_line_tells_of_each_and_quiet_of_none(capsys):
+    with Display(2) as display:
+        display.finished(OUTCOMES[1])
+        display.finished(OUTCOMES[0])
+    assert capsys.readouterr().err.strip() == str(OUTCOMES[0])
+    set_quiet(True)
+    with Display(1) as display:
+        display.finished(OUTCOMES[0])
+    assert capsys.readouterr().err == ""
