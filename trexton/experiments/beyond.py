@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import floor_picture, fly, frames_of, trained_map
+from trexton.experiments.evaluation import floor_picture, fly, frames_of, map_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.observation import Aiding
@@ -120,9 +120,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms; then `samples` and `textons` do not apply.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     frames, truth = frames_of(test), test.position
     moved = _odometry(test, frames, parameters.seed)
     flown, timings, changed = {}, {}, {}

@@ -11,7 +11,7 @@ import numpy as np
 from trexton.estimate import Estimate
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import drawn_histograms, flown_estimates, trained_map
+from trexton.experiments.evaluation import drawn_histograms, flown_estimates, map_of
 from trexton.flights.flight import Flight
 from trexton.metrics import mean_with_interval
 from trexton.records import Record
@@ -45,9 +45,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     Where there are images, one histogram is drawn for each frame and used in all runs. The first
     two seconds are left out: filters begin there with no idea.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     samples = parameters.samples if test.has_images else None
     histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
     values: dict[str, Any] = {}

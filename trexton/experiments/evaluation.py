@@ -16,6 +16,7 @@ import numpy as np
 from trexton.cache import cached
 from trexton.estimate import Estimate
 from trexton.executor import spread
+from trexton.experiments.declaration import MapParameters
 from trexton.flights.flight import Flight
 from trexton.histograms import sampled_histogram
 from trexton.localizer import Localizer, TextonMap
@@ -40,6 +41,7 @@ __all__ = [
     "flown_estimates",
     "fly",
     "frames_of",
+    "map_of",
     "provenance",
     "trained_map",
     "tracks",
@@ -85,6 +87,19 @@ def trained_map(
         return TextonMap.train(train, rng=rng, **options).to_arrays()
 
     return TextonMap.from_arrays(cached("map", "trexton.localizer", inputs, compute))
+
+
+def map_of(
+    train: Flight, parameters: MapParameters, positions: np.ndarray | None = None
+) -> TextonMap:
+    """`trained_map` with an experiment's parameters."""
+    return trained_map(
+        train,
+        textons=parameters.textons,
+        neighbors=parameters.neighbors,
+        seed=parameters.seed,
+        positions=positions,
+    )
 
 
 def frames_of(flight: Flight) -> Sequence[np.ndarray]:

@@ -11,7 +11,7 @@ import numpy as np
 from trexton.estimate import Estimate
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import drawn_histograms, flown_estimates, trained_map
+from trexton.experiments.evaluation import drawn_histograms, flown_estimates, map_of
 from trexton.experiments.receivers import RECEIVERS, Receiver, Settings, readings
 from trexton.flights.flight import Flight
 from trexton.metrics import mean_with_interval
@@ -47,9 +47,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     Each report is sent once, and only where a vehicle may steer by it. Beside what is sent stands
     the same with each report's own covariance, whatever it shares with the ones before.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     samples = parameters.samples if test.has_images else None
     histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
     pushes = readings(

@@ -15,8 +15,8 @@ from trexton.experiments.evaluation import (
     evaluate,
     floor_picture,
     frames_of,
+    map_of,
     tracks,
-    trained_map,
 )
 from trexton.experiments.stitched import homography_maps, locate_all
 from trexton.flights.flight import Flight
@@ -85,13 +85,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     series: dict[str, Any] = {}
     step_s = []
     for name, positions in sources.items():
-        texton_map = trained_map(
-            train,
-            textons=parameters.textons,
-            neighbors=parameters.neighbors,
-            seed=parameters.seed,
-            positions=positions,
-        )
+        texton_map = map_of(train, parameters, positions=positions)
         runs = tracks(
             texton_map,
             frames,
@@ -111,9 +105,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         series[f"{name}_training_error_m"] = absolute_errors(positions, train.position)
         series[f"{name}_estimate_m"] = drawn["estimate_m"]
         step_s += [run.step_s for run in runs]
-    mocap = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    mocap = map_of(train, parameters)
     values["mocap_process_std_cm"] = _process_std_cm(mocap)
     floor, pictures = floor_picture(test)
     seconds = np.concatenate(step_s)

@@ -20,7 +20,7 @@ from trexton.errors import FlightError
 from trexton.estimate import LOST_SHARE, ignorance
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import drawn_histograms, trained_map
+from trexton.experiments.evaluation import drawn_histograms, map_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import success_rate
@@ -91,9 +91,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
     period = float(np.median(np.diff(test.time)))
     patience = min(round(parameters.patience_s / period), len(test) // 3)

@@ -10,7 +10,7 @@ import numpy as np
 from trexton.errors import ParameterError
 from trexton.experiments.beyond import VARIANTS, Flown
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import trained_map
+from trexton.experiments.evaluation import map_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.records import Record
@@ -52,9 +52,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             f"flight {train.name!r} has no picture of its floor or no camera: other light needs "
             "both, as trexton simulate gives them"
         )
-    base = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    base = map_of(train, parameters)
     maps = {
         name: base.for_method(VARIANTS[name].method).changed(VARIANTS[name].choices)
         for name in METHODS

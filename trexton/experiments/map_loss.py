@@ -11,7 +11,7 @@ import numpy as np
 
 from trexton.experiments.correlation import pair_correlation, pearson, rank_correlation
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import floor_picture, fly, frames_of, trained_map
+from trexton.experiments.evaluation import floor_picture, fly, frames_of, map_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import absolute_errors, block_rows, bootstrap_interval
@@ -50,9 +50,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     histograms, positions = texton_map.histograms, texton_map.positions
     losses = local_losses(histograms, positions, parameters.sigma)
     rows = texton_map.training().neighbors(parameters.neighbors, EXCLUDED_SECONDS)

@@ -15,8 +15,8 @@ from trexton.experiments.evaluation import (
     evaluate,
     floor_picture,
     frames_of,
+    map_of,
     tracks,
-    trained_map,
 )
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
@@ -50,9 +50,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms; then `samples` and `textons` do not apply.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     options: dict[str, Any] = {
         "samples": parameters.samples,
         "particles": parameters.particles,
@@ -104,9 +102,7 @@ def _exchanged(
     train: Flight, test: Flight, parameters: Parameters, options: dict[str, Any]
 ) -> dict[str, Any]:
     """Where both are parts of one flight: trained on the later, tested on the earlier part."""
-    texton_map = trained_map(
-        test, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(test, parameters)
     runs = tracks(
         texton_map, frames_of(train), repeats=parameters.repeats, seed=parameters.seed, **options
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from trexton.errors import FlightError
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import floor_picture, trained_map
+from trexton.experiments.evaluation import floor_picture, map_of
 from trexton.flights.flight import Flight
 from trexton.images import bgr_from_yuv
 from trexton.localizer import Estimate, Localizer
@@ -50,9 +50,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     FlightError
         The flight has no such frame, or no images.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     rng = stream(parameters.seed, "flight", 0)
     localizer = Localizer(
         texton_map, samples=parameters.samples, particles=parameters.particles, rng=rng

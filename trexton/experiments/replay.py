@@ -6,7 +6,7 @@ import numpy as np
 
 from trexton.errors import MapError
 from trexton.experiments.declaration import MapParameters
-from trexton.experiments.evaluation import floor_picture, trained_map
+from trexton.experiments.evaluation import floor_picture, map_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer
 from trexton.player import Recording, record_replay
@@ -29,9 +29,7 @@ def replay(train: Flight, test: Flight, parameters: MapParameters) -> Recording:
     parameters : MapParameters
         The map's, and the seed.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     frames = train.select(np.isfinite(train.position).all(axis=1))
     known = (train.floor, train.camera, train.height)
     laid = test.has_images and all(each is not None for each in known)

@@ -14,7 +14,7 @@ from trexton.bench import machine
 from trexton.bench.stages import StageClock
 from trexton.experiments.clock import frequency, milliseconds
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import fly, frames_of, trained_map
+from trexton.experiments.evaluation import fly, frames_of, map_of
 from trexton.flights.flight import Flight
 from trexton.homography import HomographyLocalizer
 from trexton.localizer import Localizer
@@ -47,9 +47,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms; then there is no histogram to time, and no homography.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     frames, options = (
         frames_of(test),
         {"samples": parameters.samples, "particles": parameters.particles},

@@ -14,7 +14,7 @@ import numpy as np
 from trexton.experiments.clock import frequency, milliseconds
 from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import Track, fly, frames_of, tracks, trained_map
+from trexton.experiments.evaluation import Track, fly, frames_of, map_of, tracks
 from trexton.experiments.stored import time_stored
 from trexton.experiments.tuned import search_settings
 from trexton.flights.flight import Flight
@@ -63,9 +63,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms.
     """
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     defaults = {
         "samples": parameters.samples,
         "particles": parameters.particles,

@@ -11,7 +11,7 @@ import numpy as np
 from trexton.errors import ParameterError
 from trexton.experiments.closed_loop import Attempt, Lander, LandingParameters, Mission, fly_all
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import floor_picture, trained_map
+from trexton.experiments.evaluation import floor_picture, map_of
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone
 from trexton.metrics import bootstrap_interval, success_rate
@@ -53,9 +53,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         The flight has no floor or camera, or the area is too small for the zone.
     """
     mission = mission_over(train, parameters, seed=parameters.seed)
-    texton_map = trained_map(
-        train, textons=parameters.textons, neighbors=parameters.neighbors, seed=parameters.seed
-    )
+    texton_map = map_of(train, parameters)
     zone = partial(
         LandingZone,
         radius=parameters.radius,
