@@ -122,7 +122,7 @@ PAGE = """<html><head><script>const THEBE_JS_URL = "https://x"</script><script s
 </script></head><body><article><h1>Title#</h1><p class="finding">It errs by 5 cm.</p>
 <table><thead><tr><th></th><th>cm</th></tr></thead><tbody><tr><td>a</td><td>1
 <small>[0, 2]</small></td>
-</tr></tbody></table><img alt="a curve" src="_images/curve.svg"><pre>code</pre>
+</tr></tbody></table><img alt="a curve" src="_images/curve.svg"><pre>code --a 5 cm</pre>
 <p class="downloads">old</p></article></body></html>"""
 
 
@@ -136,11 +136,33 @@ def test_a_page_is_finished(tmp_path, figure):
     assert "THEBE" not in text and "mathjax" not in text
     assert '<meta content="It errs by 5 cm." name="description"/>' in text
     assert (tmp_path / "page-table-1.csv").read_text() == ',cm\na,"1 [0, 2]"\n'
-    assert '<caption>Title <a aria-label="CSV of: Title"' in text and 'role="region"' in text
+    assert (
+        '<caption>Table 1. Title <a aria-label="CSV of: Table 1. Title"' in text
+        and 'role="region"' in text
+    )
     assert "<figcaption>a curve.</figcaption>" in text and 'aria-label="a curve"' in text
-    assert '<pre tabindex="0">' in text
+    assert '<pre tabindex="0">' in text and "errs by 5\N{NO-BREAK SPACE}cm" in text
+    assert "[0,\N{NO-BREAK SPACE}2]" in text
+    assert "a 5 cm" in text  # what is typed in is copied as it is typed
     for name in ("page.json", "page-curve.svg", "page-table-1.csv"):
         assert f'href="{name}"' in text
+
+
+def test_a_table_of_sentences_is_told_apart_from_one_of_numbers(tmp_path):
+    head = "<thead><tr><th>fault</th><th>what is done</th></tr></thead>"
+    rows = {"said": "it is opened again after half a second", "numbers": "8.5 [7, 9] cm"}
+    (tmp_path / "page.html").write_text(
+        "<html><head></head><body><article><h1>T</h1>"
+        + "".join(
+            f'<table class="table" id="{name}">{head}<tbody><tr><td>a long label of all of these words</td>'
+            f"<td>{cell}</td></tr></tbody></table>"
+            for name, cell in rows.items()
+        )
+        + "</article></body></html>"
+    )
+    text = finish_page(tmp_path / "page.html")
+    assert re.findall(r'<table class="stacked table" id="(\w+)"', text) == ["said"]
+    assert text.count('data-label="what is done"') == 1
 
 
 def test_the_first_picture_of_the_book_scrolls_where_it_is_too_wide(tmp_path, figure):

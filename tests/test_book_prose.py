@@ -14,6 +14,7 @@ from trexton.book.pages import (
     description,
     name_figures,
     page_names,
+    refer_to_figures,
     with_flight,
 )
 from trexton.book.paper_map import load_map, map_table
@@ -180,3 +181,27 @@ def test_pages_are_described_by_their_first_words_or_their_finding():
 def test_names_that_a_package_hands_on_are_described_where_it_stands():
     text = describe_module("trexton.mosaic")
     assert "stitch(" in text and "Mosaic(" in text and text.count("```python") >= 4
+
+
+def test_a_link_to_a_figure_of_the_page_becomes_its_number():
+    said = nbformat.v4.new_output(
+        "display_data", {"text/markdown": "As [the plan](#floor) has it."}
+    )
+    notebook = nbformat.v4.new_notebook(
+        cells=[
+            nbformat.v4.new_markdown_cell("See [the plan](#floor), [one](#none), [all](a.ipynb)."),
+            nbformat.v4.new_code_cell("page.say()", outputs=[said]),
+        ]
+    )
+    refer_to_figures(notebook, "room/mocap_training", ["room-mocap-training-floor"])
+    text, code = notebook.cells
+    assert text.source == "See {numref}`room-mocap-training-floor`, one, [all](a.ipynb)."
+    shown = code.outputs[0].data["text/markdown"]
+    assert shown == "As {numref}`room-mocap-training-floor` has it."
+
+
+@pytest.mark.parametrize("path", sorted((ROOT / "notebooks").glob("*.md")), ids=lambda p: p.stem)
+def test_every_figure_that_is_referred_to_is_shown(path):
+    text = path.read_text()
+    referred = set(re.findall(r"\]\(#(\w+)\)", text))
+    assert referred <= set(re.findall(r"""page\.show\(\s*["'](\w+)""", text))

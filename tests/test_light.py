@@ -48,6 +48,15 @@ def test_the_figure_shows_the_record(record):
     np.testing.assert_allclose(lines[0].get_ydata(), record.series["by_drift_cm"]["paper"])
 
 
+def test_the_table_names_every_light_once_in_percent(record):
+    table = figures.table(record)
+    assert len(table) == len(record.values["error_cm"]) and table["light"].is_unique
+    row = table[table["light"] == "gain drifts by 5 %"].iloc[0]
+    assert row["field"] == f"{record.values['error_cm']['drift 0.05']['field']:.0f}"
+    row = table[table["light"] == "red gains and blue loses 3 %"].iloc[0]
+    assert row["paper"] == f"{record.values['error_cm']['warmth 0.03']['paper']:.0f}"
+
+
 def test_a_flight_without_floor_is_refused(train):
     from dataclasses import replace
 

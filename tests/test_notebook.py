@@ -119,6 +119,18 @@ def test_what_is_kept_with_the_code_is_found_and_what_is_not_is_none():
     assert notebook.reference("nothing") is None and notebook.swept("nothing") is None
 
 
+def test_sliders_begin_at_the_first_row_that_is_most_like_the_record(names):
+    given = notebook.given(Parameters, names)
+    page = notebook.Page(given.parameters.record(given.train, values={}), given)
+    tried = [(2, 1, 9.5), (3, 1, 8.5), (3, 2, 7.5)]
+    rows = [{"trials": n, "noise": noise, "error": error} for n, noise, error in tried]
+    html = page.explore(
+        rows, {"Trials": "trials", "Noise": "noise"}, {"Error": "error"}, "All."
+    ).data
+    assert 'data-explore="2"' in html and html.count("data-start") == 1
+    assert html.index("9.5") < html.index("data-start") < html.index("8.5")
+
+
 def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):
     """Papermill, as a person runs it in a folder of their own; parameters as papermill has them."""
     from trexton.workflow.formats import jupytext

@@ -133,7 +133,7 @@ class Page:
         Parameters
         ----------
         rows : list of dict
-            One a choice.
+            One a choice. Sliders begin at the first that is most like the record's parameters.
         chosen, answers : dict of str to str
             Head of each column, and its key in the rows; the chosen ones come first.
         caption : str
@@ -148,7 +148,13 @@ class Page:
                 for row in rows
             ]
         )
-        html = self.frame(table, caption).data
+        given = self.record.parameters
+        like = [sum(given.get(key) == row[key] for key in chosen.values()) for row in rows]
+        head, body = self.frame(table, caption).data.split("<tbody>")
+        lines = body.split("<tr>")
+        first = like.index(max(like)) + 1
+        html = "<tbody>".join([head, "<tr>".join(lines[:first])])
+        html += "<tr data-start>" + "<tr>".join(lines[first:])
         return HTML(html.replace("<table", f'<table data-explore="{len(chosen)}"', 1))
 
     def finding(self, sentence: str | None = None) -> HTML:

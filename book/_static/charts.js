@@ -134,6 +134,7 @@
       return { input, values, shown: make("output", {}, label) };
     });
     const answer = make("output", { className: "answer" }, box);
+    const see = (row) => { if (row) table.parentElement.scrollTop = row.offsetTop - table.parentElement.clientHeight / 2; };
     function update() {
       const chosen = inputs.map(({ input, values }) => values[input.value]);
       inputs.forEach(({ input, shown }, i) => { shown.textContent = chosen[i]; input.setAttribute("aria-valuetext", chosen[i]); });
@@ -141,7 +142,7 @@
       answer.textContent = found < 0 ? "not tried" : heads.slice(count).map((head, i) => `${head}: ${rows[found][count + i]}`).join(" · ");
       body.forEach((row, i) => row.classList.toggle("chosen", i === found));
     }
-    inputs.forEach(({ input }) => input.addEventListener("input", update));
+    inputs.forEach(({ input }) => input.addEventListener("input", () => { update(); see(body.find((row) => row.classList.contains("chosen"))); }));
     update();
   }
 
@@ -149,6 +150,12 @@
     const now = document.documentElement.dataset.theme;
     document.querySelectorAll("iframe.player").forEach((frame) => frame.contentWindow && frame.contentWindow.postMessage({ theme: now }, "*"));
   }
+
+  /* A player says how high it is. */
+  addEventListener("message", (event) => {
+    const frame = [...document.querySelectorAll("iframe.player")].find((each) => each.contentWindow === event.source);
+    if (frame && event.data && event.data.height > 0) frame.style.height = `${event.data.height + 2}px`;
+  });
 
   /* What a phone folds is folded as it comes, so that nothing moves after it was seen. */
   const phone = matchMedia("(max-width: 720px)");

@@ -28,6 +28,7 @@ _SERVES = {
     "design-tabs": ".sd-tab-set",
     "togglebutton": ".toggle, .dropdown, [class*=tag_hide]",
 }
+_SENTENCE = 8  # words
 _DESCRIPTION = 155  # characters of a description that search engines show
 _FORMATS = {".ipynb": "notebook", ".md": "notebook as text", ".json": "record", ".csv": "table"}
 
@@ -54,14 +55,15 @@ def finish_page(path: Path) -> str:
     _head(page)
     article = page.find("article") or page
     assert isinstance(article, Tag)
-    for heading in page.select("#jb-print-docs-body h1"):  # a second title, for print only
-        heading.name = "p"
+    for element in page.select("#jb-print-docs-body"):  # a second title and contents, never shown
+        element.decompose()
     _frame(page)
     if path.stem not in ("search", "genindex"):
         _figures(article, path)
         _tables(article, path)
         _downloads(article, path)
         _images(article, path)
+        _hold_together(article)
     return str(page)
 
 
@@ -167,8 +169,10 @@ def _tables(article: Tag, path: Path) -> None:
         caption = table.caption
         if caption is None:
             caption = _new("caption")
-            caption.append(title)
+            caption.append(f"Table {count}. {title}")
             table.insert(0, caption)
+        if _wordy(rows):
+            table["class"] = sorted({*map(str, table.get_attribute_list("class")), "stacked"})
         if "stacked" in table.get_attribute_list("class"):
             _label_cells(table)
         words = " ".join(caption.get_text().split())
@@ -184,6 +188,11 @@ def _tables(article: Tag, path: Path) -> None:
         area["aria-label"] = words
     for block in article.find_all("pre"):
         block["tabindex"] = "0"
+
+
+def _wordy(rows: list[list[str]]) -> bool:
+    """Whether a table says sentences beside its first column: too much for a phone's columns."""
+    return any(len(cell.split()) >= _SENTENCE for row in rows[1:] for cell in row[1:])
 
 
 def _label_cells(table: Tag) -> None:
@@ -242,6 +251,18 @@ def _size(file: Path) -> tuple[float, float] | None:
         return (float(found[1]), float(found[2])) if found else None
     picture = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     return None if picture is None else (picture.shape[1], picture.shape[0])
+
+
+_UNIT = r"(?<=[\d\]]) (?=%|(?:k?m|[cm]m|m?s|Hz|[kMG]B)\b)"
+_WITHIN = r"(?<=\d,) (?=-?[\d.,]+\])"
+_TOGETHER = re.compile(f"{_UNIT}|{_WITHIN}")
+
+
+def _hold_together(article: Tag) -> None:
+    """A number and its unit stay on one line, and so does an interval."""
+    for text in article.find_all(string=_TOGETHER):
+        if text.find_parent(["pre", "code", "script", "svg", "math"]) is None:
+            text.replace_with(_TOGETHER.sub("\N{NO-BREAK SPACE}", text))
 
 
 def _new(name: str, **attributes: str) -> Tag:

@@ -16,7 +16,14 @@ from trexton.flights.names import flight_title
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.workflow.formats import nbformat
 
-__all__ = ["describe_notebook", "description", "name_figures", "page_names", "with_flight"]
+__all__ = [
+    "describe_notebook",
+    "description",
+    "name_figures",
+    "page_names",
+    "refer_to_figures",
+    "with_flight",
+]
 
 _LONGEST = 200  # characters of a description, about what search engines show
 
@@ -62,9 +69,39 @@ def name_figures(notebook: nbformat.NotebookNode, page: str) -> list[str]:
         shown = re.search(r"""page\.show\(\s*["'](\w+)["']""", cell.source)
         drawn = any("image/svg+xml" in output.get("data", {}) for output in cell.get("outputs", ()))
         if figure is not None and shown and drawn:
-            figure["name"] = re.sub(r"[/_]", "-", f"{page}-{shown[1]}").lower()
+            figure["name"] = _figure_name(page, shown[1])
             names.append(figure["name"])
     return names
+
+
+def refer_to_figures(notebook: nbformat.NotebookNode, page: str, figures: Sequence[str]) -> None:
+    """Make links to a page's own figures numbered references: ``[the plan](#floor)``.
+
+    Parameters
+    ----------
+    notebook : nbformat.NotebookNode
+        Changed in place: its text, and the text that its cells show.
+    figures : sequence of str
+        Names of the figures that are there; a link to another becomes the words it stands on.
+    """
+
+    def refer(found: re.Match[str]) -> str:
+        name = _figure_name(page, found["figure"])
+        return f"{{numref}}`{name}`" if name in figures else found["words"]
+
+    def referred(text: str) -> str:
+        return re.sub(r"\[(?P<words>[^\]]+)\]\(#(?P<figure>\w+)\)", refer, text)
+
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = referred(cell.source)
+        for output in cell.get("outputs", ()):
+            if said := output.get("data", {}).get("text/markdown"):
+                output.data["text/markdown"] = referred(said)
+
+
+def _figure_name(page: str, figure: str) -> str:
+    return re.sub(r"[/_]", "-", f"{page}-{figure}").lower()
 
 
 def with_flight(

@@ -17,6 +17,7 @@ from trexton.book.pages import (
     description,
     name_figures,
     page_names,
+    refer_to_figures,
     with_flight,
 )
 from trexton.book.prose import records_by_name, render
@@ -99,7 +100,9 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
                         if flight not in ("", pair.name) and name in contents.good(pair.name)
                     }
                     notebook = nbformat.read(path, as_version=4)
-                    name_figures(notebook, f"{flight}/{name}")
+                    describe_notebook(notebook)
+                    named = name_figures(notebook, f"{flight}/{name}")
+                    refer_to_figures(notebook, f"{flight}/{name}", named)
                     with_flight(notebook, flight, twins, figures)
                     _write_notebook(notebook, folder / flight / path.name, contents.good(flight))
                 else:
@@ -115,7 +118,6 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
 
 def _write_notebook(notebook: nbformat.NotebookNode, target: Path, pages: list[str]) -> None:
     """Write an executed notebook; links to experiments that have no page become plain text."""
-    describe_notebook(notebook)
 
     def link(found: re.Match[str]) -> str:
         return found[0] if found["page"] in pages else found["text"]

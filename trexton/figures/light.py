@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from trexton.figures.style import COLORS, canvas, legend_above
 from trexton.records import Record
 
-__all__ = ["sweeps"]
+__all__ = ["sweeps", "table"]
 
 STYLE = {
     "paper": ("paper", COLORS["paper"]),
     "both": ("paper, agile", COLORS["knn"]),
     "field": ("field", COLORS["estimate"]),
 }
+
+LIGHTS = {"drift": "gain drifts by {:g} %", "warmth": "red gains and blue loses {:g} %"}
 
 
 def sweeps(record: Record) -> Figure:
@@ -32,3 +35,16 @@ def sweeps(record: Record) -> Figure:
         axes[0, 0].set_ylabel("mean error (cm)")
         legend_above(axes[0, 0], 3)
     return figure
+
+
+def table(record: Record) -> pd.DataFrame:
+    """Mean error of each method (cm), a row for each light; the steady one first."""
+    rows = [
+        {"light": words.format(100 * share) if share else "steady"}
+        | {STYLE[name][0]: f"{errors[i]:.0f}" for name, errors in series.items()}
+        for what, words in LIGHTS.items()
+        for series in (record.series[f"by_{what}_cm"],)
+        for i, share in enumerate(record.series[what])
+        if share or what == "drift"
+    ]
+    return pd.DataFrame(rows)

@@ -144,6 +144,8 @@
   if (data.floor) { floorImage = new Image(); floorImage.onload = draw; floorImage.src = data.floor.image; }
   const dark = matchMedia("(prefers-color-scheme: dark)");
   addEventListener("message", (event) => { if (event.data && event.data.theme) setTheme(event.data.theme); });
+  // The page around it gives it the height that it takes.
+  new ResizeObserver(() => { if (parent !== window) parent.postMessage({ height: root.offsetHeight }, "*"); }).observe(root);
   addEventListener("resize", draw);
   setTheme(dark.matches ? "dark" : "light");
 })();
