@@ -154,8 +154,8 @@ def test_a_table_of_sentences_is_told_apart_from_one_of_numbers(tmp_path):
     (tmp_path / "page.html").write_text(
         "<html><head></head><body><article><h1>T</h1>"
         + "".join(
-            f'<table class="table" id="{name}">{head}<tbody><tr><td>a long label of all of these words</td>'
-            f"<td>{cell}</td></tr></tbody></table>"
+            f'<table class="table" id="{name}">{head}<tbody><tr>'
+            f"<td>a label of eight words, not a sentence</td><td>{cell}</td></tr></tbody></table>"
             for name, cell in rows.items()
         )
         + "</article></body></html>"
