@@ -72,6 +72,16 @@ def test_without_scripts_the_player_is_a_still(open_page, book):
     assert page.query_selector("svg.still polyline") is not None
 
 
+@pytest.mark.parametrize("width", [360, 1400])
+def test_a_page_gives_its_player_the_height_that_it_takes(open_page, book, width):
+    name = first_page(book, "*-player.html").replace("-player", "")
+    page, _ = open_page(name, width)
+    page.eval_on_selector("iframe.player", "frame => frame.scrollIntoView({behavior: 'instant'})")
+    page.wait_for_function("document.querySelector('iframe.player').style.height")
+    room = "f => f.clientHeight - f.contentDocument.documentElement.offsetHeight"
+    assert page.eval_on_selector("iframe.player", room) == 0
+
+
 def test_a_player_is_under_two_megabytes(book):
     first_page(book, "*-player.html")
     assert all(path.stat().st_size < 2_000_000 for path in book.rglob("*-player.html"))
