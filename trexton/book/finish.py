@@ -253,7 +253,7 @@ def _size(file: Path) -> tuple[float, float] | None:
     return None if picture is None else (picture.shape[1], picture.shape[0])
 
 
-_UNIT = r"(?<=[\d\]]) (?=%|(?:k?m|[cm]m|m?s|Hz|[kMG]B)\b)"
+_UNIT = r"(?<=[\d\]]) (?=%|(?:k?m|[cm]m|[mu]?s|Hz|[kMG]B)\b)"
 _WITHIN = r"(?<=\d,) (?=-?[\d.,]+\])"
 _TOGETHER = re.compile(f"{_UNIT}|{_WITHIN}")
 
