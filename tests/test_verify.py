@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -84,6 +85,29 @@ def test_other_data_are_named(processes, tmp_path):
     processes.records = [{"provenance": {"flights": {"train": "cd"}}}]
     verdict = verify(saved(tmp_path / "r.json"), tmp_path, "flight")
     assert verdict.changes == ["data of flight train: 'ab' -> 'cd'"]
+
+
+def test_flights_simulated_anew_are_judged_by_their_values(processes, tmp_path, monkeypatch):
+    """Their last bits are the processor's; two records of one recipe share a flight."""
+    made = []
+
+    def record_flight(folder, **recipe):
+        made.append(recipe)
+        folder.mkdir(parents=True)
+
+    monkeypatch.setattr("trexton.simulator.record_flight", record_flight)
+    recipe = {"train": {"frames": 3, "seed": 1}, "test": {"frames": 3, "seed": 2}}
+    processes.records = [{"provenance": {"flights": {"train": "cd"}}}]
+    for name in ("one", "two"):
+        path = saved(tmp_path / f"{name}.json")
+        content = json.loads(path.read_text())
+        content["provenance"]["simulated"] = recipe
+        path.write_text(json.dumps(content))
+        assert verify(path, tmp_path).changes == []
+    assert made == [recipe["train"], recipe["test"]]
+    folders = processes.commands[0][-2:]
+    assert [Path(folder).name for folder in folders] == ["train", "test"]
+    assert processes.commands[-1][-2:] == folders
 
 
 def test_a_process_that_is_off_by_a_bit_is_named(processes, tmp_path):
