@@ -171,9 +171,11 @@ def _tables(article: Tag, path: Path) -> None:
             caption = _new("caption")
             caption.append(f"Table {count}. {title}")
             table.insert(0, caption)
+        classes = {*map(str, table.get_attribute_list("class"))}
         if _wordy(rows):
-            table["class"] = sorted({*map(str, table.get_attribute_list("class")), "stacked"})
-        if "stacked" in table.get_attribute_list("class"):
+            classes.add("stacked")
+            table["class"] = " ".join(sorted(classes))
+        if "stacked" in classes:
             _label_cells(table)
         words = " ".join(caption.get_text().split())
         link = _new("a", href=file.name, class_="csv", download="")
