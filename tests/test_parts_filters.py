@@ -278,3 +278,16 @@ def test_equal_seeds_give_equal_bits():
 def test_bad_parameters_are_one_clear_error(build):
     with pytest.raises(ParameterError, match="expected|choose"):
         build()
+
+
+@pytest.mark.parametrize("width", [0.05, 0.4, 3.0, 300.0])
+@pytest.mark.parametrize("informed", [0.1, 10.0])
+def test_states_that_bounds_leave_out_could_not_have_won(rng, width, informed):
+    motion = RandomWalk.of(np.array([[0.04, 0.01], [0.01, 0.09]]))
+    for _ in range(10):
+        previous = width * 0.2 * rng.standard_normal((600, 2))
+        weights = rng.dirichlet(np.full(600, 0.3))
+        states = motion.sample(previous[rng.choice(600, 500, p=weights)], rng)
+        scores = -informed * np.square(states - width * 0.1).sum(axis=1)
+        expected = np.argmax(scores + motion.density(states, previous, weights))
+        assert motion.likeliest(scores, states, previous, weights) == expected

@@ -56,10 +56,13 @@ class MaximumAPosteriori(Estimation):
     """argmax of p(z_t | x_i) sum_j p(x_i | x_j at t-1) w_j at t-1 (Driessen & Boers 2008)."""
 
     def position(self, belief: Belief, previous: Belief | None, motion: MotionModel) -> np.ndarray:
-        score = belief.log_likelihood
-        if previous is not None:
-            score = score + motion.density(belief.states, previous.states, previous.weights)
-        return _place(belief, motion, int(np.argmax(score)))
+        if previous is None:
+            row = int(np.argmax(belief.log_likelihood))
+        else:
+            row = motion.likeliest(
+                belief.log_likelihood, belief.states, previous.states, previous.weights
+            )
+        return _place(belief, motion, row)
 
 
 @dataclass(eq=False)

@@ -23,6 +23,10 @@ _MINUS_HALF = np.array([-0.5, -0.5])
 # Particles further apart than this log density count as this far: denormal numbers would take ten
 # times as long.
 _FAR = -500.0
+_WORTH_BOUNDS = 400**2  # pairs of particles; fewer are gone through before bounds are found
+_SQUARE = 0.2  # side of the squares on which bounds are found, in deviations of the process
+_MOST_SQUARES = 400  # a side
+_LOOKED_AT = 64  # particles of the highest bounds, which the others must be able to beat
 
 
 @dataclass(eq=False)
@@ -40,6 +44,12 @@ class MotionModel(Part):
     def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """``(M,)`` log of sum_j p(x_i | x_j a frame before) w_j, up to a shared constant."""
         raise NotImplementedError
+
+    def likeliest(
+        self, scores: np.ndarray, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
+    ) -> int:
+        """Row of the state whose score, ``(M,)``, and `density` together are highest."""
+        return int(np.argmax(scores + self.density(states, previous, weights)))
 
     def position(self, states: np.ndarray) -> np.ndarray:
         """``(M, 2)`` metres."""
@@ -139,6 +149,43 @@ class RandomWalk(MotionModel):
         else:
             in_strips(work, len(blocks))
         return np.log(density, out=density)
+
+    def likeliest(
+        self, scores: np.ndarray, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
+    ) -> int:
+        """See `MotionModel.likeliest`; states that cannot win by a bound are not looked at."""
+        few = len(states) * len(previous) < _WORTH_BOUNDS or len(states) <= _LOOKED_AT
+        bound = None if few else self._at_most(states, previous, weights)
+        if bound is None:
+            return super().likeliest(scores, states, previous, weights)
+        bound += scores
+        rows = np.argpartition(bound, -_LOOKED_AT)[-_LOOKED_AT:]
+        beaten = (scores[rows] + self.density(states[rows], previous, weights)).max()
+        rows = np.flatnonzero(bound >= beaten)
+        return int(rows[super().likeliest(scores[rows], states[rows], previous, weights)])
+
+    def _at_most(
+        self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
+    ) -> np.ndarray | None:
+        """``(M,)`` upper bounds of `density`; None where particles are too far apart for them.
+
+        Particles are put on squares. A density is at most what it were if all of each square stood
+        as near as squares allow, which is a sum along x of sums along y.
+        """
+        places = np.concatenate((states, previous)) @ (self._whiten.T / _SQUARE)
+        squares = np.floor(places - places.min(axis=0)).astype(np.int64)
+        shape = squares.max(axis=0) + 1
+        if not (shape <= _MOST_SQUARES).all():
+            return None
+        numbers = squares[:, 0] * shape[1] + squares[:, 1]
+        masses = np.bincount(numbers[len(states) :], weights, int(shape.prod())).reshape(shape)
+        for axis, count in enumerate(shape):
+            apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+            nearest = np.exp(-0.5 * (_SQUARE * np.maximum(np.arange(count) - 1, 0)) ** 2)[apart]
+            masses = nearest @ masses if axis == 0 else masses @ nearest
+        bounds = np.log(masses + np.exp(_FAR)).ravel()[numbers[: len(states)]]
+        found: np.ndarray = bounds + 1e-9  # sums are rounded
+        return found
 
 
 def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:
