@@ -74,7 +74,7 @@ class Row:
         limit: float | None = None,
         note: str = "",
     ) -> Row:
-        """A row from times; a yardstick may be a plain number of seconds, a target."""
+        """A row from times; a yardstick may be a plain number of seconds of the same run."""
         seconds = float(theirs.median if isinstance(theirs, Times) else theirs)
         ratio = ours.median / seconds
         return cls(
