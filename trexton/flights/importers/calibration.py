@@ -18,7 +18,7 @@ __all__ = ["read_calibration"]
 
 # OpenCV may add every point it saw. What may open a level is counted: parsers call themselves for
 # each, and may overflow the stack.
-MOST_CHARACTERS = 2**18
+MOST_CHARACTERS = 2**17
 OPENING, MOST_OPENINGS = "[{<:-?", 10_000
 
 
