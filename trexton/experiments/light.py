@@ -16,7 +16,7 @@ from trexton.localizer import Localizer, TextonMap
 from trexton.records import Record
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.streams import stream
-from trexton.wording import number, times
+from trexton.wording import number, percent, times
 
 __all__ = ["DRIFTS", "METHODS", "WARMTHS", "Parameters", "finding", "run"]
 
@@ -120,7 +120,8 @@ def finding(record: Record) -> str:
     errors, ratio = record.values["error_cm"], record.values["ratio"]
     still, moving = (errors[f"drift {drift:g}"]["field"] for drift in (0.0, JUDGED))
     return (
-        f"Where the camera's gain drifts by 5 %, method field errs by {number(moving)} cm instead "
+        f"Where the camera's gain drifts by {percent(JUDGED)}, method field errs by "
+        f"{number(moving)} cm instead "
         f"of {number(still)} cm, {times(ratio['field'])} as much; the paper's filter errs "
         f"{times(ratio['paper'])} as much as without drift."
     )
