@@ -121,7 +121,9 @@ def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
     write_notebook(notebooks, "first")
     slow = f"import time\nfrom pathlib import Path\nPath({str(mark)!r}).touch()\ntime.sleep(60)\n"
     write_notebook(notebooks, "second", slow + BODY)
+    # A suite that a shell runs in the background has the interrupt ignored.
     script = f"""if True:
+        import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
         import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})
         from trexton.experiments import Experiment
         from trexton.workflow import FlightPair, run_experiments
