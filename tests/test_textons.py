@@ -46,6 +46,21 @@ def test_kohonen_finds_separated_clusters(rng):
     assert (steps > 0).all() or (steps < 0).all()  # neighbours on the chain are neighbours in grey
 
 
+@pytest.mark.parametrize("method", METHODS)
+def test_learning_does_not_care_which_value_is_which_or_how_bright_it_is(rng, method):
+    patches = rng.integers(0, 200, (900, 3, 3, 3), dtype=np.uint8)
+
+    def learned(of: np.ndarray) -> np.ndarray:
+        dictionary = learn_textons(of, 6, rng=np.random.default_rng(4), method=method).dictionary
+        return dictionary.textons.astype(int).reshape(6, -1)
+
+    textons, order = learned(patches), rng.permutation(27)
+    shuffled = patches.reshape(-1, 27)[:, order].reshape(patches.shape)
+    np.testing.assert_array_equal(learned(shuffled), textons[:, order])
+    np.testing.assert_array_equal(learned(patches + np.uint8(50)), textons + 50)
+    assert np.abs(learned(255 - patches) - (255 - textons)).max() <= 1  # halves round to even
+
+
 def test_one_step_follows_the_published_rule():
     """Winner-take-all with two textons: the nearer moves by alpha / 255 of the difference, the
     other stays.
