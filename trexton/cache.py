@@ -8,7 +8,7 @@ import os
 import re
 import zipfile
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -54,7 +54,7 @@ def cache_folder() -> Path:
     return root / "data" / "cache" if root else Path.home() / ".cache" / "trexton"
 
 
-@lru_cache
+@cache
 def code_hashes(module: str) -> dict[str, str]:
     """SHA-256 of the source of `module` and of all of this package it imports, however deep.
 
@@ -70,7 +70,7 @@ def code_hashes(module: str) -> dict[str, str]:
     return dict(sorted(hashes.items()))
 
 
-@lru_cache
+@cache
 def _hash_and_imports(module: str) -> tuple[str, list[str]] | None:
     """Of one module, read once a process; None for what is no module of this package."""
     try:
