@@ -395,7 +395,5 @@ def test_a_field_does_not_depend_on_how_many_threads_fit_it():
     for threads in (1, 2):
         with threadpool_limits(threads, user_api="blas"):
             fitted.append(Field().fit(training()).arrays())
-    one, two = fitted
-    assert {name: array.tobytes() for name, array in one.items()} == {
-        name: array.tobytes() for name, array in two.items()
-    }
+    one, two = ({name: array.tobytes() for name, array in each.items()} for each in fitted)
+    assert one == two

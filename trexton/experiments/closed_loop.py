@@ -46,12 +46,12 @@ HEIGHT_NOISE = 0.01  # metres, of the autopilot's height
 class LandingParameters(SeedParameters):
     """Those of flights that end in a landing."""
 
-    radius: float = option(0.6, "r of the zone in metres", low=0)
+    radius: float = option(0.6, "r of the zone in metres", low=0.01)
     armed_after: float = option(5.0, "seconds of flight before a trigger counts", low=0)
     time_limit: float = option(
         60.0, "seconds after which a landing counts as never triggered", low=0
     )
-    speed: float = option(0.6, "of the vehicle, metres a second", low=0)
+    speed: float = option(0.6, "of the vehicle, metres a second", low=0.01)
 
     def __post_init__(self) -> None:
         super().__post_init__()

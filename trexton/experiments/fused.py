@@ -30,7 +30,6 @@ SENT = {"sent": "as it is sent", "plain": "as if each were news"}
 BAND = {"low": 0.8, "high": 0.97}  # of the truth in the fused 90 % region: that is honest
 SETTLED_S = 4.0  # receivers begin with no idea of the velocity
 REGION = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
-DRAWS = 500
 
 
 @dataclass(frozen=True)
@@ -147,7 +146,7 @@ def _summary(runs: list[_Fused], alike: float, rng: np.random.Generator) -> dict
     freedom = max(2.0, 2 * np.isfinite(nis).sum(axis=1).mean() / alike)
     low, high = 2 / alike * chi2.ppf((0.025, 0.975), freedom) / freedom
     return {
-        "inside": mean_with_interval(held, rng, DRAWS),
+        "inside": mean_with_interval(held, rng),
         "nees": np.nanmean(squared),
         "error_cm": 100 * np.nanmean(error),
         "axis_cm": 100 * np.sqrt(np.nanmean(np.square(error)) / 2),

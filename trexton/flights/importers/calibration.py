@@ -91,7 +91,7 @@ def _yaml(text: str) -> Mapping[str, Any]:
         # A few that name one another stand for billions of values.
         if any(isinstance(token, yaml.AliasToken) for token in yaml.scan(lines, Loader)):
             raise ValueError("an alias in it")
-        return yaml.load(lines, Loader)
+        return yaml.load(lines, Loader)  # a safe loader: it makes no objects
     except yaml.YAMLError as error:
         raise ValueError(str(error)) from None
 
