@@ -23,6 +23,10 @@ def _shared_data() -> Path | None:
     return next((folder for folder in candidates if (folder / "cyberzoo").is_dir()), None)
 
 
+if found := _shared_data():  # as make test says it: pytest by hand runs the same
+    os.environ["TREXTON_DATA"] = str(found)
+
+
 @pytest.fixture(scope="session")
 def shared_data() -> Path:
     """A local copy of the public data, laid out as the registry names them."""

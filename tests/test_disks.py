@@ -142,7 +142,7 @@ def test_one_sentence_and_the_old_result_stays(
     before, said, shown = refused(name, disk, inputs, monkeypatch, capfd, spoil)
     if name.startswith("onboard") and state == "full":
         assert "lines were left out" in said[-1]
-        before.clear()  # tables and logs of a flight begin anew
+        before.clear()  # a table is moved aside, a log goes on
     elif name not in ("run", "report", "sweep"):
         assert len(said) == 1 and str(disk.place) in said[0], said
     assert {name: digest for name, digest in disk.state().items() if name in before} == before

@@ -77,7 +77,8 @@ def test_undistorting_changes_the_images_and_cropping_the_camera(tmp_path):
         ({"undistort": "CALIBRATION"}, "the calibration is for 640x480, the images are 64x48"),
         ({"undistort": "STRAIGHT"}, "no calibration with distortion"),
         ({"mask": "MASK"}, "no free rectangle of a tenth of the image is left"),
-        ({"mask": "absent.png"}, "expected a picture of 64x48 pixels"),
+        ({"mask": "SMALL"}, "expected a picture of 64x48 pixels"),
+        ({"mask": "absent"}, "absent: cannot be read"),
     ],
 )
 def test_lenses_and_masks_that_do_not_fit_are_refused(tmp_path, settings, told):
@@ -88,6 +89,8 @@ def test_lenses_and_masks_that_do_not_fit_are_refused(tmp_path, settings, told):
     (tmp_path / "STRAIGHT").write_text(straight)
     cv2.imwrite(str(tmp_path / "MASK.png"), np.eye(48, 64, dtype=np.uint8) * 0)
     (tmp_path / "MASK.png").rename(tmp_path / "MASK")
+    cv2.imwrite(str(tmp_path / "SMALL.png"), np.ones((24, 32), np.uint8))
+    (tmp_path / "SMALL.png").rename(tmp_path / "SMALL")
     given = {name: str(tmp_path / value) for name, value in settings.items()}
     with pytest.raises(TrextonError, match=told):
         import_flight(source, tmp_path / "out", settings=given)

@@ -172,6 +172,16 @@ file.write("third line")
     ]
 
 
+@pytest.mark.parametrize("kind", ["csv", "json", "tum"])
+def test_what_the_file_held_before_is_moved_aside(tmp_path, kind):
+    path = tmp_path / "positions"
+    path.write_text("of yesterday")
+    write(f"{kind}:{path}")
+    write(f"{kind}:{path}")
+    assert (tmp_path / "positions.1").read_text() == "of yesterday"
+    assert (tmp_path / "positions.2").read_text() == path.read_text() != ""
+
+
 def test_a_reader_that_went_away_or_does_not_read_is_an_error_and_no_wait(monkeypatch):
     reader, writer = os.pipe()
 

@@ -19,7 +19,8 @@ from trexton.flights import Flight, write_flight
 from trexton.flights.folder import load_folder
 from trexton.flights.frames import ImageFiles
 from trexton.flights.tables import read_table, read_text
-from trexton.images import check_size, declared_size, read_image
+from trexton.images import check_size, declared_size, decode, read_image
+from trexton.simulator import Floor
 
 
 def flight_with_images(folder):
@@ -199,6 +200,9 @@ def test_declared_sizes_are_checked_before_decoding(tmp_path):
     (tmp_path / "bomb.png").write_bytes(png_of(30_000, 30_000))
     with pytest.raises(ImageError, match="declares 30000x30000"):
         read_image(tmp_path / "bomb.png")
+    with pytest.raises(ImageError, match="declares 30000x30000"):
+        Floor.from_file(tmp_path / "bomb.png", 5.0)
+    assert decode((tmp_path / "bomb.png").read_bytes()) is None
 
 
 @pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp"])

@@ -142,7 +142,8 @@ def decode(data: bytes, flags: int = cv2.IMREAD_COLOR) -> np.ndarray | None:
     """The picture in the bytes of a file as OpenCV decodes it (BGR); None where it cannot, or
     declares too much.
     """
-    if not data or _is_cut(data):
+    width, height = declared_size(data) or (0, 0)
+    if not data or width * height > MOST_PIXELS or _is_cut(data):
         return None
     try:
         return cv2.imdecode(np.frombuffer(data, np.uint8), flags)

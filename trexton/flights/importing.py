@@ -21,7 +21,7 @@ from trexton.flights.folder import read_flight, write_tables
 from trexton.flights.frames import Frames, ImageFiles, select_frames
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.recording import NANO, Recording, match
-from trexton.images import bgr_from_yuv, check_size
+from trexton.images import bgr_from_yuv, check_size, checked_bytes, decode
 from trexton.options import Options, option
 from trexton.progress import progress, say
 
@@ -315,7 +315,7 @@ def _calibration(
 
 def _free_rectangle(name: str, size: tuple[int, int]) -> tuple[int, int, int, int]:
     """x, y, width and height of the largest upright rectangle without a black pixel of the mask."""
-    mask = cv2.imread(name, cv2.IMREAD_GRAYSCALE)
+    mask = decode(checked_bytes(Path(name)), cv2.IMREAD_GRAYSCALE)
     if mask is None or mask.shape[1::-1] != size:
         raise ParameterError(f"mask {name}: expected a picture of {size[0]}x{size[1]} pixels")
     heights, best = np.zeros(size[0], int), (0, 0, 0, 0)

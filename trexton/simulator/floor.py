@@ -15,6 +15,7 @@ import numpy as np
 
 from trexton.camera import MapImage
 from trexton.errors import ImageError, ParameterError
+from trexton.images import checked_bytes, decode
 from trexton.simulator.effects import Light
 from trexton.simulator.hall import paint_hall
 from trexton.simulator.layouts import layout
@@ -135,12 +136,7 @@ class Floor:
         """
         if not (np.isfinite(width) and 0.5 <= width <= 50):
             raise ParameterError(f"the floor's width is {width} m: expected 0.5 to 50")
-        data = (
-            np.frombuffer(Path(path).read_bytes(), np.uint8)
-            if Path(path).is_file()
-            else np.empty(0, np.uint8)
-        )
-        image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size else None
+        image = decode(checked_bytes(Path(path)), cv2.IMREAD_UNCHANGED)
         if image is None or image.dtype != np.uint8:
             raise ImageError(
                 f"{path}: not a readable picture of 8 bits a channel: give a PNG or JPEG file of "

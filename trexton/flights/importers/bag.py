@@ -13,6 +13,7 @@ import numpy as np
 from trexton.errors import FlightError
 from trexton.flights.frames import Forward
 from trexton.flights.importers.recording import NANO, Recording, Track, attitude_from_quaternions
+from trexton.images import decode
 from trexton.options import Options, option
 
 __all__ = ["Settings", "read", "recognises"]
@@ -151,7 +152,7 @@ class BagFrames(Forward):
     def decoded(self, item: Any) -> np.ndarray:
         where = f"{self._bag.source}: an image of {self._topic}"
         if hasattr(item, "format"):
-            image = cv2.imdecode(np.asarray(item.data), cv2.IMREAD_COLOR)
+            image = decode(bytes(item.data))
             if image is None:
                 raise FlightError(f"{where} cannot be decoded (format {item.format!r})")
             return image

@@ -23,6 +23,15 @@ def named_file(address: str) -> str:
     return path
 
 
+def _move_aside(path: str) -> None:
+    if not os.path.isfile(path) or os.path.getsize(path) == 0:
+        return
+    number = 1
+    while os.path.lexists(f"{path}.{number}"):
+        number += 1
+    os.rename(path, f"{path}.{number}")
+
+
 class LineFile:
     """A file that takes whole lines, each with one system call, so that neither a crash nor a full
     disk leaves half a line behind.
@@ -34,7 +43,8 @@ class LineFile:
     header : str
         First line of a new file; empty for none.
     keep : bool
-        Add to what the file holds already; otherwise it is emptied.
+        Add to what the file holds already; otherwise that is moved to the first free of
+        ``path.1``, ``path.2`` and so on: a flight's positions are flown only once.
     most_bytes : int, optional
         Size at which the file becomes ``path.1`` (over the one before) and a new one is begun.
 
@@ -51,9 +61,9 @@ class LineFile:
         self._opened: int | None = None
         if not self._standard:
             try:
-                os.close(
-                    os.open(path, os.O_WRONLY | os.O_CREAT | (0 if keep else os.O_TRUNC), 0o644)
-                )
+                if not keep:
+                    _move_aside(path)
+                os.close(os.open(path, os.O_WRONLY | os.O_CREAT, 0o644))
             except OSError as error:
                 raise ParameterError(
                     f"{path}: cannot be written ({error.strerror}): "
