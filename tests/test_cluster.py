@@ -29,7 +29,7 @@ RECORDED = ("parameters", "values", "series", "images", "provenance")
 @pytest.fixture(scope="module")
 def cluster(tmp_path_factory):
     """One for all tests: two of them kill a worker each, whatever the order."""
-    with Cluster(tmp_path_factory.mktemp("cluster"), workers=4) as running:
+    with Cluster(tmp_path_factory.mktemp("cluster"), workers=3) as running:
         yield running
 
 

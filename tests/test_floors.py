@@ -16,7 +16,7 @@ from trexton.experiments.floors import VirtualFlights, judge_floor, named_floor,
 from trexton.figures.floors import foretold
 from trexton.simulator import Floor
 
-SMALL = VirtualFlights(frames=150, test_frames=40)
+SMALL = VirtualFlights(frames=100, test_frames=30)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def judged(picture):
 
 
 def test_a_floor_is_judged_by_prediction_and_flight(judged):
-    assert judged["frames"] == {"survey": 150, "test": 40}
+    assert judged["frames"] == {"survey": 100, "test": 30}
     assert list(judged["measured"]) == ["field", "paper"]
     for entry in judged["measured"].values():
         assert 0 < entry["low"] <= entry["mean_cm"] <= entry["high"]

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 
+import cv2
 import numpy as np
 import pytest
 
@@ -16,12 +17,13 @@ from trexton.figures import mocap_training as figures
 SCRIPT = """
 import sys
 from trexton.experiments import mocap_training
-from trexton.flights import read_flight
-from trexton.simulator import record_flight
+from trexton.camera import Camera
+from trexton.simulator import Floor, record_flight
 
 folder = sys.argv[1]
-train = record_flight(folder + "/train", frames=30, every=8, seed=3)
-test = record_flight(folder + "/test", frames=6, every=4, pattern="waypoints")
+room = {"floor": Floor.from_file(sys.argv[2], 3.0), "camera": Camera(320, 240, 260.0)}
+train = record_flight(folder + "/train", frames=30, every=8, seed=3, **room)
+test = record_flight(folder + "/test", frames=6, every=4, pattern="waypoints", **room)
 parameters = mocap_training.Parameters(
     samples=50, textons=6, particles=20, neighbors=2, repeats=2
 )
@@ -63,7 +65,9 @@ def test_the_mirrored_split_is_no_accident(cyberzoo):
 
 
 def test_equal_seeds_give_equal_bytes_under_any_hash_seed_and_threads(tmp_path):
-    contents = []
+    contents, floor = [], tmp_path / "floor.png"
+    coarse = np.random.default_rng(4).integers(0, 256, (12, 12, 3), dtype=np.uint8)
+    cv2.imwrite(str(floor), cv2.resize(coarse, (480, 480), interpolation=cv2.INTER_CUBIC))
     for hash_seed, threads in (("1", "1"), ("2", "2")):
         folder = tmp_path / hash_seed
         settings = {
@@ -72,7 +76,7 @@ def test_equal_seeds_give_equal_bytes_under_any_hash_seed_and_threads(tmp_path):
             "NUMBA_NUM_THREADS": threads,
         }
         environment = os.environ | settings | {"TREXTON_CACHE": str(folder / "cache")}
-        subprocess.run([sys.executable, "-c", SCRIPT, str(folder)], env=environment, check=True)
+        subprocess.run([sys.executable, "-c", SCRIPT, folder, floor], env=environment, check=True)
         record = json.loads((folder / "results" / "mocap_training.json").read_text())
         record.pop("timings")
         contents.append(json.dumps(record))

@@ -276,6 +276,7 @@ def test_the_links_of_a_mosaic_make_it_again(flight):
         map_from_links(part, mosaic.links, anchors=1)
 
 
+@pytest.mark.parametrize("flight", ["tilted"], indirect=True, scope="module")
 def test_only_images_and_the_anchors_positions_enter(flight):
     part = flight.select(slice(0, 40))
     mosaic = stitch(part, anchors=4)
@@ -288,6 +289,7 @@ def test_only_images_and_the_anchors_positions_enter(flight):
     np.testing.assert_array_equal(again.map.image, mosaic.map.image)
 
 
+@pytest.mark.parametrize("flight", ["tilted"], indirect=True, scope="module")
 def test_thread_counts_do_not_change_a_bit(flight):
     from threadpoolctl import threadpool_limits
 

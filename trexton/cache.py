@@ -9,7 +9,6 @@ import re
 import zipfile
 from collections.abc import Callable
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +21,13 @@ from trexton.records import software_versions
 
 __all__ = ["cache_folder", "cached", "code_hashes", "repository_root", "shipped"]
 
+_PACKAGE = Path(__file__).resolve().parent
 _ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")
 
 
 def repository_root() -> Path | None:
     """The clone this package runs from, or None for an installed package."""
-    root = Path(__file__).resolve().parent.parent
+    root = _PACKAGE.parent
     return root if (root / "pyproject.toml").is_file() and (root / "notebooks").is_dir() else None
 
 
@@ -40,7 +40,7 @@ def shipped(name: str) -> Path:
         It is in neither place.
     """
     root = repository_root()
-    place = (root or Path(__file__).resolve().parent / "_shipped") / name
+    place = (root or _PACKAGE / "_shipped") / name
     if not place.is_dir():
         raise DataError(f"{place} is missing: install trexton again, or work in a whole clone")
     return place
@@ -73,13 +73,13 @@ def code_hashes(module: str) -> dict[str, str]:
 @cache
 def _hash_and_imports(module: str) -> tuple[str, list[str]] | None:
     """Of one module, read once a process; None for what is no module of this package."""
-    try:
-        spec = find_spec(module) if module.split(".")[0] == "trexton" else None
-    except ModuleNotFoundError:
-        spec = None
-    if spec is None or spec.origin is None:
+    package, *inner = module.split(".")
+    place = _PACKAGE.joinpath(*inner)
+    files = (place / "__init__.py", place.with_suffix(".py")) if package == "trexton" else ()
+    file = next((file for file in files if file.is_file()), None)
+    if file is None:
         return None
-    source = Path(spec.origin).read_bytes()
+    source = file.read_bytes()
     names: list[str] = []
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Import):

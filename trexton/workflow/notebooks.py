@@ -8,7 +8,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +80,7 @@ class Notebook:
 
 
 def _imported_modules(node: ast.AST) -> list[str]:
-    """Modules of this package that an import statement loads."""
+    """Modules that an import statement may load, names of what is in them too."""
     names: list[str] = []
     if isinstance(node, ast.Import):
         names = [alias.name for alias in node.names]
@@ -91,11 +90,4 @@ def _imported_modules(node: ast.AST) -> list[str]:
             node.module,
             *(lazy.get(alias.name, f"{node.module}.{alias.name}") for alias in node.names),
         ]
-    return [name for name in names if name.split(".")[0] == "trexton" and _is_module(name)]
-
-
-def _is_module(name: str) -> bool:
-    try:
-        return find_spec(name) is not None
-    except ModuleNotFoundError:
-        return False
+    return names
