@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import pandas as pd
 import pytest
 from conftest import ROOT
 
@@ -14,7 +15,7 @@ from trexton.book.pages import (
     description,
     name_figures,
     page_names,
-    refer_to_figures,
+    refer_by_number,
     with_flight,
 )
 from trexton.book.paper_map import load_map, map_table
@@ -23,6 +24,7 @@ from trexton.claims import load_claims
 from trexton.errors import ParameterError
 from trexton.experiments import EXPERIMENTS
 from trexton.flights.names import flight_title
+from trexton.notebook import show_table
 from trexton.records import Record
 from trexton.workflow import Outcome
 from trexton.workflow.formats import nbformat
@@ -183,19 +185,25 @@ def test_names_that_a_package_hands_on_are_described_where_it_stands():
     assert "stitch(" in text and "Mosaic(" in text and text.count("```python") >= 4
 
 
-def test_a_link_to_a_figure_of_the_page_becomes_its_number():
+def test_a_link_to_a_figure_or_table_of_the_page_becomes_its_number():
     said = nbformat.v4.new_output(
         "display_data", {"text/markdown": "As [the plan](#floor) has it."}
     )
+    html = show_table(pd.DataFrame({"x": [1]}), "Table 2. Axes.", "axes").data
+    table = nbformat.v4.new_output("display_data", {"text/html": html})
     notebook = nbformat.v4.new_notebook(
         cells=[
-            nbformat.v4.new_markdown_cell("See [the plan](#floor), [one](#none), [all](a.ipynb)."),
-            nbformat.v4.new_code_cell("page.say()", outputs=[said]),
+            nbformat.v4.new_markdown_cell(
+                "See [the plan](#floor), [one](#none), [all](a.ipynb), [these](#axes)."
+            ),
+            nbformat.v4.new_code_cell("page.say()", outputs=[said, table]),
         ]
     )
-    refer_to_figures(notebook, "room/mocap_training", ["room-mocap-training-floor"])
+    refer_by_number(notebook, "room/mocap_training", ["room-mocap-training-floor"])
     text, code = notebook.cells
-    assert text.source == "See {numref}`room-mocap-training-floor`, one, [all](a.ipynb)."
+    assert text.source == (
+        'See {numref}`room-mocap-training-floor`, one, [all](a.ipynb), <a href="#axes">Table 2</a>.'
+    )
     shown = code.outputs[0].data["text/markdown"]
     assert shown == "As {numref}`room-mocap-training-floor` has it."
 

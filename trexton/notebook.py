@@ -192,19 +192,22 @@ class Page:
         caption = f"Table {self._tables}. What the paper claims, and our test of it."
         return HTML(claims_html(judge_all({self.record.flight: records}, mine), caption))
 
-    def frame(self, table: pd.DataFrame, caption: str) -> HTML:
-        """A table with its caption, numbered within the page."""
+    def frame(self, table: pd.DataFrame, caption: str, name: str = "") -> HTML:
+        """A table with its caption, numbered within the page; text refers to it by its name, as in
+        ``[the table](#name)``.
+        """
         self._tables += 1
-        return show_table(table, f"Table {self._tables}. {caption}")
+        return show_table(table, f"Table {self._tables}. {caption}", name)
 
-    def table(self, rows: dict[str, str], caption: str) -> HTML:
+    def table(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
         """Errors per axis in cm beside the paper's.
 
         Parameters
         ----------
         rows : dict of str to str
             Label of each row, and the place of its summary in the record's values.
-        caption : str
+        caption, name : str
+            See `frame`.
         """
         columns = {"error_cm": "Error", "std_cm": "STD"}
         printed = published().get(self.record.experiment, {})
@@ -226,9 +229,9 @@ class Page:
             table.append(
                 {"cm": label, **cells, "Euclidean median": _interval(summary.get("median_cm"))}
             )
-        return self.frame(pd.DataFrame(table).fillna(""), caption)
+        return self.frame(pd.DataFrame(table).fillna(""), caption, name)
 
-    def quantities(self, rows: dict[str, str], caption: str) -> HTML:
+    def quantities(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
         """Single numbers of the record: label, and place in its values; the absent are left out."""
         found: dict[str, Any] = {
             label: look_up(self.record.values, path) for label, path in rows.items()
@@ -236,7 +239,7 @@ class Page:
         table = [
             {"": label, " ": _number(value)} for label, value in found.items() if value is not None
         ]
-        return self.frame(pd.DataFrame(table), caption)
+        return self.frame(pd.DataFrame(table), caption, name)
 
     def footer(self) -> HTML:
         """The command that runs this experiment again, its parameters, and the downloads."""
@@ -287,9 +290,11 @@ def _kept(name: str) -> Path | None:
     return path if path is not None and path.is_file() else None
 
 
-def show_table(table: pd.DataFrame, caption: str = "") -> HTML:
+def show_table(table: pd.DataFrame, caption: str = "", name: str = "") -> HTML:
     """A plain HTML table without an index."""
-    html = table.to_html(index=False, border=0, escape=False, classes="table")
+    html = table.to_html(
+        index=False, border=0, escape=False, classes="table", table_id=name or None
+    )
     if caption:
         html = html.replace("<thead>", f"<caption>{escape(caption)}</caption>\n  <thead>", 1)
     return HTML(html)

@@ -21,10 +21,11 @@ __all__ = [
     "description",
     "name_figures",
     "page_names",
-    "refer_to_figures",
+    "refer_by_number",
     "with_flight",
 ]
 
+_TABLE = re.compile(r'<table[^>]* id="(\w+)"[^>]*>\s*<caption>Table (\d+)\.')
 _LONGEST = 200  # characters of a description, about what search engines show
 
 
@@ -74,20 +75,29 @@ def name_figures(notebook: nbformat.NotebookNode, page: str) -> list[str]:
     return names
 
 
-def refer_to_figures(notebook: nbformat.NotebookNode, page: str, figures: Sequence[str]) -> None:
-    """Make links to a page's own figures numbered references: ``[the plan](#floor)``.
+def refer_by_number(notebook: nbformat.NotebookNode, page: str, figures: Sequence[str]) -> None:
+    """Make links to a page's own figures and tables numbered references: ``[the plan](#floor)``.
 
     Parameters
     ----------
     notebook : nbformat.NotebookNode
         Changed in place: its text, and the text that its cells show.
     figures : sequence of str
-        Names of the figures that are there; a link to another becomes the words it stands on.
+        Names of the figures that are there; a link to what is not becomes the words it stands on.
     """
+    shown = (
+        output.get("data", {}).get("text/html", "")
+        for cell in notebook.cells
+        for output in cell.get("outputs", ())
+    )
+    tables = {name: number for html in shown for name, number in _TABLE.findall(html)}
 
     def refer(found: re.Match[str]) -> str:
         name = _figure_name(page, found["figure"])
-        return f"{{numref}}`{name}`" if name in figures else found["words"]
+        if name in figures:
+            return f"{{numref}}`{name}`"
+        number = tables.get(found["figure"])
+        return f'<a href="#{found["figure"]}">Table {number}</a>' if number else found["words"]
 
     def referred(text: str) -> str:
         return re.sub(r"\[(?P<words>[^\]]+)\]\(#(?P<figure>\w+)\)", refer, text)

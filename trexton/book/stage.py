@@ -17,7 +17,7 @@ from trexton.book.pages import (
     description,
     name_figures,
     page_names,
-    refer_to_figures,
+    refer_by_number,
     with_flight,
 )
 from trexton.book.prose import records_by_name, render
@@ -102,7 +102,7 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
                     notebook = nbformat.read(path, as_version=4)
                     describe_notebook(notebook)
                     named = name_figures(notebook, f"{flight}/{name}")
-                    refer_to_figures(notebook, f"{flight}/{name}", named)
+                    refer_by_number(notebook, f"{flight}/{name}", named)
                     with_flight(notebook, flight, twins, figures)
                     _write_notebook(notebook, folder / flight / path.name, contents.good(flight))
                 else:
