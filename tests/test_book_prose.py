@@ -209,7 +209,9 @@ def test_a_link_to_a_figure_or_table_of_the_page_becomes_its_number():
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "notebooks").glob("*.md")), ids=lambda p: p.stem)
-def test_every_figure_that_is_referred_to_is_shown(path):
+def test_every_figure_and_table_that_is_referred_to_is_shown(path):
     text = path.read_text()
     referred = set(re.findall(r"\]\(#(\w+)\)", text))
-    assert referred <= set(re.findall(r"""page\.show\(\s*["'](\w+)""", text))
+    shown = set(re.findall(r"""page\.show\(\s*["'](\w+)""", text))
+    tables = re.findall(r'page\.(?:frame|quantities|table)\(.*?"(\w+)",?\s*\)', text, re.S)
+    assert referred <= shown | set(tables)
