@@ -1,15 +1,21 @@
 """Receivers of positions: against those of `onboard_consumers`; what the record says of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from onboard_consumers import ekf2, ekf3
 from small_room import histogram_flight
 
+from trexton.errors import ParameterError
+from trexton.estimate import Estimate
 from trexton.experiments import fused
+from trexton.experiments.evaluation import flown_estimates
 from trexton.experiments.receivers import RECEIVERS, Receiver, readings
 from trexton.figures import fused as figures
 
 DT = 0.08
+LOST = np.zeros(2), np.eye(2)
 
 
 def track(frames: int) -> tuple[np.ndarray, np.ndarray]:
@@ -96,3 +102,22 @@ def test_figures_and_sentence_come_from_the_record(record):
         np.testing.assert_allclose(np.asarray(drawn, dtype=float), shown)
     text = fused.finding(record)
     assert text.startswith("Fed with the paper's filter") and text.count("90 % region") == 3
+
+
+def test_a_method_that_is_lost_all_the_time_is_named_and_drawn_nowhere(monkeypatch):
+    def flown(method, *words):
+        estimates = flown_estimates(method, *words)
+        lost = method.parts["filter"].__class__.__name__ == "Tracks"
+        return [replace(estimate, lost=estimate.lost or lost) for estimate in estimates]
+
+    monkeypatch.setattr(fused, "flown_estimates", flown)
+    train = histogram_flight("hall", frames=130, turns=5.0)
+    test = histogram_flight("again", frames=110, turns=5.0, noise=5)
+    record = fused.run(train, test, fused.Parameters(repeats=1, vehicles=2))
+    assert record.values["silent"] == ["field"] and "field" not in record.values["order"]
+    assert fused.finding(record).endswith("says of every frame that it is lost, and sends nothing.")
+    assert len(figures.believed_over_time(record).axes) == len(record.values["order"])
+    assert len(figures.truth_in_the_region(record).axes) == 2
+    monkeypatch.setattr(fused, "flown_estimates", lambda *words: [Estimate(*LOST, lost=True)] * 110)
+    with pytest.raises(ParameterError, match="every method says of every frame of again"):
+        fused.run(train, test, fused.Parameters(repeats=1, vehicles=2))

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trexton.errors import ParameterError
 from trexton.estimate import Estimate
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
@@ -44,7 +45,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Fly the test flight with each method, send what flies, and fuse it.
 
     Each report is sent once, and only where a vehicle may steer by it. Beside what is sent stands
-    the same with each report's own covariance, whatever it shares with the ones before.
+    the same with each report's own covariance, whatever it shares with the ones before. A method
+    that says all the time that it is lost sends nothing, and is in no figure.
+
+    Raises
+    ------
+    ParameterError
+        All of them do.
     """
     texton_map = map_of(train, parameters)
     samples = parameters.samples if test.has_images else None
@@ -53,7 +60,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         test.position, test.time, parameters.vehicles, stream(parameters.seed, "accelerometers")
     )
     period = float(np.median(np.diff(test.time)))
-    values: dict[str, Any] = {"order": list(METHODS), "band": BAND}
+    values: dict[str, Any] = {"order": [], "silent": [], "band": BAND}
     series: dict[str, Any] = {"time_s": test.time - test.time[0]}
     for name, label in METHODS.items():
         method = texton_map.for_method(name, rng=stream(parameters.seed, "fused"))
@@ -62,6 +69,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         lasting = flights[0][-1].measurement
         alike = 1.0 if lasting is None else max(1.0, lasting.independent_s / period)
         usable = [not estimate.lost_in(test.area) for flown in flights for estimate in flown]
+        values["order" if any(usable) else "silent"].append(name)
+        if not any(usable):
+            continue
         values[name] = {"alike": alike, "usable_rate": np.mean(usable)}
         for receiver, settings in RECEIVERS.items():
             values[name][receiver] = {}
@@ -74,6 +84,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 values[name][receiver][sent] = summary
                 if (receiver, sent) == ("ekf2", "sent"):
                     series[name] = runs[0].track()
+    if not values["order"]:
+        raise ParameterError(
+            f"every method says of every frame of {test.name} that it is lost, and so nothing is "
+            "sent: train on more of the floor"
+        )
     values["counts"] = {
         "test": len(test), "repeats": parameters.repeats, "vehicles": parameters.vehicles
     }  # fmt: skip
@@ -165,5 +180,9 @@ def finding(record: Record) -> str:
             f"along an axis, believes {number(fused['claimed_cm'])} and has the truth in its 90 % "
             f"region {percent(fused['inside']['median'])} of the time"
         )
+    said += [
+        f"{METHODS[name]} says of every frame that it is lost, and sends nothing"
+        for name in record.values["silent"]
+    ]
     text = "; ".join(said)
     return f"{text[0].upper()}{text[1:]}."
