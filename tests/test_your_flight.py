@@ -1,4 +1,4 @@
-"""The page "Your own flight": its first commands do what it says, in order, in an empty folder."""
+"""The page "Your own flight": its commands are run when the book is made."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ import tomllib
 
 import cv2
 import numpy as np
+import pytest
 from conftest import ROOT
+from small_room import histogram_flight, picture_flight
 
+from trexton.book import shell
 from trexton.book.prose import render
+from trexton.book.shell import with_output
 from trexton.cli import main
+from trexton.errors import DataError
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.importers import IMPORTERS, importer
 
@@ -32,20 +37,34 @@ def recording(folder, frames=24):
     (folder / "groundtruth.txt").write_text("\n".join(track))
 
 
-def test_the_commands_of_the_page_do_what_it_says(tmp_path, monkeypatch, capsys):
+def test_commands_are_run_in_order_and_shown_with_what_they_say(tmp_path, monkeypatch):
+    flight = picture_flight(tmp_path / "pictures", "room", 16)
+    page = (
+        "# T\n\n```bash\n{}\n```\n\n```python\nx\n```\n\n```bash\ntrexton check \\\n  room\n```\n"
+    )
+    text = page.format("trexton import my-recording --out room --split 0.5")
+    shown = with_output(text, flight, tmp_path / "kept.json")
+    first, second = re.findall(r"^```text\n(.*?)^```", shown, re.M | re.S)
+    assert first.startswith("6 images of") and second.splitlines()[1] == "frames       6 (0 to 5)"
+    assert re.sub(r"\n```text\n.*?```\n", "", shown, flags=re.S) == text
+    with monkeypatch.context() as patch:
+        patch.setattr(shell, "lay_recording", None)  # nothing is run again
+        assert with_output(text, flight, tmp_path / "kept.json") == shown
+    with pytest.raises(DataError, match="'trexton check nowhere' in a page ended with 1"):
+        with_output(page.format("trexton check nowhere"), flight, tmp_path / "kept.json")
+    with pytest.raises(DataError, match="expected a line that begins with trexton"):
+        with_output(page.format("rm -r /"), flight, tmp_path / "kept.json")
+    with pytest.raises(DataError, match="plain has no image files"):
+        with_output(text, histogram_flight("plain", 60), tmp_path / "other.json")
+
+
+def test_the_first_commands_of_the_page_leave_what_it_says(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     recording(tmp_path / "my-recording")
-    pieces = re.findall(r"^```(bash|text)\n(.*?)^```", PAGE.read_text(), re.M | re.S)[:4]
-    assert [kind for kind, _ in pieces] == ["bash", "text"] * 2
-    for (_, commands), (_, shown) in zip(pieces[::2], pieces[1::2], strict=True):
-        printed = ""
-        for line in commands.splitlines():
-            code = main(shlex.split(line)[1:])
-            said = capsys.readouterr()
-            assert code == 0, said.err
-            printed += said.err + said.out
-        assert printed == shown
-    assert read_flight(tmp_path / "my-flight").split == {"train": (0, 11), "test": (12, 23)}
+    for block in re.findall(r"^```bash\n(.*?)^```", PAGE.read_text(), re.M | re.S)[:2]:
+        for line in block.splitlines():
+            assert main(shlex.split(line)[1:]) == 0, capsys.readouterr().err
+    assert read_flight(tmp_path / "my-flight").split == {"train": (0, 13), "test": (14, 23)}
     assert (tmp_path / "my-hall.npz").is_file()
     assert len((tmp_path / "truth.tum").read_text().splitlines()) == 24
 

@@ -21,12 +21,18 @@ from trexton.book.pages import (
     with_flight,
 )
 from trexton.book.prose import records_by_name, render
+from trexton.book.shell import with_output
 from trexton.errors import DataError
 from trexton.experiments import EXPERIMENTS
+from trexton.flights.frames import ImageFiles
 from trexton.workflow import FlightPair, Outcome, outputs_of
 from trexton.workflow.formats import nbformat
 
 __all__ = ["Contents", "stage"]
+
+_EXECUTED = {
+    "your_flight"
+}  # pages whose commands are run, in order, on a part of a flight with images
 
 
 @dataclass(frozen=True)
@@ -77,6 +83,8 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
         *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"]),
     }
     context, pictures, figures = _context(contents), _pictures(contents), _figures(contents)
+    flights = (pair.test for pair in contents.pairs)
+    recorded = next((one for one in flights if isinstance(one.frames, ImageFiles)), None)
 
     def first_figure(page: str) -> str:
         """A reference to the first figure of a page, in brackets; nothing where it has none."""
@@ -87,6 +95,8 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
         source = contents.source / f"{page}.md"
         if source.is_file():
             text = render(source, context, pages, pictures)
+            if page in _EXECUTED and recorded:
+                text = with_output(text, recorded, contents.results / f"{page}.json")
             front = yaml.safe_dump({"myst": {"html_meta": {"description": description(text)}}})
             (folder / f"{page}.md").write_text(f"---\n{front}---\n{text}", encoding="utf-8")
     for flight in ["", *(pair.name for pair in contents.pairs)]:
