@@ -115,7 +115,8 @@ def _prepare(work: Path, key: str) -> None:
         stamp.write_text(key, encoding="utf-8")
     else:
         (work / "images").mkdir(exist_ok=True)
-        say(f"going on with {len(list((work / 'images').iterdir()))} images that are there already")
+        if there := len(list((work / "images").iterdir())):
+            say(f"going on with {there} images that are there already")
 
 
 def _ordered(recording: Recording) -> tuple[Recording, list[str]]:
