@@ -94,15 +94,16 @@ def lost_told(record: Record) -> Figure:
             markersize=4,
             label="the cloud's width alone",
         )
-        for share in (30, 50, 70, 100):
+        for share in (30, 50):  # above the curve, where nothing else is
             at = int(np.argmin(np.abs(shares - share)))
             if nothing[at] > 50:
                 continue
             plot.annotate(
                 f"{share} %",
                 (nothing[at], told[at]),
-                xytext=(7, -3),
+                xytext=(-5, 5),
                 textcoords="offset points",
+                ha="right",
                 fontsize=9,
             )
         for point, label, color, marker in (
