@@ -30,9 +30,8 @@ from trexton.workflow.formats import nbformat
 
 __all__ = ["Contents", "stage"]
 
-_EXECUTED = {
-    "your_flight"
-}  # pages whose commands are run, in order, on a part of a flight with images
+# Pages whose commands are run, in order, on a part of a flight with images.
+_EXECUTED = {"your_flight"}
 
 
 @dataclass(frozen=True)
