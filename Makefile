@@ -4,6 +4,8 @@ PYTHON ?= $(shell for v in 3.14 3.13 3.12 3.11; do python$$v -c "" 2>/dev/null &
 BIN := .venv/bin
 # Passed on to trexton book or pytest: make book ARGS=--explain, make test ARGS="-k landing"
 ARGS ?=
+# Three processes on two cores: many tests wait. Files in their order: the long ones are not left for the end.
+SPREAD := -n 3 --dist loadfile --no-loadscope-reorder
 # An optional local copy of the public data beside the clone saves the downloads.
 ifneq ($(wildcard ../shared/data),)
 export TREXTON_DATA ?= $(abspath ../shared/data)
@@ -32,9 +34,8 @@ browser: env  ## every page of the built book in chromium; pictures of ten in bo
 	@TREXTON_BOOK=book/_build/html TREXTON_SCREENSHOTS=book/_build/screenshots \
 	  $(BIN)/python -m pytest -n 2 -rs tests/test_browser_pages.py tests/test_browser_moving.py $(ARGS)
 
-# Three processes on two cores: many tests wait. Files in their order: the long ones are not left for the end.
 test: env  ## the tests
-	@$(BIN)/python -m pytest -m "not slow" -n 3 --dist loadfile --no-loadscope-reorder $(ARGS)
+	@$(BIN)/python -m pytest -m "not slow" $(SPREAD) $(ARGS)
 
 check: env  ## format, lint, types, import directions, dead code
 	@$(BIN)/ruff format --check --quiet .
@@ -46,7 +47,7 @@ check: env  ## format, lint, types, import directions, dead code
 # Two kernels are Python where they are not compiled: what calls them is run again without.
 coverage: env  ## branch coverage by module, 95 % at least, with the lines and branches that no test reaches
 	@$(BIN)/coverage erase
-	@$(BIN)/python -m pytest -m "not slow" -n 3 --dist loadfile --no-loadscope-reorder --cov --cov-report= $(ARGS)
+	@$(BIN)/python -m pytest -m "not slow" $(SPREAD) --cov --cov-report= $(ARGS)
 	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest --cov --cov-append --cov-report= \
 	  tests/test_neighbors.py tests/test_textons.py
 	@$(BIN)/coverage report --fail-under=95

@@ -93,14 +93,13 @@ def refer_by_number(notebook: nbformat.NotebookNode, page: str, figures: Sequenc
     tables = {name: number for html in shown for name, number in _TABLE.findall(html)}
 
     def refer(found: re.Match[str]) -> str:
-        name = _figure_name(page, found["figure"])
-        if name in figures:
-            return f"{{numref}}`{name}`"
-        number = tables.get(found["figure"])
-        return f'<a href="#{found["figure"]}">Table {number}</a>' if number else found["words"]
+        name = found["name"]
+        if (figure := _figure_name(page, name)) in figures:
+            return f"{{numref}}`{figure}`"
+        return f'<a href="#{name}">Table {tables[name]}</a>' if name in tables else found["words"]
 
     def referred(text: str) -> str:
-        return re.sub(r"\[(?P<words>[^\]]+)\]\(#(?P<figure>\w+)\)", refer, text)
+        return re.sub(r"\[(?P<words>[^\]]+)\]\(#(?P<name>\w+)\)", refer, text)
 
     for cell in notebook.cells:
         if cell.cell_type == "markdown":

@@ -69,9 +69,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         lasting = flights[0][-1].measurement
         alike = 1.0 if lasting is None else max(1.0, lasting.independent_s / period)
         usable = [not estimate.lost_in(test.area) for flown in flights for estimate in flown]
-        values["order" if any(usable) else "silent"].append(name)
         if not any(usable):
+            values["silent"].append(name)
             continue
+        values["order"].append(name)
         values[name] = {"alike": alike, "usable_rate": np.mean(usable)}
         for receiver, settings in RECEIVERS.items():
             values[name][receiver] = {}
