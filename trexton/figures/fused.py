@@ -20,7 +20,8 @@ def truth_in_the_region(record: Record) -> Figure:
     with canvas(1, len(RECEIVERS), size=(7.2, 3.2), sharey=True) as (figure, axes):
         band, order = record.values["band"], record.values["order"]
         for plot, (receiver, settings) in zip(axes[0], RECEIVERS.items(), strict=True):
-            plot.axhspan(100 * band["low"], 100 * band["high"], color="#e8f1e8", zorder=0)
+            honest = 100 * band["low"], 100 * band["high"]
+            plot.axhspan(*honest, color=COLORS["spread"], alpha=0.15, linewidth=0, zorder=0)
             for place, name in enumerate(order):
                 for offset, sent in zip((-0.15, 0.15), SENT, strict=True):
                     share = record.values[name][receiver][sent]["inside"]
