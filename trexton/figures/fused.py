@@ -40,7 +40,7 @@ def truth_in_the_region(record: Record) -> Figure:
             plot.set(ylim=(0, 102), title=f"like {settings.label}")
             plot.grid(axis="x", visible=False)
         axes[0, 0].set_ylabel("truth in the fused 90 % region (%)")
-        axes[0, 0].legend(loc="center left", bbox_to_anchor=(0, 0.45))
+        axes[0, 0].legend(loc="center left", bbox_to_anchor=(-0.02, 0.65), fontsize=8)
     return figure
 
 
