@@ -97,39 +97,39 @@ _IMAGES = ("positions", "images")
 _SURVEYED = ("positions", "images", "floor", "camera")
 
 EXPERIMENTS: dict[str, Experiment] = {
-    "overview": Experiment("The pipeline in one picture", needs=_IMAGES, cost_s=5),
-    "texton_dictionary": Experiment("The texton dictionary", needs=_IMAGES, cost_s=6),
-    "mosaic": Experiment("The map, stitched from the flight", needs=_IMAGES, cost_s=200),
+    "overview": Experiment("The pipeline in one picture", needs=_IMAGES, cost_s=8),
+    "texton_dictionary": Experiment("The texton dictionary", needs=_IMAGES, cost_s=12),
+    "mosaic": Experiment("The map, stitched from the flight", needs=_IMAGES, cost_s=115),
     "homography_baseline": Experiment(
-        "Baseline: homography", needs=_IMAGES, after=("mosaic", "mocap_training"), cost_s=60
+        "Baseline: homography", needs=_IMAGES, after=("mosaic", "mocap_training"), cost_s=130
     ),
     "mocap_training": Experiment(
-        "Training on motion-capture positions", needs=("positions",), cost_s=20
+        "Training on motion-capture positions", needs=("positions",), cost_s=40
     ),
     "homography_training": Experiment(
         "Training on homography positions",
         needs=_IMAGES,
         after=("mosaic", "homography_baseline", "mocap_training"),
-        cost_s=100,
+        cost_s=115,
     ),
     "beyond": Experiment(
-        "Beyond the paper: a field instead of neighbours", needs=("positions",), cost_s=20
+        "Beyond the paper: a field instead of neighbours", needs=("positions",), cost_s=30
     ),
-    "light": Experiment("Other light", needs=_SURVEYED, cost_s=30),
-    "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=300),
+    "light": Experiment("Other light", needs=_SURVEYED, cost_s=16),
+    "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=90),
     "touchdown": Experiment("Landing that lands", needs=_SURVEYED, cost_s=60),
-    "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=120, alone=True),
+    "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=90, alone=True),
     "map_loss": Experiment(
-        "Which floors are suitable: the map loss", needs=("positions",), cost_s=8
+        "Which floors are suitable: the map loss", needs=("positions",), cost_s=20
     ),
-    "suitability": Experiment("Which floors, from their pictures", needs=_SURVEYED, cost_s=25),
-    "timing": Experiment("Time for one frame", needs=("positions",), alone=True, cost_s=10),
-    "speed": Experiment("As fast as the machine allows", needs=_IMAGES, alone=True, cost_s=60),
+    "suitability": Experiment("Which floors, from their pictures", needs=_SURVEYED, cost_s=36),
+    "timing": Experiment("Time for one frame", needs=("positions",), alone=True, cost_s=17),
+    "speed": Experiment("As fast as the machine allows", needs=_IMAGES, alone=True, cost_s=65),
     "choices": Experiment(
-        "What the open choices cost", needs=("positions",), after=("mocap_training",), cost_s=30
+        "What the open choices cost", needs=("positions",), after=("mocap_training",), cost_s=40
     ),
     "calibration": Experiment(
-        "What the uncertainty is worth", needs=("positions",), after=("mocap_training",), cost_s=20
+        "What the uncertainty is worth", needs=("positions",), after=("mocap_training",), cost_s=17
     ),
     "fused": Experiment(
         "Can the autopilot believe it?",
@@ -137,13 +137,13 @@ EXPERIMENTS: dict[str, Experiment] = {
         after=("mocap_training",),
         cost_s=20,
     ),
-    "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=30),
+    "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=65),
     "fine": Experiment(
         "Coarse to fine: the image says where exactly",
         needs=_SURVEYED,
         after=("mosaic",),
-        cost_s=30,
+        cost_s=47,
     ),
-    "assessment": Experiment("Will it work here?", cost_s=10),
+    "assessment": Experiment("Will it work here?", cost_s=14),
     LEDGER: Experiment("The ledger", every_flight=True),
 }

@@ -5,8 +5,8 @@ Tuned means chosen by a replay of the training flight; the best in hindsight sta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import partial
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -19,7 +19,6 @@ from trexton.flights.flight import Flight
 from trexton.histograms import sampled_histogram
 from trexton.localizer import TextonMap
 from trexton.metrics import summarize
-from trexton.progress import progress
 from trexton.streams import stream
 from trexton.tuning import replayed_errors
 
@@ -74,33 +73,63 @@ def search_settings(
         }
         flights = drawn_once | flights
     counts = [k for k in NEIGHBORS if k <= texton_map.neighbors]
-    noisy = {noise: _with_noise(texton_map, noise) for noise in NOISES}
+    choices = [
+        {"samples": drawn, "particles": m, "neighbors": k}
+        for drawn, m, k in product(flights, PARTICLES, counts)
+    ]
+    trial = _Trial(
+        {noise: _with_noise(texton_map, noise) for noise in NOISES},
+        flights,
+        test.position,
+        test.diagonal,
+        seed,
+    )
+    tried = spread(trial, choices, "settings")
     grid: list[dict[str, Any]] = []
     explored: list[dict[str, Any]] = []
-    summaries = []
-    for (drawn, flown), m, k in progress(
-        list(product(flights.items(), PARTICLES, counts)), "settings"
-    ):
-        setting = {"samples": drawn, "particles": m, "neighbors": k}
-        for noise, noisy_map in noisy.items():
-            estimates = [_fly(noisy_map, one, seed, i, m, k) for i, one in enumerate(flown)]
-            rng = stream(seed, "intervals")
-            summary = summarize(estimates, test.position, test.diagonal, rng=rng, draws=400)
+    for setting, (by_noise, replayed) in zip(choices, tried, strict=True):
+        for noise, summary in by_noise.items():
             row = setting | {"axis_mean_cm": summary["axis_mean_cm"]}
             explored.append(row | {"noise": noise})
             if noise == 1:
-                summaries.append(summary)
-                grid.append(row)
+                grid.append(row | ({} if replayed is None else {"replayed_cm": replayed}))
     best = min(range(len(grid)), key=lambda i: grid[i]["axis_mean_cm"]["median"])
-    found = _told("best", grid[best], summaries[best])
-    try:
-        replayed = spread(partial(_replayed_cm, texton_map, seed), grid, "replays")
-    except MapError:  # too short a training flight to leave parts of it out
+    found = _told("best", grid[best], tried[best][0][1])
+    if any("replayed_cm" not in row for row in grid):
         return grid, explored, found | {"tuned_error_cm": None}
-    for row, error in zip(grid, replayed, strict=True):
-        row["replayed_cm"] = error
-    tuned = int(np.argmin(replayed))
-    return grid, explored, found | _told("tuned", grid[tuned], summaries[tuned])
+    tuned = min(range(len(grid)), key=lambda i: grid[i]["replayed_cm"])
+    return grid, explored, found | _told("tuned", grid[tuned], tried[tuned][0][1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Flies a setting with every motion noise, and replays the training flight with the learned
+    one.
+    """
+
+    maps: Mapping[int, TextonMap]
+    flights: Mapping[int | None, list[list[np.ndarray]]]
+    truth: np.ndarray
+    diagonal: float
+    seed: int
+
+    def __call__(self, setting: dict[str, Any]) -> tuple[dict[int, dict[str, Any]], float | None]:
+        """Statistics by noise, and the replay's error in centimetres: None where the training
+        flight is too short.
+        """
+        m, k = setting["particles"], setting["neighbors"]
+        summaries = {}
+        for noise, texton_map in self.maps.items():
+            estimates = [
+                _fly(texton_map, one, self.seed, i, m, k)
+                for i, one in enumerate(self.flights[setting["samples"]])
+            ]
+            rng = stream(self.seed, "intervals")
+            summaries[noise] = summarize(estimates, self.truth, self.diagonal, rng=rng, draws=400)
+        try:
+            return summaries, _replayed_cm(self.maps[1], self.seed, setting)
+        except MapError:  # too short to leave parts of it out
+            return summaries, None
 
 
 def _with_noise(texton_map: TextonMap, times: int) -> TextonMap:

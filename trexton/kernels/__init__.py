@@ -19,7 +19,7 @@ if (
 ):  # names them for the cache too, which follows imports to know what code a result depends on
     from trexton.kernels import kohonen_steps, label_rows, nearest_in_tree  # noqa: F401
 
-__all__ = ["BACKENDS", "compiled", "thread_count", "in_strips"]
+__all__ = ["BACKENDS", "compiled", "in_strips", "thread_count", "usable_cores"]
 
 T = TypeVar("T")
 BACKENDS = ("numba", "numpy")
@@ -57,6 +57,11 @@ def compiled(module: str, backend: str | None = None) -> ModuleType | None:
     return kernels
 
 
+def usable_cores() -> int:
+    """The processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def thread_count(threads: int | None = None) -> int:
     """How many threads to use: `threads`, else ``$OMP_NUM_THREADS``, else the processors of this
     process.
@@ -65,11 +70,7 @@ def thread_count(threads: int | None = None) -> int:
         given = os.environ.get("OMP_NUM_THREADS", "")
         if given.isdigit() and int(given):
             return int(given)
-        return (
-            len(os.sched_getaffinity(0))
-            if hasattr(os, "sched_getaffinity")
-            else os.cpu_count() or 1
-        )
+        return usable_cores()
     if threads < 1:
         raise ParameterError(f"threads is {threads}: expected at least 1")
     return threads

@@ -23,8 +23,8 @@ _MINUS_HALF = np.array([-0.5, -0.5])
 # Particles further apart than this log density count as this far: denormal numbers would take ten
 # times as long.
 _FAR = -500.0
-_WORTH_BOUNDS = 400**2  # pairs of particles; fewer are gone through before bounds are found
-_SQUARE = 0.2  # side of the squares on which bounds are found, in deviations of the process
+_WORTH_BOUNDS = 500**2  # pairs of particles; fewer are gone through before bounds are found
+_SQUARE = 0.4  # side of the squares on which bounds are found, in deviations of the process
 _MOST_SQUARES = 400  # a side
 _LOOKED_AT = 64  # particles of the highest bounds, which the others must be able to beat
 

@@ -18,6 +18,7 @@ from subprocess import DEVNULL
 from typing import Any
 
 from trexton.executor import CLUSTER, PROCESSES, THREAD_VARIABLES
+from trexton.kernels import usable_cores
 
 __all__ = ["Done", "Job", "describe", "execute", "stop_all"]
 
@@ -41,7 +42,8 @@ class Job:
     folder : str
         Working folder; relative paths of flights are seen from there.
     threads : int or None
-        Threads that the numerical libraries may take; None: all.
+        Threads that the numerical libraries may take; None: the machine is this notebook's, and
+        what it spreads runs in as many processes as there are processors.
     cluster : str
         Address for what the notebook spreads; empty: in place.
     """
@@ -63,7 +65,7 @@ class Job:
             "JUPYTER_PREFER_ENV_PATH": "1",
             "PYDEVD_DISABLE_FILE_VALIDATION": "1",
             CLUSTER: self.cluster,
-            PROCESSES: "1",
+            PROCESSES: str(usable_cores() if self.threads is None else 1),
         }
         if self.threads is not None:
             chosen |= dict.fromkeys(THREAD_VARIABLES, str(self.threads))

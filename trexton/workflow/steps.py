@@ -228,7 +228,7 @@ def _turn(step: Step, steps: Sequence[Step] | Any) -> str | None:
     if step.experiment.alone:
         return "try_last"
     longest = max(_chain(other, steps) for other in steps if not other.experiment.alone)
-    return "try_first" if _chain(step, steps) > longest / 2 else None
+    return "try_first" if _chain(step, steps) >= longest / 4 else None
 
 
 def _chain(step: Step, steps: Sequence[Step] | Any) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,6 +12,7 @@ from trexton.cache import code_hashes
 from trexton.errors import ParameterError
 from trexton.executor import connect
 from trexton.files import digest
+from trexton.kernels import usable_cores
 from trexton.records import software_versions
 from trexton.workflow import execution
 from trexton.workflow.execution import Done, Job
@@ -35,7 +35,7 @@ class Workers:
 
     def threads(self, alone: bool) -> int | None:
         """The threads of a kernel: a share, or all where it is alone."""
-        return None if alone else max(1, _cores() // self.jobs)
+        return None if alone else max(1, usable_cores() // self.jobs)
 
 
 @contextmanager
@@ -94,13 +94,9 @@ def _fingerprint() -> str:
     return digest(modules, software_versions())
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def default_jobs() -> int:
     """As many notebooks at once as there are processors and memory for."""
-    return max(1, min(_cores(), _available_memory() // _MEMORY_PER_JOB))
+    return max(1, min(usable_cores(), _available_memory() // _MEMORY_PER_JOB))
 
 
 def _available_memory() -> int:
@@ -111,4 +107,4 @@ def _available_memory() -> int:
             int(line.split()[1]) * 1024 for line in lines if line.startswith("MemAvailable")
         )
     except (OSError, StopIteration):
-        return _cores() * _MEMORY_PER_JOB  # not Linux: go by the processors
+        return usable_cores() * _MEMORY_PER_JOB  # not Linux: go by the processors
