@@ -54,7 +54,7 @@ def filtered_positions(position: np.ndarray) -> np.ndarray:
 class Parameters(MapParameters):
     """What can be chosen."""
 
-    repeats: int = option(20, "independent runs of the filter over the test flight", low=1)
+    repeats: int = option(10, "independent runs of the filter over the test flight", low=1)
     anchors: int = option(12, "training frames whose position places the mosaic", low=3)
 
 
