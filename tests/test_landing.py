@@ -125,6 +125,28 @@ def test_a_chance_that_still_grows_is_waited_for():
     )
 
 
+def test_after_a_jump_it_waits_until_the_estimates_have_settled():
+    zone = TouchdownZone((0, 0), 0.6, settled_s=1.5)
+    here, elsewhere = moving((0, 0)), moving((3, 0))
+    assert zone.update(here, 0.0) and zone.update(here, 0.08)
+    assert not zone.update(elsewhere, 0.16)
+    assert not zone.update(here, 0.24)  # it has jumped back, which is a jump too
+    assert not zone.update(here, 1.70)
+    assert zone.update(here, 1.80)
+    zone.update(elsewhere, 1.9)
+    zone.reset()
+    assert zone.update(here, 2.0)
+
+
+def test_a_vehicle_that_flies_on_does_not_jump():
+    zone = TouchdownZone((0, 0), 0.6, drift_s=0, later_s=0)
+    path = [moving((x, 0), (10.0, 0)) for x in np.arange(-8.0, 0.1, 0.8)]
+    assert any(zone.update(each, 0.08 * row) for row, each in enumerate(path))
+    standing = [moving((x, 0)) for x in np.arange(-8.0, 0.1, 0.8)]
+    zone.reset()
+    assert not any(zone.update(each, 0.08 * row) for row, each in enumerate(standing))
+
+
 def test_a_lost_or_unseen_frame_lands_nowhere():
     zone = TouchdownZone((0, 0), 0.6)
     assert zone.accepts(moving((0, 0)))
@@ -152,6 +174,7 @@ def test_an_estimate_without_velocity_stays_where_it_is():
         {"least": 0.99},
         {"confidence": 1.0},
         {"later_s": -1},
+        {"settled_s": -1},
     ],
 )
 def test_nonsense_is_refused_by_the_touchdown_zone(bad):

@@ -12,6 +12,8 @@ from trexton.estimate import Estimate
 
 __all__ = ["LandingZone", "TouchdownZone"]
 
+_JUMP = 4.0  # deviations
+
 
 class LandingZone:
     """A circle, and the trigger that fires when the vehicle is believed to be in it, surely enough.
@@ -99,7 +101,8 @@ class TouchdownZone(LandingZone):
     estimate carried on with its velocity, and how far that may be off. The chance that it lies in
     the circle must be high at first, and may be lower as the time runs out: a late landing at the
     edge is worth more than none. And a chance that is still growing is waited for: a vehicle on its
-    way to the middle would else come down at the edge.
+    way to the middle would else come down at the edge. Vehicles do not jump: after an estimate that
+    does, to where a floor looks alike or back from there, nothing is triggered for a while.
 
     Parameters
     ----------
@@ -117,6 +120,8 @@ class TouchdownZone(LandingZone):
         Seconds that the search for a moment to land may take.
     later_s : float
         Seconds after which the chance must not be better than now.
+    settled_s : float
+        Seconds for which no estimate may have lain elsewhere than the one before it foretold.
     consecutive : int
         Number of estimates in a row that must agree.
 
@@ -137,6 +142,7 @@ class TouchdownZone(LandingZone):
         least: float = 0.6,
         time_limit: float = 60.0,
         later_s: float = 0.25,
+        settled_s: float = 1.5,
         consecutive: int = 1,
     ):
         super().__init__(center, radius, consecutive=consecutive)
@@ -145,11 +151,12 @@ class TouchdownZone(LandingZone):
             and 0 < gust < np.inf
             and 0 < time_limit < np.inf
             and 0 <= later_s < np.inf
+            and 0 <= settled_s < np.inf
         ):
             raise ParameterError(
-                f"a drift of {drift_s} s, gusts of {gust} m, {time_limit} s of time and a look "
-                f"{later_s} s ahead were given: expected no drift or look ahead or some, and "
-                "positive gusts and time"
+                f"a drift of {drift_s} s, gusts of {gust} m, {time_limit} s of time, a look "
+                f"{later_s} s ahead and {settled_s} s to settle were given: expected none or some "
+                "to drift, look ahead and settle, and positive gusts and time"
             )
         if not 0 < least <= confidence < 1:
             raise ParameterError(
@@ -158,7 +165,9 @@ class TouchdownZone(LandingZone):
             )
         self.drift_s, self.gust, self.time_limit = float(drift_s), float(gust), float(time_limit)
         self.confidence, self.least = float(confidence), float(least)
-        self.later_s = float(later_s)
+        self.later_s, self.settled_s = float(later_s), float(settled_s)
+        self._before: tuple[float, Estimate] | None = None
+        self._jumped_s = -math.inf
 
     def chance(self, estimate: Estimate, later_s: float = 0.0) -> float:
         """Chance that a landing triggered now, or so much later, touches down in the circle."""
@@ -178,6 +187,26 @@ class TouchdownZone(LandingZone):
             return False
         chance = self.chance(estimate)
         return chance >= self.wanted(elapsed_s) and chance >= self.chance(estimate, self.later_s)
+
+    def update(self, estimate: Estimate, elapsed_s: float = 0.0) -> bool:
+        """See `LandingZone.update`; never while the estimates have not settled."""
+        if self._before is not None and self._jumped(*self._before, estimate, elapsed_s):
+            self._jumped_s = elapsed_s
+        self._before = elapsed_s, estimate
+        wanted = super().update(estimate, elapsed_s)
+        return wanted and elapsed_s - self._jumped_s >= self.settled_s
+
+    def reset(self) -> None:
+        """Forget the estimates so far."""
+        super().reset()
+        self._before, self._jumped_s = None, -math.inf
+
+    def _jumped(self, before_s: float, before: Estimate, estimate: Estimate, now_s: float) -> bool:
+        """Whether an estimate lies beyond what is likely after the one before."""
+        place, covariance = before.ahead(now_s - before_s)
+        offset = estimate.position - place
+        unsure = covariance + estimate.covariance + self.gust**2 * np.eye(2)
+        return bool(offset @ np.linalg.solve(unsure, offset) > _JUMP**2)
 
 
 def _inside(offset: np.ndarray, deviation: np.ndarray, radius: float) -> float:
