@@ -73,7 +73,7 @@ def test_durations_have_a_unit():
     assert [duration(seconds) for seconds in (2, 0.0123, 4.56e-5, 7e-8)] == [
         "2 s",
         "12.3 ms",
-        "45.6 us",
+        "45.6 µs",
         "70 ns",
     ]
 

@@ -29,7 +29,7 @@ from trexton.options import Options
 from trexton.paper import look_up, published
 from trexton.player import Recording, player_html
 from trexton.records import Record
-from trexton.wording import Tree, middle, template_environment
+from trexton.wording import Tree, as_html, middle, template_environment
 
 __all__ = ["Given", "Page", "given", "ledger", "reference", "show_table"]
 
@@ -164,7 +164,7 @@ class Page:
         """
         module = importlib.import_module(type(self.given.parameters).__module__)
         said = module.finding(self.record) if sentence is None else sentence
-        return HTML(f'<p class="finding">{escape(said)}</p>')
+        return HTML(f'<p class="finding">{as_html(said)}</p>')
 
     def say(self, text: str, **more: object) -> Markdown:
         """A paragraph with its numbers and its verdicts from the record.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from html import escape
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -15,6 +16,7 @@ __all__ = [
     "apart",
     "distance",
     "fixed",
+    "as_html",
     "interval",
     "middle",
     "number",
@@ -114,6 +116,11 @@ def text(words: str) -> str:
     harmless.
     """
     return re.sub(r"([^\w\s.,;:'()/-])", r"\\\1", " ".join(str(words).split()))
+
+
+def as_html(words: str) -> str:
+    """Escaped, with `code` in backquotes set as such."""
+    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(words))
 
 
 def template_environment() -> Environment:

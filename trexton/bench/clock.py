@@ -182,7 +182,7 @@ def table(rows: list[Row]) -> str:
 
 def duration(seconds: float) -> str:
     """A time with three digits and its unit."""
-    for unit, scale in (("s", 1.0), ("ms", 1e3), ("us", 1e6)):
+    for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
         if seconds * scale >= 1:
             return f"{seconds * scale:.3g} {unit}"
     return f"{seconds * 1e9:.3g} ns"

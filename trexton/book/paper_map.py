@@ -78,12 +78,21 @@ def _pages(page: str, flights: Sequence[str], see: Callable[[str, str], str]) ->
 
 
 def _grouped(parts: Sequence[tuple[str, str]], unit: str) -> str:
-    """Numbers of one unit, joined: ``31 / 59 cm``."""
-    return " / ".join(text for text, _ in parts) + (f" {unit}" if unit else "")
+    """Numbers of one unit, joined: ``31, 59 cm``."""
+    return ", ".join(text for text, _ in parts) + (f" {unit}" if unit else "")
+
+
+def _named(claim: Claim, value: str, several: bool) -> str:
+    """A number, with the claim's name where others stand beside it."""
+    return f"{claim.id.replace('-', ' ')} {value}" if several else value
 
 
 def _printed(claims: Sequence[Claim]) -> str:
-    printed = [(number(c.printed_value), c.unit) for c in claims if c.printed_value is not None]
+    printed = [
+        (_named(c, number(c.printed_value), len(claims) > 1), c.unit)
+        for c in claims
+        if c.printed_value is not None
+    ]
     units = list(dict.fromkeys(unit for _, unit in printed))
     return "; ".join(_grouped([part for part in printed if part[1] == u], u) for u in units)
 
@@ -98,7 +107,7 @@ def _ours(found: Sequence[tuple[Claim, Finding]]) -> str:
             if finding.verdict == verdict and finding.ours is not None:
                 pair = [finding.ours, *([finding.other] if finding.other else [])]
                 values = " against ".join(number(each.value) for each in pair)
-                texts.append((values, claim.unit))
+                texts.append((_named(claim, values, len(found) > 1), claim.unit))
         units = list(dict.fromkeys(unit for _, unit in texts))
         numbers = "; ".join(_grouped([t for t in texts if t[1] == u], u) for u in units)
         badge = f'<span class="verdict {verdict.replace(" ", "-")}">{verdict}</span>'

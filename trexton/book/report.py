@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import io
-import re
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ from trexton.experiments import assessment
 from trexton.figures import assessment as figures
 from trexton.files import atomic_file
 from trexton.records import Record
-from trexton.wording import distance, middle
+from trexton.wording import as_html, distance, middle
 
 __all__ = ["write_report"]
 
@@ -34,7 +33,8 @@ code { background: #f2f2f2; padding: 0 .2rem }
   body { color: #ddd; background: #181818 } figcaption, footer { color: #aaa }
   code { background: #2c2c2c } tbody tr { border-color: #444 } img { border-radius: 4px }
 }
-@media print { body { max-width: none; margin: 0; font-size: 11pt } }
+iframe { width: 100%; height: 46rem; border: 1px solid #ddd }
+@media print { iframe { display: none } body { max-width: none; margin: 0; font-size: 11pt } }
 """
 _ROWS = {
     "paper": "the paper's filter",
@@ -46,23 +46,26 @@ _ROWS = {
 }
 
 
-def write_report(record: Record, path: Path) -> Path:
-    """Write the report of an `assessment` record to `path`; whole or not at all."""
+def write_report(record: Record, path: Path, player: str = "") -> Path:
+    """Write the report of an `assessment` record to `path`; whole or not at all.
+
+    `player` is the address of a page beside it that plays the test flight.
+    """
     with atomic_file(path) as stream:
-        stream.write(_page(record))
+        stream.write(_page(record, player))
     return path
 
 
-def _page(record: Record) -> str:
+def _page(record: Record, player: str) -> str:
     counts = record.values["counts"]
-    advice = "".join(f"<li>{_prose(sentence)}</li>" for sentence in assessment.advice(record))
+    advice = "".join(f"<li>{as_html(sentence)}</li>" for sentence in assessment.advice(record))
     title = f"Will it work here? {record.flight}"
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">'
         f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>\n"
         f"<h1>{escape(title)}</h1>\n"
-        f'<p class="finding">{_prose(assessment.finding(record))}</p>\n'
+        f'<p class="finding">{as_html(assessment.finding(record))}</p>\n'
         f"<h2>What limits it, and what to do</h2><ul>{advice}</ul>\n"
         + _figure(
             figures.over_the_floor(record),
@@ -76,16 +79,16 @@ def _page(record: Record) -> str:
             "How many frames were off by less than a distance; dashed lines know nothing of the "
             "place.",
         )
+        + (
+            f'<iframe src="{escape(player)}" title="The test flight, frame by frame"></iframe>'
+            if player
+            else ""
+        )
         + f"<h2>The numbers</h2>{_table(record)}"
         f"<footer><p>{counts['train']} frames to train on, {counts['test']} to test on. 95 % "
         "intervals over "
         f"stretches of the test flight. trexton {escape(_version())}.</p></footer></body></html>\n"
     )
-
-
-def _prose(text: str) -> str:
-    """Escaped, with `code` in backquotes set as such."""
-    return re.sub(r"`([^`]+)`", r"<code>\1</code>", escape(text))
 
 
 def _figure(figure: Figure, alternative: str, caption: str) -> str:

@@ -47,7 +47,8 @@ def run(arguments: argparse.Namespace) -> int:
     if not good:
         return 1
     record = Record.load(out / pairs[0].name / "assessment.json")
-    page = write_report(record, out / "report.html")
+    player = f"{pairs[0].name}/mocap_training-player.html"
+    page = write_report(record, out / "report.html", player if (out / player).is_file() else "")
     from trexton.experiments.assessment import finding
 
     print(finding(record))

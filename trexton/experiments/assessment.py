@@ -248,6 +248,6 @@ def advice(record: Record) -> list[str]:
     if seconds:
         said.append(
             f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame: "
-            f"trexton train FLIGHT -o MAP --method {best}, then trexton onboard MAP."
+            f"`trexton train FLIGHT -o MAP --method {best}`, then `trexton onboard MAP`."
         )
     return said

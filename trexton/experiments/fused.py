@@ -178,8 +178,8 @@ def finding(record: Record) -> str:
         fused = record.values[name]["ekf2"]["sent"]
         said.append(
             f"fed with {METHODS[name]}, a receiver like EKF2 errs by {number(fused['axis_cm'])} cm "
-            f"along an axis, believes {number(fused['claimed_cm'])} and has the truth in its 90 % "
-            f"region {percent(fused['inside']['median'])} of the time"
+            f"along an axis, believes {number(fused['claimed_cm'])} cm and has the truth in its "
+            f"90 % region {percent(fused['inside']['median'])} of the time"
         )
     said += [
         f"{METHODS[name]} says of every frame that it is lost, and sends nothing"

@@ -110,7 +110,7 @@ def finding(record: Record) -> str:
     mosaic = values["mosaic"]
     text = (
         f"A homography on the stitched map errs by {interval(mosaic['mean_cm'], 'cm')} and finds "
-        f"nothing in {mosaic['failures']} frames"
+        + (f"nothing in {mosaic['failures']} frames" if mosaic["failures"] else "every frame")
     )
     if "tilt_offset_cm" in values and "map_residual_cm" in mosaic:
         tilt, bent = values["tilt_offset_cm"], mosaic["map_residual_cm"]
