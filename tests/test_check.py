@@ -33,6 +33,8 @@ FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
                                                     "metres"),
         (lambda f: {"position": f.position * 1000, "area": (0, 2e4, 0, 2e4)}, "in millimetres?"),
         (lambda f: {"position": f.position + (0, 2)}, "positions lie outside area_m"),
+        # A thousandth of anything lies in an area that holds the origin.
+        (lambda f: {"position": f.position - (8, -2), "area": (0, 6, 0, 2)}, "or widen area_m"),
         (lambda f: {"position": np.full((600, 2), 10.0)}, "600 positions are the same place"),
         (lambda f: {"position": f.position / 1000, "area": (0, 1, 0, 1)}, "another unit than "
                                                                           "metres"),

@@ -44,6 +44,15 @@ def test_evo_computes_the_same_error(record, tmp_path):
     assert error.get_statistic(metrics.StatisticsType.rmse) == pytest.approx(rmse, abs=1e-8)
 
 
+def test_a_record_s_stamps_are_those_of_the_flight(record, tmp_path):
+    path, _ = record
+    content = json.loads(path.read_text())
+    before = load_trajectory(path, "estimate").time
+    content["series"]["start_s"] = 3.6
+    path.write_text(json.dumps(content))
+    np.testing.assert_allclose(load_trajectory(path, "estimate").time, before + 3.6)
+
+
 def test_a_flight_as_table_and_geojson(tmp_path):
     flight = Flight(
         "f",

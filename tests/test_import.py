@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from trexton.errors import TrextonError
-from trexton.flights import read_flight
+from trexton.flights import importing, read_flight
 from trexton.flights.importers import IMPORTERS, guess_kind, importer
 from trexton.flights.importers.recording import Track, attitude_from_quaternions, match
 from trexton.flights.importers.video import estimate_offset
@@ -374,4 +374,26 @@ def test_damaged_sources_leave_a_sentence_and_nothing_else(tmp_path, name, conte
     settings = {"positions": "f.csv"} if kind == "video" else {}
     with pytest.raises(TrextonError):
         import_flight(tmp_path / name, tmp_path / "out", kind=kind, settings=settings)
-    assert not (tmp_path / "out").exists()
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+def test_what_cannot_be_read_replaces_no_flight(tmp_path):
+    header, rows = "frame,x,y,a,b", [f"{i},{i / 10},1,0.5,0.7" for i in range(20)]
+    (tmp_path / "f.csv").write_text("\n".join([header, *rows]))
+    good, _ = import_flight(tmp_path / "f.csv", tmp_path / "out", kind="features")
+    textons = {"features": "textons"}
+    with pytest.raises(TrextonError, match="sum") as caught:
+        import_flight(
+            tmp_path / "f.csv", tmp_path / "out", kind="features", settings=textons, replaced=True
+        )
+    assert ".importing" not in str(caught.value)
+    assert read_flight(tmp_path / "out").data_hash == good.data_hash
+    assert {path.name for path in tmp_path.iterdir()} == {"f.csv", "out"}
+
+
+def test_positions_of_another_time_are_noticed_before_images_are_written(tmp_path, monkeypatch):
+    euroc(tmp_path / "source")
+    monkeypatch.setattr(importing, "_write_images", lambda *_: pytest.fail("images were written"))
+    with pytest.raises(TrextonError, match="position"):
+        import_flight(tmp_path / "source", tmp_path / "out", settings={"offset": 1e6})
+    assert [path.name for path in tmp_path.iterdir()] == ["source"]

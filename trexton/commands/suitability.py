@@ -61,6 +61,8 @@ def run(arguments: argparse.Namespace) -> int:
             f"{measured['high']:.0f}], "
             f"always guessing the middle by {entry['centre_cm']:.0f} cm"
         )
+        if measured["mean_cm"] >= entry["centre_cm"]:
+            print("   it will not do: the middle of the floor is as good a guess")
         x, y = entry["worst_m"]
         print(
             f"   hardest place: x = {x:.1f} m, y = {y:.1f} m; the paper's loss: {entry['loss']:.3f}"

@@ -173,13 +173,13 @@ def finding(record: Record) -> str:
     centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
     if middle(error) >= centre:
         judgement = "It will not work here: no method does better than always guessing the centre"
-    elif middle(error) > 0.5 * centre:
+    elif error["high"] > 0.5 * centre:
         judgement = "It works poorly here"
     else:
         judgement = "It works here"
     words = (
         f"{judgement}: with the method `{best}` the estimate was off by {distance(error)} on "
-        "average, "
+        f"average, in one frame of twenty by more than {distance(middle(errors[best]['p95_cm']))}, "
         f"against {distance(errors['centre']['mean_cm']['median'])} for always guessing the centre"
     )
     paper = errors.get("paper")
@@ -209,6 +209,11 @@ def advice(record: Record) -> list[str]:
             f"Too few frames: one test frame in twenty is more than {limits['gap_m']:.2g} m from "
             "any of the "
             f"{counts['train']} training frames. Fly closer lanes."
+        )
+    if "expected_cm" in record.values:
+        said.append(
+            f"From the training frames alone {distance(record.values['expected_cm'])} were "
+            f"foretold; measured were {distance(_best(record)[1])}."
         )
     if limits["repeated"] is None:
         said.append("The training flight is too short to tell whether its texture repeats.")

@@ -245,6 +245,7 @@ def evaluate(
     run = runs[int(np.argsort(means, kind="stable")[(len(means) - 1) // 2])]
     series = {
         "time_s": test.time - test.time[0],
+        "start_s": test.time[0],
         "truth_m": test.position,
         "estimate_m": run.estimate,
         "spread_m": run.spread,

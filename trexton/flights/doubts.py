@@ -47,7 +47,10 @@ def _outside(flight: Flight) -> Iterator[str]:
         yield f"{found}, but inside when x and y are exchanged: exchange the columns, or area_m"
         return
     for unit, factor in (("millimetres", 1e-3), ("centimetres", 1e-2)):
-        if out.mean() > 0.5 and inside(factor * x, factor * y).mean() > 0.9:
+        fits = inside(factor * x, factor * y).mean() > 0.9 and (
+            factor * max(np.ptp(x), np.ptp(y)) > 0.2 * min(x_max - x_min, y_max - y_min)
+        )
+        if out.mean() > 0.5 and fits:
             yield f"{found}, but inside when read as {unit}: write metres"
             return
     yield f"{found}: correct them, or widen area_m"

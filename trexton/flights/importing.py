@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from trexton.camera import Camera
-from trexton.errors import FlightError, ParameterError
+from trexton.errors import FlightError, ParameterError, TrextonError
 from trexton.files import check_replaceable, clean_leftovers, digest, naming, replace_folder
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight, write_tables
@@ -93,14 +93,22 @@ def import_flight(
     recording, said = _ordered(recording)
     work = out.parent / f".{out.name}.importing"
     key = digest(kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns)
+    # What cannot be right is found before images are written, which may take long.
+    placed, words = _placed(recording, common)
+    change = None if recording.frames is None else _Change.of(recording, common, source)
     with naming(out):
-        _prepare(work, key)
-        camera, frames = recording.camera, None
-        if recording.frames is not None:
-            frames, camera, words = _write_images(recording, common, source, work / "images")
-            said += words
-        flight, words = _flight(recording, common, camera, frames, common.name or out.name)
-        write_tables(flight, work)
+        try:
+            _prepare(work, key)
+            camera, frames = recording.camera, None
+            if change is not None:
+                frames, camera, written = _write_images(recording, change, work / "images")
+                said += written
+            flight = _flight(recording, common, placed, camera, frames, common.name or out.name)
+            write_tables(flight, work)
+            read_flight(work)  # what cannot be read replaces nothing
+        except TrextonError as error:  # and is no use to go on with
+            shutil.rmtree(work, ignore_errors=True)
+            raise type(error)(str(error).replace(str(work), str(out))) from None
         (work / "key").unlink()
         replace_folder(work, out)
     return read_flight(out), recording.said + said + words
@@ -137,23 +145,32 @@ def _ordered(recording: Recording) -> tuple[Recording, list[str]]:
     ), [f"frames put in order of their stamps, {dropped} of repeated stamps dropped"]
 
 
+Placed = tuple[np.ndarray, np.ndarray | None]
+
+
+def _placed(recording: Recording, common: Common) -> tuple[Placed, list[str]]:
+    """Positions ``(N, 3)`` and attitudes of the frames, and what matching them gave."""
+    count = len(recording.time_ns)
+    if recording.track is None:
+        return (np.full((count, 3), np.nan), None), ["no positions in the source"]
+    found = match(recording.time_ns, recording.track.shifted(common.offset), common.tolerance)
+    said = [
+        f"{found.count} of {count} frames have a position, "
+        f"largest gap between positions used {found.largest_gap_s:.3f} s"
+    ]
+    return (found.position, found.attitude), said
+
+
 def _flight(
     recording: Recording,
     common: Common,
+    placed: Placed,
     camera: Camera | None,
     frames: ImageFiles | None,
     name: str,
-) -> tuple[Flight, list[str]]:
-    """The flight, and what matching its positions gave."""
+) -> Flight:
     count = len(recording.time_ns)
-    position, attitude, said = np.full((count, 3), np.nan), None, ["no positions in the source"]
-    if recording.track is not None:
-        found = match(recording.time_ns, recording.track.shifted(common.offset), common.tolerance)
-        position, attitude = found.position, found.attitude
-        said = [
-            f"{found.count} of {count} frames have a position, "
-            f"largest gap between positions used {found.largest_gap_s:.3f} s"
-        ]
+    position, attitude = placed
     height = position[:, 2] if np.isfinite(position[:, 2]).any() else None
     known = position[np.isfinite(position[:, :2]).all(axis=1), :2]
     low, high = (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(2), np.ones(2))
@@ -179,17 +196,16 @@ def _flight(
         source=recording.source,
         licence=recording.licence,
         notes=(f"time zero is stamp {first} ns of the source", *recording.notes),
-    ), said
+    )
 
 
 def _write_images(
-    recording: Recording, common: Common, source: Path, folder: Path
+    recording: Recording, change: _Change, folder: Path
 ) -> tuple[ImageFiles, Camera | None, list[str]]:
     """Write every image that is not there yet; all of one size."""
     assert recording.frames is not None
     frames = recording.frames
     count = len(frames)
-    change = _Change.of(recording, frames, common, source)
     files, turned, scaled = [], 0, 0
     there = {path.stem: path for path in folder.iterdir() if path.suffix != ".part"}
     for row in progress(range(count), "images", count):
@@ -223,8 +239,9 @@ class _Change:
     keeps: bool
 
     @classmethod
-    def of(cls, recording: Recording, frames: Frames, common: Common, source: Path) -> _Change:
-        full = _usual_size(frames)
+    def of(cls, recording: Recording, common: Common, source: Path) -> _Change:
+        assert recording.frames is not None
+        full = _usual_size(recording.frames)
         maps = None
         if common.undistort:
             matrix, distortion = _calibration(common.undistort, recording, source, full)

@@ -20,6 +20,8 @@ __all__ = ["Mosaic", "camera_of", "map_from_links", "stitch"]
 # Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked
 # for.
 _REACHES = (0.2, 0.05)
+_SEARCHES = ((0.5, 600), (1.0, 2000))  # scale and most keypoints, the second where the first fails
+_ENOUGH = 0.8  # of the frames
 _GRAIN = 0.55  # map pixels for each pixel of a frame: the map keeps what most keypoints need
 _FOCAL = 0.8  # image widths, where the camera is not known
 _TRUSTED = 3.0  # pixels: a link whose median error is larger is wrong
@@ -59,8 +61,8 @@ def stitch(
     flight: Flight,
     *,
     anchors: int = 12,
-    scale: float = 0.5,
-    keypoints: int = 600,
+    scale: float | None = None,
+    keypoints: int | None = None,
     neighbors: int = 6,
     pixels_per_metre: float | None = None,
     camera: Camera | None = None,
@@ -74,10 +76,11 @@ def stitch(
     ----------
     anchors : int
         Frames whose recorded position is used, at least 3.
-    scale : float
+    scale : float, optional
         Size at which frames are searched for keypoints.
-    keypoints : int
-        Most keypoints of a frame.
+    keypoints : int, optional
+        Most keypoints of a frame. By default 600 at half size; where these leave out a fifth of
+        the frames, 2000 at full size, as photographs taken high up and far apart need.
     neighbors : int
         Most spatial neighbours that a frame is matched with, beside its successors.
     pixels_per_metre : float, optional
@@ -93,10 +96,37 @@ def stitch(
     MapError
         The frames cannot be linked.
     """
-    _check_least(anchors=(anchors, 3), neighbors=(neighbors, 0), keypoints=(keypoints, 12))
-    if not 0 < scale <= 1:
+    quick, whole = _SEARCHES
+    tried = quick[0] if scale is None else scale, quick[1] if keypoints is None else keypoints
+    _check_least(anchors=(anchors, 3), neighbors=(neighbors, 0), keypoints=(tried[1], 12))
+    if not 0 < tried[0] <= 1:
         raise ParameterError(f"scale is {scale}: expected a number above 0 and up to 1")
     camera = camera_of(flight, camera)
+    chosen = scale is not None or keypoints is not None
+    try:
+        first = _stitched(flight, camera, anchors, *tried, neighbors, pixels_per_metre)
+        if chosen or first.used.mean() >= _ENOUGH:
+            return first
+    except MapError:
+        if chosen:
+            raise
+        return _stitched(flight, camera, anchors, *whole, neighbors, pixels_per_metre)
+    try:
+        second = _stitched(flight, camera, anchors, *whole, neighbors, pixels_per_metre)
+    except MapError:
+        return first
+    return max(first, second, key=lambda mosaic: int(mosaic.used.sum()))
+
+
+def _stitched(
+    flight: Flight,
+    camera: Camera,
+    anchors: int,
+    scale: float,
+    keypoints: int,
+    neighbors: int,
+    pixels_per_metre: float | None,
+) -> Mosaic:
     described = flight_keypoints(flight, scale=scale, limit=keypoints)
     links = successive_links(described, camera)
     known = _choose_anchors(flight, links, anchors)

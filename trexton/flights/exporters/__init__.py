@@ -82,7 +82,7 @@ def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
         record = json.loads(read_text(source))
         series, name = record["series"], record["flight"]
         position = np.array(series[f"{what}_m"], dtype=float).reshape(-1, 2)
-        time = np.array(series["time_s"], dtype=float)
+        time = np.array(series["time_s"], dtype=float) + float(series.get("start_s", 0.0))
         if len(time) != len(position):
             raise ValueError(f"{len(time)} stamps, {len(position)} positions")
     except (ValueError, KeyError, TypeError) as error:
