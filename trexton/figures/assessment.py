@@ -12,12 +12,13 @@ from trexton.wording import METRES_FROM
 __all__ = ["error_shares", "over_the_floor"]
 
 LABELS = {
-    "paper": ("the paper's filter", "estimate"),
-    "field": ("field", "accent"),
-    "fine": ("fine", "spread"),
-    "knn": ("neighbours alone", "knn"),
-    "centre": ("always the centre", "truth"),
-    "shuffled": ("shuffled neighbours", "warm"),
+    "paper": ("the paper's filter", "paper"),
+    "guarded": ("guarded", "guarded"),
+    "field": ("field", "field"),
+    "fine": ("fine", "fine"),
+    "knn": ("neighbours alone", "neighbors"),
+    "centre": ("always the centre", "zone"),
+    "shuffled": ("shuffled neighbours", "neighbors"),
 }
 
 
@@ -33,6 +34,7 @@ def over_the_floor(record: Record) -> Figure:
     methods = record.parameters["methods"].split()
     best = min(methods, key=lambda name: errors[name]["mean_cm"]["median"])
     truth, estimate = np.array(series["truth_m"]), np.array(series[f"{best}_m"])
+    label, color = LABELS[best]
     with canvas(size=(6.2, 5.2)) as (figure, axes):
         plan = axes[0, 0]
         floor_axes(plan, series["area_m"])
@@ -48,12 +50,15 @@ def over_the_floor(record: Record) -> Figure:
             bar.set_label(f"expected error ({unit})")
             bar.outline.set_visible(False)
         for true, guess in zip(truth[::5], estimate[::5], strict=True):
-            plan.plot(*zip(true, guess, strict=True), color=COLORS["accent"], linewidth=0.6)
+            plan.plot(*zip(true, guess, strict=True), color=COLORS[color], linewidth=0.6)
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="true track")
         plan.plot(
-            *estimate[::5].T, "o", color=COLORS["accent"], markersize=3,
-            label=f"{LABELS.get(best, (best,))[0]}, every 5th frame",
-        )  # fmt: skip
+            *estimate[::5].T,
+            "o",
+            color=COLORS[color],
+            markersize=3,
+            label=f"{label}, every 5th frame",
+        )
         legend_above(plan)
     return figure
 
@@ -66,7 +71,7 @@ def error_shares(record: Record) -> Figure:
     with canvas(size=(7.2, 3.4)) as (figure, axes):
         plot = axes[0, 0]
         for name in names:
-            label, color = LABELS.get(name, (name, "paper"))
+            label, color = LABELS[name]
             error = scale * np.sort(np.hypot(*(np.array(series[f"{name}_m"]) - truth).T))
             share = 100 * np.arange(1, len(error) + 1) / len(error)
             plot.step(

@@ -11,13 +11,10 @@ from trexton.records import Record
 
 __all__ = ["errors", "expected_error", "lag"]
 
-SHADES = {
-    "paper": COLORS["paper"],
-    "field": COLORS["estimate"],
-    "field_particles": COLORS["knn"],
-    "field_parts": COLORS["spread"],
-    "field_odometry": COLORS["accent"],
-}
+_STROKES = {
+    "agile": ":", "narrow": "--", "both": "-.",
+    "field_particles": ":", "field_parts": "--", "field_odometry": "-.",
+}  # fmt: skip
 
 
 def errors(record: Record) -> Figure:
@@ -27,14 +24,14 @@ def errors(record: Record) -> Figure:
         for name, values in record.series["errors_cm"].items():
             share = (np.arange(len(values)) + 0.5) / len(values)
             plot.plot(
-                values, 100 * share, color=SHADES.get(name, COLORS["truth"]),
-                linestyle={"agile": ":", "narrow": "--", "both": "-."}.get(name, "-"),
-                label=VARIANTS[name].label,
+                values, 100 * share, color=COLORS["field" if name.startswith("field") else "paper"],
+                linestyle=_STROKES.get(name, "-"), label=VARIANTS[name].label,
             )  # fmt: skip
         plot.set(
             xscale="log", xlim=(1, None), ylim=(0, 100),
             xlabel="error (cm)", ylabel="frames that err by less (%)",
         )  # fmt: skip
+        plot.xaxis.set_major_formatter("{x:g}")
         legend_above(plot, 2)
     return figure
 
@@ -59,14 +56,14 @@ def expected_error(record: Record) -> Figure:
     order = np.argsort(expected, kind="stable")
     with canvas(size=(5.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
-        plot.plot(expected, error, ".", color=COLORS["truth"], markersize=3, alpha=0.5)
+        plot.plot(expected, error, ".", color=COLORS["field"], markersize=3, alpha=0.5)
         parts = np.array_split(order, 8)
         plot.plot(
             [expected[part].mean() for part in parts], [error[part].mean() for part in parts],
-            "o-", color=COLORS["estimate"], label="mean of an eighth of the frames",
+            "o-", color=COLORS["field"], label="mean of an eighth of the frames",
         )  # fmt: skip
         edge = float(max(expected.max(), np.percentile(error, 97)))
-        plot.plot([0, edge], [0, edge], color=COLORS["accent"], label="as expected")
+        plot.plot([0, edge], [0, edge], color=COLORS["truth"], linestyle="--", label="as expected")
         plot.set(xlim=(0, edge), ylim=(0, edge), xlabel="expected error (cm)", ylabel="error (cm)")
         legend_above(plot, 2)
     return figure

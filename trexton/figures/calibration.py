@@ -11,8 +11,6 @@ from trexton.records import Record
 
 __all__ = ["error_against_claim", "regions_by_quarter"]
 
-_COLOR = {"paper": "paper", "guarded": "estimate", "field": "accent"}
-
 
 def error_against_claim(record: Record) -> Figure:
     """Tenths of the frames by what was claimed; on the diagonal the claim is honest."""
@@ -23,9 +21,7 @@ def error_against_claim(record: Record) -> Figure:
             groups = record.series[name]
             claimed = [group["claimed_cm"] for group in groups]
             error = [group["error_cm"] for group in groups]
-            plot.plot(
-                claimed, error, "o-", color=COLORS[_COLOR[name]], markersize=4, label=METHODS[name]
-            )
+            plot.plot(claimed, error, "o-", color=COLORS[name], markersize=4, label=METHODS[name])
             most = max(most, *claimed, *error)
         plot.plot([0, most], [0, most], color=COLORS["truth"], linewidth=0.9, linestyle="--")
         plot.set(
@@ -47,7 +43,7 @@ def regions_by_quarter(record: Record) -> Figure:
         for place, name in enumerate(order):
             shares = 100 * np.array(record.values[name]["quarters"])
             at = np.arange(len(shares)) + (place - (len(order) - 1) / 2) * width
-            plot.bar(at, shares, width, color=COLORS[_COLOR[name]], label=METHODS[name])
+            plot.bar(at, shares, width, color=COLORS[name], label=METHODS[name])
         plot.axhline(90, color=COLORS["truth"], linewidth=0.9, linestyle="--")
         plot.set_xticks(range(4), ["first quarter", "second", "third", "last"])
         plot.set(ylabel="truth in the 90 % region (%)", ylim=(0, 100))

@@ -17,7 +17,7 @@ def costs(record: Record) -> Figure:
         plot = axes[0, 0]
         for row, variant in enumerate(reversed(variants)):
             error = variant["mean_cm"]
-            color = COLORS["estimate"] if variant["group"] == "paper" else COLORS["accent"]
+            color = COLORS["paper" if variant["group"] == "paper" else "zone"]
             plot.plot(
                 [error["low"], error["high"]], [row, row], color=color, linewidth=2.2, alpha=0.55
             )
@@ -26,7 +26,7 @@ def costs(record: Record) -> Figure:
             plot.plot(error["median"], row, "o", color=color, markerfacecolor=face, markersize=5)
         plot.axvline(
             variants[0]["mean_cm"]["median"],
-            color=COLORS["estimate"],
+            color=COLORS["paper"],
             linewidth=0.9,
             linestyle="--",
         )

@@ -10,8 +10,11 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.container import BarContainer, ErrorbarContainer
 from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+from matplotlib.quiver import Quiver
 from matplotlib.transforms import Bbox
 
 __all__ = ["chart_data", "to_png", "to_svg"]
@@ -93,12 +96,33 @@ def _axis(axes: Axes, which: str) -> dict[str, Any]:
         for place, tick in zip(axis.get_ticklocs(), axis.get_ticklabels(), strict=False)
         if re.search(r"^[^$]*[A-Za-z]", tick.get_text())
     }
+    if names and len(names) == len(axis.get_ticklocs()):  # groups: beside a tick is of its kind
+        ticks = np.asarray(axis.get_ticklocs())
+        for value in _grouped(axes, which):
+            nearest = ticks[np.argmin(np.abs(ticks - value))]
+            names.setdefault(f"{value:.4g}", names[f"{nearest:.6g}"])
     return {
         "label": label.replace("$", ""),
         "limits": [float(f"{value:.8g}") for value in (low, high)],
         "log": axis.get_scale() == "log",
         **({"names": names} if names else {}),
     }
+
+
+def _grouped(axes: Axes, which: str) -> list[float]:
+    """Where bars, and marks with an interval, stand along an axis."""
+    found: list[float] = []
+    for held in axes.containers:
+        if isinstance(held, BarContainer) and (held.orientation == "vertical") == (which == "x"):
+            found += [_middle(bar, which) for bar in held.patches]
+        elif isinstance(held, ErrorbarContainer) and held.lines[0] is not None:
+            found += list(np.asarray(held.lines[0].get_xydata())[:, "xy".index(which)])
+    return found
+
+
+def _middle(bar: Rectangle, which: str) -> float:
+    low, size = (bar.get_x(), bar.get_width()) if which == "x" else (bar.get_y(), bar.get_height())
+    return float(low + size / 2)
 
 
 def _lines(axes: Axes) -> list[dict[str, Any]]:
@@ -114,22 +138,33 @@ def _lines(axes: Axes) -> list[dict[str, Any]]:
     for held in axes.containers:
         if isinstance(held, BarContainer):
             middles = [
-                (bar.get_x() + bar.get_width() / 2, bar.get_y() + bar.get_height())
+                (_middle(bar, "x"), bar.get_y() + bar.get_height())
                 if held.orientation == "vertical"
-                else (bar.get_x() + bar.get_width(), bar.get_y() + bar.get_height() / 2)
+                else (bar.get_x() + bar.get_width(), _middle(bar, "y"))
                 for bar in held.patches
             ]
             if middles:
                 found.append((held.get_label(), *np.array(middles).T))
-    for dots in axes.collections:
-        offsets = np.asarray(dots.get_offsets())
-        if len(offsets) and not str(dots.get_label()).startswith("_"):
-            found.append((dots.get_label(), *offsets.T))
+    for drawn in axes.collections:  # of what fills an area, nothing: its corners tell nothing
+        if isinstance(drawn, LineCollection) and _said(drawn.get_label()):
+            corners = [corner for segment in drawn.get_segments() for corner in segment]
+            found.append((drawn.get_label(), *np.array(corners).reshape(-1, 2).T))
+        elif isinstance(drawn, PathCollection):
+            found.append((drawn.get_label(), *np.asarray(drawn.get_offsets()).reshape(-1, 2).T))
+        elif isinstance(drawn, Quiver):
+            found += _arrows(drawn)
     return [
         {"label": _said(label), "x": _short(x), "y": _short(y)}
         for label, x, y in found
         if 0 < len(x) <= _MOST_POINTS and _numeric(x) and _numeric(y)
     ]
+
+
+def _arrows(drawn: Quiver) -> list[tuple[object, Any, Any]]:
+    """Where arrows begin, those of one rounded value together."""
+    places, label = np.asarray(drawn.get_offsets()), _said(drawn.get_label())
+    values = np.array([f"{label}: {value:.2g}" for value in np.asarray(drawn.get_array())])
+    return [(value, *places[values == value].T) for value in np.unique(values)]
 
 
 def _said(label: object) -> str:

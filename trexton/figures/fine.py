@@ -13,8 +13,8 @@ from trexton.records import Record
 __all__ = ["coverage", "over_floors", "over_time"]
 
 _KINDS = {
-    "attitude": ("with attitude", COLORS["accent"], "-"),
-    "free": ("without", COLORS["estimate"], "--"),
+    "attitude": ("with attitude", COLORS["fine"], "-"),
+    "free": ("without", COLORS["zone"], "--"),
 }
 
 

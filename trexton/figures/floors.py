@@ -49,7 +49,7 @@ def foretold(rows: Rows, kept: Rows) -> Figure:
                     if some:
                         plot.plot(
                             [row[key] for row in some], measured, marker,
-                            color=COLORS["estimate"], markerfacecolor=face, markersize=5,
+                            color=COLORS["field"], markerfacecolor=face, markersize=5,
                             label=f"{label}, long run" if face else label,
                         )  # fmt: skip
         both = [row[key] for row in (*rows.values(), *kept.values())

@@ -12,8 +12,6 @@ from trexton.records import Record
 
 __all__ = ["believed_over_time", "truth_in_the_region"]
 
-_COLOR = {"paper": "paper", "guarded": "estimate", "field": "accent"}
-
 
 def truth_in_the_region(record: Record) -> Figure:
     """Share of the time that the truth lies in the fused 90 % region, by method and receiver."""
@@ -21,7 +19,7 @@ def truth_in_the_region(record: Record) -> Figure:
         band, order = record.values["band"], record.values["order"]
         for plot, (receiver, settings) in zip(axes[0], RECEIVERS.items(), strict=True):
             honest = 100 * band["low"], 100 * band["high"]
-            plot.axhspan(*honest, color=COLORS["spread"], alpha=0.15, linewidth=0, zorder=0)
+            plot.axhspan(*honest, color=COLORS["zone"], alpha=0.2, linewidth=0, zorder=0)
             for place, name in enumerate(order):
                 for offset, sent in zip((-0.15, 0.15), SENT, strict=True):
                     share = record.values[name][receiver][sent]["inside"]
@@ -31,8 +29,8 @@ def truth_in_the_region(record: Record) -> Figure:
                         middle,
                         [[max(middle - low, 0)], [max(high - middle, 0)]],
                         fmt="o" if sent == "sent" else "s",
-                        markerfacecolor=COLORS[_COLOR[name]] if sent == "sent" else "white",
-                        color=COLORS[_COLOR[name]],
+                        markerfacecolor=COLORS[name] if sent == "sent" else "white",
+                        color=COLORS[name],
                         markersize=6,
                         label=SENT[sent] if place == len(order) - 1 else None,
                     )
@@ -50,11 +48,15 @@ def believed_over_time(record: Record) -> Figure:
     with canvas(len(order), 1, size=(7.2, 1.7 * len(order)), sharex=True) as (figure, axes):
         time = np.array(record.series["time_s"])
         for plot, name in zip(axes[:, 0], order, strict=True):
-            color = COLORS[_COLOR[name]]
+            color = COLORS[name]
             track = record.series[name]
             believed = np.array(track["claimed_cm"], dtype=float)
-            plot.fill_between(time, 0, believed, color=color, alpha=0.25, linewidth=0)
-            plot.plot(time, np.array(track["error_cm"], dtype=float), color=color)
-            plot.set(ylabel="cm", ylim=(0, None), title=METHODS[name])
+            plot.fill_between(
+                time, 0, believed, color=color, alpha=0.25, linewidth=0, label="error believed"
+            )
+            error = np.array(track["error_cm"], dtype=float)
+            plot.plot(time, error, color=color, label="error")
+            plot.set(ylabel="error (cm)", ylim=(0, None), title=METHODS[name])
+            plot.legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=2, borderaxespad=0.1)
         axes[-1, 0].set_xlabel("time (s)")
     return figure

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, floor_axes, legend_above, show_floor
+from trexton.figures.style import COLORS, SERIES, canvas, floor_axes, legend_above, show_floor
 from trexton.records import Record
 
 __all__ = ["MAPS", "error_distribution", "fixes"]
 
 # place in the record: label and colour
 MAPS = {
-    "mosaic": ("on the stitched map", COLORS["estimate"]),
-    "perfect_floor": ("on the true floor", COLORS["accent"]),
-    "drifting": ("on a drifting map", COLORS["warm"]),
+    "mosaic": ("on the stitched map", SERIES[0]),
+    "perfect_floor": ("on the true floor", SERIES[1]),
+    "drifting": ("on a drifting map", SERIES[2]),
 }
 
 
@@ -29,15 +29,15 @@ def fixes(record: Record) -> Figure:
         show_floor(plan, series["map"], record.images["map"])
         for true, found in zip(truth[~lost], position[~lost], strict=True):
             plan.plot(
-                *zip(true, found, strict=True), color=COLORS["estimate"], linewidth=0.6, alpha=0.6
+                *zip(true, found, strict=True), color=MAPS["mosaic"][1], linewidth=0.6, alpha=0.6
             )
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="motion capture")
         plan.plot(
-            *position[~lost].T, ".", color=COLORS["estimate"], markersize=3, label="homography"
+            *position[~lost].T, ".", color=MAPS["mosaic"][1], markersize=3, label="homography"
         )
-        plan.plot(
-            *truth[lost].T, "x", color=COLORS["accent"], label=f"no homography ({lost.sum()})"
-        )
+        if lost.any():
+            label = f"no homography ({lost.sum()})"
+            plan.plot(*truth[lost].T, "x", color=SERIES[1], label=label)
         plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3)
     return figure
 
@@ -57,5 +57,6 @@ def error_distribution(record: Record) -> Figure:
         plot.set(
             xscale="log", xlabel="Euclidean error (cm)", ylabel="share of frames (%)", ylim=(0, 102)
         )
+        plot.xaxis.set_major_formatter("{x:g}")
         legend_above(plot)
     return figure

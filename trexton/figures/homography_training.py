@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, legend_above
+from trexton.figures.style import SERIES, canvas, legend_above
 from trexton.records import Record
 
 __all__ = ["ROWS", "estimate_errors", "training_errors"]
 
 # place in the record: label and colour
 ROWS = {
-    "filter": ("homography positions", COLORS["estimate"]),
-    "remedy": ("filtered first", COLORS["accent"]),
+    "filter": ("homography positions", SERIES[1]),
+    "remedy": ("filtered first", SERIES[0]),
 }
 
 
@@ -28,6 +28,7 @@ def training_errors(record: Record) -> Figure:
                 )
                 plot.plot(np.maximum(error, 0.1), ".", color=color, markersize=4, label=label)
             plot.set(yscale="log", ylabel=f"error in {name} (cm)")
+            plot.yaxis.set_major_formatter("{x:g}")
         legend_above(axes[0, 0], 2)
         axes[1, 0].set_xlabel("training frame")
     return figure

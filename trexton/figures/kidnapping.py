@@ -11,9 +11,9 @@ from trexton.records import Record
 __all__ = ["error_since", "lost_told", "time_to_recover"]
 
 _FILTERS = {
-    "plain": ("the paper's filter", COLORS["estimate"], "-"),
-    "augmented": ("with random particles", COLORS["accent"], "--"),
-    "field": ("the field", COLORS["spread"], "-."),
+    "plain": ("the paper's filter", COLORS["paper"], "-"),
+    "augmented": ("with random particles", COLORS["guarded"], "--"),
+    "field": ("the field", COLORS["field"], "-."),
 }
 
 
@@ -89,7 +89,7 @@ def lost_told(record: Record) -> Figure:
         plot.plot(
             nothing,
             told,
-            color=COLORS["accent"],
+            color=COLORS["guarded"],
             marker="o",
             markersize=4,
             label="the cloud's width alone",
@@ -107,9 +107,9 @@ def lost_told(record: Record) -> Figure:
                 fontsize=9,
             )
         for point, label, color, marker in (
-            (values["lost_by_fit"], "the filter's fit alone", COLORS["knn"], "D"),
-            (values["lost"], "both, as on board", COLORS["warm"], "s"),
-            (record.values["field"]["lost"], "the field", COLORS["spread"], "^"),
+            (values["lost_by_fit"], "the filter's fit alone", COLORS["guarded"], "D"),
+            (values["lost"], "both, as on board", COLORS["guarded"], "s"),
+            (record.values["field"]["lost"], "the field", COLORS["field"], "^"),
         ):
             if point["wrong_frames_rate"] is not None:
                 plot.plot(

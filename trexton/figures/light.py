@@ -11,9 +11,9 @@ from trexton.records import Record
 __all__ = ["sweeps", "table"]
 
 STYLE = {
-    "paper": ("paper", COLORS["paper"]),
-    "both": ("paper, agile", COLORS["knn"]),
-    "field": ("field", COLORS["estimate"]),
+    "paper": ("paper", COLORS["paper"], "o-"),
+    "both": ("paper, agile", COLORS["paper"], "s--"),
+    "field": ("field", COLORS["field"], "o-"),
 }
 
 LIGHTS = {"drift": "gain drifts by {:g} %", "warmth": "red gains and blue loses {:g} %"}
@@ -29,8 +29,8 @@ def sweeps(record: Record) -> Figure:
         ):
             shares = [100 * share for share in series[what]]
             for name, errors in series[f"by_{what}_cm"].items():
-                short, color = STYLE[name]
-                plot.plot(shares, errors, "o-", color=color, label=short)
+                short, color, stroke = STYLE[name]
+                plot.plot(shares, errors, stroke, color=color, label=short)
             plot.set(xlabel=label, ylim=(0, None))
         axes[0, 0].set_ylabel("mean error (cm)")
         legend_above(axes[0, 0], 3)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
+from trexton.figures.style import COLORS, SERIES, canvas, floor_axes, show_floor
 from trexton.records import Record
 
 __all__ = ["errors_by_loss", "heat_maps", "sigma_sweep", "similarity_by_distance"]
@@ -37,13 +37,13 @@ def heat_maps(record: Record) -> Figure:
 def errors_by_loss(record: Record) -> Figure:
     """Mean error in tenths of the frames, ordered by loss: foretelling gives rising lines."""
     lines = (
-        ("train_knn", "training frames, k-NN without the frame", COLORS["accent"], "o"),
-        ("test_knn", "test flight, k-NN", COLORS["knn"], "s"),
-        ("test_filter", "test flight, particle filter", COLORS["estimate"], "^"),
+        ("train_knn", "training frames, k-NN without the frame", COLORS["neighbors"], "o--"),
+        ("test_knn", "test flight, k-NN", COLORS["neighbors"], "s-"),
+        ("test_filter", "test flight, particle filter", COLORS["paper"], "^-"),
     )
     with canvas(size=(6.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
-        for key, label, color, marker in lines:
+        for key, label, color, stroke in lines:
             rows = record.series["groups"][key]
             # A tenth of very few frames may hold none: its numbers are missing.
             loss = np.array([row["loss"] for row in rows], dtype=float)
@@ -54,7 +54,7 @@ def errors_by_loss(record: Record) -> Figure:
             plot.fill_between(
                 loss, error["low"], error["high"], color=color, alpha=0.15, linewidth=0
             )
-            plot.plot(loss, error["value"], color=color, marker=marker, markersize=4, label=label)
+            plot.plot(loss, error["value"], stroke, color=color, markersize=4, label=label)
         plot.set(
             xlabel="loss of the frame or its place", ylabel="Euclidean error (cm)", ylim=(0, None)
         )
@@ -69,16 +69,14 @@ def similarity_by_distance(record: Record) -> Figure:
     low, median, high = (np.array(series[key], dtype=float) for key in ("low", "median", "high"))
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
-        style: dict[str, Any] = {"color": COLORS["accent"]}
+        style: dict[str, Any] = {"color": SERIES[0]}
         plot.fill_between(
             distance, low, high, alpha=0.2, linewidth=0, label="half of all pairs", **style
         )
         plot.plot(distance, median, label="median", **style)
         curve = np.linspace(0, distance.max(), 200)
         ideal = np.exp(-(curve**2) / (2 * sigma**2))
-        plot.plot(
-            curve, ideal, color=COLORS["estimate"], linestyle="--", label=f"ideal, σ = {sigma:g} m"
-        )
+        plot.plot(curve, ideal, color=SERIES[1], linestyle="--", label=f"ideal, σ = {sigma:g} m")
         plot.set(xlabel="distance (m)", ylabel="cosine similarity", xlim=(0, None), ylim=(0, 1.02))
         plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
     return figure
@@ -89,9 +87,9 @@ def sigma_sweep(record: Record) -> Figure:
     sweep, default = record.series["sweep"], record.parameters["sigma"]
     sigma = [row["sigma_m"] for row in sweep]
     lines = (
-        ("agreement", "actual and ideal similarity", COLORS["spread"], "o"),
-        ("prediction", "loss and k-NN error (ranks)", COLORS["accent"], "s"),
-        ("same_order", f"loss at σ and at {default:g} m (ranks)", COLORS["estimate"], "^"),
+        ("agreement", "actual and ideal similarity", SERIES[2], "o"),
+        ("prediction", "loss and k-NN error (ranks)", SERIES[0], "s"),
+        ("same_order", f"loss at σ and at {default:g} m (ranks)", SERIES[1], "^"),
     )
     with canvas(2, 1, size=(6.4, 4.8), sharex=True, height_ratios=(1, 2)) as (figure, axes):
         loss, plot = axes[:, 0]

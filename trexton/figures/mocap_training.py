@@ -12,6 +12,8 @@ from trexton.records import Record
 
 __all__ = ["error_over_time", "floor_plan", "spread_over_time"]
 
+_ROWS = (("knn", "k-NN alone", "neighbors"), ("estimate", "particle filter", "paper"))
+
 
 def floor_plan(record: Record) -> Figure:
     """Truth and estimate over the floor."""
@@ -26,7 +28,7 @@ def floor_plan(record: Record) -> Figure:
         ):  # every fifth frame: where the estimate was against the truth
             plan.plot(
                 *zip(truth[start], estimate[start], strict=True),
-                color=COLORS["estimate"],
+                color=COLORS["paper"],
                 linewidth=0.5,
                 alpha=0.6,
             )
@@ -34,7 +36,7 @@ def floor_plan(record: Record) -> Figure:
         plan.plot(
             *estimate[::5].T,
             "o",
-            color=COLORS["estimate"],
+            color=COLORS["paper"],
             markersize=3,
             label="estimate (every 5th frame)",
         )
@@ -49,10 +51,10 @@ def error_over_time(record: Record) -> Figure:
     with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
         for axis, name in enumerate("xy"):
             plot = axes[axis, 0]
-            for key, label in (("knn", "k-NN alone"), ("estimate", "particle filter")):
+            for key, label, color in _ROWS:
                 error = 100 * np.abs(np.array(series[f"{key}_m"])[:, axis] - truth[:, axis])
-                plot.plot(time, error, color=COLORS[key], label=label, linewidth=1.0)
-                mean_line(plot, error, COLORS[key], "cm")
+                plot.plot(time, error, color=COLORS[color], label=label, linewidth=1.0)
+                mean_line(plot, error, COLORS[color], "cm")
             plot.set_ylabel(f"error in {name} (cm)")
         axes[0, 0].set_ylim(0, None)
         legend_above(axes[0, 0])
@@ -66,7 +68,11 @@ def spread_over_time(record: Record) -> Figure:
     time, spread = np.array(series["time_s"]), 100 * np.array(series["spread_m"])
     with canvas(size=(7.2, 2.4)) as (figure, axes):
         for axis, (name, style) in enumerate((("x", "-"), ("y", ":"))):
-            look: dict[str, Any] = {"color": COLORS["spread"], "linestyle": style, "linewidth": 1.2}
+            look: dict[str, Any] = {
+                "color": COLORS["particles"],
+                "linestyle": style,
+                "linewidth": 1.2,
+            }
             axes[0, 0].plot(time, spread[:, axis], label=f"spread in {name}", **look)
         axes[0, 0].set(xlabel="time (s)", ylabel="particle spread (cm)", ylim=(0, None))
         legend_above(axes[0, 0])

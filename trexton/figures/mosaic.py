@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
+from trexton.figures.style import SERIES, canvas, floor_axes, show_floor
 from trexton.records import Record
 
 __all__ = ["deviation", "stitched"]
@@ -23,7 +23,7 @@ def stitched(record: Record) -> Figure:
         show_floor(plan, series["map"], record.images["map"], fade=1.0)
         plan.plot(*frames.T, color="white", linewidth=0.7, alpha=0.8)
         dots: dict[str, Any] = {
-            "color": COLORS["estimate"],
+            "color": SERIES[1],
             "markeredgecolor": "white",
             "markersize": 6,
         }
@@ -42,6 +42,7 @@ def deviation(record: Record, magnified: float = 20.0) -> Figure:
         show_floor(plan, series["map"], record.images["map"], fade=0.35)
         length = 100 * np.hypot(*offsets.T)
         as_long: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.004}
+        as_long["label"] = "deviation (cm)"
         arrows = plan.quiver(*places.T, *(magnified * offsets.T), length, cmap="viridis", **as_long)
         # A mismatch or two on a tiled mat must not set the scale.
         arrows.set_clim(0, np.percentile(length, 98))

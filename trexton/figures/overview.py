@@ -16,6 +16,7 @@ from trexton.records import Record
 __all__ = ["pipeline"]
 
 _MARK: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.8, "linestyle": "none"}
+_ON_NEIGHBORS = "#111111"  # on their colour, in either theme
 
 
 def pipeline(record: Record) -> Figure:
@@ -59,8 +60,10 @@ def _image(axes: Axes, record: Record) -> None:
     square = patch * np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
     corners = np.array(record.series["patches"])[:, None, ::-1] + square
     colors = _colors(record)[record.series["labels"]]
+    # A bright edge with a dark rim stands out from any floor; no theme turns these two round.
+    axes.add_collection(PolyCollection(corners, edgecolors="#111111", linewidths=1.5))
     axes.add_collection(
-        PolyCollection(corners, facecolors=colors, edgecolors="black", linewidths=0.3)
+        PolyCollection(corners, facecolors=colors, edgecolors="#fafafa", linewidths=0.7)
     )
     _bare(axes)
 
@@ -105,12 +108,12 @@ def _similar(axes: Axes, record: Record) -> None:
 def _number(axes: Axes, number: int, at: tuple[float, float], size: float = 10) -> None:
     box: dict[str, Any] = {
         "boxstyle": "circle,pad=0.2",
-        "facecolor": COLORS["accent"],
+        "facecolor": COLORS["neighbors"],
         "edgecolor": "white",
         "linewidth": 0.6,
     }
     style: dict[str, Any] = {
-        "color": "white",
+        "color": _ON_NEIGHBORS,
         "fontsize": size,
         "fontweight": "bold",
         "ha": "left",
@@ -151,7 +154,7 @@ def _neighbors(axes: Axes, record: Record) -> None:
         axes.plot(
             *place,
             "o",
-            color=COLORS["accent"],
+            color=COLORS["neighbors"],
             markersize=10,
             label=label,
             zorder=4 - rank / 100,
@@ -159,7 +162,7 @@ def _neighbors(axes: Axes, record: Record) -> None:
         )
         if len(places) <= 9:
             style: dict[str, Any] = {
-                "color": "white",
+                "color": _ON_NEIGHBORS,
                 "fontsize": 7.5,
                 "ha": "center",
                 "va": "center_baseline",
@@ -172,7 +175,7 @@ def _particles(axes: Axes, record: Record) -> None:
     _plan(axes, record)
     places, weights = np.array(record.series["particles_m"]), np.array(record.series["weights"])
     look: dict[str, Any] = {
-        "color": COLORS["spread"],
+        "color": COLORS["particles"],
         "alpha": 0.7,
         "edgecolors": "white",
         "linewidths": 0.5,
@@ -189,13 +192,13 @@ def _position(axes: Axes, record: Record) -> None:
     series = record.series
     axes.plot(*np.array(series["truth_trail_m"]).T, color=COLORS["truth"], linewidth=1.6)
     axes.plot(
-        *np.array(series["estimate_trail_m"]).T, color=COLORS["estimate"], linewidth=0.9, alpha=0.8
+        *np.array(series["estimate_trail_m"]).T, color=COLORS["paper"], linewidth=0.9, alpha=0.8
     )
     _truth(axes, record)
     axes.plot(
         *series["estimate_m"],
         "o",
-        color=COLORS["estimate"],
+        color=COLORS["paper"],
         markersize=9,
         label="estimate",
         **_MARK,
@@ -211,7 +214,7 @@ def _position(axes: Axes, record: Record) -> None:
             height,
             angle=angle,
             fill=False,
-            edgecolor=COLORS["estimate"],
+            edgecolor=COLORS["paper"],
             linestyle="--",
         )
     )

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import NullFormatter
 
 from trexton.bench.clock import duration
-from trexton.figures.style import COLORS, canvas
+from trexton.figures.style import COLORS, SERIES, canvas
 from trexton.records import Record
 
 __all__ = ["growth", "limits", "roofline", "rows"]
@@ -21,7 +21,7 @@ def limits(record: Record) -> Figure:
     """Ratio of each stage to what it must reach; left of the line is quicker than asked for."""
     asked = [row for row in record.timings["rows"] if row["limit"] is not None]
     share = [row["ratio"] / row["limit"] for row in asked]
-    colors = [COLORS["spread"] if row["holds"] else COLORS["estimate"] for row in asked]
+    colors = [SERIES[0] if row["holds"] else SERIES[1] for row in asked]
     with canvas(size=(7.2, 0.9 + 0.24 * len(asked))) as (figure, axes):
         plot = axes[0, 0]
         places = np.arange(len(asked))[::-1]
@@ -58,11 +58,10 @@ def roofline(record: Record) -> Figure:
         label = "one thread: memory copied, matrices multiplied (sgemm)"
         plot.plot(span, roof / 1e9, color=COLORS["truth"], label=label)
         plot.fill_between(span, roof / 1e9, color=COLORS["truth"], alpha=0.07, linewidth=0)
-        colors = ("accent", "knn", "warm", "truth", "spread", "estimate")
-        for point, color, marker in zip(points, colors, "os^Dvp", strict=False):
+        for point, color, marker in zip(points, SERIES, "os^Dvp", strict=False):
             at = point["operations_per_byte"], point["operations_per_s"] / 1e9
             label = f"{point['stage']}, {point['size']}"
-            plot.plot(*at, marker, color=COLORS[color], markersize=8, linestyle="none", label=label)
+            plot.plot(*at, marker, color=color, markersize=8, linestyle="none", label=label)
         plot.set(xlabel="operations a byte", ylabel="thousand million operations a second")
         plot.set(xscale="log", yscale="log")
         _plain_numbers(plot)
@@ -78,7 +77,8 @@ def growth(record: Record) -> Figure:
             families.setdefault(row["stage"].removeprefix("growth, "), []).append(row)
     columns = 3
     lines = -(-len(families) // columns)
-    with canvas(lines, columns, size=(7.6, 2.5 * lines)) as (figure, axes):
+    with canvas(lines, columns, size=(7.6, 2.6 * lines)) as (figure, axes):
+        figure.get_layout_engine().set(h_pad=0.14)  # labels apart from the titles below
         for axis in axes.flat[len(families) :]:
             axis.set_axis_off()
         for axis, (name, rows) in zip(axes.flat, families.items(), strict=False):
@@ -87,8 +87,8 @@ def growth(record: Record) -> Figure:
                 [1000 * row["yardstick_s"] for row in rows],
             )
             ours = [1000 * row["ours_s"] for row in rows]
-            axis.plot(size, ours, "o", color=COLORS["accent"], markersize=5, clip_on=False)
-            axis.plot(size, fitted, color=COLORS["estimate"], linewidth=1)
+            axis.plot(size, ours, "o", color=SERIES[0], markersize=5, clip_on=False)
+            axis.plot(size, fitted, color=SERIES[1], linewidth=1)
             axis.set(xscale="log", yscale="log", xlabel=name, ylabel="ms")
             axis.set(xlim=_whole_decades(size), ylim=_whole_decades(ours + fitted))
             axis.set_title(rows[0]["yardstick"].removeprefix("fit, "), fontsize=9.5)

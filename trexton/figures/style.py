@@ -10,21 +10,36 @@ import matplotlib.pyplot as plt
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-__all__ = ["COLORS", "canvas", "floor_axes", "legend_above", "mean_line", "show_floor"]
+__all__ = [
+    "COLORS",
+    "SERIES",
+    "canvas",
+    "floor_axes",
+    "landed",
+    "legend_above",
+    "mean_line",
+    "show_floor",
+]
 
-# Okabe & Ito (2008), without yellow, which fades on white.
+# What a colour means, in every figure and in the player: Okabe & Ito (2008), without yellow, which
+# fades on white. Kinds of one method differ by their strokes. A page makes each lighter in the dark.
 COLORS = {
-    "truth": "#4d4d4d",
-    "estimate": "#D55E00",
-    "knn": "#56B4E9",
-    "paper": "#CC79A7",
-    "spread": "#009E73",
-    "accent": "#0072B2",
-    "warm": "#E69F00",
+    "truth": "#4d4d4d",  # and lines that stand still: a limit, a rate, a tolerance
+    "paper": "#D55E00",  # the paper's filter
+    "guarded": "#CC79A7",
+    "field": "#0072B2",
+    "fine": "#009E73",
+    "neighbors": "#56B4E9",
+    "particles": "#E69F00",
+    "printed": "#000000",  # a value that the paper prints
+    "zone": "#777777",
 }
+# Where no methods are compared: one after another.
+SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4d4d4d")
 
 _STYLE: dict[str, Any] = {
     "svg.hashsalt": "trexton",
@@ -39,9 +54,7 @@ _STYLE: dict[str, Any] = {
     "axes.spines.right": False,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "axes.prop_cycle": cycler(
-        color=["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4d4d4d"]
-    ),
+    "axes.prop_cycle": cycler(color=SERIES),
     "grid.color": "#e3e3e3",
     "grid.linewidth": 0.6,
     "xtick.color": "#555555",
@@ -89,6 +102,17 @@ def show_floor(
     alpha = np.full(picture.shape[:2], round(255 * fade), np.uint8)
     faded = np.dstack([picture[..., 2::-1], alpha])
     axes.imshow(faded, extent=floor["extent_m"], interpolation="bilinear", zorder=0)
+
+
+def landed(
+    axes: Axes, places: np.ndarray, color: str, label: str, inside: bool = True
+) -> PathCollection:
+    """Landings of one outcome: full dots inside their zone, open triangles outside."""
+    return axes.scatter(
+        *places.T, s=26, marker="o" if inside else "^", label=label, zorder=5,
+        facecolors=color if inside else "white", edgecolors="white" if inside else color,
+        linewidths=0.6 if inside else 1.1,
+    )  # fmt: skip
 
 
 def legend_above(axes: Axes, columns: int = 3) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas
+from trexton.figures.style import SERIES, canvas
 from trexton.records import Record
 
 __all__ = ["convergence", "labelled", "places", "textons"]
@@ -38,13 +38,13 @@ def convergence(record: Record) -> Figure:
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
         for (method, errors), color in zip(
-            record.series["convergence"].items(), ("accent", "estimate"), strict=False
+            record.series["convergence"].items(), SERIES, strict=False
         ):
             seen = np.arange(1, len(errors) + 1) * record.values["patches"] / len(errors)
             final = record.values["methods"][method]
             label = f"{_NAMES[method]}: in the end {final['error']:.1f} over all patches"
-            plot.plot(seen / 1000, errors, color=COLORS[color], label=label, linewidth=1.1)
-            plot.axhline(final["error"], color=COLORS[color], linestyle=":", linewidth=1)
+            plot.plot(seen / 1000, errors, color=color, label=label, linewidth=1.1)
+            plot.axhline(final["error"], color=color, linestyle=":", linewidth=1)
         plot.set(xlabel="patches seen (thousands)")
         plot.set(ylabel="RMS distance to the nearest\ntexton (grey levels)")
         plot.set(xlim=(0, record.values["patches"] / 1000), ylim=(0, None))

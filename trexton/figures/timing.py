@@ -48,15 +48,15 @@ def stages(record: Record) -> Figure:
         for place, (name, time) in enumerate(reversed(ours.items())):
             at = (time["median"], place)
             plot.hlines(
-                place, time["median"], time["p99"], color=COLORS["accent"], linewidth=4, alpha=0.3
+                place, time["median"], time["p99"], color=COLORS["paper"], linewidth=4, alpha=0.3
             )
             label = "here, to the 99th percentile" if not place else None
-            plot.plot(*at, "o", color=COLORS["accent"], label=label)
+            plot.plot(*at, "o", color=COLORS["paper"], label=label)
             style: dict[str, Any] = {"textcoords": "offset points", "ha": "center", "fontsize": 8}
             plot.annotate(f"{time['median']:.3g} ms", at, xytext=(0, 6), **style)
             if (key := _ROWS[name][1]) is not None:
                 label = "the paper" if key == "total_ms" else None
-                plot.plot(paper[key], place, "D", color=COLORS["paper"], label=label)
+                plot.plot(paper[key], place, "D", color=COLORS["printed"], label=label)
         camera = paper["camera_hz"]
         plot.axvline(
             1000 / camera, color=COLORS["truth"], linestyle=":", label=f"one frame at {camera:g} Hz"
@@ -77,24 +77,26 @@ def frames(record: Record) -> Figure:
     split = {name: np.array(values) for name, values in record.timings["frames_ms"].items()}
     del split["total"]
     total = record.timings["total_ms"]
-    colors = dict(
-        zip(
-            ("histogram", "neighbors", "filter", "estimate"),
-            ("accent", "warm", "spread", "knn"),
-            strict=True,
-        )
-    )
+    colors = {
+        "histogram": COLORS["zone"], "neighbors": COLORS["neighbors"],
+        "filter": COLORS["particles"], "estimate": COLORS["paper"],
+    }  # fmt: skip
     with canvas(size=(7.2, 3.0)) as (figure, axes):
         plot = axes[0, 0]
         count = len(next(iter(split.values())))
         plot.stackplot(
             np.arange(count), *split.values(), labels=[_ROWS[name][0] for name in split],
-            colors=[COLORS[colors[name]] for name in split], step="mid", linewidth=0,
+            colors=[colors[name] for name in split], step="mid", linewidth=0,
+        )  # fmt: skip
+        whole = np.sum(list(split.values()), axis=0)
+        plot.step(
+            np.arange(count), whole, where="mid", color=COLORS["truth"], linewidth=0.5,
+            label="whole frame",
         )  # fmt: skip
         for key, style in (("median", "-"), ("p99", "--")):
-            label = {"median": "whole frame, median", "p99": "99th percentile"}[key]
+            label = {"median": "median", "p99": "99th percentile"}[key]
             plot.axhline(
-                total[key], color=COLORS["estimate"], linestyle=style, linewidth=1, label=label
+                total[key], color=COLORS["truth"], linestyle=style, linewidth=1, label=label
             )
         plot.set(
             xlabel="frame", ylabel="time (ms)", xlim=(0, count - 1), ylim=(0, 1.6 * total["p99"])

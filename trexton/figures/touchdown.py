@@ -10,19 +10,19 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from trexton.experiments.touchdown import LANDERS
-from trexton.figures.style import COLORS, canvas
+from trexton.figures.style import COLORS, canvas, landed
 from trexton.records import Record
 from trexton.wording import span
 
 __all__ = ["table", "targets", "waiting"]
 
 _LINES = {
-    "paper": (COLORS["truth"], "-"),
-    "field_inside": (COLORS["estimate"], ":"),
-    "field": (COLORS["estimate"], "-"),
-    "field_odometry": (COLORS["estimate"], "--"),
-    "fine": (COLORS["accent"], "-"),
-    "truth": (COLORS["spread"], "--"),
+    "paper": (COLORS["paper"], "-"),
+    "field_inside": (COLORS["field"], ":"),
+    "field": (COLORS["field"], "-"),
+    "field_odometry": (COLORS["field"], "--"),
+    "fine": (COLORS["fine"], "-"),
+    "truth": (COLORS["truth"], "--"),
 }
 
 
@@ -37,19 +37,16 @@ def targets(record: Record) -> Figure:
     limits = (-1.08 * reach, 1.08 * reach)
     with canvas(2, 3, size=(7.2, 5.2), sharex=True, sharey=True) as (figure, grid):
         for axes, (name, place) in zip(grid.flat, places.items(), strict=True):
-            axes.add_patch(Circle((0, 0), radius, color=COLORS["spread"], alpha=0.22, lw=0))
+            axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
             inside = np.hypot(*place.T) <= radius
             missed = ~inside & np.isfinite(place[:, 0])
-            for rows, color, marker in (
-                (inside, COLORS["accent"], "o"),
-                (missed, COLORS["warm"], "^"),
-            ):
-                axes.scatter(
-                    *place[rows].T, s=18, color=color, marker=marker, edgecolors="white",
-                    linewidths=0.5, zorder=5,
-                )  # fmt: skip
+            landed(axes, place[inside], _LINES[name][0], "inside the zone")
+            landed(axes, place[missed], _LINES[name][0], "outside", inside=False)
             axes.set_title(LANDERS[name][0], fontsize=9)
             axes.set(xlim=limits, ylim=limits, aspect="equal")
+        keys = [landed(grid[0, 0], np.empty((0, 2)), COLORS["zone"], word, inside=within)
+                for word, within in (("inside the zone", True), ("outside", False))]  # fmt: skip
+        figure.legend(handles=keys, loc="outside upper center", ncols=2)
         figure.supxlabel("x from the zone's centre (m)")
         figure.supylabel("y from the zone's centre (m)")
     return figure

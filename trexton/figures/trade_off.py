@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas
+from trexton.figures.style import COLORS, SERIES, canvas
 from trexton.records import Record
 
 __all__ = ["error_by_frequency", "grid", "neighbors", "particles", "samples", "stored", "training"]
@@ -19,8 +19,6 @@ _AXIS = {
     "neighbors": "neighbours k",
     "training": "histograms in the training set",
 }
-
-_GROUPS = [COLORS[name] for name in ("estimate", "accent", "warm", "knn", "spread", "truth")]
 
 
 def samples(record: Record) -> Figure:
@@ -45,7 +43,7 @@ def neighbors(record: Record) -> Figure:
 
 def error_by_frequency(record: Record) -> Figure:
     """Error in x against the rate, along the samples and along the particles."""
-    lines = (("samples", COLORS["accent"], "o"), ("particles", COLORS["estimate"], "s"))
+    lines = (("samples", SERIES[0], "o"), ("particles", COLORS["particles"], "s"))
     with canvas(size=(6.4, 4.2)) as (figure, axes):
         plot = axes[0, 0]
         for name, color, marker in lines:
@@ -60,7 +58,7 @@ def error_by_frequency(record: Record) -> Figure:
             plot.errorbar(
                 rate["median"], error["median"], **bars, **look, elinewidth=0.8, label=label
             )
-            for i, place in ((0, (6, 2)), (-1, (-4, 8))):
+            for i, place in ((0, (8, 6)), (-1, (-8, -14))):
                 at = (rate["median"][i], error["median"][i])
                 style: dict[str, Any] = {
                     "textcoords": "offset points",
@@ -81,8 +79,8 @@ def stored(record: Record) -> Figure:
     clocks = record.timings["stored"]
     count = [row["stored"] for row in clocks]
     lines = (
-        ("brute", "every histogram in turn", COLORS["estimate"], "o"),
-        ("tree", "tree of boxes", COLORS["accent"], "s"),
+        ("brute", "every histogram in turn", SERIES[1], "o"),
+        ("tree", "tree of boxes", SERIES[0], "s"),
     )
     with canvas(size=(6.4, 4.0)) as (figure, axes):
         plot = axes[0, 0]
@@ -91,7 +89,7 @@ def stored(record: Record) -> Figure:
             plot.fill_between(count, rate["low"], rate["high"], color=color, alpha=0.2, linewidth=0)
             plot.plot(count, rate["median"], color=color, marker=marker, markersize=5, label=label)
         plot.set(xlabel="stored histograms", ylabel="rate (Hz)", xscale="log", yscale="log")
-        plot.axvline(800, color=COLORS["paper"], linestyle=":", label="the paper's 800")
+        plot.axvline(800, color=COLORS["printed"], linestyle=":", label="the paper's 800")
         _camera(plot, record)
         _plain_ticks(plot, "x")
         _plain_ticks(plot, "y")
@@ -105,7 +103,7 @@ def grid(record: Record) -> Figure:
     groups = dict.fromkeys((row["samples"], row["particles"]) for row in rows)
     with canvas(size=(6.4, 3.8)) as (figure, axes):
         plot = axes[0, 0]
-        for (drawn, count), color, marker in zip(groups, _GROUPS, "os^Dvp", strict=False):
+        for (drawn, count), color, marker in zip(groups, SERIES, "os^Dvp", strict=False):
             mine = [row for row in rows if (row["samples"], row["particles"]) == (drawn, count)]
             k, error = [row["neighbors"] for row in mine], _column(mine, "axis_mean_cm")
             of_all = "" if not record.values["applies"]["samples"] else f"{_name(drawn)} samples, "
@@ -121,7 +119,7 @@ def grid(record: Record) -> Figure:
                 ring: dict[str, Any] = {
                     "markersize": size,
                     "markerfacecolor": "none",
-                    "markeredgecolor": COLORS["truth" if name == "best" else "estimate"],
+                    "markeredgecolor": COLORS["truth" if name == "best" else "paper"],
                 }
                 plot.plot(*at, "o", label=label, **ring)
         plot.set(
@@ -147,22 +145,22 @@ def _error_and_rate(record: Record, name: str) -> Figure:
     with canvas(2, 1, size=(6.4, 5.4), sharex=True, height_ratios=(3, 2)) as (figure, axes):
         error, rate = axes[:, 0]
         lines = (
-            ("filter, x", rows, "error_cm_x", COLORS["estimate"], "-", "o"),
-            ("filter, y", rows, "error_cm_y", COLORS["warm"], "-", "s"),
+            ("filter, x", rows, "error_cm_x", COLORS["paper"], "-", "o"),
+            ("filter, y", rows, "error_cm_y", COLORS["paper"], ":", "s"),
             (
                 "k-NN alone, x",
                 [row["knn"] for row in rows],
                 "error_cm_x",
-                COLORS["accent"],
-                "--",
+                COLORS["neighbors"],
+                "-",
                 None,
             ),
             (
                 "k-NN alone, y",
                 [row["knn"] for row in rows],
                 "error_cm_y",
-                COLORS["knn"],
-                "--",
+                COLORS["neighbors"],
+                ":",
                 None,
             ),
         )

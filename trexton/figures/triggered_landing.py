@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
+from trexton.figures.style import COLORS, canvas, floor_axes, landed, show_floor
 from trexton.paper import published
 from trexton.records import Record
 
@@ -20,7 +20,6 @@ __all__ = ["causes", "first_flights", "table", "targets", "waiting"]
 
 _COUNTS = ("", "Landings", "Inside", "Rate", "Triggered inside", "Never triggered")
 _DISTANCES = ("Beyond the circle (cm), mean", "furthest")
-INSIDE, OUTSIDE = COLORS["accent"], COLORS["warm"]
 _EDGE: dict[str, Any] = {"edgecolors": "white", "linewidths": 0.7, "zorder": 5}
 
 
@@ -53,7 +52,7 @@ def first_flights(record: Record) -> Figure:
             )
             ring: dict[str, Any] = {
                 "fill": False,
-                "color": COLORS["spread"],
+                "color": COLORS["zone"],
                 "lw": 2,
                 "label": "zone",
             }
@@ -67,15 +66,16 @@ def first_flights(record: Record) -> Figure:
                     lw=0.8,
                     ls=":",
                 )
-                outcome = INSIDE if series["beyond_cm"][number] <= 0 else OUTSIDE
+                inside = series["beyond_cm"][number] <= 0
                 for place, marker, area, color, label in (
-                    (estimate, "X", 46, COLORS["estimate"], "estimate at the trigger"),
-                    (truth, "o", 30, COLORS["truth"], "truth at the trigger"),
-                    (touchdown, "^", 52, outcome, "touchdown"),
+                    (estimate, "X", 46, COLORS["paper"], "estimate at the trigger"),
+                    (truth, "s", 26, COLORS["truth"], "truth at the trigger"),
                 ):
                     axes.scatter(
                         *place[number], marker=marker, s=area, color=color, label=label, **_EDGE
                     )
+                label = "touchdown inside" if inside else "touchdown outside"
+                landed(axes, touchdown[number, None], COLORS["truth"], label, inside=inside)
         _legend(figure, grid.flat[:count])
     return figure
 
@@ -95,7 +95,7 @@ def _legend(figure: Figure, grid: Iterable[Axes]) -> None:
         entries |= dict(zip(labels, handles, strict=True))
     options: dict[str, Any] = {
         "loc": "outside lower center",
-        "ncols": 5,
+        "ncols": 3,
         "columnspacing": 1.2,
         "handletextpad": 0.4,
     }
@@ -114,13 +114,13 @@ def targets(record: Record) -> Figure:
             place = _array(series[f"{name}_m"]) - zones
             distance = np.hypot(*place.T)
             reach = max(reach, np.nanmax(np.abs(place), initial=0))
-            axes.add_patch(Circle((0, 0), radius, color=COLORS["spread"], alpha=0.22, lw=0))
-            axes.add_patch(Circle((0, 0), radius, fill=False, color=COLORS["spread"], lw=2))
-            for inside, color, marker in ((True, INSIDE, "o"), (False, OUTSIDE, "^")):
+            axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
+            axes.add_patch(Circle((0, 0), radius, fill=False, color=COLORS["zone"], lw=2))
+            for inside in (True, False):
                 rows = ((distance <= radius) == inside) & np.isfinite(beyond)
                 where = "inside" if inside else "outside"
                 share = f"{where}: {rows.sum()} of {np.isfinite(beyond).sum()}"
-                axes.scatter(*place[rows].T, marker=marker, s=30, color=color, label=share, **_EDGE)
+                landed(axes, place[rows], COLORS["paper"], share, inside=inside)
             axes.set(title=title, xlabel="x from the zone's centre (m)", aspect="equal")
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
         limits = (-1.08 * reach, 1.08 * reach)
@@ -143,7 +143,7 @@ def waiting(record: Record) -> Figure:
         plot = axes[0, 0]
         times = np.concatenate([[0], wait, [limit]])
         shares = 100 * np.concatenate([[0], np.arange(1, len(wait) + 1), [len(wait)]]) / total
-        plot.step(times, shares, where="post", color=COLORS["accent"])
+        plot.step(times, shares, where="post", color=COLORS["paper"])
         plot.axvline(
             record.parameters["armed_after"], color=COLORS["truth"], linestyle=":", linewidth=1.2
         )
