@@ -26,7 +26,9 @@ def figure():
 
 def draw():
     with canvas(1, 2, size=(6, 3)) as (figure, axes):
-        axes[0, 0].plot([1, 10, 100], [3.0, np.nan, 1.5], "o-", label="filter", color=COLORS["knn"])
+        axes[0, 0].plot(
+            [1, 10, 100], [3.0, np.nan, 1.5], "o-", label="filter", color=COLORS["neighbors"]
+        )
         axes[0, 0].axhline(2)  # a line through two points tells nothing
         axes[0, 0].set(xscale="log", xlabel="samples", ylabel="error (cm)")
         axes[0, 1].bar(["a & b", "c"], [2, 4], label="<costs>")
@@ -66,7 +68,7 @@ def test_svg_is_whole_equal_in_every_run_and_keeps_the_scale_of_its_letters(figu
 def test_a_figure_in_a_page_follows_its_theme_and_names_nothing_twice(figure):
     svg = to_svg(figure).decode()
     one, other = (inline_figure(svg, name, 'says "so"') for name in ("f1", "f2"))
-    assert f"var(--fig-{COLORS['knn'][1:].lower()}, {COLORS['knn'].lower()})" in one
+    assert f"var(--fig-{COLORS['neighbors'][1:].lower()}, {COLORS['neighbors'].lower()})" in one
     assert 'aria-label="says &quot;so&quot;"' in one and "<metadata" not in one
     assert 'width="576"' in one  # six inches
     ids = [set(re.findall(r'\bid="([^"]+)"', text)) for text in (one, other)]
@@ -79,7 +81,7 @@ def test_a_figure_in_a_page_follows_its_theme_and_names_nothing_twice(figure):
 
 def test_the_style_of_many_marks_is_said_once():
     with canvas(size=(4, 3)) as (many, axes):
-        axes[0, 0].plot(np.arange(200.0), ".", color=COLORS["knn"])
+        axes[0, 0].plot(np.arange(200.0), ".", color=COLORS["neighbors"])
     svg = to_svg(many).decode()
     drawn = inline_figure(svg, "f1", "")
     assert 'svg class="chart narrow"' in drawn and "xlink:href" not in drawn

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import threading
+from importlib.resources import files
+from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
@@ -18,6 +20,7 @@ from trexton.commands.play import serve
 from trexton.errors import ParameterError
 from trexton.experiments import mocap_training
 from trexton.experiments.replay import replay
+from trexton.figures.style import COLORS
 from trexton.localizer import Localizer, TextonMap
 from trexton.patches import gather_patches
 from trexton.player import player_html, record_replay
@@ -100,6 +103,15 @@ def test_the_page_is_one_file_with_a_still(texton_map):
     assert embedded(page)["frames"] == recording.frames
     assert page.count("<script") == page.count("</script>") == 2
     assert '<noscript><svg class="still"' in page
+
+
+def test_the_player_has_the_colours_of_the_figures():
+    style = (files("trexton.player") / "player.css").read_text(encoding="utf-8")
+    light, dark = (dict(re.findall(r"--(\w+): (#\w+)", line)) for line in style.splitlines()[:2])
+    book = Path("book/_static/book.css").read_text(encoding="utf-8")
+    for name in ("truth", "paper", "guarded", "field", "fine", "neighbors", "particles"):
+        assert light[name] == COLORS[name].lower()
+        assert f"--fig-{light[name][1:]}: {dark[name]};" in book
 
 
 def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, capsys):

@@ -56,7 +56,7 @@ def expected_error(record: Record) -> Figure:
     order = np.argsort(expected, kind="stable")
     with canvas(size=(5.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
-        plot.plot(expected, error, ".", color=COLORS["field"], markersize=3, alpha=0.5)
+        plot.plot(expected, error, ".", color=COLORS["zone"], markersize=3, alpha=0.5)
         parts = np.array_split(order, 8)
         plot.plot(
             [expected[part].mean() for part in parts], [error[part].mean() for part in parts],

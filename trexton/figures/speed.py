@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import NullFormatter
 
 from trexton.bench.clock import duration
@@ -78,7 +79,9 @@ def growth(record: Record) -> Figure:
     columns = 3
     lines = -(-len(families) // columns)
     with canvas(lines, columns, size=(7.6, 2.6 * lines)) as (figure, axes):
-        figure.get_layout_engine().set(h_pad=0.14)  # labels apart from the titles below
+        cast(ConstrainedLayoutEngine, figure.get_layout_engine()).set(
+            h_pad=0.14
+        )  # labels apart from the titles below
         for axis in axes.flat[len(families) :]:
             axis.set_axis_off()
         for axis, (name, rows) in zip(axes.flat, families.items(), strict=False):

@@ -26,7 +26,7 @@ __all__ = [
 ]
 
 # What a colour means, in every figure and in the player: Okabe & Ito (2008), without yellow, which
-# fades on white. Kinds of one method differ by their strokes. A page makes each lighter in the dark.
+# fades on white. Kinds of one method differ by their strokes. A page lightens them in the dark.
 COLORS = {
     "truth": "#4d4d4d",  # and lines that stand still: a limit, a rate, a tolerance
     "paper": "#D55E00",  # the paper's filter
@@ -35,7 +35,7 @@ COLORS = {
     "fine": "#009E73",
     "neighbors": "#56B4E9",
     "particles": "#E69F00",
-    "printed": "#000000",  # a value that the paper prints
+    "printed": "#8A63D2",  # a value that the paper prints; it needs no other shade in the dark
     "zone": "#777777",
 }
 # Where no methods are compared: one after another.
@@ -109,7 +109,7 @@ def landed(
 ) -> PathCollection:
     """Landings of one outcome: full dots inside their zone, open triangles outside."""
     return axes.scatter(
-        *places.T, s=26, marker="o" if inside else "^", label=label, zorder=5,
+        places[:, 0], places[:, 1], s=26, marker="o" if inside else "^", label=label, zorder=5,
         facecolors=color if inside else "white", edgecolors="white" if inside else color,
         linewidths=0.6 if inside else 1.1,
     )  # fmt: skip

@@ -42,7 +42,7 @@ def targets(record: Record) -> Figure:
             missed = ~inside & np.isfinite(place[:, 0])
             landed(axes, place[inside], _LINES[name][0], "inside the zone")
             landed(axes, place[missed], _LINES[name][0], "outside", inside=False)
-            axes.set_title(LANDERS[name][0], fontsize=9)
+            axes.set_title(LANDERS[name][0], fontsize=8.5)
             axes.set(xlim=limits, ylim=limits, aspect="equal")
         keys = [landed(grid[0, 0], np.empty((0, 2)), COLORS["zone"], word, inside=within)
                 for word, within in (("inside the zone", True), ("outside", False))]  # fmt: skip

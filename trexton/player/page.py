@@ -57,8 +57,9 @@ def _still(recording: Recording) -> str:
     return (
         f'<svg class="still" role="img" aria-label="True track, and estimates of {escape(name)}" '
         f'viewBox="{" ".join(f"{value:.1f}" for value in box)}">'
-        f'<polyline points="{track}" fill="none" stroke="#4d4d4d" stroke-width="{width:.1f}"/>'
-        f'<g fill="#D55E00">{dots}</g></svg>'
+        f'<polyline points="{track}" fill="none" stroke-width="{width:.1f}" '
+        f'style="stroke:var(--truth)"/>'
+        f'<g style="fill:var(--paper)">{dots}</g></svg>'
     )
 
 

@@ -10,7 +10,11 @@
 
   let now = 0, playing = null, floorImage = null;
   const pictures = new Map(), color = (name) => getComputedStyle(root).getPropertyValue(name).trim();
-  const methodColor = (i) => color("--m" + (i % 5));
+  /* The colours of the figures; a method without one takes what is left. */
+  const owned = { "the paper's filter": "--paper", filter: "--paper", paper: "--paper", guarded: "--guarded", field: "--field", fine: "--fine", "neighbours alone": "--neighbors" };
+  const free = ["--paper", "--field", "--fine", "--guarded"].filter((each) => !names.some((name) => owned[name] === each)), variable = {};
+  names.forEach((name) => { variable[name] = owned[name] || free.shift() || "--soft"; });
+  const methodColor = (name) => color(variable[name]);
 
   function setTheme(name) { root.dataset.theme = name === "dark" ? "dark" : "light"; draw(); }
 
@@ -44,7 +48,7 @@
     const c = canvas("histogram"), bars = frame.histogram;
     if (!c || !bars) return;
     const most = Math.max(...bars, 1), step = c.width / bars.length;
-    c.context.fillStyle = methodColor(1);
+    c.context.fillStyle = color("--soft");
     bars.forEach((value, i) => { const h = (value / most) * (c.height - 4); c.context.fillRect(i * step + 1, c.height - h, step - 2, h); });
   }
 
@@ -73,12 +77,12 @@
     };
     if (layers.truth) trail((f) => f.truth_cm, color("--truth"), Math.max(0, now - 40));
     if (layers.particles && frame.particles_cm) {
-      frame.particles_cm.forEach((cm) => dot(cm, 2, color("--particle")));
+      frame.particles_cm.forEach((cm) => dot(cm, 2, color("--particles")));
       const own = frame.estimates_cm[names[0]], [sx, sy] = frame.spread_cm;
-      if (own) { c.context.beginPath(); c.context.strokeStyle = color("--particle"); c.context.lineWidth = 1.4; c.context.ellipse(...at(own), scale * sx / 100, scale * sy / 100, 0, 0, 7); c.context.stroke(); }
+      if (own) { c.context.beginPath(); c.context.strokeStyle = color("--particles"); c.context.lineWidth = 1.4; c.context.ellipse(...at(own), scale * sx / 100, scale * sy / 100, 0, 0, 7); c.context.stroke(); }
     }
-    if (layers.neighbours && frame.neighbors_cm) frame.neighbors_cm.forEach((cm) => dot(cm, 5, null, color("--neighbor")));
-    names.forEach((name, i) => { if (layers[name]) dot(frame.estimates_cm[name], 6, methodColor(i), color("--paper")); });
+    if (layers.neighbours && frame.neighbors_cm) frame.neighbors_cm.forEach((cm) => dot(cm, 5, null, color("--neighbors")));
+    names.forEach((name) => { if (layers[name]) dot(frame.estimates_cm[name], 6, methodColor(name), color("--page")); });
     if (layers.truth) dot(frame.truth_cm, 7, null, color("--truth"));
   }
 
@@ -88,9 +92,9 @@
     const last = frames.length - 1 || 1, all = frames.flatMap((f) => names.map((n) => f.errors_cm[n] || 0)), most = Math.max(...all, 1);
     const x = (i) => 34 + (i / last) * (c.width - 40), y = (cm) => c.height - 6 - (cm / most) * (c.height - 16);
     c.context.fillStyle = color("--soft"); c.context.font = "11px sans-serif"; c.context.fillText(String(most), 2, 14); c.context.fillText("0", 2, c.height - 4);
-    names.forEach((name, m) => {
+    names.forEach((name) => {
       if (!layers[name]) return;
-      c.context.beginPath(); c.context.strokeStyle = methodColor(m); c.context.lineWidth = 1.3;
+      c.context.beginPath(); c.context.strokeStyle = methodColor(name); c.context.lineWidth = 1.3;
       frames.forEach((f, i) => { if (f.errors_cm[name] !== null) c.context.lineTo(x(i), y(f.errors_cm[name])); });
       c.context.stroke();
     });
@@ -133,12 +137,11 @@
     if (event.key === " ") toggle(); else if (to !== undefined) { stop(); go(to); } else return;
     event.preventDefault();
   });
-  const dots = { neighbours: "--neighbor", particles: "--particle", truth: "--truth" };
+  const dots = { neighbours: "--neighbors", particles: "--particles", truth: "--truth" };
   for (const name of Object.keys(layers)) {
     const label = document.createElement("label"), box = document.createElement("input"), mark = document.createElement("i");
     box.type = "checkbox"; box.checked = true; box.addEventListener("change", () => { layers[name] = box.checked; draw(); });
-    const which = names.indexOf(name);
-    mark.style.background = which >= 0 ? `var(--m${which % 5})` : `var(${dots[name] || "--soft"})`;
+    mark.style.background = `var(${variable[name] || dots[name] || "--soft"})`;
     label.append(box, mark, name); $("layers").append(label);
   }
   if (data.floor) { floorImage = new Image(); floorImage.onload = draw; floorImage.src = data.floor.image; }
