@@ -1,0 +1,57 @@
+"""What a figure tells of itself: marks, arrows and bars, and of areas nothing."""
+
+from __future__ import annotations
+
+from trexton.figures.drawing import chart_data
+from trexton.figures.style import canvas
+
+
+def told(draw) -> dict:
+    with canvas() as (figure, axes):
+        draw(axes[0, 0])
+    (data,) = chart_data(figure)
+    return data
+
+
+def test_dots_are_told_with_a_label_and_without_and_lines_with_one():
+    def draw(plot):
+        plot.scatter([1, 2], [3, 4])
+        plot.hlines([5], 1, 2, label="allowed")
+        plot.hlines([6], 1, 2)
+
+    assert told(draw)["lines"] == [
+        {"label": "", "x": [1, 2], "y": [3, 4]},
+        {"label": "allowed", "x": [1, 2], "y": [5, 5]},
+    ]
+
+
+def test_arrows_are_told_by_what_their_colour_says():
+    lines = told(
+        lambda plot: plot.quiver([0, 1, 2], [0, 0, 1], [1, 1, 1], [0, 0, 0], [0.51, 0.2, 0.511],
+                                 label="deviation (cm)")
+    )["lines"]  # fmt: skip
+    assert lines == [
+        {"label": "deviation (cm): 0.2", "x": [1], "y": [0]},
+        {"label": "deviation (cm): 0.51", "x": [0, 2], "y": [0, 1]},
+    ]
+
+
+def test_an_area_has_no_point_at_its_baseline():
+    def draw(plot):
+        plot.stackplot([0, 1, 2], [1, 2, 3], [1, 1, 1], labels=["histogram", "filter"])
+        plot.fill_between([0, 1, 2], [3, 4, 5], label="believed")
+        plot.plot([0, 1, 2], [2, 3, 4], label="whole frame")
+
+    assert [line["label"] for line in told(draw)["lines"]] == ["whole frame"]
+
+
+def test_bars_and_marks_beside_a_tick_bear_its_name():
+    def draw(plot):
+        for offset, name in ((-0.2667, "paper"), (0.2667, "field")):
+            plot.bar([offset, 1 + offset], [2, 3], 0.25, label=name)
+        plot.errorbar([0.85], [2], yerr=1, fmt="o")
+        plot.set_xticks([0, 1], ["first quarter", "last"])
+
+    names = told(draw)["x"]["names"]
+    assert names["-0.2667"] == names["0.2667"] == names["0"] == "first quarter"
+    assert names["0.7333"] == names["0.85"] == names["1.267"] == "last"
