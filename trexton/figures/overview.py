@@ -61,9 +61,9 @@ def _image(axes: Axes, record: Record) -> None:
     corners = np.array(record.series["patches"])[:, None, ::-1] + square
     colors = _colors(record)[record.series["labels"]]
     # A bright edge with a dark rim stands out from any floor; no theme turns these two round.
-    axes.add_collection(PolyCollection(corners, edgecolors="#111111", linewidths=1.5))
+    axes.add_collection(PolyCollection(corners, edgecolors="#111111", linewidths=1.3))
     axes.add_collection(
-        PolyCollection(corners, facecolors=colors, edgecolors="#fafafa", linewidths=0.7)
+        PolyCollection(corners, facecolors=colors, edgecolors="#fafafa", linewidths=0.45)
     )
     _bare(axes)
 

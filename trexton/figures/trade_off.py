@@ -58,14 +58,14 @@ def error_by_frequency(record: Record) -> Figure:
             plot.errorbar(
                 rate["median"], error["median"], **bars, **look, elinewidth=0.8, label=label
             )
-            for i, place in ((0, (8, 6)), (-1, (-8, -14))):
+            for i, place, side in ((0, (6, 6), "left"), (-1, (-5, -12), "right")):
                 at = (rate["median"][i], error["median"][i])
                 style: dict[str, Any] = {
                     "textcoords": "offset points",
                     "color": color,
                     "fontsize": 9,
                 }
-                plot.annotate(_name(rows[i][name]), at, xytext=place, **style)
+                plot.annotate(_name(rows[i][name]), at, xytext=place, ha=side, **style)
         plot.set(xlabel="rate (Hz)", ylabel="error in x (cm)", xscale="log", ylim=(0, None))
         _camera(plot, record, vertical=True)
         plot.margins(x=0.08)
