@@ -118,6 +118,7 @@ def lost_told(record: Record) -> Figure:
                     marker,
                     color=color,
                     markersize=8,
+                    markeredgecolor="white",
                     label=label,
                 )
         plot.set(
