@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from trexton.figures.drawing import chart_data
 from trexton.figures.style import canvas
 
@@ -33,6 +35,17 @@ def test_arrows_are_told_by_what_their_colour_says():
     assert lines == [
         {"label": "deviation (cm): 0.2", "x": [1], "y": [0]},
         {"label": "deviation (cm): 0.51", "x": [0, 2], "y": [0, 1]},
+    ]
+
+
+def test_a_map_with_a_name_tells_its_cells():
+    cells = np.array([[1.0, np.nan], [2.0, 2.0]])
+    lines = told(
+        lambda plot: plot.imshow(cells, origin="lower", extent=(0, 4, 0, 2), label="share (%)")
+    )["lines"]
+    assert lines == [
+        {"label": "share (%): 1", "x": [1], "y": [0.5]},
+        {"label": "share (%): 2", "x": [1, 3], "y": [1.5, 1.5]},
     ]
 
 

@@ -13,6 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PathCollection
 from matplotlib.container import BarContainer, ErrorbarContainer
 from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
 from matplotlib.quiver import Quiver
 from matplotlib.transforms import Bbox
@@ -152,7 +153,10 @@ def _lines(axes: Axes) -> list[dict[str, Any]]:
         elif isinstance(drawn, PathCollection):
             found.append((drawn.get_label(), *np.asarray(drawn.get_offsets()).reshape(-1, 2).T))
         elif isinstance(drawn, Quiver):
-            found += _arrows(drawn)
+            found += _valued(drawn.get_label(), drawn.get_offsets(), drawn.get_array())
+    for image in axes.images:
+        if _said(image.get_label()) and image.origin == "lower":
+            found += _valued(image.get_label(), *_cells(image))
     return [
         {"label": _said(label), "x": _short(x), "y": _short(y)}
         for label, x, y in found
@@ -160,11 +164,20 @@ def _lines(axes: Axes) -> list[dict[str, Any]]:
     ]
 
 
-def _arrows(drawn: Quiver) -> list[tuple[object, Any, Any]]:
-    """Where arrows begin, those of one rounded value together."""
-    places, label = np.asarray(drawn.get_offsets()), _said(drawn.get_label())
-    values = np.array([f"{label}: {value:.2g}" for value in np.asarray(drawn.get_array())])
-    return [(value, *places[values == value].T) for value in np.unique(values)]
+def _cells(image: AxesImage) -> tuple[np.ndarray, np.ndarray]:
+    """Centres of the cells of a map that have a value, and the values."""
+    values: np.ndarray = np.ma.filled(np.ma.asarray(image.get_array(), dtype=float), np.nan)
+    left, right, bottom, top = image.get_extent()
+    rows, columns = np.nonzero(np.isfinite(values))
+    x = left + (columns + 0.5) * (right - left) / values.shape[1]
+    y = bottom + (rows + 0.5) * (top - bottom) / values.shape[0]
+    return np.stack([x, y], axis=1), values[rows, columns]
+
+
+def _valued(label: object, places: Any, values: Any) -> list[tuple[object, Any, Any]]:
+    """Places that bear a value each, those of one rounded value together."""
+    said = np.array([f"{_said(label)}: {value:.2g}" for value in values])
+    return [(value, *np.asarray(places)[said == value].T) for value in np.unique(said)]
 
 
 def _said(label: object) -> str:

@@ -70,7 +70,13 @@ def places(record: Record) -> Figure:
             top = np.nanmax(maps[index])
             extent = (x_min, x_max, y_min, y_max)
             axis.imshow(
-                maps[index], origin="lower", extent=extent, cmap="cividis", vmin=0, vmax=top or 1
+                100 * maps[index],
+                origin="lower",
+                extent=extent,
+                cmap="cividis",
+                vmin=0,
+                vmax=100 * top or 1,
+                label="frequency (%)",
             )
             axis.set_facecolor("#eeeeee")
             axis.grid(False)
