@@ -11,6 +11,8 @@ from typing import Any
 import matplotlib
 from PIL import Image, ImageDraw, ImageFont
 
+from trexton.figures.style import COLORS
+
 __all__ = ["moving_picture"]
 
 _SIZE = (640, 300)
@@ -20,8 +22,8 @@ _FRAMES = 46
 _LASTS_MS = 220
 _TRAIL = 12  # frames
 _INK, _TRUTH, _BACK = "#1d262d", "#1d262d", "#ffffff"
-_COLORS = ("#D55E00", "#0072B2", "#CC79A7", "#009E73", "#E69F00")
-_SHOWN = 3  # methods: the first, its neighbours alone, the last
+_COLORS = tuple(COLORS[name] for name in ("paper", "neighbors", "field"))
+_SHOWN = len(_COLORS)  # methods: the first, its neighbours alone, the last
 
 
 def moving_picture(recording: Mapping[str, Any]) -> bytes:
@@ -63,7 +65,7 @@ def _drawn(
         [at(each["truth_cm"]) for each in seen[-_TRAIL:]], fill=_TRUTH, width=2, joint="curve"
     )
     for x, y in map(at, now["particles_cm"] or ()):
-        draw.ellipse((x - 1, y - 1, x + 1, y + 1), fill="#b07700")
+        draw.ellipse((x - 1, y - 1, x + 1, y + 1), fill=COLORS["particles"])
     for name, color in zip(names, _COLORS, strict=False):
         x, y = at(now["estimates_cm"][name])
         draw.ellipse((x - 5, y - 5, x + 5, y + 5), fill=color, outline=_BACK)

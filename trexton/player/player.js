@@ -104,8 +104,14 @@
   function draw() {
     const frame = frames[now];
     drawCamera(frame); drawHistogram(frame); drawFloor(frame); drawErrors();
-    const errors = names.map((name) => `${name} ${frame.errors_cm[name] === null ? "unknown" : frame.errors_cm[name] + " cm"}`).join(", ");
-    $("readout").textContent = `Frame ${frame.frame}, ${frame.time_s.toFixed(1)} s. Off by: ${errors}.`;
+    const readout = $("readout");
+    readout.textContent = `Frame ${frame.frame}, ${frame.time_s.toFixed(1)} s. Off by: `;
+    names.forEach((name, i) => {
+      const mark = document.createElement("i"), error = frame.errors_cm[name];
+      mark.style.background = methodColor(name);
+      readout.append(i ? ", " : "", mark, `${name} ${error === null ? "unknown" : error + " cm"}`);
+    });
+    readout.append(".");
     $("scrub").value = now; $("scrub").setAttribute("aria-valuetext", $("readout").textContent);
   }
 
