@@ -87,7 +87,7 @@ def test_figures_show_the_record(record, tmp_path):
         assert line.get_xdata()[-1] == 2.0  # thousands
     maps = [axis for axis in figures.places(loaded).axes if axis.get_title(loc="right")]
     for axis, expected in zip(maps, record.series["place_frequency"], strict=True):
-        np.testing.assert_array_equal(
-            axis.images[0].get_array().filled(np.nan), np.array(expected, dtype=float)
+        np.testing.assert_allclose(
+            axis.images[0].get_array().filled(np.nan), 100 * np.array(expected, dtype=float)
         )
     assert len(figures.labelled(loaded).axes) == 2

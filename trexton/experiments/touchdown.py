@@ -54,6 +54,9 @@ class Parameters(LandingParameters):
     samples: int = option(400, "patches drawn from an image", low=1)
     textons: int = option(50, "textons of the field; the paper's filter has its 20", low=2)
     cells: int = option(2, "parts of the image a side for the field", low=1, high=8)
+    settled_s: float = option(
+        1.5, "seconds without a jump of the estimate before a predicted touchdown", low=0
+    )
     attitude_deg: float = option(0.3, "noise of the autopilot's attitude in degrees", low=0)
 
 
@@ -105,7 +108,10 @@ def _over(train: Flight, parameters: Parameters, seed: int) -> dict[str, list[At
     zones: dict[str, Callable[[np.ndarray], LandingZone]] = {
         "inside": partial(LandingZone, radius=parameters.radius),
         "touchdown": partial(
-            TouchdownZone, radius=parameters.radius, time_limit=parameters.time_limit
+            TouchdownZone,
+            radius=parameters.radius,
+            time_limit=parameters.time_limit,
+            settled_s=parameters.settled_s,
         ),
     }
     landers = {
