@@ -144,7 +144,12 @@ def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, ca
     words = ["suitability", str(grey), str(picture), "--width", "2", "--frames", "30"]
     assert main([*words, "--test-frames", "20", "--out", str(tmp_path / "out"), "--quiet"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[0].startswith("1. ") and "hardest place" in lines[1] and lines[2][0] == "2"
+    assert [line[0] for line in lines if not line.startswith(" ")] == ["1", "2"]
+    assert sum("hardest place" in line for line in lines) == 2
+    content = json.loads((tmp_path / "out" / "grey.json").read_text())
+    hopeless = next(iter(content["measured"].values()))["mean_cm"] >= content["centre_cm"]
+    said = next(line for line in lines if str(grey) in line)
+    assert ("it will not do" in lines[lines.index(said) + 1]) == hopeless
     content = json.loads((tmp_path / "out" / "floor.json").read_text())
     assert content["predicted_cm"] > 0 and (tmp_path / "out" / "floor.png").stat().st_size > 10_000
 
