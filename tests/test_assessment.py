@@ -125,6 +125,12 @@ def test_fields_of_hundreds_of_metres_read_in_metres():
     assert " m on average" in finding(large)
 
 
+def test_the_report_plays_the_flight_where_there_is_a_player(record, tmp_path):
+    page = write_report(record, tmp_path / "report.html", "room/mocap_training-player.html")
+    assert '<iframe src="room/mocap_training-player.html"' in page.read_text()
+    assert "<iframe" not in write_report(record, tmp_path / "plain.html").read_text()
+
+
 def test_the_report_is_one_file_that_fetches_nothing(record, tmp_path):
     text = write_report(record, tmp_path / "report.html").read_text()
     assert "http" not in text.replace("https://", "http://").split("<body>")[1]

@@ -13,7 +13,7 @@ from trexton.errors import FlightError, MapError, ParameterError
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.homography import Keypoints
-from trexton.mosaic import map_from_links, stitch
+from trexton.mosaic import map_from_links, stitch, stitching
 from trexton.mosaic.adjust import adjust, link_errors
 from trexton.mosaic.layout import layout
 from trexton.mosaic.links import Anchors, Links
@@ -325,6 +325,21 @@ def test_a_finer_map_has_more_pixels_and_blank_floor_is_masked(flight):
 
 
 # what cannot be stitched
+
+
+def test_where_half_size_leaves_frames_out_full_size_is_tried(flight, monkeypatch):
+    tried = []
+
+    def half_fails(flight, camera, anchors, scale, keypoints, *_):
+        tried.append((scale, keypoints))
+        if scale < 1:
+            raise MapError("no links")
+        return "whole"
+
+    monkeypatch.setattr(stitching, "_stitched", half_fails)
+    assert stitch(flight) == "whole" and tried == [(0.5, 600), (1.0, 2000)]
+    with pytest.raises(MapError):
+        stitch(flight, scale=0.5)  # who chooses is taken at their word
 
 
 def test_bad_parameters_are_named(flight):
