@@ -8,7 +8,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse
+from matplotlib.patches import Ellipse, PathPatch
+from matplotlib.path import Path as Outline
 
 from trexton.figures.style import COLORS, canvas, floor_axes, show_floor
 from trexton.records import Record
@@ -61,7 +62,8 @@ def _image(axes: Axes, record: Record) -> None:
     corners = np.array(record.series["patches"])[:, None, ::-1] + square
     colors = _colors(record)[record.series["labels"]]
     # A bright edge with a dark rim stands out from any floor; no theme turns these two round.
-    axes.add_collection(PolyCollection(corners, edgecolors="#111111", linewidths=1.3))
+    rims = Outline.make_compound_path_from_polys(corners)
+    axes.add_patch(PathPatch(rims, facecolor="none", edgecolor="#111111", linewidth=1.3))
     axes.add_collection(
         PolyCollection(corners, facecolors=colors, edgecolors="#fafafa", linewidths=0.45)
     )
