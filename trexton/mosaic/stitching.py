@@ -20,7 +20,8 @@ __all__ = ["Mosaic", "camera_of", "map_from_links", "stitch"]
 # Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked
 # for.
 _REACHES = (0.2, 0.05)
-_SEARCHES = ((0.5, 600), (1.0, 2000))  # scale and most keypoints, the second where the first fails
+# Scale and most keypoints; the second where the first leaves out too many frames.
+_SEARCHES: tuple[tuple[float, int], ...] = ((0.5, 600), (1.0, 2000))
 _ENOUGH = 0.8  # of the frames
 _GRAIN = 0.55  # map pixels for each pixel of a frame: the map keeps what most keypoints need
 _FOCAL = 0.8  # image widths, where the camera is not known
@@ -96,26 +97,25 @@ def stitch(
     MapError
         The frames cannot be linked.
     """
-    quick, whole = _SEARCHES
-    tried = quick[0] if scale is None else scale, quick[1] if keypoints is None else keypoints
-    _check_least(anchors=(anchors, 3), neighbors=(neighbors, 0), keypoints=(tried[1], 12))
-    if not 0 < tried[0] <= 1:
+    searches = _SEARCHES
+    if scale is not None or keypoints is not None:  # who chooses is taken at their word
+        size, most = _SEARCHES[0]
+        searches = ((size if scale is None else scale, most if keypoints is None else keypoints),)
+    _check_least(anchors=(anchors, 3), neighbors=(neighbors, 0), keypoints=(searches[0][1], 12))
+    if not 0 < searches[0][0] <= 1:
         raise ParameterError(f"scale is {scale}: expected a number above 0 and up to 1")
     camera = camera_of(flight, camera)
-    chosen = scale is not None or keypoints is not None
-    try:
-        first = _stitched(flight, camera, anchors, *tried, neighbors, pixels_per_metre)
-        if chosen or first.used.mean() >= _ENOUGH:
-            return first
-    except MapError:
-        if chosen:
-            raise
-        return _stitched(flight, camera, anchors, *whole, neighbors, pixels_per_metre)
-    try:
-        second = _stitched(flight, camera, anchors, *whole, neighbors, pixels_per_metre)
-    except MapError:
-        return first
-    return max(first, second, key=lambda mosaic: int(mosaic.used.sum()))
+    found: list[Mosaic] = []
+    for search in searches:
+        try:
+            found.append(_stitched(flight, camera, anchors, *search, neighbors, pixels_per_metre))
+        except MapError:
+            if search == searches[-1] and not found:
+                raise
+            continue
+        if found[-1].used.mean() >= _ENOUGH:
+            break
+    return max(found, key=lambda mosaic: int(mosaic.used.sum()))
 
 
 def _stitched(
