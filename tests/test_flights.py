@@ -4,6 +4,8 @@ fault.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from trexton.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.folder import load_folder
+from trexton.flights.pair import with_splits
 
 
 def replace_line(path, row, text):
@@ -223,3 +226,15 @@ def test_loading_collects_faults_of_several_files_at_once(flight_folder):
         sum(name in fault for fault in faults)
         for name in ("flight.toml", "frames.csv", "histograms.csv")
     ] == [1, 1, 1]
+
+
+def test_splits_are_cut_where_three_fifths_of_the_positions_are_known():
+    flight = small_flight(40)
+    position = flight.position.copy()
+    position[::2] = np.nan  # half of the frames have none
+    position[:20] = np.nan
+    cut = with_splits(replace(flight, position=position, split={}))
+    (_, last), (begin, _) = cut.split["train"], cut.split["test"]
+    assert (last, begin) == (32, 33)  # the 6th of 10; frames count from 1
+    own = {"train": (0, 9), "test": (10, 39)}
+    assert with_splits(replace(flight, split=own)).split == own

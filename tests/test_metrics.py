@@ -108,3 +108,10 @@ def test_wilson_interval_of_four_in_six():
 def test_shapes_that_do_not_fit_are_refused(shapes):
     with pytest.raises(ParameterError, match="expected two"):
         absolute_errors(*(np.zeros(shape) for shape in shapes))
+
+
+@pytest.mark.parametrize("count", [2, 5, 17, 25])
+def test_a_short_flight_has_an_interval_of_some_width(rng, count):
+    truth = np.zeros((count, 2))
+    found = summarize([rng.normal(0, 0.3, (count, 2))], truth, 5.0, rng=rng)["mean_cm"]
+    assert found["low"] < found["median"] < found["high"]

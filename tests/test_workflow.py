@@ -16,9 +16,10 @@ from patience import alive, eventually
 from tiny_notebooks import BODY, FAILING, write_notebook
 
 from trexton import cli
-from trexton.errors import FlightError, ParameterError, TrextonError
+from trexton.errors import ParameterError, TrextonError
 from trexton.experiments import Experiment
 from trexton.flights import read_flight
+from trexton.flights.pair import load_pair
 from trexton.workflow import FlightPair, run_experiments
 from trexton.workflow.execution import Done
 from trexton.workflow.formats import nbformat
@@ -247,14 +248,14 @@ def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_fold
     assert house.run()["first"].reasons == ("small lacks positions in some frames",)
 
 
-def test_a_flight_without_splits_needs_a_second_one(house, image_folder):
-    with pytest.raises(FlightError, match="no splits 'train' and 'test': name a second flight"):
-        run_experiments(
-            [FlightPair(str(image_folder))],
-            house.out,
-            notebooks=house.notebooks,
-            experiments=house.experiments,
-        )
+def test_a_flight_without_splits_tests_on_its_later_frames(house, image_folder, capsys):
+    pair = FlightPair(str(image_folder))
+    count = len(read_flight(image_folder))
+    (first, last), (begin, end) = pair.train.split["train"], pair.train.split["test"]
+    assert (first, begin, end) == (0, last + 1, count - 1) and 0 < last < end
+    assert "has no splits train and test: frames 0 to" in capsys.readouterr().err
+    train, test = load_pair(image_folder, None)
+    assert (len(train), len(test)) == (last + 1, count - begin)
     pair = FlightPair(str(image_folder), str(house.flight))
     assert pair.hashes == {
         "train": read_flight(image_folder).data_hash,

@@ -26,6 +26,7 @@ __all__ = [
 ]
 
 BLOCK = 12  # frames, about a second
+_FEWEST = 4  # blocks of a flight
 _AT_ONCE = 100_000  # drawn frames whose statistics are computed together
 
 
@@ -50,11 +51,16 @@ def block_rows(count: int, rng: np.random.Generator, block: int = BLOCK) -> np.n
     """``(count,)`` rows resampled in whole circular blocks.
 
     Neighbouring frames err alike; blocks of about a second keep that dependence, single frames
-    would not.
+    would not. So few rows that they make no `_FEWEST` blocks are drawn in shorter ones.
     """
-    block = min(block, count)
+    block = _shortened(block, count)
     starts = rng.integers(count, size=-(-count // block))
     return ((starts[:, None] + np.arange(block)) % count).ravel()[:count]
+
+
+def _shortened(block: int, count: int) -> int:
+    """A block that fits `_FEWEST` times: of one that is the whole flight, all draws were alike."""
+    return max(1, min(block, count // _FEWEST))
 
 
 def bootstrap_interval(
@@ -78,7 +84,7 @@ def bootstrap_interval(
     """
     from scipy.stats import norm, t
 
-    blocks = -(-count // max(1, min(block, count)))
+    blocks = -(-count // _shortened(block, count))
     tail = 0.0
     if blocks > 1:
         tail = 100 * norm.sf(np.sqrt(blocks / (blocks - 1)) * t.isf(0.025, blocks - 1))

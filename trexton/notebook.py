@@ -255,7 +255,7 @@ class Page:
         )
         settings = ", ".join(f"{key} = {value}" for key, value in record.parameters.items())
         return HTML(
-            f"<p>Parameters: {settings}.</p><pre>{self.command()}</pre>"
+            f'<p>Parameters: {settings}.</p><pre class="command">{self.command()}</pre>'
             f'<p class="downloads">Take home: {links}</p>'
         )
 

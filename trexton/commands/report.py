@@ -7,7 +7,6 @@ from pathlib import Path
 
 __all__ = ["add_arguments", "run"]
 
-SHARE = 0.6  # of a flight without splits is for training
 PAGES = ("assessment", "mocap_training", "map_loss", "overview", "texton_dictionary")
 
 
@@ -28,10 +27,7 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.workflow import FlightPair, run_experiments
 
     out = Path(arguments.out)
-    flight = (
-        arguments.flight if arguments.test_flight else _with_splits(Path(arguments.flight), out)
-    )
-    pairs = [FlightPair(str(flight), arguments.test_flight)]
+    pairs = [FlightPair(arguments.flight, arguments.test_flight)]
     outcomes = run_experiments(
         pairs,
         out,
@@ -58,28 +54,3 @@ def run(arguments: argparse.Namespace) -> int:
         print(build_small_book(pairs, outcomes, out))
     print(page)
     return 0
-
-
-def _with_splits(source: Path, out: Path) -> Path:
-    """The flight itself if it has its splits; otherwise one beside the results, of its first and
-    later frames.
-    """
-    from dataclasses import replace
-
-    from trexton.flights import read_flight, write_flight
-    from trexton.progress import say
-
-    flight = read_flight(source)
-    if {"train", "test"} <= set(flight.split):
-        return source
-    last = max(1, round(SHARE * len(flight))) - 1
-    numbers = flight.frame
-    split = {
-        "train": (int(numbers[0]), int(numbers[last])),
-        "test": (int(numbers[min(last + 1, len(numbers) - 1)]), int(numbers[-1])),
-    }
-    say(
-        f"{source} names no splits: its first {last + 1} of {len(flight)} frames train, the others "
-        "test"
-    )
-    return write_flight(replace(flight, split=split), out / "flight" / flight.name)

@@ -116,6 +116,7 @@ EXPERIMENTS: dict[str, Experiment] = {
         "Beyond the paper: a field instead of neighbours", needs=("positions",), cost_s=30
     ),
     "light": Experiment("Other light", needs=_SURVEYED, cost_s=16),
+    "heading": Experiment("Any heading", needs=_IMAGES, cost_s=15),
     "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=90),
     "touchdown": Experiment("Landing that lands", needs=_SURVEYED, cost_s=60),
     "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=90, alone=True),

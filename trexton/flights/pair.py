@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
 
-__all__ = ["load_pair"]
+__all__ = ["load_pair", "with_splits"]
+
+_SHARE = 0.6  # of the positions of a flight without splits is for training
 
 
 def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Flight, Flight]:
@@ -17,13 +22,33 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     ----------
     flight, test_flight : path
         Of two flights their splits ``train`` and ``test`` where they have them, else all frames; of
-        one flight (`test_flight` None) its two splits.
+        one flight (`test_flight` None) its two splits (`with_splits`).
     """
     first = read_flight(flight)
     if test_flight is None:
+        first = with_splits(first)
         return first.part("train"), first.part("test")
     second = read_flight(test_flight)
     return (
         first.part("train") if "train" in first.split else first,
         second.part("test") if "test" in second.split else second,
+    )
+
+
+def with_splits(flight: Flight) -> Flight:
+    """The flight with splits ``train`` and ``test``: its own if it has both.
+
+    Otherwise it trains up to the frame with which three fifths of its positions are told, and
+    tests on the frames after it.
+    """
+    if {"train", "test"} <= set(flight.split) or len(flight) < 2:
+        return flight
+    known = np.flatnonzero(np.isfinite(flight.position).all(axis=1))
+    rows = known if len(known) > 1 else np.arange(len(flight))
+    last = int(rows[min(max(1, round(_SHARE * len(rows))), len(rows) - 1) - 1])
+    numbers = flight.frame
+    train, test = (numbers[0], numbers[last]), (numbers[last + 1], numbers[-1])
+    return replace(
+        flight,
+        split={"train": (int(train[0]), int(train[1])), "test": (int(test[0]), int(test[1]))},
     )

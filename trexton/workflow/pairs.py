@@ -10,13 +10,15 @@ from pathlib import Path
 from trexton.errors import FlightError
 from trexton.experiments import NEEDS, Experiment
 from trexton.flights import Flight, read_flight
+from trexton.flights.pair import with_splits
+from trexton.progress import say
 
 __all__ = ["FlightPair"]
 
 
 @dataclass(frozen=True)
 class FlightPair:
-    """Two Flight folders, or one with two splits; paths as notebooks will see them."""
+    """Two Flight folders, or one by its splits; paths as notebooks will see them."""
 
     flight: str
     test_flight: str | None = None
@@ -24,12 +26,14 @@ class FlightPair:
     @cached_property
     def train(self) -> Flight:
         flight = read_flight(self.flight)
-        if self.test_flight is None and not {"train", "test"} <= set(flight.split):
-            raise FlightError(
-                f"{self.flight} has no splits 'train' and 'test': name a second flight "
-                "(--test-flight), "
-                "or give flight.toml a [split] with both"
-            )
+        if self.test_flight is None:
+            own, flight = flight.split, with_splits(flight)
+            if flight.split != own:
+                first, last = flight.split["train"]
+                say(
+                    f"{self.flight} has no splits train and test: frames {first} to {last} of "
+                    f"{len(flight)} train, the later ones test"
+                )
         if not re.fullmatch(r"\w[\w .+-]*", flight.name):
             raise FlightError(
                 f"{self.flight}: the name {flight.name!r} cannot name a folder of results: "
