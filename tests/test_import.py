@@ -10,6 +10,7 @@ from trexton.errors import TrextonError
 from trexton.flights import importing, read_flight
 from trexton.flights.importers import IMPORTERS, guess_kind, importer
 from trexton.flights.importers.recording import Track, attitude_from_quaternions, match
+from trexton.flights.importers.tum import read_trajectory
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
 
@@ -48,9 +49,39 @@ def test_euroc_keeps_nanoseconds_and_turns(tmp_path):
     assert len(flight) == 6 and flight.camera.focal == 51
     np.testing.assert_array_equal(flight.time, np.arange(6) * 5 / 100)
     np.testing.assert_allclose(flight.position[:, 0], np.arange(6) * 0.5, atol=1e-12)
-    np.testing.assert_allclose(flight.attitude[:, 2], np.pi / 2)
+    # x points forward and to +y: so does the picture's top, as at no yaw
+    np.testing.assert_allclose(flight.attitude, 0, atol=1e-12)
+    assert "quaternions taken as those of axes flu" in said
     assert any(str(START) in note for note in flight.notes)
     assert any("6 of 6 frames have a position" in line for line in said)
+
+
+def test_euroc_turns_the_camera_as_it_is_mounted(tmp_path):
+    source = euroc(tmp_path / "MH")
+    sensor = source / "mav0" / "cam0" / "sensor.yaml"
+    # It looks down; its right is the vehicle's front, so its top is the vehicle's left.
+    mounted = [1, 0, 0, 0.1, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]
+    told = f"T_BS:\n  cols: 4\n  rows: 4\n  data: {mounted}\n"
+    sensor.write_text(sensor.read_text() + told)
+    flight, said = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.attitude, [[0, 0, np.pi / 2]] * 6, atol=1e-12)
+    assert "attitude of the camera as T_BS tells" in said
+    sensor.write_text(sensor.read_text().replace("data: [1,", "data: [3,"))
+    with pytest.raises(TrextonError, match="T_BS is no rotation"):
+        import_flight(source, tmp_path / "again")
+
+
+@pytest.mark.parametrize(
+    ("axes", "turned", "yaw"),
+    [("flu", "0 0 0 1", -90), ("rfu", "0 0 0 1", 0), ("camera", "1 0 0 0", 0)],
+)
+def test_axes_are_told_or_found_by_where_the_camera_looks(tmp_path, axes, turned, yaw):
+    path = tmp_path / "track.txt"
+    path.write_text(f"0 0 0 1 {turned}\n1 0 0 1 {turned}\n")
+    for asked in {axes, "auto"} - ({"auto"} if axes == "rfu" else set()):
+        track, said = read_trajectory(path, asked)
+        np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, yaw]] * 2, atol=1e-9)
+        assert said.endswith(axes)
 
 
 @pytest.mark.parametrize("track", ["mocap0", "leica0", "state_groundtruth_estimate0"])

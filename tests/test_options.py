@@ -30,6 +30,7 @@ def test_defaults_and_values_of_the_declared_types():
 def test_text_takes_the_declared_type():
     typed = {"count": "90", "width": "1", "rate": "None", "quick": "TRUE", "kind": "mean"}
     assert Choices.parse(typed) == Choices(90, 1.0, None, True, "mean")
+    assert Choices.parse({"quick": "yes"}).quick and not Choices.parse({"quick": "No"}).quick
     assert Choices.parse({"rate": "25", "count": 3}) == Choices(count=3, rate=25.0)
 
 

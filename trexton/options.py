@@ -26,6 +26,7 @@ __all__ = ["Option", "Options", "option"]
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
+_ANSWERS = {"yes": True, "no": False}
 
 
 def option(
@@ -72,6 +73,8 @@ class Option:
         value: object = text
         if text.lower() in _WORDS:
             value = _WORDS[text.lower()]
+        elif bool in self.types and text.lower() in _ANSWERS:
+            value = _ANSWERS[text.lower()]
         else:
             try:
                 value = ast.literal_eval(text)

@@ -17,8 +17,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("kind", choices=list(EXPORTERS), help="format to write")
     parser.add_argument("--out", required=True, metavar="FILE", help="file to write")
     parser.add_argument(
-        "--what", choices=("truth", "estimate", "knn"), default="truth",
-        help="which track of a record (default %(default)s)",
+        "--what", default="truth", metavar="TRACK",
+        help="of a record: truth (default), estimate, knn, or a method that assessment.json "
+        "compares",
     )  # fmt: skip
 
 

@@ -5,7 +5,9 @@ declares.
 from __future__ import annotations
 
 import argparse
+from typing import Any
 
+from trexton.options import Option
 from trexton.progress import say
 
 __all__ = ["add_arguments", "run"]
@@ -25,24 +27,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     taken: dict[str, list[str]] = {}
     for each in Common.declared():
         taken[each.name] = [each.meaning]
-        _add(common, each.name, f"{each.meaning} (default {each.default or 'none'})")
+        _add(common, each, f"{each.meaning} (default {each.default or 'none'})")
     words: dict[str, list[str]] = {}
+    options = {}
     for kind in IMPORTERS:
         for each in importer(kind).Settings.declared():
+            options[each.name] = each
             words.setdefault(each.name, []).append(f"{kind}: {each.meaning}")
     group = parser.add_argument_group("of one kind")
     for name, meanings in words.items():
         if name not in taken:
-            _add(group, name, "; ".join(meanings))
+            _add(group, options[name], "; ".join(meanings))
 
 
-def _add(group: argparse._ArgumentGroup, name: str, words: str) -> None:
+def _add(group: argparse._ArgumentGroup, option: Option, words: str) -> None:
+    switch: dict[str, Any] = {"nargs": "?", "const": "yes"} if option.types == (bool,) else {}
     group.add_argument(
-        f"--{name.replace('_', '-')}",
-        dest=name,
+        f"--{option.name.replace('_', '-')}",
+        dest=option.name,
         default=argparse.SUPPRESS,
         metavar="VALUE",
         help=words.replace("%", "%%"),
+        **switch,
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from trexton.errors import TrextonError
 from trexton.experiments.declaration import FilterParameters, option
-from trexton.experiments.evaluation import floor_picture, frames_of
+from trexton.experiments.evaluation import floor_picture, frames_of, whereabouts
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import constant_guess, shuffled_neighbors, summarize
@@ -85,7 +85,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "train_m": base.positions,
         "truth_m": test.position[known],
         "time_s": (test.time - test.time[0])[known],
+        "start_s": test.time[0],
         **{f"{name}_m": track[known] for name, track in runs.items()},
+        **whereabouts(train),
     }
     if field_map is not None:
         expected = field_map.parts["measurement"].expected_error

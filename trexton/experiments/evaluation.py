@@ -255,6 +255,16 @@ def evaluate(
     return values, series
 
 
+def whereabouts(train: Flight) -> dict[str, Any]:
+    """What puts the tracks of a record in its place: ``height_m`` at which the map was flown, and
+    ``origin_deg`` on Earth; what is not known is left out.
+    """
+    place: dict[str, Any] = {} if train.origin is None else {"origin_deg": train.origin}
+    if train.height is not None and np.isfinite(train.height).any():
+        place["height_m"] = float(np.nanmedian(train.height))
+    return place
+
+
 def floor_picture(flight: Flight, width: int = 700) -> tuple[dict[str, Any], dict[str, Any]]:
     """The floor as figures draw it: its extent (a series) and a picture of `width` pixels; both
     empty where unknown.

@@ -17,6 +17,7 @@ from trexton.experiments.evaluation import (
     frames_of,
     map_of,
     tracks,
+    whereabouts,
 )
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
@@ -62,6 +63,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     values, series = evaluate(
         runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
     )
+    series |= whereabouts(train)
     floor, pictures = floor_picture(test)
     rank_std_cm = 100 * texton_map.parts["measurement"].deviations
     process = texton_map.parts["motion"].growth(texton_map.period_s)

@@ -60,8 +60,8 @@ class Exporter(Protocol):
 
 
 def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
-    """The track in a Flight folder, or the truth, estimate or k-NN track in a record of an
-    experiment.
+    """The track in a Flight folder, or a track in a record of an experiment: ``truth``, and
+    ``estimate``, ``knn`` or the name of a method.
 
     Frames without a position are left out.
 
@@ -81,17 +81,24 @@ def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
     try:
         record = json.loads(read_text(source))
         series, name = record["series"], record["flight"]
-        position = np.array(series[f"{what}_m"], dtype=float).reshape(-1, 2)
         time = np.array(series["time_s"], dtype=float) + float(series.get("start_s", 0.0))
-        if len(time) != len(position):
-            raise ValueError(f"{len(time)} stamps, {len(position)} positions")
+        tracks = {
+            key.removesuffix("_m"): position
+            for key, values in series.items()
+            if key.endswith("_m") and (position := np.asarray(values)).shape == (len(time), 2)
+        }
+        if what not in tracks:
+            raise ValueError(f"it has {', '.join(tracks) or 'none'}")
+        position = np.array(tracks[what], dtype=float)
+        height = np.full(len(time), float(series.get("height_m", 0.0)))
+        latitude, longitude = series.get("origin_deg", (None, None))
     except (ValueError, KeyError, TypeError) as error:
         raise FlightError(
-            f"{source}: no record with a track of {what} ({error!r}): give mocap_training.json or "
+            f"{source}: no record with a track of {what} ({error}): give mocap_training.json or "
             "a flight"
         ) from None
-    zero = np.zeros(len(time))
-    return _known(f"{name} {what}", time, position, zero, zero)
+    track = _known(f"{name} {what}", time, position, height, np.zeros(len(time)))
+    return track if latitude is None else replace(track, origin=(latitude, longitude))
 
 
 def _known(

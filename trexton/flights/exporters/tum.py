@@ -12,7 +12,8 @@ __all__ = ["write"]
 
 
 def write(track: Trajectory, stream: IO[str]) -> None:
-    """One line a position, the heading as a quaternion about z."""
-    for time, place, yaw in zip(track.time, track.position, track.yaw, strict=True):
+    """One line a position; the quaternion turns a vehicle whose x points forward (REP 103)."""
+    # A vehicle of yaw 0 flies along y (`trexton.camera`).
+    for time, place, yaw in zip(track.time, track.position, track.yaw + np.pi / 2, strict=True):
         numbers = (time, *place, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
         stream.write(" ".join(f"{number:.9f}" for number in numbers) + "\n")

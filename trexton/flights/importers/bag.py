@@ -12,7 +12,15 @@ import numpy as np
 
 from trexton.errors import FlightError
 from trexton.flights.frames import Forward
-from trexton.flights.importers.recording import NANO, Recording, Track, attitude_from_quaternions
+from trexton.flights.importers.recording import (
+    AXES,
+    AXES_MEANING,
+    NANO,
+    Recording,
+    Track,
+    attitude_from_quaternions,
+    axes_of,
+)
 from trexton.images import decode
 from trexton.options import Options, option
 
@@ -45,6 +53,7 @@ class Settings(Options):
 
     image: str = option("", "topic of the images (default: the only one)")
     pose: str = option("", "topic of the positions (default: the only one)")
+    axes: str = option("auto", AXES_MEANING, choices=("auto", *AXES))
 
 
 def recognises(source: Path) -> bool:
@@ -61,12 +70,13 @@ def read(source: Path, settings: Settings) -> Recording:
     values = np.array([pose for _, pose in rows], dtype=float).reshape(-1, 7)
     order = np.argsort(times, kind="stable")
     kept = order[np.diff(times[order], prepend=-1) > 0]
+    meant, taken = axes_of(values[:, 3:], settings.axes)
     return Recording(
         stamps,
-        Track(times[kept], values[kept, :3], attitude_from_quaternions(values[kept, 3:])),
+        Track(times[kept], values[kept, :3], attitude_from_quaternions(values[kept, 3:], meant)),
         BagFrames(bag, images, len(stamps)),
         source=f"bag {source.name}: {images}, {poses}",
-        said=[f"images from {images}, positions from {poses}"],
+        said=[f"images from {images}, positions from {poses}", taken],
     )
 
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -14,11 +14,12 @@ from trexton.errors import FlightError
 from trexton.flights.tables import read_text
 from trexton.images import MOST_PIXELS
 
-__all__ = ["read_calibration"]
+__all__ = ["read_calibration", "read_mounting"]
 
 # OpenCV may add every point it saw. What may open a level is counted: parsers call themselves for
 # each, and may overflow the stack.
 MOST_CHARACTERS = 2**17
+_Meant = TypeVar("_Meant")
 OPENING, MOST_OPENINGS = "[{<:-?", 10_000
 
 
@@ -30,20 +31,9 @@ def read_calibration(path: Path) -> tuple[Camera, np.ndarray | None]:
     FlightError
         The file is of neither kind, far longer or deeper than a calibration, or of no camera.
     """
-    text = read_text(path)
-    try:
-        if len(text) > MOST_CHARACTERS or sum(map(text.count, OPENING)) > MOST_OPENINGS:
-            raise ValueError("too long or too deep for one")
-        content = _xml(text) if text.lstrip().startswith("<") else _yaml(text)
-        camera, distortion = _opencv(content) if "camera_matrix" in content else _asl(content)
-    except (
-        ArithmeticError, AttributeError, LookupError, RecursionError, SyntaxError, TypeError,
-        ValueError,
-    ) as error:  # fmt: skip
-        why = " ".join(str(error).split())[:200]
-        raise FlightError(
-            f"{path}: neither a calibration of OpenCV nor of ASL ({why}): correct it"
-        ) from None
+    camera, distortion = _read(
+        path, lambda content: (_opencv if "camera_matrix" in content else _asl)(content)
+    )
     numbers = [camera.focal, *camera.principal_point, *distortion]
     if (
         min(camera.width, camera.height) < 1
@@ -56,6 +46,44 @@ def read_calibration(path: Path) -> tuple[Camera, np.ndarray | None]:
             "and finite numbers: correct it"
         )
     return camera, distortion if distortion.any() else None
+
+
+def read_mounting(path: Path) -> np.ndarray | None:
+    """``(3, 3)`` rotation that takes a sensor's axes to its vehicle's: of ``T_BS`` in ASL's
+    ``sensor.yaml``; None where it tells none.
+
+    Raises
+    ------
+    FlightError
+        The file is of another kind, or `T_BS` is no rotation.
+    """
+
+    def rotation(content: Mapping[str, Any]) -> np.ndarray | None:
+        if "T_BS" not in content:
+            return None
+        turn = _matrix(content["T_BS"])[:3, :3]
+        if not np.allclose(turn @ turn.T, np.eye(3), atol=1e-3) or np.linalg.det(turn) < 0:
+            raise ValueError("T_BS is no rotation")
+        return turn
+
+    return _read(path, rotation)
+
+
+def _read(path: Path, meant: Callable[[Mapping[str, Any]], _Meant]) -> _Meant:
+    """What the content of a calibration means; whatever is wrong with it is one `FlightError`."""
+    text = read_text(path)
+    try:
+        if len(text) > MOST_CHARACTERS or sum(map(text.count, OPENING)) > MOST_OPENINGS:
+            raise ValueError("too long or too deep for one")
+        return meant(_xml(text) if text.lstrip().startswith("<") else _yaml(text))
+    except (
+        ArithmeticError, AttributeError, LookupError, RecursionError, SyntaxError, TypeError,
+        ValueError,
+    ) as error:  # fmt: skip
+        why = " ".join(str(error).split())[:200]
+        raise FlightError(
+            f"{path}: neither a calibration of OpenCV nor of ASL ({why}): correct it"
+        ) from None
 
 
 def _opencv(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:

@@ -12,8 +12,14 @@ import numpy as np
 
 from trexton.errors import FlightError
 from trexton.flights.frames import ImageFiles
-from trexton.flights.importers.calibration import read_calibration
-from trexton.flights.importers.recording import Recording, Track, attitude_from_quaternions
+from trexton.flights.importers.calibration import read_calibration, read_mounting
+from trexton.flights.importers.recording import (
+    AXES,
+    Recording,
+    Track,
+    attitude_from_quaternions,
+    axes_of,
+)
 from trexton.flights.tables import column, read_table
 from trexton.options import Options, option
 
@@ -46,14 +52,15 @@ def read(source: Path, settings: Settings) -> Recording:
         raise FlightError(f"{root}: no positions in {', '.join(names)}: name their folder")
     sensor = folder / "sensor.yaml"
     camera, distortion = read_calibration(sensor) if sensor.is_file() else (None, None)
+    track, said = _track(root / found / "data.csv", sensor)
     return Recording(
         _stamps(folder / "data.csv", table["stamp"]),
-        _track(root / found / "data.csv"),
+        track,
         ImageFiles(tuple(files)),
         camera=camera,
         distortion=distortion,
         source=f"ASL folder, {settings.camera} and {found}",
-        said=[f"positions from {found}"],
+        said=[f"positions from {found}", *said],
     )
 
 
@@ -68,7 +75,8 @@ def _stamps(path: Path, values: Any) -> np.ndarray:
         raise FlightError(f"{path}: a stamp is no whole number of nanoseconds") from None
 
 
-def _track(path: Path) -> Track:
+def _track(path: Path, camera: Path) -> tuple[Track, list[str]]:
+    """Positions, and the attitude of the camera whose ``sensor.yaml`` tells how it is mounted."""
     table = read_table(path)
     names = list(table.columns[1:8])
     values = np.column_stack(
@@ -76,7 +84,20 @@ def _track(path: Path) -> Track:
     )
     if values.shape[1] < 3:
         raise FlightError(f"{path}: {values.shape[1] + 1} columns: expected stamp, x, y, z")
-    attitude = None
-    if values.shape[1] >= 7:  # w, x, y, z
-        attitude = attitude_from_quaternions(values[:, [4, 5, 6, 3]])
-    return Track(_stamps(path, table.iloc[:, 0]), values[:, :3], attitude)
+    stamps = _stamps(path, table.iloc[:, 0])
+    if values.shape[1] < 7:
+        return Track(stamps, values[:, :3]), []
+    quaternions = values[:, [4, 5, 6, 3]]  # they are written w, x, y, z
+    mounted = _mounting(camera)
+    if mounted is None:
+        axes, said = axes_of(quaternions, "auto")
+    else:
+        # From the axes of what was tracked to the vehicle's, and from those to the camera's.
+        tracked = _mounting(path.with_name("sensor.yaml"))
+        axes = (np.eye(3) if tracked is None else tracked.T) @ mounted @ AXES["camera"]
+        said = "attitude of the camera as T_BS tells"
+    return Track(stamps, values[:, :3], attitude_from_quaternions(quaternions, axes)), [said]
+
+
+def _mounting(sensor: Path) -> np.ndarray | None:
+    return read_mounting(sensor) if sensor.is_file() else None

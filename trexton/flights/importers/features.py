@@ -11,7 +11,7 @@ import numpy as np
 
 from trexton.errors import FlightError
 from trexton.flights.importers import table as tables
-from trexton.flights.importers.recording import NANO, Recording, Track
+from trexton.flights.importers.recording import NANO, Recording, Track, beside
 from trexton.flights.tables import column, read_table
 from trexton.options import Options, option
 
@@ -47,7 +47,7 @@ def read(source: Path, settings: Settings) -> Recording:
     """The recording of one table of features, or of two tables with a row a frame each."""
     import pandas as pd
 
-    where = source.parent / settings.positions if settings.positions else source
+    where = beside(source.parent, settings.positions) if settings.positions else source
     places = read_table(where)
     place = np.column_stack([column(where, places, name) for name in (settings.x, settings.y)])
     scale = tables.LENGTHS[settings.unit]

@@ -14,7 +14,7 @@ import numpy as np
 from trexton.errors import FlightError
 from trexton.flights.earth import plane
 from trexton.flights.frames import ImageFiles
-from trexton.flights.importers.recording import NANO, Recording, Track
+from trexton.flights.importers.recording import NANO, Recording, Track, beside
 from trexton.flights.tables import column, read_table
 from trexton.options import Options, option
 
@@ -57,7 +57,7 @@ def read(source: Path, settings: Settings) -> Recording:
     files = _files(_folder(source))
     default = source / "positions.csv"
     if settings.positions:
-        places = _from_table(source / settings.positions, files, settings)
+        places = _from_table(beside(source, settings.positions), files, settings)
     elif default.is_file():
         places = _from_table(default, files, settings)
     else:
@@ -66,7 +66,7 @@ def read(source: Path, settings: Settings) -> Recording:
     if len(known) < 3:
         raise FlightError(
             f"{source}: {len(known)} of {len(files)} photographs have a position: expected 3 "
-            "or more, by GPS in their EXIF or by a table named with positions="
+            "or more, by GPS in their EXIF or by a table named with --positions"
         )
     taken: dict[Path, Any] = {file: places[file] for file in known}
     order = sorted(known, key=lambda file: (taken[file][3], file.name))
@@ -81,7 +81,7 @@ def read(source: Path, settings: Settings) -> Recording:
         ImageFiles(tuple(order)),
         source=f"photographs of {source.name}",
         origin=origin,
-        said=[f"{missing} photographs without a position are left out"] if missing else [],
+        said=[f"photographs without a position, left out: {missing}"] if missing else [],
     )
 
 

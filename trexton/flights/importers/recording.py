@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
@@ -11,7 +12,17 @@ from trexton.camera import Camera
 from trexton.errors import FlightError
 from trexton.flights.frames import Frames
 
-__all__ = ["Matched", "Recording", "Track", "attitude_from_quaternions", "match"]
+__all__ = [
+    "AXES",
+    "AXES_MEANING",
+    "Matched",
+    "Recording",
+    "Track",
+    "attitude_from_quaternions",
+    "axes_of",
+    "beside",
+    "match",
+]
 
 NANO = 1_000_000_000
 
@@ -153,25 +164,74 @@ def _between(
     return np.where(share[:, None] < 1, (1 - share[:, None]) * low, 0.0) + mixed
 
 
-def attitude_from_quaternions(quaternions: Sequence[Sequence[float]] | np.ndarray) -> np.ndarray:
+def beside(folder: Path, name: str) -> Path:
+    """A file that a person named: in the source's folder, or else from where they are."""
+    inside = folder / name
+    return inside if inside.exists() or not Path(name).exists() else Path(name)
+
+
+# What a quaternion may turn, to the world, z up: right, forward and up of this project's vehicle
+# (`trexton.camera`), as columns in those axes.
+AXES = {
+    "rfu": np.eye(3),
+    "flu": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),  # REP 103
+    "frd": np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]),
+    "camera": np.diag([1.0, -1, -1]),
+}
+AXES_MEANING = (
+    "axes that the quaternions turn: camera (right, down, ahead), flu (forward, left, up), frd, "
+    "rfu; auto: camera where that looks down, else flu"
+)
+
+
+def attitude_from_quaternions(
+    quaternions: Sequence[Sequence[float]] | np.ndarray, axes: np.ndarray = AXES["rfu"]
+) -> np.ndarray:
     """``(N, 3)`` roll, pitch, yaw as `trexton.camera` defines them, from ``(N, 4)`` x, y, z, w.
 
-    The quaternion turns body into world: Rz(yaw) Rx(pitch) Ry(roll).
+    Parameters
+    ----------
+    quaternions : (N, 4) array
+        They take the source's axes to the world's.
+    axes : (3, 3) array
+        An entry of `AXES`, or how a sensor is mounted.
 
     Raises
     ------
     FlightError
         A quaternion has no length.
     """
-    x, y, z, w = np.asarray(quaternions, dtype=float).T
-    length = np.sqrt(x * x + y * y + z * z + w * w)
+    given = np.asarray(quaternions, dtype=float).reshape(-1, 4)
+    length = np.linalg.norm(given, axis=1)
     if not (length > 1e-6).all():
         raise FlightError(
             f"quaternion {int(np.flatnonzero(~(length > 1e-6))[0]) + 1} has no length: "
             "expected x, y, z, w of length 1"
         )
-    x, y, z, w = (part / length for part in (x, y, z, w))
-    pitch = np.arcsin(np.clip(2 * (y * z + w * x), -1, 1))
-    roll = np.arctan2(-2 * (x * z - w * y), 1 - 2 * (x * x + y * y))
-    yaw = np.arctan2(-2 * (x * y - w * z), 1 - 2 * (x * x + z * z))
+    turns = _matrices(given) @ axes
+    pitch = np.arcsin(np.clip(turns[:, 2, 1], -1, 1))
+    roll = np.arctan2(-turns[:, 2, 0], turns[:, 2, 2])
+    yaw = np.arctan2(-turns[:, 0, 1], turns[:, 1, 1])
     return np.column_stack([roll, pitch, yaw])
+
+
+def axes_of(quaternions: np.ndarray, name: str) -> tuple[np.ndarray, str]:
+    """The axes of that name, or those that are meant (``auto``), and a sentence that tells which.
+
+    A camera looks at the floor: where its axes say so in most rows, the quaternions are a camera's.
+    """
+    given = np.asarray(quaternions, dtype=float).reshape(-1, 4)
+    if name == "auto":
+        up = (_matrices(given) @ AXES["camera"])[:, 2, 2]
+        name = "camera" if len(up) and np.median(up) > 0 else "flu"
+    return AXES[name], f"quaternions taken as those of axes {name}"
+
+
+def _matrices(quaternions: np.ndarray) -> np.ndarray:
+    from scipy.spatial.transform import Rotation
+
+    lengths = np.linalg.norm(quaternions, axis=1)
+    matrices: np.ndarray = Rotation.from_quat(
+        np.where(lengths[:, None] > 1e-6, quaternions, [0.0, 0, 0, 1])
+    ).as_matrix()
+    return matrices.reshape(-1, 3, 3)

@@ -10,7 +10,15 @@ import numpy as np
 
 from trexton.errors import FlightError
 from trexton.flights.frames import ImageFiles
-from trexton.flights.importers.recording import NANO, Recording, Track, attitude_from_quaternions
+from trexton.flights.importers.recording import (
+    AXES,
+    AXES_MEANING,
+    NANO,
+    Recording,
+    Track,
+    attitude_from_quaternions,
+    axes_of,
+)
 from trexton.flights.tables import read_text
 from trexton.options import Options, option
 
@@ -23,6 +31,7 @@ class Settings(Options):
 
     images: str = option("rgb.txt", "list of stamps and image files in the folder")
     trajectory: str = option("groundtruth.txt", "trajectory in the folder")
+    axes: str = option("auto", AXES_MEANING, choices=("auto", *AXES))
 
 
 def recognises(source: Path) -> bool:
@@ -34,16 +43,18 @@ def read(source: Path, settings: Settings) -> Recording:
     """The recording in a folder with an image list and a trajectory."""
     rows = _rows(source / settings.images, 2)
     files = [source / name for _, name in rows]
+    track, said = read_trajectory(source / settings.trajectory, settings.axes)
     return Recording(
         np.array([nanoseconds(source / settings.images, stamp) for stamp, _ in rows]),
-        read_trajectory(source / settings.trajectory),
+        track,
         ImageFiles(tuple(files)),
         source="TUM folder",
+        said=[said],
     )
 
 
-def read_trajectory(path: Path) -> Track:
-    """The track in a TUM file.
+def read_trajectory(path: Path, axes: str = "auto") -> tuple[Track, str]:
+    """The track in a TUM file, and which `AXES` its quaternions were taken to turn.
 
     Raises
     ------
@@ -56,7 +67,8 @@ def read_trajectory(path: Path) -> Track:
     except ValueError as error:
         raise FlightError(f"{path}: {error}: expected stamp x y z qx qy qz qw") from None
     stamps = np.array([nanoseconds(path, row[0]) for row in rows], dtype=np.int64)
-    return Track(stamps, values[:, :3], attitude_from_quaternions(values[:, 3:]))
+    meant, said = axes_of(values[:, 3:], axes)
+    return Track(stamps, values[:, :3], attitude_from_quaternions(values[:, 3:], meant)), said
 
 
 def nanoseconds(path: Path, text: str) -> int:

@@ -13,7 +13,7 @@ import numpy as np
 from trexton.errors import FlightError, ParameterError
 from trexton.flights.frames import Selected, VideoFrames, stamped_frames
 from trexton.flights.importers import table as tables
-from trexton.flights.importers.recording import NANO, Recording, Track
+from trexton.flights.importers.recording import NANO, Recording, Track, beside
 from trexton.options import Options, option
 from trexton.progress import progress
 
@@ -49,12 +49,12 @@ def recognises(source: Path) -> bool:
 def read(source: Path, settings: Settings) -> Recording:
     """The recording of a video; frames are decoded again when they are asked for, in order."""
     if not settings.positions:
-        raise ParameterError(f"{source}: a video has no positions: name a table, positions=FILE")
+        raise ParameterError(f"{source}: a video has no positions: name a table, --positions FILE")
     chosen = tables.Settings(
         time=settings.time, x=settings.x, y=settings.y, z=settings.z, yaw=settings.yaw,
         unit=settings.unit,
     )  # fmt: skip
-    track = tables.read_track(source.parent / settings.positions, chosen)
+    track = tables.read_track(beside(source.parent, settings.positions), chosen)
     stamps, motion = _scan(source)
     if settings.offset == "estimate":
         offset, correlation = estimate_offset(stamps, motion, track)
@@ -64,7 +64,7 @@ def read(source: Path, settings: Settings) -> Recording:
         if correlation < _SURE:
             raise FlightError(
                 f"{source}: {said}: not sure enough, the images do not move as the positions do: "
-                "give it, offset=SECONDS"
+                "give it, --offset SECONDS"
             )
     else:
         try:
@@ -105,7 +105,7 @@ def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tup
         raise FlightError(
             f"{len(stamps)} frames and positions over {time[-1]:.1f} s are too few to find the "
             "time "
-            "offset: give it, offset=SECONDS"
+            "offset: give it, --offset SECONDS"
         )
     grid = np.arange(0, time[-1], _STEP)
     path = np.column_stack([np.interp(grid, time, track.position[:, i]) for i in (0, 1)])
@@ -113,7 +113,7 @@ def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tup
     frames = np.arange(0, stamps[-1], _STEP)
     seen = _smooth(np.interp(frames, stamps, motion))
     if not (np.ptp(speed) > 0 and np.ptp(seen) > 0):
-        raise FlightError("nothing moves in the images or in the positions: give offset=SECONDS")
+        raise FlightError("nothing moves in the images or in the positions: give --offset SECONDS")
     shorter = min(len(speed), len(seen))
     best = (0.0, -1.0)
     # The clocks may start apart by as much as leaves half of the shorter recording in common.
