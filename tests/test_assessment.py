@@ -70,6 +70,16 @@ def test_a_filter_worse_than_its_neighbours_or_the_centre_is_named(record):
     assert "always guessing the centre: do not fly it" in said(centre + 1)[0]
 
 
+def test_the_commands_carry_the_settings_that_were_flown(record):
+    assert "--textons" not in advice(record)[-1]  # histograms have no patches to draw
+    limits = record.values["limits"] | {"blurred": 0.0}
+    pictures = replace(record, values=record.values | {"limits": limits})
+    said = advice(pictures)[-1]
+    assert " with 20 textons, 400 samples" in said
+    assert "--textons 20`, then `trexton onboard MAP --samples 400" in said
+    assert "`trexton tune FLIGHT` looks for better settings." in said
+
+
 def test_what_limits_it_is_said_by_its_share(record):
     def said(**limits):
         values = record.values | {"limits": record.values["limits"] | limits}

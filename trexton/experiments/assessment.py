@@ -253,8 +253,22 @@ def advice(record: Record) -> list[str]:
             )
     seconds = record.timings.get(best, {}).get("median_s")
     if seconds:
+        drawn, learned, flown = _settings(record, best)
         said.append(
-            f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame: "
-            f"`trexton train FLIGHT -o MAP --method {best}`, then `trexton onboard MAP`."
+            f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{drawn}: "
+            f"`trexton train FLIGHT -o MAP --method {best}{learned}`, then "
+            f"`trexton onboard MAP{flown}`. `trexton tune FLIGHT` looks for better settings."
         )
     return said
+
+
+def _settings(record: Record, method: str) -> tuple[str, str, str]:
+    """What the method flew with, in words, and as options of training and of flight."""
+    chosen, words, learned, flown = record.parameters, [], "", ""
+    if "blurred" in record.values["limits"]:  # it flew pictures, of which it drew patches
+        words = [f"{chosen['textons']} textons", f"{chosen['samples']} samples"]
+        learned, flown = f" --textons {chosen['textons']}", f" --samples {chosen['samples']}"
+    if method == "paper":
+        words.append(f"{chosen['particles']} particles")
+        flown += f" --particles {chosen['particles']}"
+    return f" with {', '.join(words)}" if words else "", learned, flown
