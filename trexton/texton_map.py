@@ -4,6 +4,7 @@ from it.
 
 from __future__ import annotations
 
+import io
 import json
 import math
 import os
@@ -326,8 +327,10 @@ class TextonMap:
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the map as ``.npz``, whole or not at all."""
+        content = io.BytesIO()  # a ZipFile on a full disk complains once more when it is dropped
+        np.savez(content, **self.to_arrays())  # type: ignore[arg-type]
         with atomic_file(path, "wb") as stream:
-            np.savez(stream, **self.to_arrays())  # type: ignore[arg-type]
+            stream.write(content.getbuffer())
         return Path(path)
 
     @classmethod
