@@ -59,6 +59,7 @@ def test_a_record_s_tracks_lie_at_the_height_and_place_of_its_flight(record, tmp
     content = json.loads(path.read_text())
     content["series"] |= {"height_m": 1.4, "origin_deg": [52.0, 4.4]}
     content["series"]["field_m"] = content["series"]["estimate_m"]
+    content["series"]["paths_m"] = [[[0, 1]], [[1, 2], [3, 4]]]  # of no common length
     path.write_text(json.dumps(content))
     track = load_trajectory(path, "field")
     assert (track.position[:, 2] == 1.4).all() and track.origin == (52.0, 4.4)

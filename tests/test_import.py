@@ -9,8 +9,7 @@ import pytest
 from trexton.errors import TrextonError
 from trexton.flights import importing, read_flight
 from trexton.flights.importers import IMPORTERS, guess_kind, importer
-from trexton.flights.importers.recording import Track, attitude_from_quaternions, match
-from trexton.flights.importers.tum import read_trajectory
+from trexton.flights.importers.recording import Track, match
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
 
@@ -54,34 +53,6 @@ def test_euroc_keeps_nanoseconds_and_turns(tmp_path):
     assert "quaternions taken as those of axes flu" in said
     assert any(str(START) in note for note in flight.notes)
     assert any("6 of 6 frames have a position" in line for line in said)
-
-
-def test_euroc_turns_the_camera_as_it_is_mounted(tmp_path):
-    source = euroc(tmp_path / "MH")
-    sensor = source / "mav0" / "cam0" / "sensor.yaml"
-    # It looks down; its right is the vehicle's front, so its top is the vehicle's left.
-    mounted = [1, 0, 0, 0.1, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]
-    told = f"T_BS:\n  cols: 4\n  rows: 4\n  data: {mounted}\n"
-    sensor.write_text(sensor.read_text() + told)
-    flight, said = import_flight(source, tmp_path / "out")
-    np.testing.assert_allclose(flight.attitude, [[0, 0, np.pi / 2]] * 6, atol=1e-12)
-    assert "attitude of the camera as T_BS tells" in said
-    sensor.write_text(sensor.read_text().replace("data: [1,", "data: [3,"))
-    with pytest.raises(TrextonError, match="T_BS is no rotation"):
-        import_flight(source, tmp_path / "again")
-
-
-@pytest.mark.parametrize(
-    ("axes", "turned", "yaw"),
-    [("flu", "0 0 0 1", -90), ("rfu", "0 0 0 1", 0), ("camera", "1 0 0 0", 0)],
-)
-def test_axes_are_told_or_found_by_where_the_camera_looks(tmp_path, axes, turned, yaw):
-    path = tmp_path / "track.txt"
-    path.write_text(f"0 0 0 1 {turned}\n1 0 0 1 {turned}\n")
-    for asked in {axes, "auto"} - ({"auto"} if axes == "rfu" else set()):
-        track, said = read_trajectory(path, asked)
-        np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, yaw]] * 2, atol=1e-9)
-        assert said.endswith(axes)
 
 
 @pytest.mark.parametrize("track", ["mocap0", "leica0", "state_groundtruth_estimate0"])
@@ -372,18 +343,6 @@ def test_matching_respects_tolerance_gaps_and_the_short_way_round():
     assert abs(abs(found.attitude[1, 2]) - np.pi) < 1e-6 and found.count == 4
     with pytest.raises(TrextonError, match="give the time offset"):
         match(np.array([10**12]), track, 0.5)
-
-
-def test_quaternions_agree_with_the_camera_model():
-    from scipy.spatial.transform import Rotation
-
-    from trexton.camera import rotation_matrix
-
-    angles = np.random.default_rng(1).uniform(-1.2, 1.2, (40, 3))
-    turned = [Rotation.from_matrix(rotation_matrix(*each)).as_quat() for each in angles]
-    np.testing.assert_allclose(attitude_from_quaternions(turned), angles, atol=1e-12)
-    with pytest.raises(TrextonError, match="no length"):
-        attitude_from_quaternions([[0, 0, 0, 0]])
 
 
 @pytest.mark.parametrize(

@@ -82,14 +82,10 @@ def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
         record = json.loads(read_text(source))
         series, name = record["series"], record["flight"]
         time = np.array(series["time_s"], dtype=float) + float(series.get("start_s", 0.0))
-        tracks = {
-            key.removesuffix("_m"): position
-            for key, values in series.items()
-            if key.endswith("_m") and (position := np.asarray(values)).shape == (len(time), 2)
-        }
-        if what not in tracks:
-            raise ValueError(f"it has {', '.join(tracks) or 'none'}")
-        position = np.array(tracks[what], dtype=float)
+        position = np.array(series.get(f"{what}_m", []), dtype=float)
+        if position.shape != (len(time), 2):
+            whole = [key[:-2] for key in series if key.endswith("_m") and _fits(series[key], time)]
+            raise ValueError(f"it has {', '.join(whole) or 'none'}")
         height = np.full(len(time), float(series.get("height_m", 0.0)))
         latitude, longitude = series.get("origin_deg", (None, None))
     except (ValueError, KeyError, TypeError) as error:
@@ -99,6 +95,11 @@ def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
         ) from None
     track = _known(f"{name} {what}", time, position, height, np.zeros(len(time)))
     return track if latitude is None else replace(track, origin=(latitude, longitude))
+
+
+def _fits(values: object, time: np.ndarray) -> bool:
+    """Whether a series has a place for each stamp."""
+    return isinstance(values, list) and len(values) == len(time) and np.shape(values[0]) == (2,)
 
 
 def _known(

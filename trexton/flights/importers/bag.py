@@ -13,13 +13,11 @@ import numpy as np
 from trexton.errors import FlightError
 from trexton.flights.frames import Forward
 from trexton.flights.importers.recording import (
-    AXES,
-    AXES_MEANING,
     NANO,
     Recording,
     Track,
-    attitude_from_quaternions,
-    axes_of,
+    axes_option,
+    camera_attitude,
 )
 from trexton.images import decode
 from trexton.options import Options, option
@@ -53,7 +51,7 @@ class Settings(Options):
 
     image: str = option("", "topic of the images (default: the only one)")
     pose: str = option("", "topic of the positions (default: the only one)")
-    axes: str = option("auto", AXES_MEANING, choices=("auto", *AXES))
+    axes: str = axes_option()
 
 
 def recognises(source: Path) -> bool:
@@ -70,10 +68,10 @@ def read(source: Path, settings: Settings) -> Recording:
     values = np.array([pose for _, pose in rows], dtype=float).reshape(-1, 7)
     order = np.argsort(times, kind="stable")
     kept = order[np.diff(times[order], prepend=-1) > 0]
-    meant, taken = axes_of(values[:, 3:], settings.axes)
+    attitude, taken = camera_attitude(values[kept, 3:], settings.axes)
     return Recording(
         stamps,
-        Track(times[kept], values[kept, :3], attitude_from_quaternions(values[kept, 3:], meant)),
+        Track(times[kept], values[kept, :3], attitude),
         BagFrames(bag, images, len(stamps)),
         source=f"bag {source.name}: {images}, {poses}",
         said=[f"images from {images}, positions from {poses}", taken],

@@ -18,7 +18,7 @@ from trexton.flights.importers.recording import (
     Recording,
     Track,
     attitude_from_quaternions,
-    axes_of,
+    camera_attitude,
 )
 from trexton.flights.tables import column, read_table
 from trexton.options import Options, option
@@ -90,13 +90,14 @@ def _track(path: Path, camera: Path) -> tuple[Track, list[str]]:
     quaternions = values[:, [4, 5, 6, 3]]  # they are written w, x, y, z
     mounted = _mounting(camera)
     if mounted is None:
-        axes, said = axes_of(quaternions, "auto")
+        attitude, said = camera_attitude(quaternions, "auto")
     else:
         # From the axes of what was tracked to the vehicle's, and from those to the camera's.
         tracked = _mounting(path.with_name("sensor.yaml"))
         axes = (np.eye(3) if tracked is None else tracked.T) @ mounted @ AXES["camera"]
+        attitude = attitude_from_quaternions(quaternions, axes)
         said = "attitude of the camera as T_BS tells"
-    return Track(stamps, values[:, :3], attitude_from_quaternions(quaternions, axes)), [said]
+    return Track(stamps, values[:, :3], attitude), [said]
 
 
 def _mounting(sensor: Path) -> np.ndarray | None:

@@ -11,16 +11,17 @@ import numpy as np
 from trexton.camera import Camera
 from trexton.errors import FlightError
 from trexton.flights.frames import Frames
+from trexton.options import option
 
 __all__ = [
     "AXES",
-    "AXES_MEANING",
     "Matched",
     "Recording",
     "Track",
     "attitude_from_quaternions",
-    "axes_of",
+    "axes_option",
     "beside",
+    "camera_attitude",
     "match",
 ]
 
@@ -178,10 +179,16 @@ AXES = {
     "frd": np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]),
     "camera": np.diag([1.0, -1, -1]),
 }
-AXES_MEANING = (
-    "axes that the quaternions turn: camera (right, down, ahead), flu (forward, left, up), frd, "
-    "rfu; auto: camera where that looks down, else flu"
-)
+
+
+def axes_option() -> str:
+    """What an importer of quaternions declares; see `camera_attitude`."""
+    return option(
+        "auto",
+        "axes that the quaternions turn: camera (right, down, ahead), flu (forward, left, up), "
+        "frd, rfu; auto: camera where that looks down, else flu",
+        choices=("auto", *AXES),
+    )
 
 
 def attitude_from_quaternions(
@@ -215,16 +222,17 @@ def attitude_from_quaternions(
     return np.column_stack([roll, pitch, yaw])
 
 
-def axes_of(quaternions: np.ndarray, name: str) -> tuple[np.ndarray, str]:
-    """The axes of that name, or those that are meant (``auto``), and a sentence that tells which.
+def camera_attitude(quaternions: np.ndarray, axes: str) -> tuple[np.ndarray, str]:
+    """The attitude of a camera whose axes are those of that name, and a sentence that tells which.
 
-    A camera looks at the floor: where its axes say so in most rows, the quaternions are a camera's.
+    A camera looks at the floor: with ``auto``, quaternions are a camera's where its axes say so in
+    most rows, else a vehicle's.
     """
-    given = np.asarray(quaternions, dtype=float).reshape(-1, 4)
-    if name == "auto":
-        up = (_matrices(given) @ AXES["camera"])[:, 2, 2]
-        name = "camera" if len(up) and np.median(up) > 0 else "flu"
-    return AXES[name], f"quaternions taken as those of axes {name}"
+    if axes == "auto":
+        up = (_matrices(np.asarray(quaternions, dtype=float)) @ AXES["camera"])[:, 2, 2]
+        axes = "camera" if len(up) and np.median(up) > 0 else "flu"
+    attitude = attitude_from_quaternions(quaternions, AXES[axes])
+    return attitude, f"quaternions taken as those of axes {axes}"
 
 
 def _matrices(quaternions: np.ndarray) -> np.ndarray:

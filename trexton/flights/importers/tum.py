@@ -11,13 +11,11 @@ import numpy as np
 from trexton.errors import FlightError
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.recording import (
-    AXES,
-    AXES_MEANING,
     NANO,
     Recording,
     Track,
-    attitude_from_quaternions,
-    axes_of,
+    axes_option,
+    camera_attitude,
 )
 from trexton.flights.tables import read_text
 from trexton.options import Options, option
@@ -31,7 +29,7 @@ class Settings(Options):
 
     images: str = option("rgb.txt", "list of stamps and image files in the folder")
     trajectory: str = option("groundtruth.txt", "trajectory in the folder")
-    axes: str = option("auto", AXES_MEANING, choices=("auto", *AXES))
+    axes: str = axes_option()
 
 
 def recognises(source: Path) -> bool:
@@ -67,8 +65,8 @@ def read_trajectory(path: Path, axes: str = "auto") -> tuple[Track, str]:
     except ValueError as error:
         raise FlightError(f"{path}: {error}: expected stamp x y z qx qy qz qw") from None
     stamps = np.array([nanoseconds(path, row[0]) for row in rows], dtype=np.int64)
-    meant, said = axes_of(values[:, 3:], axes)
-    return Track(stamps, values[:, :3], attitude_from_quaternions(values[:, 3:], meant)), said
+    attitude, said = camera_attitude(values[:, 3:], axes)
+    return Track(stamps, values[:, :3], attitude), said
 
 
 def nanoseconds(path: Path, text: str) -> int:

@@ -1,0 +1,50 @@
+"""Quaternions are turned as they are meant: by axes that are told, found, or mounted."""
+
+import numpy as np
+import pytest
+from test_import import euroc
+
+from trexton.errors import TrextonError
+from trexton.flights.importers.recording import attitude_from_quaternions
+from trexton.flights.importers.tum import read_trajectory
+from trexton.flights.importing import import_flight
+
+
+def test_euroc_turns_the_camera_as_it_is_mounted(tmp_path):
+    source = euroc(tmp_path / "MH")
+    sensor = source / "mav0" / "cam0" / "sensor.yaml"
+    # It looks down; its right is the vehicle's front, so its top is the vehicle's left.
+    mounted = [1, 0, 0, 0.1, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1]
+    told = f"T_BS:\n  cols: 4\n  rows: 4\n  data: {mounted}\n"
+    sensor.write_text(sensor.read_text() + told)
+    flight, said = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.attitude, [[0, 0, np.pi / 2]] * 6, atol=1e-12)
+    assert "attitude of the camera as T_BS tells" in said
+    sensor.write_text(sensor.read_text().replace("data: [1,", "data: [3,"))
+    with pytest.raises(TrextonError, match="T_BS is no rotation"):
+        import_flight(source, tmp_path / "again")
+
+
+@pytest.mark.parametrize(
+    ("axes", "turned", "yaw"),
+    [("flu", "0 0 0 1", -90), ("rfu", "0 0 0 1", 0), ("camera", "1 0 0 0", 0)],
+)
+def test_axes_are_told_or_found_by_where_the_camera_looks(tmp_path, axes, turned, yaw):
+    path = tmp_path / "track.txt"
+    path.write_text(f"0 0 0 1 {turned}\n1 0 0 1 {turned}\n")
+    for asked in {axes, "auto"} - ({"auto"} if axes == "rfu" else set()):
+        track, said = read_trajectory(path, asked)
+        np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, yaw]] * 2, atol=1e-9)
+        assert said.endswith(axes)
+
+
+def test_quaternions_agree_with_the_camera_model():
+    from scipy.spatial.transform import Rotation
+
+    from trexton.camera import rotation_matrix
+
+    angles = np.random.default_rng(1).uniform(-1.2, 1.2, (40, 3))
+    turned = [Rotation.from_matrix(rotation_matrix(*each)).as_quat() for each in angles]
+    np.testing.assert_allclose(attitude_from_quaternions(turned), angles, atol=1e-12)
+    with pytest.raises(TrextonError, match="no length"):
+        attitude_from_quaternions([[0, 0, 0, 0]])
