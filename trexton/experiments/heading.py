@@ -21,7 +21,6 @@ from trexton.histograms import texton_histogram
 from trexton.metrics import constant_guess, mean_with_interval
 from trexton.neighbors import NearestHistograms, neighbors_in_flight
 from trexton.parts.distances import Euclidean, Hellinger
-from trexton.patches import draw_patches
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.textons import MAX_TEXTONS, TextonDictionary
@@ -77,13 +76,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             f"{len(flight)} pictures of flight {train.name!r} have a position: expected more than "
             f"{parameters.neighbors} neighbours and {2 * parameters.left_out} that are left out"
         )
-    drawn = draw_patches(
-        flight.images(), parameters.patch, -(-PATCHES // len(flight)),
-        stream(parameters.seed, "patches"),
-    )  # fmt: skip
     plain = TextonDictionary.learn(
-        drawn, parameters.textons, rng=stream(parameters.seed, "training")
-    )
+        flight, parameters.textons, parameters.patch, rng=stream(parameters.seed, "training"),
+        images=len(flight), patches_per_image=-(-PATCHES // len(flight)),
+    )  # fmt: skip
     histograms = _histograms(flight, plain, parameters)
     truth = flight.position
     rng = stream(parameters.seed, "intervals")
