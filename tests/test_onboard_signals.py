@@ -65,6 +65,17 @@ def test_it_is_an_event_like_others():
     assert stop.is_set() and stop.wait() and stop.wait(0.5)
 
 
+def test_a_wait_ends_though_its_time_runs_out_before_it_begins():
+    def wait():
+        for _ in range(20_000):
+            Stop().wait(1e-6)
+
+    thread = threading.Thread(target=wait, daemon=True)
+    thread.start()
+    thread.join(60)
+    assert not thread.is_alive()
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_the_first_signal_stops_and_the_handlers_come_back(number):
     before = signal.getsignal(number)

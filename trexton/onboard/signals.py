@@ -9,7 +9,6 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from queue import Empty, SimpleQueue
 from types import FrameType
 
 __all__ = ["Stop", "stopped_by_signals"]
@@ -19,25 +18,31 @@ class Stop(threading.Event):
     """An event that a signal handler may set, whatever the thread that it interrupts is at.
 
     One that waits for a plain event may be interrupted while it holds the event's lock; setting it
-    there would wait for that lock for ever. A `SimpleQueue` may be entered again.
+    there would wait for that lock for ever. A bare lock may be released at any moment (and
+    `queue.SimpleQueue`, which may be entered again, can wait for ever for a timeout that ran out
+    while it looked).
     """
 
     def __init__(self) -> None:
         super().__init__()
-        self._is_set, self._told = False, SimpleQueue[None]()
+        self._is_set, self._closed = False, threading.Lock()
+        self._closed.acquire()
 
     def is_set(self) -> bool:
         return self._is_set
 
     def set(self) -> None:
         self._is_set = True
-        self._told.put(None)
+        self._open()
 
     def wait(self, timeout: float | None = None) -> bool:
-        with suppress(Empty):
-            self._told.get(timeout=None if timeout is None else max(0.0, timeout))
-            self._told.put(None)  # for whoever waits too
+        if self._closed.acquire(timeout=-1 if timeout is None else max(0.0, timeout)):
+            self._open()  # for whoever waits too
         return self._is_set
+
+    def _open(self) -> None:
+        with suppress(RuntimeError):  # it was open
+            self._closed.release()
 
 
 @contextmanager
