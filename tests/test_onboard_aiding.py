@@ -9,8 +9,8 @@ import pytest
 from onboard_flying import Kept, run
 from onboard_tools import AREA, CAMERA, Clock, colourful_floor
 
+from trexton.aiding import Aiding
 from trexton.localizer import Localizer, TextonMap
-from trexton.observation import Aiding
 from trexton.onboard.aids import Aids
 from trexton.onboard.sinks import Guard
 from trexton.onboard.sources import Frame

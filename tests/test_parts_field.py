@@ -9,9 +9,10 @@ import pytest
 from small_room import histogram_flight
 from threadpoolctl import threadpool_limits
 
+from trexton.aiding import Aiding
 from trexton.errors import MapError, ParameterError
 from trexton.localizer import Localizer, TextonMap
-from trexton.observation import Aiding, Observation
+from trexton.observation import Observation
 from trexton.parts.base import Training
 from trexton.parts.distances import Hellinger
 from trexton.parts.field import ErrorModel, Field, grid_cells

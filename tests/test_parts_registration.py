@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from trexton.aiding import Aiding
 from trexton.camera import Camera
 from trexton.errors import MapError, ParameterError
 from trexton.localizer import Localizer, TextonMap
-from trexton.observation import Aiding
 from trexton.parts.registration import Registration
 from trexton.simulator import Effects, record_flight
 

@@ -14,6 +14,7 @@ import pytest
 from conftest import ROOT
 
 import trexton
+from trexton.aiding import Aiding
 from trexton.camera import Camera
 from trexton.cli import COMMANDS, build_parser
 from trexton.estimate import Estimate
@@ -22,7 +23,7 @@ from trexton.histograms import sampled_histogram
 from trexton.homography import HomographyLocalizer
 from trexton.landing import LandingZone, TouchdownZone
 from trexton.mosaic import stitch
-from trexton.observation import Aiding, Observation
+from trexton.observation import Observation
 from trexton.simulator import Floor, Light, Simulator, record_flight
 from trexton.suitability import heat_map, local_losses
 from trexton.textons import draw_patches, learn_textons

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.errors import ImageError, MapError, ParameterError
 from trexton.estimate import Estimate
 from trexton.histograms import sampled_histogram, texton_histogram
 from trexton.images import check_image
 from trexton.neighbors import NearestHistograms, Neighbors
-from trexton.observation import Aiding, Observation
+from trexton.observation import Observation
 from trexton.parts.filters import RunningFilter
 from trexton.texton_map import JUDGES, TextonMap
 
@@ -101,7 +102,7 @@ class Localizer:
         for judge in self._judges:
             judge.reset()
 
-    def observe(self, frame: np.ndarray) -> np.ndarray:
+    def observe(self, frame: np.ndarray, *, aiding: Aiding | None = None) -> np.ndarray:
         """``(K,)`` histogram of a frame, which is an ``(H, W, 3) uint8`` image or already a
         histogram.
 
@@ -111,7 +112,7 @@ class Localizer:
             The frame does not fit the map.
         """
         self._check(frame)
-        return self._histogram(frame)
+        return self._histogram(frame, aiding)
 
     def step(
         self, frame: np.ndarray | None, *, aiding: Aiding | None = None, time: float | None = None
@@ -174,7 +175,7 @@ class Localizer:
             aiding=aiding,
             time=time,
             samples=samples,
-            histogram=lambda: self._histogram(frame),
+            histogram=lambda: self._histogram(frame, aiding),
             neighbors=self._neighbors,
         )
 
@@ -200,10 +201,12 @@ class Localizer:
                 f"{columns}x{rows}: set the camera to that size"
             )
 
-    def _histogram(self, frame: np.ndarray) -> np.ndarray:
+    def _histogram(self, frame: np.ndarray, aiding: Aiding | None) -> np.ndarray:
         dictionary = self.map.dictionary
         if dictionary is None or frame.ndim == 1:
             return frame
+        if "view" in self.parts and aiding is not None:
+            frame = self.parts["view"].frame(frame, aiding)
         if self.samples is None:
             histogram = texton_histogram(frame, dictionary, cells=self.map.cells)
         else:

@@ -142,7 +142,7 @@ class TextonMap:
                 f"{n_textons} textons of {patch} pixels in {cells} x {cells} parts were asked for: "
                 f"expected 1 to {MAX_TEXTONS} textons of at least one pixel, in 1 to 8 parts a side"
             )
-        parts = compose(method)
+        parts: dict[str, Any] = compose(method)
         parts |= changed(parts, choices)
         given = flight.position if positions is None else np.asarray(positions, dtype=float)
         if given.shape != (len(flight), 2):
@@ -161,9 +161,12 @@ class TextonMap:
                 f"flight {flight.name!r} came as histograms: there is no image to cut into "
                 f"{cells} x {cells} parts, leave cells at 1"
             )
+        trained, place, looked = flight.select(known), given[known], flight
+        if "view" in parts:
+            parts["view"] = view = parts["view"].of(trained)
+            looked = view.flight(flight)
         if flight.has_images:
-            dictionary = dictionary or TextonDictionary.learn(flight, n_textons, patch, rng=rng)
-        trained, place = flight.select(known), given[known]
+            dictionary = dictionary or TextonDictionary.learn(looked, n_textons, patch, rng=rng)
         parameters = {
             "method": method,
             "n_textons": n_textons,
@@ -173,7 +176,7 @@ class TextonMap:
         }
         untrained = cls(
             dictionary,
-            full_histograms(trained, dictionary, cells),
+            full_histograms(looked.select(known), dictionary, cells),
             place,
             trained.time,
             flight.area,

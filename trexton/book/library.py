@@ -29,6 +29,8 @@ MODULES = (
     "trexton.parts.resampling",
     "trexton.parts.estimation",
     "trexton.parts.recovery",
+    "trexton.parts.view",
+    "trexton.aiding",
     "trexton.observation",
     "trexton.estimate",
     "trexton.texton_map",

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, frames_of, map_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.observation import Aiding
 from trexton.odometry import VisualOdometry
 from trexton.paper import paper_file
 from trexton.records import Record

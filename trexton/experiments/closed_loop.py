@@ -15,13 +15,13 @@ from typing import Any
 
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.camera import Camera
 from trexton.errors import ParameterError
 from trexton.executor import spread
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.landing import LandingZone
 from trexton.localizer import Estimate, Localizer, TextonMap
-from trexton.observation import Aiding
 from trexton.odometry import VisualOdometry
 from trexton.simulator import (
     PERIOD,

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.camera import Camera, MapImage
 from trexton.errors import FlightError
 from trexton.files import digest
@@ -108,6 +109,15 @@ class Flight:
     def images(self) -> Iterator[np.ndarray]:
         """All images in time order."""
         return (self.image(index) for index in range(len(self)))
+
+    def aiding(self, row: int) -> Aiding:
+        """Attitude and height as they were recorded beside the frame at `row`."""
+        stamp = float(self.time[row])
+        roll, pitch, yaw = (np.nan,) * 3 if self.attitude is None else self.attitude[row].tolist()
+        return Aiding(
+            roll, pitch, yaw, None if self.height is None else float(self.height[row]),
+            attitude_time=stamp, height_time=stamp,
+        ).at(stamp)  # fmt: skip
 
     def select(self, rows: np.ndarray | slice, name: str | None = None) -> Flight:
         """The flight at these rows only (a slice, indices or a mask), in time order."""

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.errors import TrextonError
 from trexton.estimate import Estimate
 from trexton.landing import LandingZone
 from trexton.localizer import Localizer
-from trexton.observation import Aiding
 from trexton.onboard.aids import Aids
 from trexton.onboard.clock import OLDEST, StampKeeper
 from trexton.onboard.commander import Commander, Lander

@@ -20,6 +20,9 @@ ROLES: dict[str, dict[str, str]] = {
         "euclidean": "trexton.parts.distances:Euclidean",
         "hellinger": "trexton.parts.distances:Hellinger",
     },
+    "view": {
+        "nadir": "trexton.parts.view:Nadir",
+    },
     "motion": {
         "random-walk": "trexton.parts.motion:RandomWalk",
         "singer": "trexton.parts.singer:Singer",

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.camera import Camera, MapImage
 from trexton.errors import MapError, ParameterError
 from trexton.estimate import Estimate, Measurement
-from trexton.observation import Aiding, Observation
+from trexton.observation import Observation
 from trexton.parts.base import Training, learned
 from trexton.parts.filters import Filter
 from trexton.registration.calibration import FloorFix, Trust, learn_trust

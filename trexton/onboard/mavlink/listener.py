@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.observation import Aiding
+from trexton.aiding import Aiding
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.mavlink.messages import COMPONENT, mavlink
 

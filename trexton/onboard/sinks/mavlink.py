@@ -12,8 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from trexton.aiding import Aiding
 from trexton.errors import ParameterError
-from trexton.observation import Aiding
 from trexton.onboard.fix import Fix
 from trexton.onboard.mavlink.link import Link, make_link
 from trexton.onboard.sinks.base import Sink, Surroundings

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.errors import TrextonError
-from trexton.observation import Aiding
 from trexton.onboard.edges import Edge
 from trexton.options import Options, option
 

@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
-
 from trexton.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight
-from trexton.observation import Aiding
 from trexton.onboard.sources.base import Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced
 
@@ -66,15 +63,7 @@ class FlightSource(Source):
         if self.flight.histograms is not None and not self.flight.has_images:
             return Frame(stamp, self.flight.histograms[row], number)
         try:
-            return Frame(stamp, self.flight.image(row), number, self._aiding(row, stamp))
+            aiding = self.flight.aiding(row).shifted(lap * self._lap_s)
+            return Frame(stamp, self.flight.image(row), number, aiding)
         except ImageError:
             return Frame(stamp, None, number)
-
-    def _aiding(self, row: int, stamp: float) -> Aiding:
-        """Attitude and height as they were recorded beside the frame."""
-        attitude, height = self.flight.attitude, self.flight.height
-        roll, pitch, yaw = (np.nan,) * 3 if attitude is None else attitude[row].tolist()
-        return Aiding(
-            roll, pitch, yaw, None if height is None else float(height[row]),
-            attitude_time=stamp, height_time=stamp,
-        ).at(stamp)  # fmt: skip

@@ -1,0 +1,166 @@
+"""In which view a frame's texture is counted, where it is not the one that the camera gave.
+
+A tilted camera looks beside the vehicle, a higher one sees a coarser floor, a turned one sees it
+turned. Where the autopilot says so, the frame is warped into the view that a camera would have
+straight below the vehicle (plane-to-plane homography [1]_), at the height of the training flight.
+
+.. [1] R. Hartley, A. Zisserman, "Multiple View Geometry in Computer Vision", 2nd ed., sec. 2.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, Self
+
+import cv2
+import numpy as np
+
+from trexton.aiding import Aiding
+from trexton.camera import Camera
+from trexton.errors import MapError, ParameterError
+from trexton.files import digest
+from trexton.flights.flight import Flight
+from trexton.flights.frames import Frames
+from trexton.parts.base import Part, Training, learned
+
+__all__ = ["Nadir", "View"]
+
+_STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
+_FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
+
+
+@dataclass(eq=False)
+class View(Part):
+    """Another view of every frame, in training and in flight."""
+
+    def of(self, flight: Flight) -> Self:
+        """The view as it learned what it needs of a training flight."""
+        raise NotImplementedError
+
+    def frame(self, image: np.ndarray, aiding: Aiding) -> np.ndarray:
+        """``(H, W, 3) uint8``: a frame in this view, as far as `aiding` knows."""
+        raise NotImplementedError
+
+    def flight(self, flight: Flight) -> Flight:
+        """The flight with its frames in this view."""
+        if flight.frames is None:
+            return flight
+        aiding = [flight.aiding(row) for row in range(len(flight))]
+        return replace(flight, frames=_Seen(flight.frames, self, aiding))
+
+    def untrained(self) -> Self:
+        """Itself: what it learned is in the histograms."""
+        return self
+
+    def fit(self, training: Training) -> Self:
+        """Itself: the histograms were counted in this view.
+
+        Raises
+        ------
+        ParameterError
+            They were counted in another.
+        """
+        if not self.arrays():
+            raise ParameterError(
+                "the view belongs to the histograms of a map: choose it when training, as in "
+                "trexton train FLIGHT --set view=nadir"
+            )
+        return self
+
+
+@dataclass(eq=False)
+class Nadir(View):
+    """The view straight down from the training flight's usual height.
+
+    What lies outside the picture is mirrored at its border; what the autopilot does not say is
+    taken as in a level flight at that height.
+
+    Parameters
+    ----------
+    turn : bool
+        Turn the picture back by the yaw as well, so that its top is the map's y axis.
+    """
+
+    turn: bool = False
+    camera: Any = learned()  # width, height, focal length, principal point, usual height
+
+    def prepare(self) -> None:
+        if self.camera.shape != (6,) or not (
+            np.isfinite(self.camera).all() and (self.camera[[0, 1, 2, 5]] > 0).all()
+        ):
+            raise MapError(
+                f"a nadir view's camera is {self.camera.tolist()}: expected its width, height, "
+                "focal length, principal point and usual height, train the map again"
+            )
+
+    def of(self, flight: Flight) -> Self:
+        """The view as it learned the camera and the usual height of a flight.
+
+        Raises
+        ------
+        MapError
+            The flight has no images, or neither attitude nor height, or its camera is not known.
+        """
+        lacking = [
+            what
+            for what, known in (
+                ("images", flight.has_images),
+                ("its camera", flight.camera is not None),
+                ("the camera's heights", flight.height is not None),
+                ("attitudes", flight.attitude is not None),
+            )
+            if not known
+        ]
+        if flight.camera is None or flight.height is None or lacking:
+            raise MapError(
+                f"flight {flight.name!r} lacks {' and '.join(lacking)}, without which its frames "
+                "cannot be seen from straight above: add them to the flight, or train without view"
+            )
+        known = flight.height[np.isfinite(flight.height)]
+        if not len(known) or np.median(known) <= 0:
+            raise MapError(
+                f"the heights of flight {flight.name!r} are not above its floor: give metres "
+                "above the floor, or train without view"
+            )
+        camera = flight.camera
+        lens = (camera.width, camera.height, camera.focal, *camera.principal_point)
+        return self.with_learned(camera=np.array([*lens, np.median(known)], dtype=float))
+
+    def frame(self, image: np.ndarray, aiding: Aiding) -> np.ndarray:
+        """``(H, W, 3) uint8``: a frame from straight above, as far as `aiding` knows."""
+        width, height, focal, *center, usual = self.camera.tolist()
+        tilt = np.array([aiding.roll or 0.0, aiding.pitch or 0.0])
+        yaw = (aiding.yaw or 0.0) if self.turn else 0.0
+        above = aiding.height or usual
+        if np.abs(tilt).max() > _STEEPEST or not 1 / _FARTHEST < above / usual < _FARTHEST:
+            return image
+        if not (tilt.any() or yaw or above != usual):
+            return image
+        camera = Camera(int(width), int(height), focal, (center[0], center[1]))
+        level = camera.world_from_pixel(np.array([0, 0, usual]), np.zeros(3))
+        seen = camera.world_from_pixel(np.array([0, 0, above]), np.array([*tilt, yaw]))
+        return cv2.warpPerspective(
+            image, np.linalg.solve(seen, level), image.shape[1::-1],
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REFLECT_101,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """Frames in another view."""
+
+    frames: Frames
+    view: View
+    aiding: list[Aiding]
+
+    def __len__(self) -> int:
+        return len(self.frames)
+
+    def __getitem__(self, row: int) -> np.ndarray:
+        return self.view.frame(self.frames[row], self.aiding[row])
+
+    @cached_property
+    def digest(self) -> str:
+        # attitudes and heights are hashed with the flight
+        return digest(self.frames.digest, self.view.options(), *self.view.arrays().values())
