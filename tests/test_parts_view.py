@@ -1,0 +1,154 @@
+"""The view straight down: what it makes of a frame, and that training and flight share it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from onboard_tools import CAMERA, colourful_floor
+
+from trexton.aiding import Aiding
+from trexton.errors import MapError, ParameterError
+from trexton.experiments import aiding
+from trexton.figures import aiding as figures
+from trexton.histograms import texton_histogram
+from trexton.localizer import Localizer, TextonMap
+from trexton.parts.view import Nadir
+from trexton.simulator import record_flight
+
+LENS = np.array([CAMERA.width, CAMERA.height, CAMERA.focal, *CAMERA.principal_point, 1.0])
+PLACE = np.array([2.0, 2.0])
+
+
+def seen_from(height: float, attitude: tuple[float, float, float]) -> np.ndarray:
+    """What the camera would see of the colourful floor."""
+    floor = colourful_floor().picture
+    world = CAMERA.world_from_pixel(np.array([*PLACE, height]), np.array(attitude))
+    return cv2.warpPerspective(
+        floor.image, np.linalg.inv(floor.world_from_pixel) @ world, (CAMERA.width, CAMERA.height),
+        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("view") / "flight"
+    return record_flight(folder, frames=60, every=5, camera=CAMERA, floor=colourful_floor())
+
+
+@pytest.fixture(scope="module")
+def trained(flight):
+    return TextonMap.train(flight, n_textons=6, cells=2, rng=np.random.default_rng(1), view="nadir")
+
+
+@pytest.mark.parametrize(
+    ("height", "attitude", "turn"),
+    [
+        (1.0, (0.12, 0.0, 0.0), False),
+        (1.0, (0.0, -0.15, 0.0), False),
+        (1.3, (0.0, 0.0, 0.0), False),
+        (0.8, (0.1, 0.1, 0.0), False),
+        (1.0, (0.0, 0.0, 1.9), True),
+        (1.2, (-0.1, 0.08, -0.7), True),
+    ],
+)
+def test_what_is_known_is_taken_back(height, attitude, turn):
+    frame, level = seen_from(height, attitude), seen_from(1.0, (0, 0, 0))
+    view = Nadir(turn=turn).with_learned(camera=LENS)
+    seen = view.frame(frame, Aiding(*attitude, height=height))
+    middle = np.s_[30:-30, 45:-45]  # that all of them see
+    off = [np.abs(each[middle].astype(int) - level[middle]).mean() for each in (frame, seen)]
+    assert off[1] < 0.5 * off[0]
+    unknown = view.frame(frame, Aiding())
+    assert unknown is frame
+
+
+@pytest.mark.parametrize(
+    "known", [Aiding(roll=1.2, pitch=0.0), Aiding(height=9.0), Aiding(height=-1.0), Aiding(yaw=0.5)]
+)
+def test_what_cannot_be_taken_back_leaves_the_frame_as_it_is(known):
+    frame = seen_from(1.0, (0, 0, 0))
+    assert Nadir().with_learned(camera=LENS).frame(frame, known) is frame
+
+
+def test_a_frame_of_the_training_flight_is_counted_as_in_training(flight, trained):
+    localizer = Localizer(trained, samples=None, rng=np.random.default_rng(2))
+    for row in (0, 17, 40):
+        histogram = localizer.observe(flight.image(row), aiding=flight.aiding(row))
+        assert np.array_equal(histogram, trained.histograms[row])
+        as_given = texton_histogram(flight.image(row), trained.alphabet, cells=2)
+        assert np.array_equal(localizer.observe(flight.image(row)), as_given)
+        assert not np.array_equal(histogram, as_given)
+
+
+def test_it_is_kept_with_the_map_and_through_a_change_of_method(trained, tmp_path):
+    again = TextonMap.load(trained.save(tmp_path / "map.npz"))
+    assert np.array_equal(again.parts["view"].camera, trained.parts["view"].camera)
+    field = again.for_method("field", rng=np.random.default_rng(3))
+    assert field.parts["view"].camera is again.parts["view"].camera
+
+
+def test_a_turn_is_another_view_of_the_same_frames(flight, trained):
+    turned = TextonMap.train(
+        flight, n_textons=6, cells=2, rng=np.random.default_rng(1),
+        **{"view": "nadir", "view.turn": "true"},
+    )  # fmt: skip
+    assert turned.parts["view"].turn
+    assert not np.array_equal(turned.histograms, trained.histograms)
+
+
+def test_a_map_in_another_view_is_not_changed_afterwards(flight):
+    plain = TextonMap.train(flight, n_textons=6, rng=np.random.default_rng(1))
+    with pytest.raises(ParameterError, match="choose it when training"):
+        Localizer(plain, rng=np.random.default_rng(2), view="nadir")
+
+
+@pytest.mark.parametrize("lacking", ["height", "attitude", "camera"])
+def test_what_a_flight_lacks_is_named(flight, lacking):
+    with pytest.raises(MapError, match=f"lacks.*{lacking}"):
+        TextonMap.train(
+            replace(flight, **{lacking: None}), rng=np.random.default_rng(1), view="nadir"
+        )
+
+
+def test_heights_below_the_floor_are_refused(flight):
+    with pytest.raises(MapError, match="not above its floor"):
+        TextonMap.train(
+            replace(flight, height=-flight.height), rng=np.random.default_rng(1), view="nadir"
+        )
+
+
+def test_a_damaged_camera_is_refused():
+    with pytest.raises(MapError, match="nadir view's camera"):
+        Nadir().with_learned(camera=np.array([128, 96, np.nan, 63.5, 47.5, 1.0]))
+
+
+@pytest.fixture(scope="module")
+def record(flight):
+    chosen = {"survey": 60, "frames": 24, "textons": 6, "samples": 100, "velocity_cm_s": 0.0}
+    return aiding.run(flight, flight, aiding.Parameters(**chosen))
+
+
+def test_the_record_compares_all_with_the_frame_alone(record):
+    values = record.values
+    for method, asked in aiding.METHODS.items():
+        errors, gains = values["error_cm"][method], values["gain_cm"][method]
+        assert list(errors) == list(asked)
+        for known, gain in gains.items():
+            saved = errors["nothing"]["median"] - errors[known]["median"]
+            assert gain["median"] == pytest.approx(saved)
+            assert gain["low"] <= gain["median"] <= gain["high"]
+    assert values["frames"] == 24 and values["floors"] == 1
+    assert 5 < values["ripple_cm"] < 20 and 0 < values["beside_cm"] < 20
+
+
+def test_finding_table_and_figure_say_what_the_record_holds(record):
+    told = aiding.finding(record)
+    sure = record.values["gain_cm"]["field"]["velocity"]["low"] > 0
+    assert (", less beyond chance. Told" in told) == sure
+    table = figures.table(record)
+    assert list(table.iloc[:, 0]) == list(figures.KNOWN.values())
+    assert table.iloc[4, 1] == ""  # the paper's filter takes no velocity
+    assert len(figures.errors(record).axes[0].get_yticklabels()) == len(aiding.KNOWN)
