@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from trexton.book.report import write_report
 from trexton.experiments.assessment import Parameters, advice, finding, run
 from trexton.figures.assessment import error_shares, over_the_floor
+from trexton.figures.style import COLORS
 from trexton.flights import Flight
 
 
@@ -143,9 +145,19 @@ def test_the_report_plays_the_flight_where_there_is_a_player(record, tmp_path):
 
 def test_the_report_is_one_file_that_fetches_nothing(record, tmp_path):
     text = write_report(record, tmp_path / "report.html").read_text()
-    assert "http" not in text.replace("https://", "http://").split("<body>")[1]
-    assert text.count("<img alt=") == 2 and 'src="data:image/png' in text
+    fetched = re.findall(r"""(?:src|href)="([^"]*)|url\(([^)]*)""", text)
+    assert all("".join(address).startswith(("#", "data:image/")) for address in fetched)
+    assert text.count('role="img" aria-label=') == 2 and "<script" not in text
     assert "always the centre" in text and "<code>field</code>" in text
+
+
+def test_the_report_is_dark_on_screens_alone(record, tmp_path):
+    text = write_report(record, tmp_path / "report.html").read_text()
+    style, body = text.split("<body>")
+    dark = style.split("@media screen and (prefers-color-scheme: dark)")[1].split("@media print")[0]
+    for color in ("ffffff", "000000", COLORS["field"][1:].lower()):
+        assert style.count(f"--fig-{color}: ") == dark.count(f"--fig-{color}: ") == 1
+    assert f"var(--fig-{COLORS['field'][1:].lower()}, " in body and "fill: #ffffff" not in body
 
 
 def test_figures_draw_what_the_record_holds(record):

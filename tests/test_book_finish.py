@@ -167,6 +167,21 @@ def test_a_table_of_sentences_is_told_apart_from_one_of_numbers(tmp_path):
     assert text.count('data-label="what is done"') == 1
 
 
+def test_a_table_wider_than_long_is_cards_on_a_phone(tmp_path):
+    def table(columns: int, rows: int) -> str:
+        head, row = ("".join(f"<{tag}>1</{tag}>" for _ in range(columns)) for tag in ("th", "td"))
+        body = f"<tr>{row}</tr>" * rows
+        return f'<table class="c{columns}r{rows}"><thead><tr>{head}</tr></thead>{body}</table>'
+
+    shapes = ((6, 2), (7, 2), (9, 6), (9, 20))
+    (tmp_path / "page.html").write_text(
+        f"<html><head></head><body><article><h1>T</h1>{''.join(table(*each) for each in shapes)}"
+        "</article></body></html>"
+    )
+    text = finish_page(tmp_path / "page.html")
+    assert re.findall(r'<table class="(\w+) stacked"', text) == ["c7r2", "c9r6"]
+
+
 def test_the_first_picture_of_the_book_scrolls_where_it_is_too_wide(tmp_path, figure):
     (tmp_path / "_images").mkdir()
     (tmp_path / "_images" / "hero.svg").write_bytes(to_svg(figure))

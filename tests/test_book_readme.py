@@ -1,15 +1,18 @@
-"""The README: its table is that of the numbers kept, its picture moves and is small."""
+"""The README and what to cite: its table is that of the numbers kept, its picture is small."""
 
 from __future__ import annotations
 
 import io
 import json
+import tomllib
 
 import numpy as np
 import pytest
+import yaml
 from conftest import ROOT
 from PIL import Image
 
+from trexton import __version__
 from trexton.book.moving import moving_picture
 from trexton.book.readme import is_current, kept_numbers, results_table, with_table
 from trexton.errors import TrextonError
@@ -21,6 +24,12 @@ def test_the_table_of_the_readme_is_that_of_the_numbers_kept():
     kept = json.loads((ROOT / "data" / "reference" / "readme.json").read_text())
     assert with_table(text, results_table(kept)) == text
     assert {"cyberzoo", "sim-survey"} == set(kept)
+
+
+def test_the_version_to_cite_is_that_of_the_package():
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"]
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    assert cited == project["version"] == __version__
 
 
 def test_the_picture_of_the_readme_moves_and_is_small():

@@ -131,8 +131,20 @@ def test_dictionary_and_mosaic_and_overview():
     assert found("mosaic", values).endswith("positions of 12.")
     values["residual_cm"] = {"median": 0.53, "p95": 1.22}
     assert "0.53 cm off" in found("mosaic", values)
-    values = {"frame": 145, "error_cm": 84.4, "spread_cm": [13.8, 11.4]}
-    assert "off by 84.4 cm" in found("overview", values)
+
+
+@pytest.mark.parametrize(
+    ("neighbors_cm", "verdict"),
+    [(40.2, "farther than"), (90.6, "nearer than"), (84.41, "as far as")],
+)
+def test_the_overview_compares_the_filter_with_its_neighbours(neighbors_cm, verdict):
+    values = {"frame": 145, "error_cm": 84.4, "spread_cm": [12, 16]}
+    values |= {"neighbors_error_cm": neighbors_cm, "neighbors": {"frame": [7, 8, 9]}}
+    said = f"84.4 cm off, {verdict} the mean of its 3 neighbours ({number(neighbors_cm)} cm)"
+    text = found("overview", values, parameters={"frame": None})
+    assert said in text and "that of the median error" in text and "deviation of 20 cm" in text
+    text = found("overview", values | {"neighbors": {"frame": [7]}}, parameters={"frame": 145})
+    assert f"{verdict} its nearest training frame" in text and "median" not in text
 
 
 def test_times_and_stages():

@@ -56,6 +56,10 @@ def test_shows_what_the_localizer_did(record, pair):
         record.series["neighbors_m"], train.position[estimate.neighbors.index]
     )
     assert record.values["neighbors"]["frame"] == list(100 + estimate.neighbors.index)
+    voted = train.position[estimate.neighbors.index].mean(axis=0)
+    assert record.values["neighbors_error_cm"] == pytest.approx(
+        100 * np.linalg.norm(voted - test.position[row])
+    )
     np.testing.assert_array_equal(record.images["frame"], bgr_from_yuv(test.image(row)))
 
 

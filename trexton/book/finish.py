@@ -29,6 +29,7 @@ _SERVES = {
     "togglebutton": ".toggle, .dropdown, [class*=tag_hide]",
 }
 _SENTENCE = 8  # words
+_COLUMNS = 6  # of numbers, that a phone may scroll
 _DESCRIPTION = 155  # characters of a description that search engines show
 _FORMATS = {".ipynb": "notebook", ".md": "notebook as text", ".json": "record", ".csv": "table"}
 
@@ -172,7 +173,7 @@ def _tables(article: Tag, path: Path) -> None:
             caption.append(f"Table {count}. {title}")
             table.insert(0, caption)
         classes = {*map(str, table.get_attribute_list("class"))}
-        if _wordy(rows):
+        if _wordy(rows) or _wide(rows):
             classes.add("stacked")
             table["class"] = " ".join(sorted(classes))
         if "stacked" in classes:
@@ -195,6 +196,11 @@ def _tables(article: Tag, path: Path) -> None:
 def _wordy(rows: list[list[str]]) -> bool:
     """Whether a table says sentences beside its first column: too much for a phone's columns."""
     return any(len(cell.split()) >= _SENTENCE for row in rows[1:] for cell in row[1:])
+
+
+def _wide(rows: list[list[str]]) -> bool:
+    """Whether a table is wider than long: as cards it stays short, and nothing is out of sight."""
+    return len(rows[0]) > max(_COLUMNS, len(rows))
 
 
 def _label_cells(table: Tag) -> None:

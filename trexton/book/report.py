@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import base64
-import io
+import re
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from matplotlib.figure import Figure
 
+from trexton.book.charts import inline_figure
+from trexton.cache import shipped
 from trexton.experiments import assessment
 from trexton.figures import assessment as figures
+from trexton.figures.drawing import to_svg
 from trexton.files import atomic_file
 from trexton.records import Record
 from trexton.wording import as_html, distance, middle
@@ -23,18 +25,22 @@ body { font: 16px/1.5 system-ui, sans-serif; max-width: 46rem; margin: 2rem auto
   color: #222; background: #fff; color-scheme: light dark; }
 h1 { font-size: 1.6rem; line-height: 1.2 } h2 { font-size: 1.2rem; margin-top: 2rem }
 .finding { font-size: 1.15rem; border-left: 4px solid #0072B2; padding-left: 1rem }
-figure { margin: 1.5rem 0; break-inside: avoid } img { max-width: 100%; height: auto }
+figure { margin: 1.5rem 0; break-inside: avoid } svg.chart { width: 100%; height: auto }
 figcaption, footer { font-size: .85rem; color: #555 }
 .scroll { overflow-x: auto } table { border-collapse: collapse }
 th, td { padding: .25rem .75rem; text-align: right; white-space: nowrap }
 th:first-child, td:first-child { text-align: left } tbody tr { border-top: 1px solid #ddd }
 code { background: #f2f2f2; padding: 0 .2rem }
-@media (prefers-color-scheme: dark) {
-  body { color: #ddd; background: #181818 } figcaption, footer { color: #aaa }
-  code { background: #2c2c2c } tbody tr { border-color: #444 } img { border-radius: 4px }
-}
 iframe { width: 100%; height: 46rem; border: 1px solid #ddd }
-@media print { iframe { display: none } body { max-width: none; margin: 0; font-size: 11pt } }
+@media screen and (prefers-color-scheme: dark) {
+  :root { FIGURE_COLOURS }
+  body { color: #ddd; background: var(--fig-ffffff) } figcaption, footer { color: #aaa }
+  code { background: #2c2c2c } tbody tr, iframe { border-color: #444 }
+  svg.chart g[id*="-text_"] { fill: var(--fig-000000) }
+}
+@media print {
+  body { max-width: none; margin: 0; font-size: 11pt; color-scheme: light } iframe { display: none }
+}
 """
 _ROWS = {
     "paper": "the paper's filter",
@@ -63,18 +69,20 @@ def _page(record: Record, player: str) -> str:
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{escape(title)}</title><style>{_STYLE}</style></head><body>\n"
+        f"<title>{escape(title)}</title><style>{_style()}</style></head><body>\n"
         f"<h1>{escape(title)}</h1>\n"
         f'<p class="finding">{as_html(assessment.finding(record))}</p>\n'
         f"<h2>What limits it, and what to do</h2><ul>{advice}</ul>\n"
         + _figure(
             figures.over_the_floor(record),
+            "floor",
             "Where the vehicle was, and where the best method thought it was",
             "The error to expect at every place, from the training frames alone, and the test "
             "flight on it.",
         )
         + _figure(
             figures.error_shares(record),
+            "errors",
             "Share of frames below each error, a line for each method",
             "How many frames were off by less than a distance; dashed lines know nothing of the "
             "place.",
@@ -91,12 +99,17 @@ def _page(record: Record, player: str) -> str:
     )
 
 
-def _figure(figure: Figure, alternative: str, caption: str) -> str:
-    data = io.BytesIO()
-    figure.savefig(data, format="png", dpi=170)
-    picture = base64.b64encode(data.getvalue()).decode()
+def _style() -> str:
+    """With the colours that the book gives to its figures in the dark."""
+    book = (shipped("book") / "_static" / "book.css").read_text(encoding="utf-8")
+    return _STYLE.replace("FIGURE_COLOURS", " ".join(re.findall(r"--fig-\w+: #\w+;", book)))
+
+
+def _figure(figure: Figure, name: str, alternative: str, caption: str) -> str:
+    # Nothing on this page tells the values that the drawing carries.
+    svg = re.sub(r"<script.*?</script>", "", to_svg(figure).decode(), flags=re.DOTALL)
     return (
-        f'<figure><img alt="{escape(alternative)}" src="data:image/png;base64,{picture}">'
+        f"<figure>{inline_figure(svg, name, alternative)}"
         f"<figcaption>{escape(caption)}</figcaption></figure>\n"
     )
 

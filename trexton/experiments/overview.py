@@ -22,7 +22,7 @@ from trexton.progress import progress
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.textons import TextonDictionary
-from trexton.wording import number
+from trexton.wording import distance
 
 __all__ = ["finding", "Parameters", "run", "sampled_patches"]
 
@@ -69,6 +69,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     floor, pictures = floor_picture(test)
     assert estimate.neighbors is not None  # the paper's method asks for them
     similar = estimate.neighbors.index
+    offset = estimate.neighbors.position.mean(axis=0) - test.position[row]
     return parameters.record(
         train,
         test,
@@ -77,6 +78,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "time_s": test.time[row] - test.time[0],
             "error_cm": 100 * errors[row],
             "median_error_cm": 100 * np.median(errors),
+            "neighbors_error_cm": 100 * np.hypot(*offset),
             "spread_cm": 100 * estimate.spread,
             "neighbors": {"frame": train.frame[similar], "distance": estimate.neighbors.distance},
             "image_shape": image.shape[:2],
@@ -160,9 +162,16 @@ def _thumbnail(image: np.ndarray) -> np.ndarray:
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     values = record.values
+    typical = ", that of the median error," if record.parameters["frame"] is None else ""
+    count = len(values["neighbors"]["frame"])
+    voted = "its nearest training frame" if count == 1 else f"the mean of its {count} neighbours"
+    off, voted_off = values["error_cm"], values["neighbors_error_cm"]
+    if distance(off) == distance(voted_off):  # no more is told apart than is said
+        than = "as far as"
+    else:
+        than = "farther than" if off > voted_off else "nearer than"
     return (
-        f"At frame {values['frame']} the localizer is off by {number(values['error_cm'])} cm, "
-        "while "
-        f"its particles spread over {number(values['spread_cm'][0])} cm in x and "
-        f"{number(values['spread_cm'][1])} cm in y."
+        f"At frame {values['frame']}{typical} the filter is {distance(off)} off, {than} {voted} "
+        f"({distance(voted_off)}), and claims a deviation of "
+        f"{distance(np.hypot(*values['spread_cm']))}."
     )
