@@ -52,7 +52,7 @@ class Parameters(SeedParameters):
     floors: int = option(
         0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
     )
-    survey: int = option(300, "frames of the survey, every other one", low=20)
+    survey: int = option(400, "frames of the survey, every other one", low=20)
     frames: int = option(150, "of the later flight, every other one", low=20)
     ripple: float = option(0.1, "standard deviation of the height in metres", low=0, high=0.2)
     textons: int = option(20, "textons of the dictionary, K", low=2, high=MAX_TEXTONS)
