@@ -163,8 +163,10 @@ def test_words_of_a_command_line():
 
 
 def test_arrays_of_another_part_are_refused():
-    with pytest.raises(MapError, match="learns"):
-        RandomWalk.from_arrays({"velocity": np.zeros(2)})
+    learned_arrays = {"covariance": np.eye(2), "period_s": np.float64(0.1)}
+    for arrays in ({"velocity": np.zeros(2)}, {}, {"covariance": np.eye(2)}):
+        with pytest.raises(MapError, match="learns"):
+            RandomWalk.from_arrays(arrays)
+    whole = RandomWalk.from_arrays(learned_arrays, sigma=0.5)
+    assert whole.arrays().keys() == learned_arrays.keys() and whole.options() == {"sigma": 0.5}
     assert learned().init is False
-    empty = RandomWalk.from_arrays({}, sigma=0.5)
-    assert empty.arrays() == {} and empty.options() == {"sigma": 0.5}

@@ -144,8 +144,11 @@ class Part:
             An array is missing, or one too many.
         """
         expected = {each.name for each in fields(cls) if not each.init}
-        if set(arrays) - expected:
-            raise MapError(f"{cls.__name__} learns {sorted(expected)}, found {sorted(arrays)}")
+        if set(arrays) != expected:
+            raise MapError(
+                f"{cls.__name__} learns {sorted(expected)}, found {sorted(arrays)}: copy the map "
+                "again or train it anew"
+            )
         part = cls(**options)
         return part.with_learned(**arrays) if arrays else part
 
