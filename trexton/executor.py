@@ -9,6 +9,7 @@ function gives the same values everywhere::
 from __future__ import annotations
 
 import os
+import pickle
 import socket
 import threading
 import time
@@ -147,7 +148,10 @@ def connect(address: str) -> Any:
 def _on_cluster(address: str, function: Callable[[T], R], items: list[T]) -> list[R]:
     """Every item a task of its own: a worker that dies costs only what it was at."""
     with connect(address) as client:
-        shipped = client.scatter(function, broadcast=True, hash=False)
+        # A task too, and not scattered: what is scattered cannot be made again where the worker
+        # that has it dies, and takes with it all that waits for it. As bytes the scheduler, which
+        # reads what it is sent, need not know what a worker is to do.
+        shipped = client.submit(pickle.loads, pickle.dumps(function), pure=False)
         futures = [client.submit(_call, shipped, item, pure=False) for item in items]
         return list(client.gather(futures))
 
