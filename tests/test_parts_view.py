@@ -11,8 +11,6 @@ from onboard_tools import CAMERA, colourful_floor
 
 from trexton.aiding import Aiding
 from trexton.errors import MapError, ParameterError
-from trexton.experiments import aiding
-from trexton.figures import aiding as figures
 from trexton.histograms import texton_histogram
 from trexton.localizer import Localizer, TextonMap
 from trexton.parts.view import Nadir
@@ -125,30 +123,22 @@ def test_a_damaged_camera_is_refused():
         Nadir().with_learned(camera=np.array([128, 96, np.nan, 63.5, 47.5, 1.0]))
 
 
-@pytest.fixture(scope="module")
-def record(flight):
-    chosen = {"survey": 60, "frames": 24, "textons": 6, "samples": 100, "velocity_cm_s": 0.0}
-    return aiding.run(flight, flight, aiding.Parameters(**chosen))
+def test_counted_histograms_are_told_apart_by_all_that_makes_them(flight):
+    def digest(view, of=flight):
+        return view.flight(of).frames.digest
 
+    view = Nadir().of(flight)
+    assert digest(Nadir().of(flight)) == digest(view)
 
-def test_the_record_compares_all_with_the_frame_alone(record):
-    values = record.values
-    for method, asked in aiding.METHODS.items():
-        errors, gains = values["error_cm"][method], values["gain_cm"][method]
-        assert list(errors) == list(asked)
-        for known, gain in gains.items():
-            saved = errors["nothing"]["median"] - errors[known]["median"]
-            assert gain["median"] == pytest.approx(saved)
-            assert gain["low"] <= gain["median"] <= gain["high"]
-    assert values["frames"] == 24 and values["floors"] == 1
-    assert 5 < values["ripple_cm"] < 20 and 0 < values["beside_cm"] < 20
+    class Other(Nadir):
+        """Another way to see from above."""
 
-
-def test_finding_table_and_figure_say_what_the_record_holds(record):
-    told = aiding.finding(record)
-    sure = record.values["gain_cm"]["field"]["velocity"]["low"] > 0
-    assert (", less beyond chance. Told" in told) == sure
-    table = figures.table(record)
-    assert list(table.iloc[:, 0]) == list(figures.KNOWN.values())
-    assert table.iloc[4, 1] == ""  # the paper's filter takes no velocity
-    assert len(figures.errors(record).axes[0].get_yticklabels()) == len(aiding.KNOWN)
+    others = [
+        flight.frames.digest,
+        digest(view, replace(flight, attitude=flight.attitude + 0.01)),
+        digest(view, replace(flight, height=flight.height + 0.01)),
+        digest(Nadir(turn=True).of(flight)),
+        digest(view.with_learned(camera=view.camera + 1)),
+        digest(Other().of(flight)),
+    ]
+    assert len({digest(view), *others}) == 1 + len(others)

@@ -19,6 +19,8 @@ from trexton.camera import Camera
 from trexton.executor import spread
 from trexton.experiments.beyond import Flown
 from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.evaluation import frames_of
+from trexton.experiments.floors import lent_floor
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import block_rows, bootstrap_interval
@@ -28,7 +30,7 @@ from trexton.streams import stream
 from trexton.textons import MAX_TEXTONS
 from trexton.wording import distance, number
 
-__all__ = ["KNOWN", "METHODS", "Parameters", "finding", "run"]
+__all__ = ["KNOWN", "METHODS", "Parameters", "finding", "mean_over_floors", "run"]
 
 _TILT = ("roll", "pitch")
 # What is known of a frame: the view in which histograms are counted, and what comes beside it.
@@ -41,7 +43,10 @@ KNOWN: dict[str, tuple[str | None, tuple[str, ...]]] = {
     "all": ("nadir", (*_TILT, "height", "velocity")),
 }
 # The paper's filter has a motion model that asks for no velocity.
-METHODS = {"paper": tuple(KNOWN)[:4], "field": tuple(KNOWN)}
+METHODS = {
+    "paper": tuple(known for known, (_, told) in KNOWN.items() if "velocity" not in told),
+    "field": tuple(KNOWN),
+}
 FIRST_FLOOR = 500  # seed of the first painted floor; no setting was chosen on these
 
 
@@ -80,14 +85,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         `train` lends its floor, camera and height, unless there are floors to paint. Of `test`
         nothing is used.
+
+    Raises
+    ------
+    ParameterError
+        The flight has no floor or camera to lend.
     """
     if parameters.floors:
         over = spread(partial(_over_painted, parameters), range(parameters.floors), "floors")
     else:
-        assert train.floor is not None and train.camera is not None
-        height = 1.0 if train.height is None else float(np.nanmean(train.height))
-        lent: dict[str, Any] = {"camera": train.camera, "height": height}
-        over = [_over(Floor(train.floor), parameters, parameters.seed, **lent)]
+        over = [_over(parameters, parameters.seed, *lent_floor(train))]
     rng = stream(parameters.seed, "intervals")
     errors = {
         method: {known: np.stack([each.errors[method][known] for each in over]) for known in asked}
@@ -95,13 +102,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     }
     values = {
         "error_cm": {
-            method: {known: _mean(100 * rows, rng) for known, rows in found.items()}
+            method: {known: mean_over_floors(100 * rows, rng) for known, rows in found.items()}
             for method, found in errors.items()
         },
         # frame by frame: the two share what is hard about a place
         "gain_cm": {
             method: {
-                known: _mean(100 * (found["nothing"] - rows), rng)
+                known: mean_over_floors(100 * (found["nothing"] - rows), rng)
                 for known, rows in found.items()
                 if known != "nothing"
             }
@@ -124,13 +131,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 def _over_painted(parameters: Parameters, index: int) -> _Over:
     """Over one painted floor, the layouts in turn."""
     floor = Floor.painted(list(LAYOUTS)[index % len(LAYOUTS)], FIRST_FLOOR + index)
-    return _over(floor, parameters, parameters.seed + 1000 * (index + 1))
+    return _over(parameters, parameters.seed + 1000 * (index + 1), floor)
 
 
 def _over(
-    floor: Floor,
     parameters: Parameters,
     seed: int,
+    floor: Floor,
     camera: Camera = Camera(),
     height: float = 1.0,
 ) -> _Over:
@@ -139,7 +146,6 @@ def _over(
         "floor": floor, "camera": camera, "height": height, "every": 2,
         "effects": Effects(height_ripple=parameters.ripple),
     }  # fmt: skip
-    errors: dict[str, dict[str, np.ndarray]] = {method: {} for method in METHODS}
     with TemporaryDirectory(prefix="trexton-aiding-") as folder:
         survey = record_flight(
             Path(folder) / "survey", frames=parameters.survey, seed=seed, **common
@@ -148,39 +154,50 @@ def _over(
             Path(folder) / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1,
             **common,
         )  # fmt: skip
-        frames = list(later.images())
-        told = _told(later, parameters, seed)
-        for view in (None, "nadir"):
-            choices: dict[str, Any] = {} if view is None else {"view": view}
-            base = TextonMap.train(
-                _measured(survey, parameters, seed), n_textons=parameters.textons,
-                cells=parameters.cells, rng=stream(parameters.seed, "training"), **choices,
-            )  # fmt: skip
-            for method, asked in METHODS.items():
-                flown = base.for_method(method, rng=stream(parameters.seed, f"map {method}"))
-                for known in asked:
-                    if KNOWN[known][0] != view:
-                        continue
-                    # Each draws the same patches: what differs between them is not chance.
-                    localizer = Localizer(
-                        flown, samples=parameters.samples, rng=stream(seed, f"aiding {method}")
-                    )
-                    aiding = [_only(each, KNOWN[known][1]) for each in told]
-                    errors[method][known] = Flown.of(localizer, frames, aiding).errors(
-                        later.position
-                    )
+        maps = _maps(_measured(survey, parameters, seed), parameters)
+        frames = frames_of(later)
+    told = _told(later, parameters, seed)
+
+    def errors(method: str, known: str) -> np.ndarray:
+        view, names = KNOWN[known]
+        # Each draws the same patches: what differs between them is not chance.
+        localizer = Localizer(
+            maps[view, method], samples=parameters.samples, rng=stream(seed, f"aiding {method}")
+        )
+        aiding = [_only(each, names) for each in told]
+        return Flown.of(localizer, frames, aiding).errors(later.position)
+
+    compared = {
+        method: {known: errors(method, known) for known in asked}
+        for method, asked in METHODS.items()
+    }
     assert later.attitude is not None and later.height is not None
     beside = later.height * np.tan(np.hypot(*later.attitude[:, :2].T))
-    return _Over(errors, beside, float(later.height.std()))
+    return _Over(compared, beside, float(later.height.std()))
 
 
-def _measured(survey: Flight, parameters: Parameters, seed: int) -> Flight:
-    """The survey with attitude and height as an autopilot measures them."""
-    assert survey.attitude is not None and survey.height is not None
+def _maps(survey: Flight, parameters: Parameters) -> dict[tuple[str | None, str], TextonMap]:
+    """By view and method."""
+    maps = {}
+    for view in dict.fromkeys(view for view, _ in KNOWN.values()):
+        choices: dict[str, Any] = {} if view is None else {"view": view}
+        base = TextonMap.train(
+            survey, n_textons=parameters.textons, cells=parameters.cells,
+            rng=stream(parameters.seed, "training"), **choices,
+        )  # fmt: skip
+        for method in METHODS:
+            rng = stream(parameters.seed, f"map {method}")
+            maps[view, method] = base.for_method(method, rng=rng)
+    return maps
+
+
+def _measured(flight: Flight, parameters: Parameters, seed: int) -> Flight:
+    """The flight with attitude and height as an autopilot measures them."""
+    assert flight.attitude is not None and flight.height is not None
     rng = stream(seed, "autopilot", 0)
-    attitude = np.radians(parameters.attitude_deg) * rng.standard_normal(survey.attitude.shape)
-    height = parameters.height_cm / 100 * rng.standard_normal(len(survey))
-    return replace(survey, attitude=survey.attitude + attitude, height=survey.height + height)
+    attitude = np.radians(parameters.attitude_deg) * rng.standard_normal(flight.attitude.shape)
+    height = parameters.height_cm / 100 * rng.standard_normal(len(flight))
+    return replace(flight, attitude=flight.attitude + attitude, height=flight.height + height)
 
 
 def _told(later: Flight, parameters: Parameters, seed: int) -> list[Aiding]:
@@ -199,7 +216,7 @@ def _only(aiding: Aiding, names: tuple[str, ...]) -> Aiding:
     return Aiding(**{name: getattr(aiding, name) for name in names})
 
 
-def _mean(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
+def mean_over_floors(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
     """Mean of ``(F, N)`` values with its 95 % interval over floors and stretches of their flights,
     as records hold it.
     """
@@ -208,7 +225,9 @@ def _mean(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
     for _ in range(400):
         again = rng.integers(floors, size=floors)
         drawn.append(np.mean([row[block_rows(frames, rng)].mean() for row in rows[again]]))
-    low, high = bootstrap_interval(drawn, rows.size)
+    # so few floors say as little as so few blocks; over one floor stretches of its flight are drawn
+    count = (floors, 1) if floors > 1 else (frames,)
+    low, high = bootstrap_interval(drawn, *count)
     return {"median": float(rows.mean()), "low": low, "high": high}
 
 

@@ -17,7 +17,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.camera import MapImage
+from trexton.camera import Camera, MapImage
 from trexton.errors import ParameterError
 from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.evaluation import frames_of
@@ -32,7 +32,7 @@ from trexton.simulator.mats import MATS, PIXELS_PER_METRE
 from trexton.streams import stream
 from trexton.suitability import local_losses
 
-__all__ = ["VirtualFlights", "helpful_changes", "judge_floor", "named_floor"]
+__all__ = ["VirtualFlights", "helpful_changes", "judge_floor", "lent_floor", "named_floor"]
 
 LANE = 0.5  # metres between the lanes of a survey that sees everything twice
 SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
@@ -257,6 +257,23 @@ def named_floor(name: str) -> Floor:
         f"floor {name!r}: expected a layout and a seed, as in moved:3, "
         "or a picture and its width in metres, as in maps/hall.png@5"
     )
+
+
+def lent_floor(flight: Flight) -> tuple[Floor, Camera, float]:
+    """What a recorded flight lends to a virtual one: its floor, its camera, its height in metres.
+
+    Raises
+    ------
+    ParameterError
+        The flight has no floor or camera.
+    """
+    if flight.floor is None or flight.camera is None:
+        raise ParameterError(
+            f"flight {flight.name!r} has no picture of its floor or no camera: a virtual flight "
+            "over it needs both, as trexton simulate gives them"
+        )
+    height = 1.0 if flight.height is None else float(np.nanmean(flight.height))
+    return Floor(flight.floor), flight.camera, height
 
 
 def _mean(judged: dict[str, Any]) -> float:

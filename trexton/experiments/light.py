@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from trexton.errors import ParameterError
 from trexton.experiments.beyond import VARIANTS, Flown
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import map_of
+from trexton.experiments.floors import lent_floor
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.records import Record
-from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
+from trexton.simulator import Effects, Light, Plan, Simulator, random_waypoints
 from trexton.streams import stream
 from trexton.wording import number, percent, times
 
@@ -47,11 +47,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         The flight has no floor or camera.
     """
-    if train.floor is None or train.camera is None:
-        raise ParameterError(
-            f"flight {train.name!r} has no picture of its floor or no camera: other light needs "
-            "both, as trexton simulate gives them"
-        )
+    lent_floor(train)  # before anything is trained
     base = map_of(train, parameters)
     maps = {
         name: base.for_method(VARIANTS[name].method).changed(VARIANTS[name].choices)
@@ -85,13 +81,12 @@ def _flight(
     train: Flight, parameters: Parameters, drift: float, light: Light
 ) -> tuple[list[np.ndarray], np.ndarray]:
     """Frames and ``(N, 2)`` positions of the path that all lights share."""
-    assert train.floor is not None and train.camera is not None
+    floor, camera, height = lent_floor(train)
     plan_rng, simulator_rng = stream(parameters.seed, "light").spawn(2)
     plan = Plan(random_waypoints(train.area, plan_rng))
     effects = Effects(exposure=drift).without("jpeg")
-    height = 1.0 if train.height is None else float(np.nanmean(train.height))
     simulator = Simulator(
-        Floor(train.floor), camera=train.camera, effects=effects, light=light, start=plan.start,
+        floor, camera=camera, effects=effects, light=light, start=plan.start,
         height=height, speed=parameters.speed, rng=simulator_rng,
     )  # fmt: skip
     frames, places = [], np.empty((parameters.frames, 2))

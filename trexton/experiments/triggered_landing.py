@@ -12,11 +12,11 @@ from trexton.errors import ParameterError
 from trexton.experiments.closed_loop import Attempt, Lander, LandingParameters, Mission, fly_all
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, map_of
+from trexton.experiments.floors import lent_floor
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone
 from trexton.metrics import bootstrap_interval, success_rate
 from trexton.records import Record
-from trexton.simulator import Floor
 from trexton.streams import stream
 from trexton.wording import number, percent
 
@@ -90,16 +90,11 @@ def mission_over(
     ParameterError
         The flight has no floor or camera, or the area is too small for the zone.
     """
-    if train.floor is None or train.camera is None:
-        raise ParameterError(
-            f"flight {train.name!r} has no picture of its floor or no camera: the closed loop "
-            "needs both, as "
-            "trexton simulate gives them"
-        )
+    floor, camera, height = lent_floor(train)
     return Mission(
-        floor=Floor(train.floor),
-        camera=train.camera,
-        height=1.0 if train.height is None else float(np.nanmean(train.height)),
+        floor=floor,
+        camera=camera,
+        height=height,
         area=train.area,
         places=_zone_places(train, parameters.radius),
         radius=parameters.radius,

@@ -100,7 +100,7 @@ class Nadir(View):
         Raises
         ------
         MapError
-            The flight has no images, or neither attitude nor height, or its camera is not known.
+            The flight lacks images, attitudes, heights above the floor, or its camera.
         """
         lacking = [
             what
@@ -162,5 +162,11 @@ class _Seen:
 
     @cached_property
     def digest(self) -> str:
-        # attitudes and heights are hashed with the flight
-        return digest(self.frames.digest, self.view.options(), *self.view.arrays().values())
+        from trexton.cache import code_hashes  # which an onboard computer never needs
+
+        kind = type(self.view)
+        known = [(each.roll, each.pitch, each.yaw, each.height) for each in self.aiding]
+        return digest(
+            self.frames.digest, kind.__qualname__, code_hashes(kind.__module__),
+            self.view.options(), np.array(known, dtype=float), *self.view.arrays().values(),
+        )  # fmt: skip

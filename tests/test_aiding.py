@@ -1,0 +1,64 @@
+"""What the autopilot knows: the experiment that compares it with the frame alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from onboard_tools import CAMERA, colourful_floor
+
+from trexton.errors import ParameterError
+from trexton.experiments import aiding
+from trexton.figures import aiding as figures
+from trexton.simulator import record_flight
+
+CHOSEN = {"survey": 60, "frames": 24, "textons": 6, "samples": 100, "velocity_cm_s": 0.0}
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("aiding") / "flight"
+    return record_flight(folder, frames=60, every=5, camera=CAMERA, floor=colourful_floor())
+
+
+@pytest.fixture(scope="module")
+def record(flight):
+    return aiding.run(flight, flight, aiding.Parameters(**CHOSEN))
+
+
+def test_the_record_compares_all_with_the_frame_alone(record):
+    values = record.values
+    for method, asked in aiding.METHODS.items():
+        errors, gains = values["error_cm"][method], values["gain_cm"][method]
+        assert list(errors) == list(asked)
+        for known, gain in gains.items():
+            saved = errors["nothing"]["median"] - errors[known]["median"]
+            assert gain["median"] == pytest.approx(saved)
+            assert gain["low"] <= gain["median"] <= gain["high"]
+    assert values["frames"] == 24 and values["floors"] == 1
+    assert 5 < values["ripple_cm"] < 20 and 0 < values["beside_cm"] < 20
+
+
+def test_finding_table_and_figure_say_what_the_record_holds(record):
+    told = aiding.finding(record)
+    sure = record.values["gain_cm"]["field"]["velocity"]["low"] > 0
+    assert (", less beyond chance. Told" in told) == sure
+    table = figures.table(record)
+    assert list(table.iloc[:, 0]) == list(figures.KNOWN.values())
+    assert table.iloc[4, 1] == ""  # the paper's filter takes no velocity
+    assert len(figures.errors(record).axes[0].get_yticklabels()) == len(aiding.KNOWN)
+
+
+def test_a_flight_without_a_floor_is_told_so(flight):
+    with pytest.raises(ParameterError, match="no picture of its floor"):
+        bare = replace(flight, camera=None)
+        aiding.run(bare, bare, aiding.Parameters(**CHOSEN))
+
+
+def test_an_interval_over_floors_is_as_wide_as_so_few_floors_ask():
+    rng = np.random.default_rng(1)
+    alike = np.repeat(rng.normal(size=(4, 1)), 300, axis=1)  # floors differ, frames do not
+    wide = aiding.mean_over_floors(alike, np.random.default_rng(2))
+    error = alike[:, 0].std(ddof=1) / 2  # of the mean of four
+    assert wide["high"] - wide["low"] > 2 * 1.96 * error
