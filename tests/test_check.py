@@ -45,6 +45,10 @@ FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
         (lambda f: {"time": f.time * 1e-4}, "write stamps in seconds"),
         (lambda f: {"split": {"train": (1, 400), "test": (301, 600)}}, "share 100 frames"),
         (lambda f: {"split": {"train": (1, 2)}}, "holds 2 frames with a position"),
+        (lambda f: {"height": np.full(600, -1.2)}, "does z point down? write metres above"),
+        (lambda f: {"height": np.full(600, 1200.0)}, "heights in millimetres? write metres"),
+        (lambda f: {"height": np.full(600, 120.0)}, "heights in centimetres? write metres"),
+        (lambda f: {"attitude": np.tile([1.0, 2.0, 85.0], (600, 1))}, "degrees? write radians"),
         (lambda f: {"histograms": np.full((600, 4), 0.25)}, "all histograms are the same"),
     ],
 )  # fmt: skip

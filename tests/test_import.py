@@ -51,6 +51,7 @@ def test_euroc_keeps_nanoseconds_and_turns(tmp_path):
     # x points forward and to +y: so does the picture's top, as at no yaw
     np.testing.assert_allclose(flight.attitude, 0, atol=1e-12)
     assert "quaternions taken as those of axes flu" in said
+    assert "stamps of frames and positions taken as of one clock" in said
     assert any(str(START) in note for note in flight.notes)
     assert any("6 of 6 frames have a position" in line for line in said)
 

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.experiments.floors import VirtualFlights, helpful_changes, judge_floor
+    from trexton.experiments.floors import METHOD, VirtualFlights, helpful_changes, judge_floor
 
     given = {
         each.name: getattr(arguments, each.name)
@@ -55,10 +55,9 @@ def run(arguments: argparse.Namespace) -> int:
         entry = judged[name]
         measured = next(iter(entry["measured"].values()))
         print(
-            f"{place}. {name}: expect to be off by {entry['predicted_cm']:.0f} cm on average; a "
-            "virtual "
-            f"flight was by {measured['mean_cm']:.0f} cm [{measured['low']:.0f}, "
-            f"{measured['high']:.0f}], "
+            f"{place}. {name}: expect method {METHOD} to be off by {entry['predicted_cm']:.0f} cm "
+            f"on average; on a virtual flight it was by {measured['mean_cm']:.0f} cm "
+            f"[{measured['low']:.0f}, {measured['high']:.0f}], "
             f"always guessing the middle by {entry['centre_cm']:.0f} cm"
         )
         if measured["mean_cm"] >= entry["centre_cm"]:

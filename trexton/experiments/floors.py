@@ -32,7 +32,14 @@ from trexton.simulator.mats import MATS, PIXELS_PER_METRE
 from trexton.streams import stream
 from trexton.suitability import local_losses
 
-__all__ = ["VirtualFlights", "helpful_changes", "judge_floor", "lent_floor", "named_floor"]
+__all__ = [
+    "METHOD",
+    "VirtualFlights",
+    "helpful_changes",
+    "judge_floor",
+    "lent_floor",
+    "named_floor",
+]
 
 LANE = 0.5  # metres between the lanes of a survey that sees everything twice
 SURVEY_SPEED = 1.2  # metres a second, the simulator's survey

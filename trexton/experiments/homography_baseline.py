@@ -17,6 +17,7 @@ from trexton.experiments.stitched import (
     homography_maps,
     locate_all,
     picture_of,
+    stitched_map,
 )
 from trexton.flights.flight import Flight
 from trexton.metrics import summarize
@@ -31,7 +32,9 @@ __all__ = ["finding", "Parameters", "run"]
 class Parameters(SeedParameters):
     """What can be chosen."""
 
-    anchors: int = option(12, "training frames whose position places the mosaic", low=3)
+    anchors: int = option(
+        0, "training frames whose position places the mosaic; 0 chooses as the flight needs", low=0
+    )
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -61,7 +64,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         for name, each in located.items()
     }
     if "drifting" in maps:
-        values["drift"] = {"linked_frames": SAME_PASS_FRAMES, "anchors": FEWEST_ANCHORS}
+        values["drift"] = {
+            "linked_frames": SAME_PASS_FRAMES,
+            "anchors": FEWEST_ANCHORS,
+            "mosaic_anchors": len(stitched_map(train, parameters.anchors).anchors),
+        }
     for name in ("mosaic", "drifting"):
         if name in maps and train.floor is not None:
             _, deviation = floor_residual(maps[name], train.floor)

@@ -55,7 +55,9 @@ class Parameters(MapParameters):
     """What can be chosen."""
 
     repeats: int = option(10, "independent runs of the filter over the test flight", low=1)
-    anchors: int = option(12, "training frames whose position places the mosaic", low=3)
+    anchors: int = option(
+        0, "training frames whose position places the mosaic; 0 chooses as the flight needs", low=0
+    )
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:

@@ -26,7 +26,9 @@ _ARROWS = 400  # matched places that the figure of the deviation shows
 class Parameters(SeedParameters):
     """What can be chosen."""
 
-    anchors: int = option(12, "training frames whose position places the map", low=3)
+    anchors: int = option(
+        0, "training frames whose position places the map; 0 chooses as the flight needs", low=0
+    )
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:

@@ -41,13 +41,15 @@ FEWEST_ANCHORS = 3
 _MISMATCH, _AROUND = 0.1, 15  # metres, matches
 
 
-def stitched_map(train: Flight, anchors: int = 12) -> Mosaic:
-    """The mosaic of `train`, from the cache if the same inputs were seen before."""
+def stitched_map(train: Flight, anchors: int = 0) -> Mosaic:
+    """The mosaic of `train`, from the cache if the same inputs were seen before; of 0 `anchors` as
+    many as it needs.
+    """
     inputs = {"flight": train.data_hash, "anchors": anchors}
-    return _kept("mosaic", inputs, lambda: stitch(train, anchors=anchors))
+    return _kept("mosaic", inputs, lambda: stitch(train, anchors=anchors or None))
 
 
-def drifting_map(train: Flight, anchors: int = 12) -> Mosaic:
+def drifting_map(train: Flight, anchors: int = 0) -> Mosaic:
     """The mosaic of `train` if it never noticed a place again: links along the path only, three
     anchors.
     """
@@ -66,7 +68,7 @@ def drifting_map(train: Flight, anchors: int = 12) -> Mosaic:
     return _kept("drifting-mosaic", inputs, compute)
 
 
-def homography_maps(train: Flight, anchors: int = 12) -> dict[str, MapImage]:
+def homography_maps(train: Flight, anchors: int = 0) -> dict[str, MapImage]:
     """The maps of `train` that frames are located on: ``mosaic``, and ``drifting`` where it can be
     made.
     """

@@ -15,6 +15,8 @@ __all__ = ["doubts"]
 FASTEST = 60.0  # m/s between half of the frames: no vehicle that this is for
 SLOWEST_RATE = 30.0  # seconds between frames: stamps in another unit, or no flight
 SMALLEST = 0.05  # metres: a hover, or another unit
+TALLEST = 5.0  # diagonals of the area: from there its pictures would all be alike
+LARGEST = 4 * np.pi  # radians: a yaw that is counted on through two turns
 WILD = 20.0  # times the distance within which nine tenths of the positions lie
 
 
@@ -84,6 +86,38 @@ def _speed(flight: Flight) -> Iterator[str]:
         yield (
             f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
             "write metres and seconds"
+        )
+
+
+def _heights(flight: Flight) -> Iterator[str]:
+    if flight.height is None or not (known := np.isfinite(flight.height)).any():
+        return
+    height, rows = flight.height[known], np.flatnonzero(known)
+    usual = float(np.median(height))
+    below = height < 0
+    if below.mean() > 0.5:
+        yield (
+            f"{below.sum()} of {len(rows)} heights are negative (first: frame "
+            f"{_first(flight, rows, below)}): does z point down? write metres above the floor"
+        )
+    elif usual > max(TALLEST * flight.diagonal, 10):
+        unit = "millimetres" if usual > 300 else "centimetres"
+        yield (
+            f"the camera is {usual:.4g} m high in half of the frames, over an area of "
+            f"{flight.diagonal:.3g} m from corner to corner: heights in {unit}? write metres"
+        )
+
+
+def _angles(flight: Flight) -> Iterator[str]:
+    if flight.attitude is None:
+        return
+    rows = np.flatnonzero(np.isfinite(flight.attitude).all(axis=1))
+    largest = np.abs(flight.attitude[rows]).max(axis=1, initial=0)
+    far = largest > LARGEST
+    if far.any():
+        yield (
+            f"{far.sum()} of {len(rows)} attitudes hold an angle of up to {largest.max():.4g} rad "
+            f"(first: frame {_first(flight, rows, far)}): degrees? write radians"
         )
 
 
@@ -163,6 +197,8 @@ _DOUBTS: tuple[Callable[[Flight], Iterator[str]], ...] = (
     _outside,
     _wild,
     _speed,
+    _heights,
+    _angles,
     _small,
     _stamps,
     _splits,

@@ -95,6 +95,12 @@ def import_flight(
     key = digest(kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns)
     # What cannot be right is found before images are written, which may take long.
     placed, words = _placed(recording, common)
+    if recording.track is not None and "offset" in names:
+        words.append(
+            f"{common.offset:g} s added to the stamps of the positions, as given"
+            if common.offset
+            else "stamps of frames and positions taken as of one clock"
+        )
     change = None if recording.frames is None else _Change.of(recording, common, source)
     with naming(out):
         try:

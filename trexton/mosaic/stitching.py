@@ -23,6 +23,7 @@ _REACHES = (0.2, 0.05)
 # Scale and most keypoints; the second where the first leaves out too many frames.
 _SEARCHES: tuple[tuple[float, int], ...] = ((0.5, 600), (1.0, 2000))
 _ENOUGH = 0.8  # of the frames
+_FEW = 12  # anchors, where positions are as good as those of motion capture
 _GRAIN = 0.55  # map pixels for each pixel of a frame: the map keeps what most keypoints need
 _FOCAL = 0.8  # image widths, where the camera is not known
 _TRUSTED = 3.0  # pixels: a link whose median error is larger is wrong
@@ -61,7 +62,7 @@ class Mosaic:
 def stitch(
     flight: Flight,
     *,
-    anchors: int = 12,
+    anchors: int | None = None,
     scale: float | None = None,
     keypoints: int | None = None,
     neighbors: int = 6,
@@ -75,9 +76,9 @@ def stitch(
 
     Parameters
     ----------
-    anchors : int
-        Frames whose recorded position is used, at least 3. Of a flight with an origin on Earth all
-        are: GPS errs by metres, a chain of aerial photographs drifts by tens of them.
+    anchors : int, optional
+        Frames whose recorded position is used, at least 3. By default 12, and of a flight with an
+        origin on Earth all: GPS errs by metres, a chain of aerial photographs drifts by tens.
     scale : float, optional
         Size at which frames are searched for keypoints.
     keypoints : int, optional
@@ -102,11 +103,11 @@ def stitch(
     if scale is not None or keypoints is not None:  # who chooses is taken at their word
         size, most = _SEARCHES[0]
         searches = ((size if scale is None else scale, most if keypoints is None else keypoints),)
+    if anchors is None:
+        anchors = _FEW if flight.origin is None else len(flight)
     _check_least(anchors=(anchors, 3), neighbors=(neighbors, 0), keypoints=(searches[0][1], 12))
     if not 0 < searches[0][0] <= 1:
         raise ParameterError(f"scale is {scale}: expected a number above 0 and up to 1")
-    if flight.origin is not None:
-        anchors = len(flight)
     camera = camera_of(flight, camera)
     found: list[Mosaic] = []
     for search in searches:
@@ -145,7 +146,7 @@ def map_from_links(
     flight: Flight,
     links: Links,
     *,
-    anchors: int = 12,
+    anchors: int,
     pixels_per_metre: float | None = None,
     camera: Camera | None = None,
 ) -> Mosaic:
