@@ -15,6 +15,7 @@ __all__ = [
     "Tree",
     "apart",
     "as_html",
+    "beside",
     "distance",
     "fixed",
     "interval",
@@ -72,6 +73,13 @@ def times(ratio: float) -> str:
     if abs(ratio - 2) < 0.05:
         return "twice"
     return f"{ratio:.0f} times" if ratio >= 9.95 else f"{ratio:.1f} times"
+
+
+def beside(ratio: float) -> str:
+    """``62 % of``, ``about as much as``, ``2.1 times as much as``: before what is compared with."""
+    if abs(ratio - 1) < 0.05:
+        return "about as much as"
+    return f"{percent(ratio)} of" if ratio < 1 else f"{times(ratio)} as much as"
 
 
 def apart(a: Mapping[str, Any], b: Mapping[str, Any]) -> bool:

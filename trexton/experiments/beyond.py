@@ -20,7 +20,7 @@ from trexton.paper import paper_file
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.suitability import local_losses, smooth
-from trexton.wording import number, percent, times
+from trexton.wording import beside, number, percent
 
 __all__ = ["VARIANTS", "Flown", "Parameters", "Variant", "finding", "run"]
 
@@ -296,11 +296,9 @@ def _protocol() -> dict[str, Any]:
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     paper, field = record.values["paper"], record.values["field"]
-    ratio = field["mean_cm"] / paper["mean_cm"]
-    beside = f"{percent(ratio)} of" if ratio < 1 else f"{times(ratio)} as much as"
     return (
-        f"Method field errs by {number(field['mean_cm'])} cm on average, {beside} the paper's "
-        f"filter ({number(paper['mean_cm'])} cm); the region that should hold the vehicle in 90 % "
-        "of the "
+        f"Method field errs by {number(field['mean_cm'])} cm on average, "
+        f"{beside(field['mean_cm'] / paper['mean_cm'])} the paper's filter "
+        f"({number(paper['mean_cm'])} cm); the region that should hold the vehicle in 90 % of the "
         f"frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
     )

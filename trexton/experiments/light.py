@@ -16,7 +16,7 @@ from trexton.localizer import Localizer, TextonMap
 from trexton.records import Record
 from trexton.simulator import Effects, Light, Plan, Simulator, random_waypoints
 from trexton.streams import stream
-from trexton.wording import number, percent, times
+from trexton.wording import beside, number, percent
 
 __all__ = ["DRIFTS", "METHODS", "WARMTHS", "Parameters", "finding", "run"]
 
@@ -113,10 +113,13 @@ def _errors(
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     errors, ratio = record.values["error_cm"], record.values["ratio"]
-    still, moving = (errors[f"drift {drift:g}"]["field"] for drift in (0.0, JUDGED))
+    still, moving = errors["drift 0"], errors[f"drift {JUDGED:g}"]
+
+    def errs(method: str) -> str:
+        words = f"errs by {number(moving[method])} cm, {beside(ratio[method])} the"
+        return f"{words} {number(still[method])} cm without drift"
+
     return (
-        f"Where the camera's gain drifts by {percent(JUDGED)}, method field errs by "
-        f"{number(moving)} cm instead "
-        f"of {number(still)} cm, {times(ratio['field'])} as much; the paper's filter errs "
-        f"{times(ratio['paper'])} as much as without drift."
+        f"Where the camera's gain drifts by {percent(JUDGED)}, method field {errs('field')}; the "
+        f"paper's filter {errs('paper')}."
     )

@@ -25,7 +25,7 @@ from trexton.metrics import absolute_errors, block_rows, bootstrap_interval, sum
 from trexton.parts import ROLES
 from trexton.records import Record
 from trexton.streams import stream
-from trexton.wording import interval, middle, number, percent, times
+from trexton.wording import beside, interval, middle, number, percent
 
 __all__ = ["finding", "Parameters", "run"]
 
@@ -181,10 +181,9 @@ def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     values, lag, spread = record.values, record.values["lag"], record.values["spread"]
     error, knn = (middle(values[name]["mean_cm"]) for name in ("filter", "knn"))
-    ratio = times(error / knn) + " as much as" if error > knn else percent(error / knn) + " of"
     parts = [
-        f"The paper's filter errs by {interval(values['filter']['mean_cm'], 'cm')}, {ratio} the "
-        f"plain mean of its own neighbours ({number(knn)} cm)"
+        f"The paper's filter errs by {interval(values['filter']['mean_cm'], 'cm')}, "
+        f"{beside(error / knn)} the plain mean of its own neighbours ({number(knn)} cm)"
     ]
     if lag["error_cm"] < 0.8 * error:
         parts.append(
