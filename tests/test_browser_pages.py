@@ -51,7 +51,7 @@ def picture(page, name: str, width: int, dark: bool) -> None:
     if folder and Path(name).stem in LOOKED_AT and width in (WIDTHS[0], WIDTHS[-1]):
         file = f"{name.removesuffix('.html').replace('/', '-')}-{width}"
         path = Path(folder) / f"{file}-{'dark' if dark else 'light'}.png"
-        page.screenshot(path=path, full_page=True)
+        page.screenshot(path=path, full_page=True, animations="disabled")  # no sidebar half gone
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])
