@@ -85,7 +85,7 @@ def test_sigma(record, flights):
         (half.mean(), double.mean())
     )
     sweep = record.series["sweep"]
-    assert [row["sigma_m"] for row in sweep] == list(map_loss.SIGMAS)
+    assert [row["sigma_m"] for row in sweep] == [0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6, 2.4, 3.2]
     for row in sweep:
         assert row["global_loss"] == pytest.approx(
             global_loss(train.histograms, train.position, row["sigma_m"])
@@ -206,3 +206,18 @@ def test_pair_correlation_counts_pairs(rng):
     found = pair_correlation(a, b, rng=rng)
     assert found["value"] == pytest.approx(spearmanr(a[upper], b[upper]).statistic)
     assert found["low"] < found["value"] < found["high"]
+
+
+def test_over_a_field_sigma_grows_with_it_and_what_is_chosen_holds(flights, tmp_path, monkeypatch):
+    monkeypatch.setenv("TREXTON_CACHE", str(tmp_path))
+    fields = [
+        replace(flight, position=100 * flight.position, area=tuple(100 * np.array(flight.area)))
+        for flight in flights
+    ]
+    record = map_loss.run(*fields, map_loss.Parameters())
+    assert record.values["sigma"]["used_m"] == pytest.approx(0.1 * fields[0].diagonal, rel=0.5)
+    assert "rank correlation" in map_loss.finding(Record.load(record.save(tmp_path / "near")))
+    far = map_loss.run(*fields, map_loss.Parameters(sigma=0.01))
+    assert far.values["sigma"]["used_m"] == 0.01
+    told = map_loss.finding(Record.load(far.save(tmp_path / "far")))
+    assert "farther apart than sigma reaches, which was 0.01 m" in told

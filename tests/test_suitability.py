@@ -104,6 +104,12 @@ def test_heat_map_by_hand():
     ).tolist() == [False, True]
 
 
+def test_heat_map_of_a_field_is_as_coarse_as_it_must():
+    values, place = np.ones(1), np.array([[2.0, 2.0]])
+    assert heat_map(values, place, (0, 5, 0, 4), 0.8).values.shape == (80, 100)  # 5 cm
+    assert heat_map(values, place, (0, 430, 0, 415), 0.8).values.shape == (194, 200)
+
+
 def test_heat_map_fills_the_area_with_whole_cells():
     heat = heat_map(np.ones(1), np.array([[0.1, 0.1]]), (0, 1, 0, 0.52), 0.8, cell=0.25, reach=10)
     assert heat.values.shape == (3, 4)

@@ -27,6 +27,7 @@ __all__ = [
     "smooth",
 ]
 
+_FINEST, _CELLS = 0.05, 200  # side of a cell in metres, cells along a side
 _ROWS = 512  # rows of an (N, N) matrix that are held at once
 Sigma = float | tuple[float, float]
 
@@ -129,7 +130,7 @@ def heat_map(
     area: tuple[float, float, float, float],
     sigma: Sigma,
     *,
-    cell: float = 0.05,
+    cell: float | None = None,
     reach: float | None = None,
 ) -> HeatMap:
     """Assign a value to every place of the floor: the samples' values, smoothed with a Gaussian.
@@ -142,8 +143,9 @@ def heat_map(
     positions : (N, 2) array
     area : (x_min, x_max, y_min, y_max)
     sigma : float or pair of float
-    cell : float
-        Side of a cell in metres, or a little less, so that whole cells fill the area.
+    cell : float, optional
+        Side of a cell in metres, or a little less, so that whole cells fill the area; 5 cm, and
+        over fields as much as leaves 200 cells along the longer side.
     reach : float, optional
         Places farther than this from every sample, in metres, stay empty; `sigma` unless given.
 
@@ -153,6 +155,8 @@ def heat_map(
         `sigma`, `cell` or `reach` is not positive.
     """
     reach = _scale(sigma).max() if reach is None else reach
+    if cell is None:
+        cell = max(_FINEST, (area[1] - area[0]) / _CELLS, (area[3] - area[2]) / _CELLS)
     for name, length in (("cell", cell), ("reach", reach)):
         if not length > 0:
             raise ParameterError(f"{name} is {length}: expected a positive length in metres")

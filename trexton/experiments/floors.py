@@ -44,7 +44,7 @@ __all__ = [
 LANE = 0.5  # metres between the lanes of a survey that sees everything twice
 SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
 EVERY = 2  # frames: half the camera's rate, so that fewer frames cover the floor
-CELL = 0.1  # metres, of the map of expected errors
+CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
 METHOD = "field"  # the one whose error is predicted
 MAT = 1.2  # side of the mat that is laid on the worst place, in metres
 
@@ -132,7 +132,7 @@ def _over_floor(
 ) -> np.ndarray:
     """``(rows, columns)`` expected errors at the centres of cells, row 0 at the smallest y."""
     sides = area[1] - area[0], area[3] - area[2]
-    places, shape = grid_cells(area, round(sides[0] * sides[1] / CELL**2))
+    places, shape = grid_cells(area, min(CELLS, round(sides[0] * sides[1] / CELL**2)))
     return expected(places).reshape(shape).T
 
 

@@ -5,9 +5,15 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, floor_axes, legend_above, show_floor
+from trexton.figures.style import (
+    COLORS,
+    canvas,
+    floor_axes,
+    legend_above,
+    length_unit,
+    show_floor,
+)
 from trexton.records import Record
-from trexton.wording import METRES_FROM
 
 __all__ = ["error_shares", "over_the_floor"]
 
@@ -25,7 +31,7 @@ LABELS = {
 def _unit(record: Record) -> tuple[str, float]:
     """What errors are told in, and how many of it a metre has: as the record's words do."""
     best = min(entry["mean_cm"]["median"] for entry in record.values["errors"].values())
-    return ("m", 1.0) if best >= METRES_FROM else ("cm", 100.0)
+    return length_unit(best / 100)
 
 
 def over_the_floor(record: Record) -> Figure:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, SERIES, canvas, floor_axes, show_floor
+from trexton.figures.style import COLORS, SERIES, canvas, floor_axes, length_unit, show_floor
 from trexton.records import Record
 
 __all__ = ["errors_by_loss", "heat_maps", "sigma_sweep", "similarity_by_distance"]
@@ -16,7 +16,8 @@ __all__ = ["errors_by_loss", "heat_maps", "sigma_sweep", "similarity_by_distance
 def heat_maps(record: Record) -> Figure:
     """The smoothed loss over the floor, and beside it the smoothed error of the k-NN."""
     heat, positions = record.series["heat"], np.array(record.series["positions_m"])
-    panels = (("Loss", "loss", 1, ""), ("Error of the k-NN alone", "error_m", 100, " (cm)"))
+    unit, scale = length_unit(float(np.median(record.series["error_m"])))
+    panels = (("Loss", "loss", 1, ""), ("Error of the k-NN alone", "error_m", scale, f" ({unit})"))
     with canvas(1, 2, size=(7.2, 4.0), sharey=True) as (figure, axes):
         for plan, (title, key, scale, unit) in zip(axes[0], panels, strict=True):
             floor_axes(plan, record.series["area_m"])
@@ -41,6 +42,7 @@ def errors_by_loss(record: Record) -> Figure:
         ("test_knn", "test flight, k-NN", COLORS["neighbors"], "s-"),
         ("test_filter", "test flight, particle filter", COLORS["paper"], "^-"),
     )
+    unit, scale = length_unit(float(np.median(record.series["error_m"])))
     with canvas(size=(6.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
         for key, label, color, stroke in lines:
@@ -48,7 +50,7 @@ def errors_by_loss(record: Record) -> Figure:
             # A tenth of very few frames may hold none: its numbers are missing.
             loss = np.array([row["loss"] for row in rows], dtype=float)
             error = {
-                name: np.array([row["error_cm"][name] for row in rows], dtype=float)
+                name: scale / 100 * np.array([row["error_cm"][name] for row in rows], dtype=float)
                 for name in ("value", "low", "high")
             }
             plot.fill_between(
@@ -56,7 +58,9 @@ def errors_by_loss(record: Record) -> Figure:
             )
             plot.plot(loss, error["value"], stroke, color=color, markersize=4, label=label)
         plot.set(
-            xlabel="loss of the frame or its place", ylabel="Euclidean error (cm)", ylim=(0, None)
+            xlabel="loss of the frame or its place",
+            ylabel=f"Euclidean error ({unit})",
+            ylim=(0, None),
         )
         plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=1)
     return figure
@@ -64,7 +68,7 @@ def errors_by_loss(record: Record) -> Figure:
 
 def similarity_by_distance(record: Record) -> Figure:
     """Similarity of pairs of frames by distance, median and quartiles, and the ideal."""
-    series, sigma = record.series["similarity"], record.parameters["sigma"]
+    series, sigma = record.series["similarity"], record.values["sigma"]["used_m"]
     distance = np.array(series["distance_m"])
     low, median, high = (np.array(series[key], dtype=float) for key in ("low", "median", "high"))
     with canvas(size=(6.4, 3.2)) as (figure, axes):
@@ -84,7 +88,7 @@ def similarity_by_distance(record: Record) -> Figure:
 
 def sigma_sweep(record: Record) -> Figure:
     """The global loss, and three correlations, against sigma."""
-    sweep, default = record.series["sweep"], record.parameters["sigma"]
+    sweep, default = record.series["sweep"], record.values["sigma"]["used_m"]
     sigma = [row["sigma_m"] for row in sweep]
     lines = (
         ("agreement", "actual and ideal similarity", SERIES[2], "o"),
@@ -107,7 +111,7 @@ def sigma_sweep(record: Record) -> Figure:
             drawn = np.array(values, dtype=float)
             plot.plot(sigma, drawn, color=color, marker=marker, markersize=4, label=label)
         plot.set(xlabel="σ (m)", ylabel="correlation", xscale="log", ylim=(None, 1.05))
-        plot.set_xticks(sigma, labels=[f"{value:g}" for value in sigma])
+        plot.set_xticks(sigma, labels=[f"{value:.3g}" for value in sigma])
         plot.minorticks_off()
         for axis in (loss, plot):
             axis.axvline(default, color=COLORS["truth"], linestyle=":", linewidth=1.2)

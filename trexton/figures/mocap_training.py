@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, floor_axes, legend_above, mean_line, show_floor
+from trexton.figures.style import (
+    COLORS,
+    canvas,
+    floor_axes,
+    legend_above,
+    length_unit,
+    mean_line,
+    show_floor,
+)
 from trexton.records import Record
 
 __all__ = ["error_over_time", "floor_plan", "spread_over_time"]
@@ -48,14 +56,16 @@ def error_over_time(record: Record) -> Figure:
     """Absolute error in x and y over the flight, of filter and k-NN alone, with their means."""
     series = record.series
     time, truth = np.array(series["time_s"]), np.array(series["truth_m"])
+    errors = {key: np.abs(np.array(series[f"{key}_m"]) - truth) for key, _, _ in _ROWS}
+    unit, scale = length_unit(min(error.mean() for error in errors.values()))
     with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
         for axis, name in enumerate("xy"):
             plot = axes[axis, 0]
             for key, label, color in _ROWS:
-                error = 100 * np.abs(np.array(series[f"{key}_m"])[:, axis] - truth[:, axis])
+                error = scale * errors[key][:, axis]
                 plot.plot(time, error, color=COLORS[color], label=label, linewidth=1.0)
-                mean_line(plot, error, COLORS[color], "cm")
-            plot.set_ylabel(f"error in {name} (cm)")
+                mean_line(plot, error, COLORS[color], unit)
+            plot.set_ylabel(f"error in {name} ({unit})")
         axes[0, 0].set_ylim(0, None)
         legend_above(axes[0, 0])
         axes[1, 0].set_xlabel("time (s)")
@@ -65,7 +75,8 @@ def error_over_time(record: Record) -> Figure:
 def spread_over_time(record: Record) -> Figure:
     """Standard deviation of the particles in x and y over the flight."""
     series = record.series
-    time, spread = np.array(series["time_s"]), 100 * np.array(series["spread_m"])
+    time, spread = np.array(series["time_s"]), np.array(series["spread_m"])
+    unit, scale = length_unit(float(spread.mean()))
     with canvas(size=(7.2, 2.4)) as (figure, axes):
         for axis, (name, style) in enumerate((("x", "-"), ("y", ":"))):
             look: dict[str, Any] = {
@@ -73,7 +84,7 @@ def spread_over_time(record: Record) -> Figure:
                 "linestyle": style,
                 "linewidth": 1.2,
             }
-            axes[0, 0].plot(time, spread[:, axis], label=f"spread in {name}", **look)
-        axes[0, 0].set(xlabel="time (s)", ylabel="particle spread (cm)", ylim=(0, None))
+            axes[0, 0].plot(time, scale * spread[:, axis], label=f"spread in {name}", **look)
+        axes[0, 0].set(xlabel="time (s)", ylabel=f"particle spread ({unit})", ylim=(0, None))
         legend_above(axes[0, 0])
     return figure

@@ -14,6 +14,8 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
+from trexton.wording import METRES_FROM
+
 __all__ = [
     "COLORS",
     "SERIES",
@@ -21,6 +23,7 @@ __all__ = [
     "floor_axes",
     "landed",
     "legend_above",
+    "length_unit",
     "mean_line",
     "show_floor",
 ]
@@ -113,6 +116,11 @@ def landed(
         facecolors=color if inside else "white", edgecolors="white" if inside else color,
         linewidths=0.6 if inside else 1.1,
     )  # fmt: skip
+
+
+def length_unit(metres: float) -> tuple[str, float]:
+    """What lengths of this size are told in, and how many of it a metre has; as in words."""
+    return ("m", 1.0) if 100 * metres >= METRES_FROM else ("cm", 100.0)
 
 
 def legend_above(axes: Axes, columns: int = 3) -> None:
