@@ -10,6 +10,7 @@ import pytest
 from onboard_tools import CAMERA, colourful_floor
 
 from trexton.aiding import Aiding
+from trexton.camera import Camera
 from trexton.errors import MapError, ParameterError
 from trexton.histograms import texton_histogram
 from trexton.localizer import Localizer, TextonMap
@@ -64,11 +65,25 @@ def test_what_is_known_is_taken_back(height, attitude, turn):
 
 
 @pytest.mark.parametrize(
-    "known", [Aiding(roll=1.2, pitch=0.0), Aiding(height=9.0), Aiding(height=-1.0), Aiding(yaw=0.5)]
+    "known",
+    [
+        Aiding(roll=1.2, pitch=0.0),
+        Aiding(height=9.0),
+        Aiding(height=-1.0),
+        Aiding(height=0.0, roll=0.1),
+        Aiding(yaw=0.5),
+        Aiding(roll=np.nan, pitch=np.nan, yaw=np.nan, height=np.nan),
+    ],
 )
 def test_what_cannot_be_taken_back_leaves_the_frame_as_it_is(known):
     frame = seen_from(1.0, (0, 0, 0))
     assert Nadir().with_learned(camera=LENS).frame(frame, known) is frame
+
+
+@pytest.mark.parametrize("angle", ["roll", "pitch", "yaw"])
+def test_an_angle_that_is_no_number_is_not_known(angle):
+    view, frame = Nadir(turn=True).with_learned(camera=LENS), seen_from(1.0, (0, 0, 0))
+    assert view.frame(frame, Aiding(**{angle: np.nan})) is frame
 
 
 def test_a_frame_of_the_training_flight_is_counted_as_in_training(flight, trained):
@@ -99,8 +114,15 @@ def test_a_turn_is_another_view_of_the_same_frames(flight, trained):
 
 def test_a_map_in_another_view_is_not_changed_afterwards(flight):
     plain = TextonMap.train(flight, n_textons=6, rng=np.random.default_rng(1))
-    with pytest.raises(ParameterError, match="choose it when training"):
-        Localizer(plain, rng=np.random.default_rng(2), view="nadir")
+    for view in ("nadir", Nadir().of(flight)):
+        with pytest.raises(ParameterError, match="choose it when training"):
+            Localizer(plain, rng=np.random.default_rng(2), view=view)
+    nadir = TextonMap.train(flight, n_textons=6, rng=np.random.default_rng(1), view="nadir")
+    for other in ({"view.turn": True}, {"view": Nadir().of(flight)}):
+        with pytest.raises(ParameterError, match="choose it when training"):
+            Localizer(nadir, rng=np.random.default_rng(2), **other)
+    own = nadir.parts["view"]
+    assert Localizer(nadir, rng=np.random.default_rng(2), view=own).parts["view"] is own
 
 
 @pytest.mark.parametrize("lacking", ["height", "attitude", "camera"])
@@ -109,6 +131,22 @@ def test_what_a_flight_lacks_is_named(flight, lacking):
         TextonMap.train(
             replace(flight, **{lacking: None}), rng=np.random.default_rng(1), view="nadir"
         )
+
+
+def test_attitudes_that_were_never_recorded_are_lacking(flight):
+    with pytest.raises(MapError, match="lacks attitudes"):
+        TextonMap.train(
+            replace(flight, attitude=np.full((len(flight), 3), np.nan)),
+            rng=np.random.default_rng(1), view="nadir",
+        )  # fmt: skip
+
+
+def test_a_camera_that_takes_other_pictures_is_refused(flight):
+    with pytest.raises(MapError, match=r"are 128x96.*takes 256x192.*correct \[camera\]"):
+        TextonMap.train(
+            replace(flight, camera=Camera(256, 192, 208.0)), rng=np.random.default_rng(1),
+            view="nadir",
+        )  # fmt: skip
 
 
 def test_heights_below_the_floor_are_refused(flight):

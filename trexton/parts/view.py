@@ -18,11 +18,11 @@ import numpy as np
 
 from trexton.aiding import Aiding
 from trexton.camera import Camera
-from trexton.errors import MapError, ParameterError
+from trexton.errors import MapError
 from trexton.files import digest
 from trexton.flights.flight import Flight
 from trexton.flights.frames import Frames
-from trexton.parts.base import Part, Training, learned
+from trexton.parts.base import Part, learned
 
 __all__ = ["Nadir", "View"]
 
@@ -51,21 +51,6 @@ class View(Part):
 
     def untrained(self) -> Self:
         """Itself: what it learned is in the histograms."""
-        return self
-
-    def fit(self, training: Training) -> Self:
-        """Itself: the histograms were counted in this view.
-
-        Raises
-        ------
-        ParameterError
-            They were counted in another.
-        """
-        if not self.arrays():
-            raise ParameterError(
-                "the view belongs to the histograms of a map: choose it when training, as in "
-                "trexton train FLIGHT --set view=nadir"
-            )
         return self
 
 
@@ -100,7 +85,8 @@ class Nadir(View):
         Raises
         ------
         MapError
-            The flight lacks images, attitudes, heights above the floor, or its camera.
+            The flight lacks images, attitudes, heights above the floor, or its camera, or that
+            takes pictures of another size.
         """
         lacking = [
             what
@@ -108,7 +94,10 @@ class Nadir(View):
                 ("images", flight.has_images),
                 ("its camera", flight.camera is not None),
                 ("the camera's heights", flight.height is not None),
-                ("attitudes", flight.attitude is not None),
+                (
+                    "attitudes",
+                    flight.attitude is not None and np.isfinite(flight.attitude[:, :2]).any(),
+                ),
             )
             if not known
         ]
@@ -123,16 +112,21 @@ class Nadir(View):
                 f"the heights of flight {flight.name!r} are not above its floor: give metres "
                 "above the floor, or train without view"
             )
-        camera = flight.camera
+        camera, (height, width) = flight.camera, flight.image(0).shape[:2]
+        if (camera.width, camera.height) != (width, height):
+            raise MapError(
+                f"the images of flight {flight.name!r} are {width}x{height}, its camera takes "
+                f"{camera.width}x{camera.height}: correct [camera] in flight.toml"
+            )
         lens = (camera.width, camera.height, camera.focal, *camera.principal_point)
         return self.with_learned(camera=np.array([*lens, np.median(known)], dtype=float))
 
     def frame(self, image: np.ndarray, aiding: Aiding) -> np.ndarray:
         """``(H, W, 3) uint8``: a frame from straight above, as far as `aiding` knows."""
         width, height, focal, *center, usual = self.camera.tolist()
-        tilt = np.array([aiding.roll or 0.0, aiding.pitch or 0.0])
-        yaw = (aiding.yaw or 0.0) if self.turn else 0.0
-        above = aiding.height or usual
+        tilt = np.array([_known(aiding.roll, 0.0), _known(aiding.pitch, 0.0)])
+        yaw = _known(aiding.yaw, 0.0) if self.turn else 0.0
+        above = _known(aiding.height, usual)
         if np.abs(tilt).max() > _STEEPEST or not 1 / _FARTHEST < above / usual < _FARTHEST:
             return image
         if not (tilt.any() or yaw or above != usual):
@@ -144,6 +138,11 @@ class Nadir(View):
             image, np.linalg.solve(seen, level), image.shape[1::-1],
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REFLECT_101,
         )  # fmt: skip
+
+
+def _known(value: float | None, usual: float) -> float:
+    # OpenCV does not come back from a homography of NaN
+    return usual if value is None or not np.isfinite(value) else value
 
 
 @dataclass(frozen=True, eq=False)
