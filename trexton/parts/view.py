@@ -34,6 +34,11 @@ _FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is anothe
 class View(Part):
     """Another view of every frame, in training and in flight."""
 
+    @property
+    def asks(self) -> tuple[str, ...]:
+        """What of an `Aiding` it takes."""
+        return ("roll", "pitch", "height")
+
     def of(self, flight: Flight) -> Self:
         """The view as it learned what it needs of a training flight."""
         raise NotImplementedError
@@ -69,6 +74,10 @@ class Nadir(View):
 
     turn: bool = False
     camera: Any = learned()  # width, height, focal length, principal point, usual height
+
+    @property
+    def asks(self) -> tuple[str, ...]:
+        return (*super().asks, "yaw") if self.turn else super().asks
 
     def prepare(self) -> None:
         if self.camera.shape != (6,) or not (
