@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
 from dataclasses import replace
+from importlib import import_module
 
 import cv2
 import numpy as np
@@ -159,6 +162,22 @@ def test_heights_below_the_floor_are_refused(flight):
 def test_a_damaged_camera_is_refused():
     with pytest.raises(MapError, match="nadir view's camera"):
         Nadir().with_learned(camera=np.array([128, 96, np.nan, 63.5, 47.5, 1.0]))
+
+
+def test_counts_of_a_view_of_ones_own_are_told_apart_by_its_code(flight, tmp_path, monkeypatch):
+    def digest(code):
+        (tmp_path / "own_view.py").write_text(code)
+        monkeypatch.delitem(sys.modules, "own_view", raising=False)
+        importlib.invalidate_caches()
+        return import_module("own_view").Own().of(flight).flight(flight).frames.digest
+
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    code = "from trexton.parts.view import Nadir\n\n\nclass Own(Nadir):\n    pass\n"
+    changed = code + "\n    def frame(self, image, aiding):\n        return image\n"
+    assert digest(code) == digest(code) != digest(changed)
+    session = type("Own", (Nadir,), {"__module__": "builtins"})
+    assert session().of(flight).flight(flight).frames.digest != digest(code)
 
 
 def test_counted_histograms_are_told_apart_by_all_that_makes_them(flight):

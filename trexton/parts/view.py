@@ -9,9 +9,12 @@ straight below the vehicle (plane-to-plane homography [1]_), at the height of th
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Self
+from uuid import uuid4
 
 import cv2
 import numpy as np
@@ -175,6 +178,16 @@ class _Seen:
         kind = type(self.view)
         known = [(each.roll, each.pitch, each.yaw, each.height) for each in self.aiding]
         return digest(
-            self.frames.digest, kind.__qualname__, code_hashes(kind.__module__),
+            self.frames.digest, kind.__qualname__, code_hashes(__name__), *_own_code(kind),
             self.view.options(), np.array(known, dtype=float), *self.view.arrays().values(),
         )  # fmt: skip
+
+
+def _own_code(kind: type[View]) -> list[Path | str]:
+    """What tells the code of a view outside this module apart."""
+    if kind.__module__ == __name__:
+        return []
+    try:
+        return [Path(inspect.getfile(kind))]
+    except (OSError, TypeError):  # typed into a session: what it counted is not found again
+        return [uuid4().hex]
