@@ -159,9 +159,14 @@ def test_heights_below_the_floor_are_refused(flight):
         )
 
 
-def test_a_damaged_camera_is_refused():
+@pytest.mark.parametrize(
+    ("place", "value"), [(2, np.nan), (2, 1e12), (2, 1e-310), (3, 1e9), (4, -1e300), (5, 0.0)]
+)
+def test_a_damaged_camera_is_refused(place, value):
+    camera = LENS.copy()
+    camera[place] = value
     with pytest.raises(MapError, match="nadir view's camera"):
-        Nadir().with_learned(camera=np.array([128, 96, np.nan, 63.5, 47.5, 1.0]))
+        Nadir().with_learned(camera=camera)
 
 
 def test_counts_of_a_view_of_ones_own_are_told_apart_by_its_code(flight, tmp_path, monkeypatch):

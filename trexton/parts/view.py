@@ -30,6 +30,7 @@ from trexton.parts.base import Part, learned
 __all__ = ["Nadir", "View"]
 
 _STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
+_LENS = 100.0  # widths: a longer focal length is none, and a pixel so far off never found
 _FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
 
 
@@ -84,7 +85,10 @@ class Nadir(View):
 
     def prepare(self) -> None:
         if self.camera.shape != (6,) or not (
-            np.isfinite(self.camera).all() and (self.camera[[0, 1, 2, 5]] > 0).all()
+            np.isfinite(self.camera).all()
+            and (self.camera[[0, 1, 2, 5]] > 0).all()
+            and 1 / _LENS < self.camera[2] / self.camera[0] < _LENS
+            and (np.abs(self.camera[3:5]) < _LENS * self.camera[:2]).all()
         ):
             raise MapError(
                 f"a nadir view's camera is {self.camera.tolist()}: expected its width, height, "
