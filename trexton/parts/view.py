@@ -182,16 +182,15 @@ class _Seen:
         kind = type(self.view)
         known = [(each.roll, each.pitch, each.yaw, each.height) for each in self.aiding]
         return digest(
-            self.frames.digest, kind.__qualname__, code_hashes(__name__), *_own_code(kind),
-            self.view.options(), np.array(known, dtype=float), *self.view.arrays().values(),
+            self.frames.digest, kind.__qualname__, code_hashes(__name__),
+            code_hashes(kind.__module__) or _own_code(kind), self.view.options(),
+            np.array(known, dtype=float), *self.view.arrays().values(),
         )  # fmt: skip
 
 
-def _own_code(kind: type[View]) -> list[Path | str]:
-    """What tells the code of a view outside this module apart."""
-    if kind.__module__ == __name__:
-        return []
+def _own_code(kind: type[View]) -> Path | str:
+    """What tells the code of a view outside the library apart."""
     try:
-        return [Path(inspect.getfile(kind))]
+        return Path(inspect.getfile(kind))
     except (OSError, TypeError):  # typed into a session: what it counted is not found again
-        return [uuid4().hex]
+        return uuid4().hex
