@@ -159,6 +159,8 @@ def test_words_of_a_command_line():
     part = Cosine()
     assert part.option("power", "2") == 2.0 and isinstance(part.option("power", 2), float)
     assert part.option("halve", "true") is True and part.option("shift", "-3") == -3
+    with pytest.raises(ParameterError, match="'True': expected true or false"):
+        part.option("halve", "True")
     assert RandomWalk().option("sigma", "none") is None and RandomWalk().option("sigma", 1) == 1.0
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -88,6 +89,8 @@ def test_the_frame_is_believed_before_an_autopilot_which_adds_what_is_missing():
     own = Aiding(height=0.9, height_time=3.0)
     told = aids("all", FULL, replace(FULL, roll=9.0)).of(Frame(3.0, None, aiding=own), 10.0)
     assert told.height == 0.9 and told.roll == 0.1 and told.height_time == 10.0
+    empty = Aiding(math.nan, math.nan, math.nan, attitude_time=3.0)  # a row without its attitude
+    assert aids("all", FULL).of(Frame(3.0, None, aiding=empty), 10.0).roll == 0.1
 
 
 def test_the_columns_of_a_flight_come_with_its_frames_also_when_it_is_paced(flights):

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import small_flight
-from onboard_tools import room_map
+from onboard_tools import CAMERA, colourful_floor, room_map
 
 from trexton.cli import main
 from trexton.flights import write_flight
 from trexton.localizer import TextonMap
+from trexton.simulator import record_flight
 
 
 @pytest.fixture
@@ -37,6 +38,22 @@ def test_nothing_is_written_over_what_is_read_and_no_file_twice(outputs, flight,
     assert main(["onboard", str(path), "--camera", str(folder), *words]) == 1
     assert "give" in capsys.readouterr().err
     assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
+
+
+def test_a_view_that_turns_needs_a_heading(tmp_path, capsys):
+    flight = record_flight(
+        tmp_path / "room", frames=30, every=5, camera=CAMERA, floor=colourful_floor()
+    )
+    turned = TextonMap.train(
+        flight, n_textons=4, rng=np.random.default_rng(1),
+        **{"view": "nadir", "view.turn": True},
+    )  # fmt: skip
+    path = turned.save(tmp_path / "turned.npz")
+    words = ["onboard", str(path), "--camera", str(tmp_path / "room"), "--output", "csv:/dev/null"]
+    assert main(words) == 1
+    assert "add --aiding all" in capsys.readouterr().err
+    for aiding in ("all", "none"):
+        assert main([*words, "--aiding", aiding]) == 0
 
 
 def test_the_log_neither(flight, tmp_path, capsys):

@@ -15,6 +15,7 @@ from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT  # noqa: E402
 from onboard_tools import make_fix  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
+from trexton.camera import rotation_matrix  # noqa: E402
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink.link import UdpIn  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
@@ -91,11 +92,22 @@ def test_aiding_is_in_the_maps_axes_and_of_the_moment():
     ear.hear(said_by(mavlink.MAVLink_distance_sensor_message(0, 10, 900, 150, 0, 0, 25, 0)), 10.0)
     ear.hear(said_by(mavlink.MAVLink_local_position_ned_message(0, 0, 0, 0, 0, 0.5, 0)), 10.0)
     known = ear.aiding(10.1)
-    assert (known.roll, known.pitch, known.height) == pytest.approx((0.1, -0.2, 1.5))
-    assert known.yaw == pytest.approx(math.pi / 2)  # east is +y: a quarter turn from +x
+    above = 1.5 * math.cos(0.1) * math.cos(0.2)  # the sensor looks along the tilted axis
+    assert (known.roll, known.pitch, known.height) == pytest.approx((0.1, -0.2, above))
+    assert known.yaw == pytest.approx(0.0, abs=1e-6)  # the nose points along +y
     assert known.velocity == pytest.approx([0.0, 0.5])
     late = ear.aiding(12.0)
     assert late.roll is None and late.height is None and late.velocity is None
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.6, -2.0])
+@pytest.mark.parametrize("compass", [0.0, 1.0, -2.5])
+def test_the_yaw_of_an_autopilot_is_that_of_a_camera(heading, compass):
+    local = LocalFrame(heading)
+    ear = listener(1, local=local)
+    ear.hear(said_by(mavlink.MAVLink_attitude_message(0, 0, 0, compass, 0, 0, 0)), 10.0)
+    nose = rotation_matrix(0.0, 0.0, ear.aiding(10.0).yaw) @ (0, 1, 0)
+    assert local.ned_from_map @ nose[:2] == pytest.approx([math.cos(compass), math.sin(compass)])
 
 
 def test_an_autopilot_that_starts_anew_is_told_again():

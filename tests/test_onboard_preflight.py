@@ -11,6 +11,7 @@ from onboard_tools import CAMERA, colourful_floor, mavlink, room_map
 
 from trexton.cli import main
 from trexton.flights import read_flight
+from trexton.localizer import TextonMap
 from trexton.onboard import Settings
 from trexton.onboard.preflight import blur_effect, preflight
 from trexton.onboard.settings import Flying, Landing, Placement
@@ -80,6 +81,20 @@ def test_no_camera(place, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) == 2 and all(line.startswith("FAIL") for line in lines)
     assert "gives no frames" in lines[0]
+
+
+@pytest.mark.parametrize("aiding", ["tilt", "none"])
+def test_frames_are_compared_in_the_maps_view(place, tmp_path, aiding):
+    flight = read_flight(place[1])
+    texton_map = TextonMap.train(flight, rng=np.random.default_rng(1), view="nadir")
+    settings = Settings(
+        str(texton_map.save(tmp_path / "nadir.npz")), (), (),
+        {Flying: Flying(camera=place[1], aiding=aiding)},
+    )  # fmt: skip
+    found = {check.name: check for check in preflight(settings, 1.0)}
+    assert found["view"].holds == (aiding == "tilt")
+    assert ("height with 0" in found["view"].words) == (aiding == "none")
+    assert ("nearest histogram at 0.000" in found["map"].words) == (aiding == "tilt")
 
 
 def test_blur_grows_from_sharp_to_blurred(rng):

@@ -81,6 +81,18 @@ def test_it_says_how_fast_the_vehicle_goes(fine, flights):
     assert localizer.step(None).velocity is None
 
 
+@pytest.mark.parametrize("height", [0.0, -1.0, 1e-9, 1e9, np.nan])
+def test_a_height_that_cannot_be_is_as_none(fine, flights, height):
+    test = flights[1]
+
+    def estimates(height):
+        localizer = Localizer(fine, rng=np.random.default_rng(2))
+        aiding = Aiding(height=height)
+        return [localizer.step(test.image(row), aiding=aiding).position for row in range(4)]
+
+    assert np.array_equal(estimates(height), estimates(None))
+
+
 def test_a_stitched_picture_serves_as_well(flights):
     train, test = flights
     bare = replace(train, floor_file=None)

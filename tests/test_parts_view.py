@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import importlib
+import sys
 from dataclasses import replace
+from importlib import import_module
 
 import cv2
 import numpy as np
@@ -10,6 +13,7 @@ import pytest
 from onboard_tools import CAMERA, colourful_floor
 
 from trexton.aiding import Aiding
+from trexton.camera import Camera
 from trexton.errors import MapError, ParameterError
 from trexton.histograms import texton_histogram
 from trexton.localizer import Localizer, TextonMap
@@ -64,11 +68,25 @@ def test_what_is_known_is_taken_back(height, attitude, turn):
 
 
 @pytest.mark.parametrize(
-    "known", [Aiding(roll=1.2, pitch=0.0), Aiding(height=9.0), Aiding(height=-1.0), Aiding(yaw=0.5)]
+    "known",
+    [
+        Aiding(roll=1.2, pitch=0.0),
+        Aiding(height=9.0),
+        Aiding(height=-1.0),
+        Aiding(height=0.0, roll=0.1),
+        Aiding(yaw=0.5),
+        Aiding(roll=np.nan, pitch=np.nan, yaw=np.nan, height=np.nan),
+    ],
 )
 def test_what_cannot_be_taken_back_leaves_the_frame_as_it_is(known):
     frame = seen_from(1.0, (0, 0, 0))
     assert Nadir().with_learned(camera=LENS).frame(frame, known) is frame
+
+
+@pytest.mark.parametrize("angle", ["roll", "pitch", "yaw"])
+def test_an_angle_that_is_no_number_is_not_known(angle):
+    view, frame = Nadir(turn=True).with_learned(camera=LENS), seen_from(1.0, (0, 0, 0))
+    assert view.frame(frame, Aiding(**{angle: np.nan})) is frame
 
 
 def test_a_frame_of_the_training_flight_is_counted_as_in_training(flight, trained):
@@ -99,8 +117,15 @@ def test_a_turn_is_another_view_of_the_same_frames(flight, trained):
 
 def test_a_map_in_another_view_is_not_changed_afterwards(flight):
     plain = TextonMap.train(flight, n_textons=6, rng=np.random.default_rng(1))
-    with pytest.raises(ParameterError, match="choose it when training"):
-        Localizer(plain, rng=np.random.default_rng(2), view="nadir")
+    for view in ("nadir", Nadir().of(flight)):
+        with pytest.raises(ParameterError, match="choose it when training"):
+            Localizer(plain, rng=np.random.default_rng(2), view=view)
+    nadir = TextonMap.train(flight, n_textons=6, rng=np.random.default_rng(1), view="nadir")
+    for other in ({"view.turn": True}, {"view": Nadir().of(flight)}):
+        with pytest.raises(ParameterError, match="choose it when training"):
+            Localizer(nadir, rng=np.random.default_rng(2), **other)
+    own = nadir.parts["view"]
+    assert Localizer(nadir, rng=np.random.default_rng(2), view=own).parts["view"] is own
 
 
 @pytest.mark.parametrize("lacking", ["height", "attitude", "camera"])
@@ -111,6 +136,22 @@ def test_what_a_flight_lacks_is_named(flight, lacking):
         )
 
 
+def test_attitudes_that_were_never_recorded_are_lacking(flight):
+    with pytest.raises(MapError, match="lacks attitudes"):
+        TextonMap.train(
+            replace(flight, attitude=np.full((len(flight), 3), np.nan)),
+            rng=np.random.default_rng(1), view="nadir",
+        )  # fmt: skip
+
+
+def test_a_camera_that_takes_other_pictures_is_refused(flight):
+    with pytest.raises(MapError, match=r"are 128x96.*takes 256x192.*correct \[camera\]"):
+        TextonMap.train(
+            replace(flight, camera=Camera(256, 192, 208.0)), rng=np.random.default_rng(1),
+            view="nadir",
+        )  # fmt: skip
+
+
 def test_heights_below_the_floor_are_refused(flight):
     with pytest.raises(MapError, match="not above its floor"):
         TextonMap.train(
@@ -118,9 +159,30 @@ def test_heights_below_the_floor_are_refused(flight):
         )
 
 
-def test_a_damaged_camera_is_refused():
+@pytest.mark.parametrize(
+    ("place", "value"), [(2, np.nan), (2, 1e12), (2, 1e-310), (3, 1e9), (4, -1e300), (5, 0.0)]
+)
+def test_a_damaged_camera_is_refused(place, value):
+    camera = LENS.copy()
+    camera[place] = value
     with pytest.raises(MapError, match="nadir view's camera"):
-        Nadir().with_learned(camera=np.array([128, 96, np.nan, 63.5, 47.5, 1.0]))
+        Nadir().with_learned(camera=camera)
+
+
+def test_counts_of_a_view_of_ones_own_are_told_apart_by_its_code(flight, tmp_path, monkeypatch):
+    def digest(code):
+        (tmp_path / "own_view.py").write_text(code)
+        monkeypatch.delitem(sys.modules, "own_view", raising=False)
+        importlib.invalidate_caches()
+        return import_module("own_view").Own().of(flight).flight(flight).frames.digest
+
+    monkeypatch.syspath_prepend(str(tmp_path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    code = "from trexton.parts.view import Nadir\n\n\nclass Own(Nadir):\n    pass\n"
+    changed = code + "\n    def frame(self, image, aiding):\n        return image\n"
+    assert digest(code) == digest(code) != digest(changed)
+    session = type("Own", (Nadir,), {"__module__": "builtins"})
+    assert session().of(flight).flight(flight).frames.digest != digest(code)
 
 
 def test_counted_histograms_are_told_apart_by_all_that_makes_them(flight):

@@ -13,6 +13,7 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 from conftest import small_flight
+from onboard_tools import CAMERA, colourful_floor
 from small_room import picture_flight
 
 from trexton.cli import main
@@ -24,6 +25,7 @@ from trexton.figures.style import COLORS
 from trexton.localizer import Localizer, TextonMap
 from trexton.patches import gather_patches
 from trexton.player import player_html, record_replay
+from trexton.simulator import record_flight
 
 
 def localizer(texton_map, seed=5, **options):
@@ -80,6 +82,18 @@ def test_patches_are_those_that_the_step_sampled(tmp_path, rng):
         assert kept["image"].startswith("data:image/webp;base64,")
     full = record_replay({"all": localizer(texton_map, samples=None)}, flight, most_frames=2)
     assert full.frames[0]["patches"] is None
+
+
+def test_a_map_in_another_view_is_played_as_it_flies(tmp_path):
+    train = record_flight(
+        tmp_path / "room", frames=60, every=5, camera=CAMERA, floor=colourful_floor()
+    )
+    texton_map = TextonMap.train(
+        train, n_textons=4, cells=2, rng=np.random.default_rng(1), view="nadir"
+    )
+    recording = record_replay({"one": localizer(texton_map, samples=None)}, train)
+    told = np.rint(1000 * texton_map.histograms).astype(int).tolist()
+    assert [each["histogram"] for each in recording.frames] == told
 
 
 def test_a_truth_that_is_unknown_stays_unknown(texton_map):

@@ -20,7 +20,8 @@ class Aiding:
     Attributes
     ----------
     roll, pitch, yaw : float or None
-        Radians; yaw from the map's x axis, anticlockwise.
+        Radians, as in `trexton.camera`: yaw is anticlockwise, 0 where the nose points along the
+        map's y axis.
     height : float or None
         Metres above the floor.
     velocity : (2,) array or None
@@ -48,6 +49,7 @@ class Aiding:
             angle if attitude and _finite(angle) else None
             for angle in (self.roll, self.pitch, self.yaw)
         )
+        attitude = any(angle is not None for angle in (roll, pitch, yaw))
         return Aiding(
             roll, pitch, yaw,
             self.height if height else None, self.velocity if velocity else None,

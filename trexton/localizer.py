@@ -102,6 +102,13 @@ class Localizer:
         for judge in self._judges:
             judge.reset()
 
+    def view(self, frame: np.ndarray, *, aiding: Aiding | None = None) -> np.ndarray:
+        """A frame in the view in which the map counts; itself where it counts what is given."""
+        if "view" not in self.parts or aiding is None or frame.ndim == 1:
+            return frame
+        seen: np.ndarray = self.parts["view"].frame(frame, aiding)
+        return seen
+
     def observe(self, frame: np.ndarray, *, aiding: Aiding | None = None) -> np.ndarray:
         """``(K,)`` histogram of a frame, which is an ``(H, W, 3) uint8`` image or already a
         histogram.
@@ -205,8 +212,7 @@ class Localizer:
         dictionary = self.map.dictionary
         if dictionary is None or frame.ndim == 1:
             return frame
-        if "view" in self.parts and aiding is not None:
-            frame = self.parts["view"].frame(frame, aiding)
+        frame = self.view(frame, aiding=aiding)
         if self.samples is None:
             histogram = texton_histogram(frame, dictionary, cells=self.map.cells)
         else:

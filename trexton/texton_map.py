@@ -210,7 +210,18 @@ class TextonMap:
             The frames behind the map, for parts that learn from more than histograms.
         rng : numpy.random.Generator, optional
             For parts that draw; a fixed one unless given.
+
+        Raises
+        ------
+        ParameterError
+            Another view than the map's: its histograms were not counted in that.
         """
+        own = self.parts.get("view")
+        if self.parts and parts.get("view", own) is not own:
+            raise ParameterError(
+                "the view belongs to the histograms of a map: choose it when training, as in "
+                "trexton train FLIGHT --set view=nadir"
+            )
         result = replace(self, parts=self.parts | dict(parts))
         training = result.training(flight=flight, rng=rng)
         fitted = {role: part.fit(training) for role, part in parts.items() if role not in JUDGES}

@@ -44,6 +44,12 @@ def build(settings: Settings) -> Onboard:
         rng=stream(flying.seed, "flight", 0),
         **choices,
     )
+    view = localizer.parts.get("view")
+    if flying.aiding == "tilt" and view is not None and "yaw" in view.asks:
+        raise ParameterError(
+            "the map's view turns frames by their yaw, which --aiding tilt leaves out: add "
+            "--aiding all, or train without view.turn"
+        )
     tally = Tally()
     view = View(texton_map.image_shape, texton_map.period_s, flying.seed)
     source = open_source(flying.camera, view, settings.options)

@@ -75,7 +75,7 @@ class Onboard:
         self.commander = None if zone is None else Commander(zone, landers, self.report)
         self._model_period = localizer.map.period_s
         self._period = 1 / rate if rate else self._model_period
-        self._aids = Aids(aiding, sinks)
+        self.aids = Aids(aiding, sinks)
         self._inspector = Inspector(localizer.map.image_shape)
         self._stamps = StampKeeper(tally, clock)
         self._jumps = JumpCounter(localizer.growth)
@@ -153,7 +153,7 @@ class Onboard:
         if self.source.live and self._model_time is not None:
             self._predict(round((stamp - self._model_time) / self._model_period) - 1)
         self._model_time = stamp
-        estimate, fault = self._step(frame.picture, fault, self._aids.of(frame, stamp))
+        estimate, fault = self._step(frame.picture, fault, self.aids.of(frame, stamp))
         if estimate.observed:
             self._observed_at = stamp
             self.tally.count("observed")

@@ -16,6 +16,7 @@ import numpy as np
 from trexton.errors import TrextonError
 from trexton.localizer import Localizer
 from trexton.neighbors import neighbors_in_flight
+from trexton.onboard.aids import Aids
 from trexton.onboard.build import build
 from trexton.onboard.inspection import BLACK, WHITE
 from trexton.onboard.loop import Onboard
@@ -47,11 +48,12 @@ class Check:
 
 
 class _Watched(Source):
-    """A source of which the latest pictures are kept."""
+    """A source of which the latest frames are kept, with what is known beside each."""
 
-    def __init__(self, source: Source):
+    def __init__(self, source: Source, aids: Aids):
         self.source, self.live, self.gives = source, source.live, source.gives
-        self.pictures: deque[np.ndarray] = deque(maxlen=KEPT)
+        self.frames: deque[Frame] = deque(maxlen=KEPT)
+        self._aids = aids
 
     def open(self) -> None:
         self.source.open()
@@ -59,7 +61,7 @@ class _Watched(Source):
     def read(self) -> Frame | None:
         frame = self.source.read()
         if frame is not None and frame.picture is not None:
-            self.pictures.append(frame.picture)
+            self.frames.append(replace(frame, aiding=self._aids.of(frame, frame.time)))
         return frame
 
     def close(self) -> None:
@@ -87,17 +89,19 @@ def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
     }
     quiet = replace(settings, outputs=told, options={**settings.options, **changes})
     onboard, stop = build(quiet), threading.Event()
-    onboard.source = watched = _Watched(onboard.source)
+    onboard.source = watched = _Watched(onboard.source, onboard.aids)
     timer = threading.Timer(seconds, stop.set)
     timer.start()
     try:
         onboard.run(stop)
     finally:
         timer.cancel()
-    pictures = list(watched.pictures)
+    frames = list(watched.frames)
+    pictures = [frame.picture for frame in frames if frame.picture is not None]
     return [
         *_of_camera(settings.of(Flying).camera, onboard, pictures),
-        *_of_map(onboard.localizer, pictures),
+        *_of_view(onboard.localizer, frames),
+        *_of_map(onboard.localizer, frames),
         *_of_links(settings, onboard),
     ]
 
@@ -137,15 +141,33 @@ def _of_camera(address: str, onboard: Onboard, pictures: list[np.ndarray]) -> It
     yield Check("exposure", off <= OFF_SCALE, level + advice)
 
 
-def _of_map(localizer: Localizer, pictures: list[np.ndarray]) -> Iterator[Check]:
+def _of_view(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
+    """Whether what the map's view asks for comes beside the frames."""
+    if "view" not in localizer.parts or not frames:
+        return
+    asks = localizer.parts["view"].asks
+    came = {
+        name: sum(getattr(each.aiding, name, None) is not None for each in frames) for name in asks
+    }
+    words = ", ".join(f"{name} with {many}" for name, many in came.items())
+    holds = 2 * min(came.values()) > len(frames)
+    advice = "" if holds else ": what is missing is taken as level, see --aiding"
+    yield Check("view", holds, f"of {len(frames)} frames, {words}{advice}")
+
+
+def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     """How far what is seen is from the map, beside the map's own frames from each other."""
     texton_map, nearest = localizer.map, localizer.nearest
     everywhere = Localizer(texton_map, samples=None, nearest=nearest, rng=np.random.default_rng(1))
-    if not pictures:
+    if not frames:
         yield Check("map", False, "nothing was seen to compare it with")
         return
     try:
-        seen = [everywhere.observe(picture) for picture in pictures]
+        seen = [
+            everywhere.observe(each.picture, aiding=each.aiding)
+            for each in frames
+            if each.picture is not None
+        ]
         histograms, time_s = texton_map.histograms, texton_map.time
         rows = neighbors_in_flight(nearest, histograms, time_s, 1, EXCLUDED_SECONDS)[:, 0]
     except TrextonError as error:

@@ -189,5 +189,6 @@ def converted(value: object, kind: Any, what: str) -> object:
             continue
         if each is bool and value in ("true", "false"):
             return value == "true"
-    names = " or ".join("none" if each is type(None) else each.__name__ for each in kinds)
+    words = {type(None): "none", bool: "true or false"}  # as they are written in a command
+    names = " or ".join(words.get(each, each.__name__) for each in kinds)
     raise ParameterError(f"{what} is {value!r}: expected {names}")

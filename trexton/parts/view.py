@@ -9,30 +9,39 @@ straight below the vehicle (plane-to-plane homography [1]_), at the height of th
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Self
+from uuid import uuid4
 
 import cv2
 import numpy as np
 
 from trexton.aiding import Aiding
 from trexton.camera import Camera
-from trexton.errors import MapError, ParameterError
+from trexton.errors import MapError
 from trexton.files import digest
 from trexton.flights.flight import Flight
 from trexton.flights.frames import Frames
-from trexton.parts.base import Part, Training, learned
+from trexton.parts.base import Part, learned
 
 __all__ = ["Nadir", "View"]
 
 _STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
+_LENS = 100.0  # widths: a longer focal length is none, and a pixel so far off never found
 _FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
 
 
 @dataclass(eq=False)
 class View(Part):
     """Another view of every frame, in training and in flight."""
+
+    @property
+    def asks(self) -> tuple[str, ...]:
+        """What of an `Aiding` it takes."""
+        return ("roll", "pitch", "height")
 
     def of(self, flight: Flight) -> Self:
         """The view as it learned what it needs of a training flight."""
@@ -53,21 +62,6 @@ class View(Part):
         """Itself: what it learned is in the histograms."""
         return self
 
-    def fit(self, training: Training) -> Self:
-        """Itself: the histograms were counted in this view.
-
-        Raises
-        ------
-        ParameterError
-            They were counted in another.
-        """
-        if not self.arrays():
-            raise ParameterError(
-                "the view belongs to the histograms of a map: choose it when training, as in "
-                "trexton train FLIGHT --set view=nadir"
-            )
-        return self
-
 
 @dataclass(eq=False)
 class Nadir(View):
@@ -85,9 +79,16 @@ class Nadir(View):
     turn: bool = False
     camera: Any = learned()  # width, height, focal length, principal point, usual height
 
+    @property
+    def asks(self) -> tuple[str, ...]:
+        return (*super().asks, "yaw") if self.turn else super().asks
+
     def prepare(self) -> None:
         if self.camera.shape != (6,) or not (
-            np.isfinite(self.camera).all() and (self.camera[[0, 1, 2, 5]] > 0).all()
+            np.isfinite(self.camera).all()
+            and (self.camera[[0, 1, 2, 5]] > 0).all()
+            and 1 / _LENS < self.camera[2] / self.camera[0] < _LENS
+            and (np.abs(self.camera[3:5]) < _LENS * self.camera[:2]).all()
         ):
             raise MapError(
                 f"a nadir view's camera is {self.camera.tolist()}: expected its width, height, "
@@ -100,7 +101,8 @@ class Nadir(View):
         Raises
         ------
         MapError
-            The flight lacks images, attitudes, heights above the floor, or its camera.
+            The flight lacks images, attitudes, heights above the floor, or its camera, or that
+            takes pictures of another size.
         """
         lacking = [
             what
@@ -108,7 +110,10 @@ class Nadir(View):
                 ("images", flight.has_images),
                 ("its camera", flight.camera is not None),
                 ("the camera's heights", flight.height is not None),
-                ("attitudes", flight.attitude is not None),
+                (
+                    "attitudes",
+                    flight.attitude is not None and np.isfinite(flight.attitude[:, :2]).any(),
+                ),
             )
             if not known
         ]
@@ -123,16 +128,21 @@ class Nadir(View):
                 f"the heights of flight {flight.name!r} are not above its floor: give metres "
                 "above the floor, or train without view"
             )
-        camera = flight.camera
+        camera, (height, width) = flight.camera, flight.image(0).shape[:2]
+        if (camera.width, camera.height) != (width, height):
+            raise MapError(
+                f"the images of flight {flight.name!r} are {width}x{height}, its camera takes "
+                f"{camera.width}x{camera.height}: correct [camera] in flight.toml"
+            )
         lens = (camera.width, camera.height, camera.focal, *camera.principal_point)
         return self.with_learned(camera=np.array([*lens, np.median(known)], dtype=float))
 
     def frame(self, image: np.ndarray, aiding: Aiding) -> np.ndarray:
         """``(H, W, 3) uint8``: a frame from straight above, as far as `aiding` knows."""
         width, height, focal, *center, usual = self.camera.tolist()
-        tilt = np.array([aiding.roll or 0.0, aiding.pitch or 0.0])
-        yaw = (aiding.yaw or 0.0) if self.turn else 0.0
-        above = aiding.height or usual
+        tilt = np.array([_known(aiding.roll, 0.0), _known(aiding.pitch, 0.0)])
+        yaw = _known(aiding.yaw, 0.0) if self.turn else 0.0
+        above = _known(aiding.height, usual)
         if np.abs(tilt).max() > _STEEPEST or not 1 / _FARTHEST < above / usual < _FARTHEST:
             return image
         if not (tilt.any() or yaw or above != usual):
@@ -144,6 +154,11 @@ class Nadir(View):
             image, np.linalg.solve(seen, level), image.shape[1::-1],
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REFLECT_101,
         )  # fmt: skip
+
+
+def _known(value: float | None, usual: float) -> float:
+    # OpenCV does not come back from a homography of NaN
+    return usual if value is None or not np.isfinite(value) else value
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,6 +182,15 @@ class _Seen:
         kind = type(self.view)
         known = [(each.roll, each.pitch, each.yaw, each.height) for each in self.aiding]
         return digest(
-            self.frames.digest, kind.__qualname__, code_hashes(kind.__module__),
-            self.view.options(), np.array(known, dtype=float), *self.view.arrays().values(),
+            self.frames.digest, kind.__qualname__, code_hashes(__name__),
+            code_hashes(kind.__module__) or _own_code(kind), self.view.options(),
+            np.array(known, dtype=float), *self.view.arrays().values(),
         )  # fmt: skip
+
+
+def _own_code(kind: type[View]) -> Path | str:
+    """What tells the code of a view outside the library apart."""
+    try:
+        return Path(inspect.getfile(kind))
+    except (OSError, TypeError):  # typed into a session: what it counted is not found again
+        return uuid4().hex

@@ -11,7 +11,9 @@ from typing import Any
 import cv2
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.errors import ParameterError
+from trexton.estimate import Estimate
 from trexton.flights.flight import Flight
 from trexton.images import bgr_from_yuv
 from trexton.localizer import Localizer
@@ -88,15 +90,16 @@ def record_replay(
     kept = []
     for row in range(len(flight)):
         frame = flight.image(row) if flight.has_images else _histograms(flight)[row]
+        aiding = flight.aiding(row)
         before = deepcopy(first[1].rng)
-        estimate = first[1].step(frame)
+        estimate = _step(first[1], frame, aiding)
         estimates = {first[0]: estimate.position}
         if estimate.neighbors is not None:
             estimates["neighbours alone"] = estimate.neighbors.position.mean(axis=0)
-        estimates |= {name: each.step(frame).position for name, each in others}
+        estimates |= {name: _step(each, frame, aiding).position for name, each in others}
         if row % every:
             continue
-        truth = flight.position[row]
+        truth, frame = flight.position[row], first[1].view(frame, aiding=aiding)
         neighbors, particles = estimate.neighbors, estimate.particles
         kept.append(
             {
@@ -118,6 +121,11 @@ def record_replay(
             }
         )
     return Recording(flight.name, flight.area, kept, _floor(flight, floor))
+
+
+def _step(localizer: Localizer, frame: np.ndarray, aiding: Aiding) -> Estimate:
+    """By the frame alone, but where the map counts it in a view that asks for attitude."""
+    return localizer.step(frame, aiding=aiding if "view" in localizer.parts else None)
 
 
 def _histograms(flight: Flight) -> np.ndarray:

@@ -44,6 +44,7 @@ _TILT, _HEIGHT = (
     0.07,
     0.1,
 )  # rad, share: what is known of an unmeasured tilt, of an unmeasured height
+_FARTHEST = 10.0  # times the usual height, or a part of it: beyond, the sensor errs
 _BETWEEN = np.array(
     [0.03, 0.03]
 )  # share of the height, rad: height and heading from frame to frame
@@ -125,7 +126,7 @@ class FloorTracker:
         attitude : (3,) array, optional
             Roll, pitch, yaw in radians as the autopilot measured them; NaN for what it cannot.
         height : float, optional
-            Metres above the floor, measured.
+            Metres above the floor, measured; one of another order than usual is not believed.
         places : callable, optional
             Gives ``(k, 2)`` positions in metres where the vehicle may be. Asked when it must be
             looked for on a floor too large to be searched at each frame.
@@ -174,7 +175,7 @@ class FloorTracker:
             measured = np.asarray(attitude, dtype=float)
             known = np.isfinite(measured)
             prior[3:][known], deviation[3:][known] = measured[known], self.attitude_sigma
-        if height is not None:
+        if height is not None and 1 / _FARTHEST < height / self.height < _FARTHEST:
             prior[2], deviation[2] = height, self.height_sigma
         return prior, deviation
 

@@ -27,11 +27,11 @@ class Settings(Options):
     x: str = option("x", "column of x")
     y: str = option("y", "column of y")
     z: str = option("", "column of the height above the floor")
-    yaw: str = option("", "column of the heading")
+    yaw: str = option("", "column of the yaw: anticlockwise, 0 where the picture's top is +y")
     image: str = option("image", "column of the image files, beside the table")
     time_unit: str = option("s", "unit of the stamps", choices=tuple(TIMES))
     unit: str = option("m", "unit of the positions", choices=tuple(LENGTHS))
-    degrees: bool = option(False, "the heading is in degrees")
+    degrees: bool = option(False, "the yaw is in degrees")
 
 
 def recognises(source: Path) -> bool:

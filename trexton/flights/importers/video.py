@@ -34,7 +34,9 @@ class Settings(Options):
     x: str = option("x", "its column of x")
     y: str = option("y", "its column of y")
     z: str = option("", "its column of the height above the floor")
-    yaw: str = option("", "its column of the heading in radians")
+    yaw: str = option(
+        "", "its column of the yaw in radians: anticlockwise, 0 where the picture's top is +y"
+    )
     unit: str = option("m", "unit of the positions", choices=tuple(tables.LENGTHS))
     offset: str = option(
         "estimate", "stamp of the first frame on the table's clock in s, or estimate"
