@@ -52,6 +52,19 @@ def test_every_part_in_the_table_can_be_made_and_is_called_so(role):
         assert type(part).__doc__
 
 
+@pytest.mark.parametrize(
+    "choices",
+    [
+        {"view": "trexton.parts.distances:Hellinger"},
+        {"motion": Hellinger()},
+        {"view": "trexton.parts.view:View"},  # a base does nothing
+    ],
+)
+def test_a_part_of_another_role_is_refused(choices):
+    with pytest.raises(ParameterError, match="expected a subclass of trexton.parts"):
+        changed(compose("paper"), choices)
+
+
 @pytest.mark.parametrize("method", METHODS)
 def test_a_method_names_parts_of_known_roles(method):
     parts = compose(method)

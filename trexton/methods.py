@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from trexton.errors import ParameterError
-from trexton.parts import ROLES, make, name_of
+from trexton.parts import ROLES, check_role, make, name_of
 from trexton.parts.base import Part
 
 __all__ = ["METHODS", "changed", "compose", "parse_choices"]
@@ -85,6 +85,7 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
         if dot:
             continue
         if isinstance(choice, Part):
+            check_role(role, type(choice))
             result[role] = choice
         elif not isinstance(choice, str):
             raise ParameterError(f"{role} is {choice!r}: expected a part or its name")

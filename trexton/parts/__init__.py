@@ -11,7 +11,7 @@ from importlib import import_module
 from trexton.errors import ParameterError
 from trexton.parts.base import Part
 
-__all__ = ["ROLES", "make", "name_of"]
+__all__ = ["ROLES", "check_role", "make", "name_of"]
 
 # role: {name: where the class is}. Loaded when asked for, so that a heavy part costs nothing where
 # it does not fly.
@@ -59,6 +59,31 @@ ROLES: dict[str, dict[str, str]] = {
     },
 }
 
+# Whose subclasses fill a role.
+_BASES = {
+    "distance": "trexton.parts.distances:Distance",
+    "view": "trexton.parts.view:View",
+    "motion": "trexton.parts.motion:MotionModel",
+    "measurement": "trexton.parts.measurement:MeasurementModel",
+    "filter": "trexton.parts.filters:Filter",
+    "resampling": "trexton.parts.resampling:Resampling",
+    "estimation": "trexton.parts.estimation:Estimation",
+    "recovery": "trexton.parts.recovery:Recovery",
+    "calibration": "trexton.parts.calibration:Calibration",
+    "integrity": "trexton.parts.integrity:Integrity",
+}
+
+
+def check_role(role: str, kind: type[Part]) -> None:
+    """Raise `ParameterError` unless a part of this class fills the role."""
+    module, _, attribute = _BASES[role].partition(":")
+    base = getattr(import_module(module), attribute)
+    if not issubclass(kind, base) or kind is base:
+        raise ParameterError(
+            f"{role} is a {kind.__module__}:{kind.__qualname__}: expected a subclass of "
+            f"{module}.{attribute}"
+        )
+
 
 def part_class(role: str, name: str, *, imports: bool = True) -> type[Part]:
     """The class of the part called `name`, an entry of `ROLES` or ``"module:Class"``.
@@ -86,6 +111,7 @@ def part_class(role: str, name: str, *, imports: bool = True) -> type[Part]:
         raise ParameterError(
             f"{role} {name!r} is unknown: choose one of {', '.join(ROLES[role])}, or module:Class"
         )
+    check_role(role, found)
     return found
 
 
