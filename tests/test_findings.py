@@ -99,7 +99,10 @@ def test_landing():
     ],
 )
 def test_map_loss(train, test, words):
-    told = {"correlation": entry(*train), "test_filter": entry(*test)}
+    told = {
+        name: dict(zip(("value", "low", "high"), correlation, strict=True))
+        for name, correlation in (("correlation", train), ("test_filter", test))
+    }
     text = found("map_loss", {"prediction": told | {"sparseness_alone": entry(0.3, 0.2, 0.5)}})
     assert all(each in text for each in words) and "does (0.3 [0.2, 0.5])" in text
     told["sparseness_alone"] = entry(0.1, -0.2, 0.5)
