@@ -10,7 +10,7 @@ from jinja2 import UndefinedError
 from trexton.experiments import EXPERIMENTS, LEDGER
 from trexton.notebook import Given, Page
 from trexton.records import Record
-from trexton.wording import apart, beside, interval, number, percent, times
+from trexton.wording import apart, beside, fixed, interval, number, percent, times
 
 
 def entry(middle, low, high):
@@ -199,6 +199,7 @@ def test_numbers_as_words():
     assert [percent(v) for v in (0.342, 1.0, 0.0, 0.018, 0.05)] == (
         ["34 %", "100 %", "0 %", "1.8 %", "5 %"]
     )
+    assert number(None) == fixed(None, 2) == "–"
     said = ["62 % of", "about as much as", "1.2 times as much as", "twice as much as"]
     assert [beside(v) for v in (0.62, 1.04, 1.2, 2.0)] == said
     assert [times(v) for v in (2.02, 2.1, 31.7)] == ["twice", "2.1 times", "32 times"]

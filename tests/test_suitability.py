@@ -11,6 +11,7 @@ from trexton.suitability import (
     ideal_similarity,
     local_losses,
     smooth,
+    usual_sigma,
 )
 
 
@@ -108,6 +109,11 @@ def test_heat_map_of_a_field_is_as_coarse_as_it_must():
     values, place = np.ones(1), np.array([[2.0, 2.0]])
     assert heat_map(values, place, (0, 5, 0, 4), 0.8).values.shape == (80, 100)  # 5 cm
     assert heat_map(values, place, (0, 430, 0, 415), 0.8).values.shape == (194, 200)
+
+
+def test_over_a_field_sigma_is_a_tenth_of_its_diagonal():
+    found = [usual_sigma(diagonal, 0.8) for diagonal in (7.07, 14.1, 597.3)]
+    assert found == [0.8, 1.0, 60.0]
 
 
 def test_heat_map_fills_the_area_with_whole_cells():

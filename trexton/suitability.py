@@ -25,6 +25,7 @@ __all__ = [
     "ideal_similarity",
     "local_losses",
     "smooth",
+    "usual_sigma",
 ]
 
 _FINEST, _CELLS = 0.05, 200  # side of a cell in metres, cells along a side
@@ -106,6 +107,11 @@ def smooth(
                 axis=1
             )
     return smoothed
+
+
+def usual_sigma(diagonal: float, least: float) -> float:
+    """Metres: `least`, as it served a hall, and over a field a tenth of its diagonal."""
+    return max(least, float(f"{0.1 * diagonal:.1g}"))  # one digit: it is no exact number
 
 
 @dataclass(frozen=True, eq=False)

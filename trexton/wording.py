@@ -29,10 +29,13 @@ __all__ = [
 ]
 
 METRES_FROM = 200  # centimetres: longer distances are told in metres
+UNKNOWN = "–"  # what a record holds no number for, as a correlation with what is constant
 
 
-def number(value: float) -> str:
+def number(value: float | None) -> str:
     """Two or three digits that count, thousands apart."""
+    if value is None:
+        return UNKNOWN
     if abs(value) >= 100:
         return f"{value:,.0f}"
     return f"{value:.3g}" if abs(value) >= 1 else f"{value:.2g}"
@@ -106,9 +109,9 @@ class Tree(dict[str, Any]):
         return super().__getattribute__(name)
 
 
-def fixed(value: float, digits: int = 0) -> str:
+def fixed(value: float | None, digits: int = 0) -> str:
     """A number with so many decimals and thousands apart."""
-    return f"{value:,.{digits}f}"
+    return UNKNOWN if value is None else f"{value:,.{digits}f}"
 
 
 def span(entry: Mapping[str, Any], digits: int = 0) -> str:

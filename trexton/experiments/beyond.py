@@ -19,7 +19,7 @@ from trexton.odometry import VisualOdometry
 from trexton.paper import paper_file
 from trexton.records import Record
 from trexton.streams import stream
-from trexton.suitability import local_losses, smooth
+from trexton.suitability import local_losses, smooth, usual_sigma
 from trexton.wording import beside, number, percent
 
 __all__ = ["VARIANTS", "Flown", "Parameters", "Variant", "finding", "run"]
@@ -27,6 +27,7 @@ __all__ = ["VARIANTS", "Flown", "Parameters", "Variant", "finding", "run"]
 HELD = 4.605  # squared distance within which 90 % of a normal distribution in a plane lie
 WIDE_M = 0.25  # process noise and rank widths of the ablations
 MOST_LAG = 36  # frames
+SIGMA = 0.5  # of the paper's loss, metres
 DRAWS = 50  # of errors as long as they are expected to be, on average
 ATTITUDE_NOISE = np.radians(0.3)  # of the autopilot's roll, pitch and yaw
 
@@ -70,7 +71,12 @@ class Parameters(MapParameters):
     """What can be chosen."""
 
     repeats: int = option(3, "independent runs of every filter that draws", low=1)
-    sigma: float = option(0.5, "width in metres of the paper's ideal similarity", low=0.01)
+    sigma: float = option(
+        0.0,
+        f"width in metres of the paper's ideal similarity; 0 is {SIGMA}, and over a field a tenth "
+        "of its diagonal",
+        low=0,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,11 +165,12 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "field": flown["field"][0].errors(truth),
         "knn": np.hypot(*(np.array(neighbors) - truth).T),
     }
+    sigma = parameters.sigma or usual_sigma(train.diagonal, SIGMA)
     lag = _lag(flown["paper"], truth, float(np.median(np.diff(test.time))))
     values |= {
         "lag": lag["values"],
         "ratio": values["field"]["mean_cm"] / values["paper"]["mean_cm"],
-        "predictor": _predictor(changed["field"], truth, errors, parameters.sigma, parameters.seed),
+        "predictor": _predictor(changed["field"], truth, errors, sigma, parameters.seed),
         "protocol": _protocol(),
         "frames": len(test),
     }

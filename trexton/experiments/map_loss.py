@@ -18,12 +18,19 @@ from trexton.metrics import absolute_errors, block_rows, bootstrap_interval
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
 from trexton.streams import stream
-from trexton.suitability import cosine_similarity, heat_map, ideal_similarity, local_losses, smooth
+from trexton.suitability import (
+    cosine_similarity,
+    heat_map,
+    ideal_similarity,
+    local_losses,
+    smooth,
+    usual_sigma,
+)
 from trexton.wording import interval, number
 
 __all__ = ["finding", "Parameters", "run"]
 
-AUTHORS, SHARE = 0.8, 0.1  # sigma in metres, and over larger areas as a share of their diagonal
+AUTHORS = 0.8  # sigma in metres
 SWEPT = (0.125, 0.25, 0.375, 0.5, 0.75, 1, 1.5, 2, 3, 4)  # times the usual sigma
 PAIRED_FRAMES = 1000  # at most so many, evenly spaced, where all pairs are compared
 GROUPS = 10
@@ -35,8 +42,8 @@ class Parameters(MapParameters):
 
     sigma: float = option(
         0.0,
-        f"of ideal similarity and smoothing, in metres; 0 is the authors' {AUTHORS}, and over "
-        f"large areas {SHARE} of the diagonal",
+        f"of ideal similarity and smoothing, in metres; 0 is the authors' {AUTHORS}, and over a "
+        "field a tenth of its diagonal",
         low=0,
     )
 
@@ -56,7 +63,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     texton_map = map_of(train, parameters)
     histograms, positions = texton_map.histograms, texton_map.positions
-    usual = max(AUTHORS, float(f"{SHARE * train.diagonal:.1g}"))  # a share is no exact number
+    usual = usual_sigma(train.diagonal, AUTHORS)
     sigma = parameters.sigma or usual
     losses = local_losses(histograms, positions, sigma)
     rows = texton_map.training().neighbors(parameters.neighbors, EXCLUDED_SECONDS)
