@@ -214,6 +214,7 @@ class Floor:
 
 @lru_cache(maxsize=2)
 def _painted(name: str, seed: int) -> Floor:
+    # Older than named streams; others would lay other floors, and every figure of every record.
     laid, painted = np.random.default_rng([seed, 1]), np.random.default_rng(seed)
     return Floor(paint_hall(painted, layout(name, laid)))
 
