@@ -6,11 +6,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from pathlib import Path
 
 import cv2
 import numpy as np
 
 from trexton.camera import Camera, MapImage
+from trexton.flights.flight import Flight
 from trexton.localizer import Estimate, TextonMap
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
@@ -36,6 +38,11 @@ def colourful_floor() -> Floor:
     grain = rng.normal(0, 12, (400, 400, 1))
     picture = np.clip(coarse + grain, 0, 255).astype(np.uint8)
     return Floor(MapImage.from_extent(picture, AREA[0], AREA[3], 100.0))
+
+
+def colourful_flight(folder: Path, frames: int = 60) -> Flight:
+    """A survey of that floor, with attitude and height."""
+    return record_flight(folder, frames=frames, every=5, camera=CAMERA, floor=colourful_floor())
 
 
 def room(seed: int = 1, **options) -> Simulator:

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from onboard_tools import CAMERA, colourful_floor
+from onboard_tools import colourful_flight
 
 from trexton.errors import ParameterError
 from trexton.experiments import aiding
 from trexton.figures import aiding as figures
-from trexton.simulator import record_flight
 
 CHOSEN = {"survey": 60, "frames": 24, "textons": 6, "samples": 100, "velocity_cm_s": 0.0}
 
@@ -19,7 +18,7 @@ CHOSEN = {"survey": 60, "frames": 24, "textons": 6, "samples": 100, "velocity_cm
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
     folder = tmp_path_factory.mktemp("aiding") / "flight"
-    return record_flight(folder, frames=60, every=5, camera=CAMERA, floor=colourful_floor())
+    return colourful_flight(folder)
 
 
 @pytest.fixture(scope="module")

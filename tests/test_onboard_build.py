@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import small_flight
-from onboard_tools import CAMERA, colourful_floor, room_map
+from onboard_tools import colourful_flight, room_map
 
 from trexton.cli import main
 from trexton.flights import write_flight
 from trexton.localizer import TextonMap
-from trexton.simulator import record_flight
 
 
 @pytest.fixture
@@ -41,9 +40,7 @@ def test_nothing_is_written_over_what_is_read_and_no_file_twice(outputs, flight,
 
 
 def test_a_view_that_turns_needs_a_heading(tmp_path, capsys):
-    flight = record_flight(
-        tmp_path / "room", frames=30, every=5, camera=CAMERA, floor=colourful_floor()
-    )
+    flight = colourful_flight(tmp_path / "room", frames=30)
     turned = TextonMap.train(
         flight, n_textons=4, rng=np.random.default_rng(1),
         **{"view": "nadir", "view.turn": True},

@@ -10,7 +10,7 @@ from importlib import import_module
 import cv2
 import numpy as np
 import pytest
-from onboard_tools import CAMERA, colourful_floor
+from onboard_tools import CAMERA, colourful_flight, colourful_floor
 
 from trexton.aiding import Aiding
 from trexton.camera import Camera
@@ -18,7 +18,6 @@ from trexton.errors import MapError, ParameterError
 from trexton.histograms import texton_histogram
 from trexton.localizer import Localizer, TextonMap
 from trexton.parts.view import Nadir
-from trexton.simulator import record_flight
 
 LENS = np.array([CAMERA.width, CAMERA.height, CAMERA.focal, *CAMERA.principal_point, 1.0])
 PLACE = np.array([2.0, 2.0])
@@ -37,7 +36,7 @@ def seen_from(height: float, attitude: tuple[float, float, float]) -> np.ndarray
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
     folder = tmp_path_factory.mktemp("view") / "flight"
-    return record_flight(folder, frames=60, every=5, camera=CAMERA, floor=colourful_floor())
+    return colourful_flight(folder)
 
 
 @pytest.fixture(scope="module")

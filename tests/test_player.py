@@ -13,7 +13,7 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 from conftest import small_flight
-from onboard_tools import CAMERA, colourful_floor
+from onboard_tools import colourful_flight
 from small_room import picture_flight
 
 from trexton.cli import main
@@ -25,7 +25,6 @@ from trexton.figures.style import COLORS
 from trexton.localizer import Localizer, TextonMap
 from trexton.patches import gather_patches
 from trexton.player import player_html, record_replay
-from trexton.simulator import record_flight
 
 
 def localizer(texton_map, seed=5, **options):
@@ -85,9 +84,7 @@ def test_patches_are_those_that_the_step_sampled(tmp_path, rng):
 
 
 def test_a_map_in_another_view_is_played_as_it_flies(tmp_path):
-    train = record_flight(
-        tmp_path / "room", frames=60, every=5, camera=CAMERA, floor=colourful_floor()
-    )
+    train = colourful_flight(tmp_path / "room")
     texton_map = TextonMap.train(
         train, n_textons=4, cells=2, rng=np.random.default_rng(1), view="nadir"
     )

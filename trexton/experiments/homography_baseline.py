@@ -17,7 +17,6 @@ from trexton.experiments.stitched import (
     homography_maps,
     locate_all,
     picture_of,
-    stitched_map,
 )
 from trexton.flights.flight import Flight
 from trexton.metrics import summarize
@@ -64,11 +63,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         for name, each in located.items()
     }
     if "drifting" in maps:
-        values["drift"] = {
-            "linked_frames": SAME_PASS_FRAMES,
-            "anchors": FEWEST_ANCHORS,
-            "mosaic_anchors": len(stitched_map(train, parameters.anchors).anchors),
-        }
+        values["drift"] = {"linked_frames": SAME_PASS_FRAMES, "anchors": FEWEST_ANCHORS}
     for name in ("mosaic", "drifting"):
         if name in maps and train.floor is not None:
             _, deviation = floor_residual(maps[name], train.floor)

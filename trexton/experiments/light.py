@@ -7,14 +7,16 @@ from typing import Any
 
 import numpy as np
 
+from trexton.camera import Camera
 from trexton.experiments.beyond import VARIANTS, Flown
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import map_of
 from trexton.experiments.floors import lent_floor
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
+from trexton.parts.base import Area
 from trexton.records import Record
-from trexton.simulator import Effects, Light, Plan, Simulator, random_waypoints
+from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.streams import stream
 from trexton.wording import beside, number, percent
 
@@ -47,7 +49,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         The flight has no floor or camera.
     """
-    lent_floor(train)  # before anything is trained
+    lent = lent_floor(train)  # before anything is trained
     base = map_of(train, parameters)
     maps = {
         name: base.for_method(VARIANTS[name].method).changed(VARIANTS[name].choices)
@@ -57,7 +59,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     lights |= {f"warmth {warmth:g}": (0.0, warmth) for warmth in WARMTHS[1:]}
     errors: dict[str, dict[str, float]] = {}
     for label, (drift, warmth) in lights.items():
-        frames, truth = _flight(train, parameters, drift, Light(warmth=warmth))
+        frames, truth = _flight(train.area, lent, parameters, drift, Light(warmth=warmth))
         errors[label] = _errors(maps, frames, truth, parameters)
     still, moving = errors["drift 0"], errors[f"drift {JUDGED:g}"]
     values: dict[str, Any] = {
@@ -78,12 +80,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _flight(
-    train: Flight, parameters: Parameters, drift: float, light: Light
+    area: Area,
+    lent: tuple[Floor, Camera, float],
+    parameters: Parameters,
+    drift: float,
+    light: Light,
 ) -> tuple[list[np.ndarray], np.ndarray]:
     """Frames and ``(N, 2)`` positions of the path that all lights share."""
-    floor, camera, height = lent_floor(train)
+    floor, camera, height = lent
     plan_rng, simulator_rng = stream(parameters.seed, "light").spawn(2)
-    plan = Plan(random_waypoints(train.area, plan_rng))
+    plan = Plan(random_waypoints(area, plan_rng))
     effects = Effects(exposure=drift).without("jpeg")
     simulator = Simulator(
         floor, camera=camera, effects=effects, light=light, start=plan.start,

@@ -59,29 +59,16 @@ ROLES: dict[str, dict[str, str]] = {
     },
 }
 
-# Whose subclasses fill a role.
-_BASES = {
-    "distance": "trexton.parts.distances:Distance",
-    "view": "trexton.parts.view:View",
-    "motion": "trexton.parts.motion:MotionModel",
-    "measurement": "trexton.parts.measurement:MeasurementModel",
-    "filter": "trexton.parts.filters:Filter",
-    "resampling": "trexton.parts.resampling:Resampling",
-    "estimation": "trexton.parts.estimation:Estimation",
-    "recovery": "trexton.parts.recovery:Recovery",
-    "calibration": "trexton.parts.calibration:Calibration",
-    "integrity": "trexton.parts.integrity:Integrity",
-}
-
 
 def check_role(role: str, kind: type[Part]) -> None:
     """Raise `ParameterError` unless a part of this class fills the role."""
-    module, _, attribute = _BASES[role].partition(":")
-    base = getattr(import_module(module), attribute)
+    module, _, attribute = next(iter(ROLES[role].values())).partition(":")
+    first = getattr(import_module(module), attribute)
+    base = next(each for each in first.__mro__ if Part in each.__bases__)  # of all that fill it
     if not issubclass(kind, base) or kind is base:
         raise ParameterError(
             f"{role} is a {kind.__module__}:{kind.__qualname__}: expected a subclass of "
-            f"{module}.{attribute}"
+            f"{base.__module__}.{base.__qualname__}"
         )
 
 
