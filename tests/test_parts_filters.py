@@ -282,12 +282,14 @@ def test_bad_parameters_are_one_clear_error(build):
 
 @pytest.mark.parametrize("width", [0.05, 0.4, 3.0, 300.0])
 @pytest.mark.parametrize("informed", [0.1, 10.0])
-def test_states_that_bounds_leave_out_could_not_have_won(rng, width, informed):
+@pytest.mark.parametrize("count, times", [(600, 10), (1600, 2)])
+def test_states_that_bounds_leave_out_could_not_have_won(rng, width, informed, count, times):
     motion = RandomWalk.of(np.array([[0.04, 0.01], [0.01, 0.09]]))
-    for _ in range(10):
-        previous = width * 0.2 * rng.standard_normal((600, 2))
-        weights = rng.dirichlet(np.full(600, 0.3))
-        states = motion.sample(previous[rng.choice(600, 500, p=weights)], rng)
-        scores = -informed * np.square(states - width * 0.1).sum(axis=1)
-        expected = np.argmax(scores + motion.density(states, previous, weights))
-        assert motion.likeliest(scores, states, previous, weights) == expected
+    for _ in range(times):
+        previous = width * (7 + 0.2 * rng.standard_normal((count, 2)))
+        weights = rng.dirichlet(np.full(count, 0.3))
+        states = motion.sample(previous[rng.choice(count, count, p=weights)], rng)
+        scores = -informed * np.square(states - width * 7.1).sum(axis=1)
+        density = motion.density(states, previous, weights)
+        assert motion.likeliest(scores, states, previous, weights) == np.argmax(scores + density)
+        assert (motion._by_singles(states, previous, weights) >= density).all()

@@ -6,14 +6,17 @@ So a training that was stopped goes on where it was, and holds no more than a fr
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from trexton.errors import MapError
-from trexton.flights.flight import Flight
 from trexton.histograms import texton_histogram
 from trexton.progress import progress, say
 from trexton.textons import TextonDictionary
+
+if TYPE_CHECKING:
+    from trexton.flights.flight import Flight
 
 __all__ = ["CHUNK", "full_histograms"]
 

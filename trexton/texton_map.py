@@ -11,19 +11,21 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trexton.counting import full_histograms
 from trexton.errors import MapError, ParameterError
 from trexton.files import atomic_file, canonical_json
-from trexton.flights.flight import Flight
 from trexton.map_files import DAMAGE, check_map, read_arrays
 from trexton.methods import changed, compose
 from trexton.parts import name_of, part_class
 from trexton.parts.base import Area, Part, Training
 from trexton.textons import MAX_TEXTONS, TextonDictionary
+
+if TYPE_CHECKING:
+    from trexton.flights.flight import Flight
 
 __all__ = ["TextonMap"]
 

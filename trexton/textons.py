@@ -22,14 +22,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from trexton.errors import ImageError, MapError, ParameterError
-from trexton.flights import Flight
 from trexton.kernels import compiled
 from trexton.patches import draw_patches
+
+if TYPE_CHECKING:
+    from trexton.flights.flight import Flight
 
 __all__ = ["TextonDictionary", "Learning", "learn_textons", "METHODS"]
 

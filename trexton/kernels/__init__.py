@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from importlib import import_module
 from types import ModuleType
@@ -88,6 +87,8 @@ def in_strips(work: Callable[[slice], T], rows: int, threads: int | None = None)
     slices = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
     if strips == 1:
         return [work(slices[0])]
+    from concurrent.futures import ThreadPoolExecutor  # it takes a while to load
+
     with ThreadPoolExecutor(strips - 1) as pool:
         waiting = [pool.submit(work, strip) for strip in slices[1:]]
         return [work(slices[0]), *(future.result() for future in waiting)]

@@ -170,7 +170,7 @@ class ParticleFilter:
     def _weigh(self, states: np.ndarray, observation: Observation) -> None:
         places = self.motion.position(states)
         log_likelihood = self.measurement.log_likelihood(places, observation)
-        peak = log_likelihood.max()
+        peak = log_likelihood.item(log_likelihood.argmax())
         if not peak > _VANISHED:  # also true for NaN
             self._start_again(lost=True)
             return

@@ -87,7 +87,8 @@ class RankMixture(MeasurementModel):
         self._whiten = np.stack(
             [whitener(each, f"rank {j + 1}") for j, each in enumerate(self.covariances)]
         )
-        self._rows = self._whiten.reshape(-1, 2)  # whitens for all ranks at once
+        # Whitens for all ranks at once: first what is x of all, then y.
+        self._rows = np.concatenate((self._whiten[:, 0], self._whiten[:, 1]))
         self._log_norm = (np.log(np.abs(np.linalg.det(self._whiten))) - np.log(2 * np.pi))[:, None]
 
     def first(self, neighbors: int) -> Self:
@@ -126,9 +127,10 @@ class RankMixture(MeasurementModel):
                 f"expected ({self.neighbors}, 2), one position for each rank"
             )
         deviation = self._rows.dot(places.T)
-        deviation -= np.matmul(self._whiten, positions[..., None]).reshape(-1, 1)
+        deviation -= np.matmul(self._whiten, positions[..., None]).T.reshape(-1, 1)
         deviation *= deviation
-        exponent = deviation[::2] + deviation[1::2]  # (k, M)
+        exponent = deviation[: self.neighbors]  # (k, M)
+        exponent += deviation[self.neighbors :]
         exponent *= -0.5
         exponent += self._log_norm
         peak = np.maximum.reduce(exponent)

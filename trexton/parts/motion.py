@@ -23,10 +23,12 @@ _MINUS_HALF = np.array([-0.5, -0.5])
 # Particles further apart than this log density count as this far: denormal numbers would take ten
 # times as long.
 _FAR = -500.0
-_WORTH_BOUNDS = 500**2  # pairs of particles; fewer are gone through before bounds are found
 _SQUARE = 0.4  # side of the squares on which bounds are found, in deviations of the process
 _MOST_SQUARES = 400  # a side
-_LOOKED_AT = 64  # particles of the highest bounds, which the others must be able to beat
+# Pairs of particles from which a bound is worth its time, and how many particles of the highest
+# bounds are looked at for what the others must be able to beat.
+_BY_SQUARES, _BY_SINGLES = (1500**2, 64), (250**2, 4)
+_TINY = np.float32(1e-37)  # below it a number in single precision is denormal, or zero
 
 
 @dataclass(eq=False)
@@ -49,7 +51,7 @@ class MotionModel(Part):
         self, scores: np.ndarray, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
     ) -> int:
         """Row of the state whose score, ``(M,)``, and `density` together are highest."""
-        return int(np.argmax(scores + self.density(states, previous, weights)))
+        return int((scores + self.density(states, previous, weights)).argmax())
 
     def position(self, states: np.ndarray) -> np.ndarray:
         """``(M, 2)`` metres."""
@@ -119,52 +121,67 @@ class RandomWalk(MotionModel):
         return grown
 
     def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
-        # -|a - b|^2 / 2 of all pairs is one product of [a, -|a|^2 / 2, 1] with [b, 1, -|b|^2 / 2].
-        count = len(states)
-        both = np.concatenate((states, previous))
-        both -= previous[0]  # keeps the squares small, and so exact
-        features = np.empty((len(both), 4))
-        white = np.dot(both, self._whiten.T, out=both)
-        features[:, :2], features[:, 2:] = white, 1
-        squares = np.dot(white * white, _MINUS_HALF)
-        features[:count, 2], features[count:, 3] = squares[:count], squares[count:]
+        pairs, half = self._features(states, previous)
         # No pair is further apart than twice the length of the longest vector.
-        near = 4 * squares.min() > _FAR
-        density = np.empty(count)
-        rows = min(count, max(1, _PAIRS // len(previous)))
-        blocks = range(0, count, rows)
+        return np.log(_summed(*pairs, weights, None if 4 * half < -_FAR else _FAR))
 
-        def work(part: slice) -> None:
-            buffer = np.empty((rows, len(previous)))
-            for first in blocks[part]:
-                block = features[first : min(first + rows, count)]
-                pairs = np.matmul(block, features[count:].T, out=buffer[: len(block)])
-                if not near:
-                    np.maximum(pairs, _FAR, out=pairs)
-                np.exp(pairs, out=pairs)
-                np.dot(pairs, weights, out=density[first : first + len(block)])
-
-        if len(blocks) < _WORTH_THREADS:
-            work(slice(None))
-        else:
-            in_strips(work, len(blocks))
-        return np.log(density, out=density)
+    def _features(
+        self, states: np.ndarray, previous: np.ndarray
+    ) -> tuple[tuple[np.ndarray, np.ndarray], float]:
+        """``(M, 4)`` and ``(4, N)`` whose product is -|a - b|^2 / 2 of all whitened pairs; the
+        largest |a|^2 / 2 of either.
+        """
+        count = len(states)
+        white = np.concatenate((states, previous))
+        white -= previous[0]  # keeps the squares small, and so exact
+        white = white.dot(self._whiten.T)
+        left, right = np.empty((count, 4)), np.empty((4, len(previous)))
+        left[:, :2], left[:, 3] = white[:count], 1
+        right[:2], right[2] = white[count:].T, 1
+        white *= white
+        squares = white.dot(_MINUS_HALF)
+        left[:, 2], right[3] = squares[:count], squares[count:]
+        return (left, right), -squares.item(squares.argmin())
 
     def likeliest(
         self, scores: np.ndarray, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
     ) -> int:
         """See `MotionModel.likeliest`; states that cannot win by a bound are not looked at."""
-        few = len(states) * len(previous) < _WORTH_BOUNDS or len(states) <= _LOOKED_AT
-        bound = None if few else self._at_most(states, previous, weights)
-        if bound is None:
+        if len(states) * len(previous) < min(_BY_SQUARES[0], _BY_SINGLES[0]):
             return super().likeliest(scores, states, previous, weights)
-        bound += scores
-        rows = np.argpartition(bound, -_LOOKED_AT)[-_LOOKED_AT:]
-        beaten = (scores[rows] + self.density(states[rows], previous, weights)).max()
-        rows = np.flatnonzero(bound >= beaten)
+        rows = np.arange(len(states))
+        for bound, (worth, few) in (
+            (self._by_squares, _BY_SQUARES),
+            (self._by_singles, _BY_SINGLES),
+        ):
+            if len(rows) * len(previous) < worth or len(rows) <= few:
+                continue
+            at_most = bound(states[rows], previous, weights)
+            if at_most is None:
+                continue
+            at_most += scores[rows]
+            highest = rows[np.argpartition(at_most, -few)[-few:]]
+            beaten = scores[highest] + self.density(states[highest], previous, weights)
+            rows = rows[at_most >= beaten.max()]
         return int(rows[super().likeliest(scores[rows], states[rows], previous, weights)])
 
-    def _at_most(
+    def _by_singles(
+        self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
+    ) -> np.ndarray:
+        """``(M,)`` upper bounds of `density`: itself in single precision, and how far that errs."""
+        (left, right), half = self._features(states, previous)
+        found = _summed(
+            left.astype(np.float32), right.astype(np.float32), weights.astype(np.float32), None
+        )
+        found += _TINY
+        # Rounded are four products that make 4 half at most, a sum of N, an exponential and its
+        # logarithm, which is 90 at most.
+        steps = 40 * half + len(previous) + 100
+        at_most: np.ndarray = np.log(found).astype(float)
+        at_most += steps * float(np.finfo(np.float32).eps)
+        return at_most
+
+    def _by_squares(
         self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
     ) -> np.ndarray | None:
         """``(M,)`` upper bounds of `density`; None where particles are too far apart for them.
@@ -186,6 +203,39 @@ class RandomWalk(MotionModel):
         bounds = np.log(masses + np.exp(_FAR)).ravel()[numbers[: len(states)]]
         found: np.ndarray = bounds + 1e-9  # sums are rounded
         return found
+
+
+def _summed(
+    left: np.ndarray, right: np.ndarray, weights: np.ndarray, least: float | None
+) -> np.ndarray:
+    """``(M,)`` exp(left right) weights, exponents raised to `least`, a block of pairs at a time."""
+
+    def work_on(block: np.ndarray, pairs: np.ndarray | None, sums: np.ndarray | None) -> np.ndarray:
+        pairs = block.dot(right, pairs)
+        if least is not None:
+            np.maximum(pairs, least, out=pairs)
+        np.exp(pairs, out=pairs)
+        summed: np.ndarray = pairs.dot(weights, sums)
+        return summed
+
+    count, others = len(left), len(weights)
+    if count * others <= _PAIRS:
+        return work_on(left, None, None)
+    found = np.empty(count, left.dtype)
+    rows = max(1, _PAIRS // others)
+    blocks = range(0, count, rows)
+
+    def work(part: slice) -> None:
+        buffer = np.empty((rows, others), left.dtype)
+        for first in blocks[part]:
+            block = left[first : first + rows]
+            work_on(block, buffer[: len(block)], found[first : first + len(block)])
+
+    if len(blocks) < _WORTH_THREADS:
+        work(slice(None))
+    else:
+        in_strips(work, len(blocks))
+    return found
 
 
 def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:

@@ -30,13 +30,16 @@ class Wheel(Resampling):
     """
 
     def indices(self, weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-        start = rng.integers(len(weights))
+        count = len(weights)
+        start = rng.integers(count)
         ends = weights.cumsum()
-        travelled = rng.random(len(weights)).cumsum() * (2 * weights.max())
-        places = travelled + (ends[start] - weights[start])
-        places -= np.floor(places / ends[-1]) * ends[-1]
-        drawn: np.ndarray = np.minimum(ends.searchsorted(places, side="left"), len(weights) - 1)
-        return drawn
+        around = ends.item(-1)
+        places = rng.random(count).cumsum()
+        places *= 2 * weights.item(weights.argmax())
+        places += ends.item(start) - weights.item(start)
+        places -= np.floor(places / around) * around
+        drawn: np.ndarray = ends.searchsorted(places, side="left")
+        return np.minimum(drawn, count - 1, out=drawn)
 
 
 @dataclass(eq=False)
