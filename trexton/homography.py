@@ -122,7 +122,7 @@ class HomographyLocalizer:
         Size at which frames are searched for keypoints; 0.5 takes about a third of the time and
         loses some frames.
     keypoints : int
-        Most keypoints of a frame of full size, the strongest; a quarter of them at half size.
+        Most keypoints of a frame, the strongest.
     map_keypoints : int
         Most keypoints of the map, the strongest.
     ratio : float
@@ -188,9 +188,7 @@ class HomographyLocalizer:
     def describe(self, image: np.ndarray) -> Keypoints:
         """The keypoints of a frame, the longest part of locating it; the same for every map."""
         luma = cv2.extractChannel(check_image(image), 0)
-        # As many of each pixel that is searched, at any scale.
-        limit = max(4, round(self.keypoints * self.scale**2))
-        return detect_keypoints(luma, scale=self.scale, limit=limit)
+        return detect_keypoints(luma, scale=self.scale, limit=self.keypoints)
 
     def fix(self, frame: Keypoints, shape: tuple[int, int]) -> HomographyFix:
         """Locate a frame of `shape` (rows, columns) by its keypoints."""
