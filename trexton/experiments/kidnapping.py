@@ -37,6 +37,7 @@ FILTERS: dict[str, tuple[str, dict[str, object]]] = {
 }
 IN_TIME_S = 3.0
 SETTLED = 25  # frames, two seconds, in which the filter finds the vehicle for the first time
+FAR = 2.0  # tolerances: a frame so far off is elsewhere, and not beside its place
 SHARES = np.round(
     np.arange(0.1, 1.51, 0.05), 2
 )  # of ignorance, at which the vehicle could be called lost
@@ -76,7 +77,6 @@ class Parameters(MapParameters):
     """What can be chosen."""
 
     kidnappings: int = option(200, "independent ones, the same for each filter", low=1)
-    field_kidnappings: int = option(30, "of these, flown with the field, which takes longer", low=1)
     patience_s: float = option(10.0, "seconds that the filter has to find the vehicle again", low=0)
     tolerance: float = option(1.0, "metres of error that count as found", low=0)
     consecutive: int = option(5, "frames in a row within the tolerance", low=1)
@@ -107,7 +107,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             texton_map.for_method(method),
             histograms,
             test.position,
-            plan[: parameters.field_kidnappings] if method == "field" else plan,
+            plan,
             patience,
             choices,
             samples=parameters.samples if test.has_images else None,
@@ -126,7 +126,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "lost_share": LOST_SHARE,
             "counts": {
                 "kidnappings": len(plan),
-                "field": min(len(plan), parameters.field_kidnappings),
                 "train": len(texton_map.positions),
                 "test": len(test),
             },
@@ -235,23 +234,28 @@ def _values(
 def _lost(
     trials: list[Trial], flags: list[np.ndarray], found: list[int | None], tolerance: float
 ) -> dict[str, Any]:
-    """How well "lost" is told: in which share of kidnappings, of wrong frames until found, of calm
-    frames.
+    """How well "lost" is told: in which share of kidnappings, of wrong frames until found, of those
+    that are far off, of calm frames.
     """
-    declared, wrongs, calms, errors = [], [], [], []
+    declared, wrongs, fars, calms, errors = [], [], [], [], []
     for trial, lost, frames in zip(trials, flags, found, strict=False):
         end = len(trial.error) if frames is None else trial.cut + frames
         if end > trial.cut:
             declared.append(bool(lost[trial.cut : end].any()))
-            wrongs.append(lost[trial.cut : end][trial.error[trial.cut : end] >= tolerance])
+            error = trial.error[trial.cut : end]
+            wrongs.append(lost[trial.cut : end][error >= tolerance])
+            fars.append(lost[trial.cut : end][error >= FAR * tolerance])
         calms.append(lost[trial.calm])
         errors.append(trial.error[trial.calm])
     calm, calm_error = np.concatenate(calms), np.concatenate(errors)
-    wrong, right = np.concatenate([[], *wrongs]), calm_error < tolerance
+    wrong, far = np.concatenate([[], *wrongs]), np.concatenate([[], *fars])
+    right = calm_error < tolerance
     return {
         "declared_rate": success_rate(sum(declared), len(declared)),
         "wrong_frames_rate": wrong.mean() if len(wrong) else None,
         "wrong_frames": len(wrong),
+        "far_frames_rate": far.mean() if len(far) else None,
+        "far_frames": len(far),
         "calm_frames_rate": calm.mean(),
         "right_frames_rate": calm[right].mean() if right.any() else None,
         "calm_error_cm": {

@@ -24,8 +24,7 @@ def time_to_recover(record: Record) -> Figure:
         plot = axes[0, 0]
         for name, (label, color, style) in _FILTERS.items():
             times = np.array(record.series[name]["recovery_s"])
-            total = counts["field" if name == "field" else "kidnappings"]
-            found = 100 * np.arange(1, len(times) + 1) / total
+            found = 100 * np.arange(1, len(times) + 1) / counts["kidnappings"]
             plot.step(
                 [0, *times, patience],
                 [0, *found, found[-1] if len(found) else 0],
