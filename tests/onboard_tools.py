@@ -65,6 +65,21 @@ def room_map() -> TextonMap:
     return replace(texton_map, period_s=0.08, parts=texton_map.parts | {"motion": walk})
 
 
+@lru_cache
+def field_map() -> TextonMap:
+    """A map of the room for method ``field``, from a survey at the rate of a live camera."""
+    import tempfile
+
+    with tempfile.TemporaryDirectory() as folder:
+        flight = record_flight(
+            f"{folder}/survey", frames=800, seed=1, camera=CAMERA, floor=colourful_floor()
+        )
+        return TextonMap.train(
+            flight, method="field", n_textons=16, rng=np.random.default_rng(1),
+            **{"motion.agility": 1.0},
+        )  # fmt: skip
+
+
 def make_fix(
     time: float = 1.0, position=(0.0, 0.0), covariance=((0.04, 0.0), (0.0, 0.09)), **more
 ) -> Fix:

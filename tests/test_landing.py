@@ -107,7 +107,7 @@ def test_it_lands_before_the_middle_where_the_vehicle_flies_towards_it():
 
 
 def test_less_is_asked_for_as_the_time_runs_out():
-    zone = TouchdownZone((0, 0), 0.6, confidence=0.9, least=0.8, time_limit=60)
+    zone = TouchdownZone((0, 0), 0.6, confidence=0.9, least=0.8, time_limit=60, settled_s=0)
     near = moving((0.4, 0.0))
     assert 0.8 < zone.chance(near) < 0.9
     assert not zone.update(near, 5.0)
@@ -128,18 +128,29 @@ def test_a_chance_that_still_grows_is_waited_for():
 def test_after_a_jump_it_waits_until_the_estimates_have_settled():
     zone = TouchdownZone((0, 0), 0.6, settled_s=1.5)
     here, elsewhere = moving((0, 0)), moving((3, 0))
-    assert zone.update(here, 0.0) and zone.update(here, 0.08)
-    assert not zone.update(elsewhere, 0.16)
-    assert not zone.update(here, 0.24)  # it has jumped back, which is a jump too
-    assert not zone.update(here, 1.70)
-    assert zone.update(here, 1.80)
-    zone.update(elsewhere, 1.9)
+    assert not zone.update(here, 0.0)  # where it was before nobody knows
+    assert zone.update(here, 1.5) and zone.update(here, 1.58)
+    assert not zone.update(elsewhere, 1.66)
+    assert not zone.update(here, 1.74)  # it has jumped back, which is a jump too
+    assert not zone.update(here, 3.20)
+    assert zone.update(here, 3.30)
     zone.reset()
-    assert zone.update(here, 2.0)
+    assert not zone.update(here, 3.4)
+    assert zone.update(here, 4.9)
+
+
+def test_a_lost_estimate_must_settle_too_and_one_that_was_only_predicted_need_not():
+    zone = TouchdownZone((0, 0), 0.6, settled_s=1.5)
+    here = moving((0, 0))
+    assert not zone.update(here, 0.0) and zone.update(here, 2.0)
+    assert not zone.update(moving((0, 0), observed=False), 2.1)
+    assert zone.update(here, 2.2)
+    assert not zone.update(moving((0, 0), lost=True), 2.3)
+    assert not zone.update(here, 2.4) and zone.update(here, 3.9)
 
 
 def test_a_vehicle_that_flies_on_does_not_jump():
-    zone = TouchdownZone((0, 0), 0.6, drift_s=0, later_s=0)
+    zone = TouchdownZone((0, 0), 0.6, drift_s=0, later_s=0, settled_s=0.5)
     path = [moving((x, 0), (10.0, 0)) for x in np.arange(-8.0, 0.1, 0.8)]
     assert any(zone.update(each, 0.08 * row) for row, each in enumerate(path))
     standing = [moving((x, 0)) for x in np.arange(-8.0, 0.1, 0.8)]

@@ -53,6 +53,14 @@ def test_a_view_that_turns_needs_a_heading(tmp_path, capsys):
         assert main([*words, "--aiding", aiding]) == 0
 
 
+def test_a_predicted_touchdown_needs_a_method_that_knows_its_velocity(flight, capsys):
+    folder, path = flight
+    words = ["onboard", str(path), "--camera", str(folder), "--land", "0,0"]
+    assert main([*words, "--trigger", "touchdown"]) == 1
+    said = capsys.readouterr().err
+    assert "needs a velocity, which method 'paper' does not estimate" in said
+
+
 def test_the_log_neither(flight, tmp_path, capsys):
     folder, path = flight
     words = ["--output", f"csv:{tmp_path}/a", "--log", f"{tmp_path}/a"]

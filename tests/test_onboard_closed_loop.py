@@ -13,7 +13,7 @@ import time
 
 import numpy as np
 import pytest
-from onboard_tools import CAMERA, room, room_map
+from onboard_tools import CAMERA, field_map, room, room_map
 from patience import eventually
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
@@ -32,14 +32,14 @@ def film(stream, picture: np.ndarray) -> None:
 class Flight:
     """The vehicle over the room, whose camera the script watches through a pipe."""
 
-    def __init__(self, folder, autopilot, simulator, *more: str):
+    def __init__(self, folder, autopilot, simulator, *more: str, texton_map=None):
         self.simulator, self._log = simulator, folder / "log"
         camera = folder / "camera.y4m"
         os.mkfifo(camera)
         self.script = subprocess.Popen(
             [
                 *(sys.executable, "-m", "trexton.cli", "onboard"),
-                str(room_map().save(folder / "map.npz")),
+                str((texton_map or room_map()).save(folder / "map.npz")),
                 *("--camera", str(camera), "--rate", "50", "--log", str(self._log)),
                 *("--output", f"udpout:127.0.0.1:{autopilot.port}"),
                 *("--land", f"{ZONE[0]},{ZONE[1]}", "--radius", "1.0", "--spread", "0.8"),
@@ -111,6 +111,23 @@ def test_landing_over_mavlink(manner, tmp_path):
     else:
         assert "LANDING" not in states and not simulator.state.landed
     check_positions(autopilot, simulator)
+
+
+def test_a_predicted_touchdown_lands_in_the_zone(tmp_path):
+    simulator = room(11, start=(0.8, 3.2))
+    autopilot = Autopilot("accepts", simulator.vehicle.land)
+    flight = Flight(
+        tmp_path, autopilot, simulator, "--trigger", "touchdown", texton_map=field_map()
+    )
+    try:
+        assert flight.fly_until(lambda: simulator.state.landed)
+        events = flight.end()
+    finally:
+        flight.close()
+        autopilot.close()
+    states = [event["state"] for event in events if event["event"] == "landing"]
+    assert states[:2] == ["asked to land, no answer yet", "LANDING"]
+    assert np.hypot(*(simulator.state.position[:2] - ZONE)) < 1.0
 
 
 def test_it_dies_and_starts_anew_among_others(tmp_path):

@@ -35,6 +35,27 @@ class Autopilot:
         self.queue.append(type("Answer", (), {"command": command, "result": result}))
 
 
+class Elapsed(LandingZone):
+    """Remembers when it was asked."""
+
+    def __init__(self):
+        super().__init__(INSIDE)
+        self.asked = []
+
+    def update(self, estimate, elapsed_s=0.0):
+        self.asked.append(elapsed_s)
+        return False
+
+
+def test_the_zone_is_told_the_time_of_the_frames_since_the_search_began():
+    zone = Elapsed()
+    commander = Commander(zone, [], [].append)
+    for now, more in ((7.0, {"lost": True}), (8.0, {}), (8.5, {"observed": False}), (9.0, {})):
+        estimate = make_estimate(INSIDE, (0.2, 0.2), more.get("lost", False))
+        commander.update(estimate, make_fix(now, INSIDE, **more), now)
+    assert zone.asked == [0.0, 0.5, 1.0]
+
+
 class Flight:
     """A commander and the estimates it is fed, 0.1 s apart."""
 

@@ -102,7 +102,8 @@ class TouchdownZone(LandingZone):
     the circle must be high at first, and may be lower as the time runs out: a late landing at the
     edge is worth more than none. And a chance that is still growing is waited for: a vehicle on its
     way to the middle would else come down at the edge. Vehicles do not jump: after an estimate that
-    does, to where a floor looks alike or back from there, nothing is triggered for a while.
+    does, to where a floor looks alike or back from there, and after one that is lost, nothing is
+    triggered for a while.
 
     Parameters
     ----------
@@ -121,7 +122,8 @@ class TouchdownZone(LandingZone):
     later_s : float
         Seconds after which the chance must not be better than now.
     settled_s : float
-        Seconds for which no estimate may have lain elsewhere than the one before it foretold.
+        Seconds for which no estimate may have been lost, or elsewhere than the one before it
+        foretold.
     consecutive : int
         Number of estimates in a row that must agree.
 
@@ -139,7 +141,7 @@ class TouchdownZone(LandingZone):
         drift_s: float = 0.5,
         gust: float = 0.14,
         confidence: float = 0.9,
-        least: float = 0.6,
+        least: float = 0.8,
         time_limit: float = 60.0,
         later_s: float = 0.25,
         settled_s: float = 1.5,
@@ -167,7 +169,7 @@ class TouchdownZone(LandingZone):
         self.confidence, self.least = float(confidence), float(least)
         self.later_s, self.settled_s = float(later_s), float(settled_s)
         self._before: tuple[float, Estimate] | None = None
-        self._jumped_s = -math.inf
+        self._unsettled_s = 0.0
 
     def chance(self, estimate: Estimate, later_s: float = 0.0) -> float:
         """Chance that a landing triggered now, or so much later, touches down in the circle."""
@@ -190,16 +192,16 @@ class TouchdownZone(LandingZone):
 
     def update(self, estimate: Estimate, elapsed_s: float = 0.0) -> bool:
         """See `LandingZone.update`; never while the estimates have not settled."""
-        if self._before is not None and self._jumped(*self._before, estimate, elapsed_s):
-            self._jumped_s = elapsed_s
-        self._before = elapsed_s, estimate
+        before, self._before = self._before, (elapsed_s, estimate)
+        if before is None or estimate.lost or self._jumped(*before, estimate, elapsed_s):
+            self._unsettled_s = elapsed_s
         wanted = super().update(estimate, elapsed_s)
-        return wanted and elapsed_s - self._jumped_s >= self.settled_s
+        return wanted and elapsed_s - self._unsettled_s >= self.settled_s
 
     def reset(self) -> None:
         """Forget the estimates so far."""
         super().reset()
-        self._before, self._jumped_s = None, -math.inf
+        self._before = None
 
     def _jumped(self, before_s: float, before: Estimate, estimate: Estimate, now_s: float) -> bool:
         """Whether an estimate lies beyond what is likely after the one before."""

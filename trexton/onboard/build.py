@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from trexton.errors import MapError, ParameterError
+from trexton.landing import TouchdownZone
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import parse_choices
 from trexton.onboard.commander import Lander
@@ -49,6 +50,11 @@ def build(settings: Settings) -> Onboard:
         raise ParameterError(
             "the map's view turns frames by their yaw, which --aiding tilt leaves out: add "
             "--aiding all, or train without view.turn"
+        )
+    if isinstance(zone, TouchdownZone) and not localizer.parts["filter"].knows_velocity:
+        raise ParameterError(
+            f"--trigger touchdown needs a velocity, which method {localizer.map.method!r} does not "
+            "estimate: take --trigger inside, or a map for method field or fine"
         )
     tally = Tally()
     view = View(texton_map.image_shape, texton_map.period_s, flying.seed)

@@ -92,12 +92,13 @@ class Commander:
         self._asked_at = -np.inf
         self._ask_at = -np.inf
         self._outside_since: float | None = None
+        self._began: float | None = None  # the search, on the clock that stamps the frames
 
     def update(self, estimate: Estimate, fix: Fix, now: float) -> State:
         """Take in the latest estimate and whatever answers have come; `now` in seconds, on the
         clock that `Fix.captured` is of."""
         fresh = fix.usable and fix.observed and fix.age(now) <= STALE_AFTER
-        inside = self._inside(estimate, fresh)
+        inside = self._inside(estimate, fix, now)
         self._take_answers(now)
         self._take_landed_state()
         if self._left(fix, fresh, now):
@@ -110,11 +111,13 @@ class Commander:
             self._become(State.WATCHING, "the conditions no longer hold")
         return self.state
 
-    def _inside(self, estimate: Estimate, fresh: bool) -> bool:
-        if not fresh:
+    def _inside(self, estimate: Estimate, fix: Fix, now: float) -> bool:
+        if not fix.usable or fix.age(now) > STALE_AFTER:
             self.zone.reset()
             return False
-        return self.zone.update(estimate)
+        if self._began is None:
+            self._began = fix.time
+        return self.zone.update(estimate, fix.time - self._began)
 
     def _left(self, fix: Fix, fresh: bool, now: float) -> bool:
         """Whether the vehicle has been outside long enough for the visit to be over."""

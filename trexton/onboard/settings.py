@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from trexton.errors import ParameterError
-from trexton.landing import LandingZone
+from trexton.landing import LandingZone, TouchdownZone
 from trexton.onboard.aids import AIDS
 from trexton.onboard.edges import Edge
 from trexton.onboard.local import LocalFrame
@@ -66,8 +66,18 @@ class Landing(Options):
 
     land: str | None = option(None, "X,Y of the landing zone's centre on the map, metres")
     radius: float = option(0.6, "its radius in metres")
-    spread: str = option("0.6", "largest spread of the position in metres, one number or X,Y")
-    consecutive: int = option(3, "estimates in a row that must agree", low=1)
+    trigger: str = option(
+        "inside",
+        "what permits it: a position inside, as in the paper, or a touchdown that will probably be",
+        choices=("inside", "touchdown"),
+    )
+    spread: str = option("0.6", "largest spread of a position inside, metres, one number or X,Y")
+    land_within: float = option(
+        60.0, "seconds over which a less probable touchdown comes to do", low=1
+    )
+    consecutive: int | None = option(
+        None, "estimates in a row that must agree: 3, for a touchdown 1", low=1
+    )
     arm_landing: bool = option(False, "command the landing; without it, it is only said")
 
     def zone(self, area: tuple[float, float, float, float]) -> LandingZone | None:
@@ -86,7 +96,11 @@ class Landing(Options):
                 f"--land {self.land}: outside the map, which reaches from x {x_min:g} to "
                 f"{x_max:g} m and y {y_min:g} to {y_max:g} m: give a place on it"
             )
-        return LandingZone((x, y), self.radius, spread, self.consecutive)
+        if self.trigger == "touchdown":
+            return TouchdownZone(
+                (x, y), self.radius, time_limit=self.land_within, consecutive=self.consecutive or 1
+            )
+        return LandingZone((x, y), self.radius, spread, self.consecutive or 3)
 
 
 def numbers(flag: str, text: str, counts: tuple[int, ...]) -> tuple[float, ...]:

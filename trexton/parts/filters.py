@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -51,6 +51,8 @@ class RunningFilter(Protocol):
 @dataclass(eq=False)
 class Filter(Part):
     """Base of all filters: a part that opens a `RunningFilter` for each localizer."""
+
+    knows_velocity: ClassVar[bool] = False  # its estimates bear one
 
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
@@ -44,6 +44,7 @@ class Registration(Filter):
         Standard deviations of the autopilot's attitude (radians) and height (metres), if they come.
     """
 
+    knows_velocity: ClassVar[bool] = True
     picture: str = "auto"
     attitude_sigma: float = 0.007
     height_sigma: float = 0.02

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -50,6 +50,7 @@ class Tracks(Filter):
         Standard deviation in m/s along an axis of a velocity that comes with a frame.
     """
 
+    knows_velocity: ClassVar[bool] = True
     tracks: int = 5
     velocity_sigma: float = 0.1
 
