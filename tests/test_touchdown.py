@@ -14,6 +14,7 @@ from trexton.simulator import record_flight
 
 OPTIONS = {
     "flights": 2, "time_limit": 4.0, "armed_after": 1.0, "samples": 100, "textons": 8, "seed": 5,
+    "bounds": 3,
 }  # fmt: skip
 
 
@@ -39,6 +40,13 @@ def test_counts_and_rates_agree_with_the_series(record):
         assert all(1.0 < wait <= 12.08 for wait in series["wait_s"])
 
 
+def test_who_asks_for_more_lands_less_often(record):
+    bounds = record.values["bounds"]
+    assert [(each["confidence"], each["least"]) for each in bounds] == list(touchdown.CHANCES)
+    assert all(each["attempts"] == 3 for each in bounds)
+    assert bounds[0]["landings"] >= bounds[-1]["landings"]
+
+
 def test_coarse_to_fine_knows_where_it_is_when_it_lands(record):
     fine = record.values["landers"]["fine"]
     assert fine["landings"] >= 1 and fine["trigger_error_cm"] < 2
@@ -51,4 +59,7 @@ def test_the_page_shows_the_record(record):
     ]
     assert f"{record.values['landers']['fine']['landings']} of 2" in touchdown.finding(record)
     assert len(figures.targets(record).axes) == len(touchdown.LANDERS)
+    assert len(figures.bounds(record).axes[0].texts) == sum(
+        each["landings"] > 0 for each in record.values["bounds"]
+    )
     assert len(figures.waiting(record).axes[0].lines) == len(touchdown.LANDERS)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
@@ -14,7 +15,7 @@ from trexton.figures.style import COLORS, canvas, landed
 from trexton.records import Record
 from trexton.wording import span
 
-__all__ = ["table", "targets", "waiting"]
+__all__ = ["bounds", "table", "targets", "waiting"]
 
 _LINES = {
     "paper": (COLORS["paper"], "-"),
@@ -72,6 +73,42 @@ def waiting(record: Record) -> Figure:
         )  # fmt: skip
         figure.legend(loc="outside upper center", ncols=3)
     return figure
+
+
+def bounds(record: Record) -> Figure:
+    """Landings inside against flights landed, for the chances the true position may ask for, and
+    for each method.
+    """
+    with canvas(size=(7.2, 3.6)) as (figure, axes):
+        plot = axes[0, 0]
+        asked = [each for each in record.values["bounds"] if each["inside_rate"]]
+        landed_at, inside_at = _rates(plot, asked, COLORS["truth"])
+        plot.plot(landed_at, inside_at, color=COLORS["truth"], linestyle="--",
+                  label="The true position, by what it asks for")  # fmt: skip
+        for each, *place in zip(asked, landed_at, inside_at, strict=True):
+            plot.annotate(f"{each['confidence']} to {each['least']}", place, (4, 4),
+                          textcoords="offset points", fontsize=7)  # fmt: skip
+        for name, marker in zip(("field", "field_odometry", "fine"), "os^", strict=True):
+            values = record.values["landers"][name]
+            if values["inside_rate"]:
+                x, y = _rates(plot, [values], _LINES[name][0])
+                plot.plot(x, y, marker, color=_LINES[name][0], label=LANDERS[name][0])
+        plot.set(xlabel="landed (% of flights)", ylabel="inside (% of landings)")
+        figure.legend(loc="outside upper center", ncols=2)
+    return figure
+
+
+def _rates(plot: Axes, summaries: list[dict[str, Any]], color: str) -> list[list[float]]:
+    """Flights landed and landings inside, per cent, their intervals drawn."""
+    places = []
+    for rates in ([each[key] for each in summaries] for key in ("landed_rate", "inside_rate")):
+        middle = [100 * rate["median"] for rate in rates]
+        reach = [[100 * abs(rate[end] - rate["median"]) for rate in rates]
+                 for end in ("low", "high")]  # fmt: skip
+        places.append((middle, reach))
+    (x, across), (y, along) = places
+    plot.errorbar(x, y, along, across, fmt="none", color=color, alpha=0.35, linewidth=0.8)
+    return [x, y]
 
 
 def table(record: Record) -> pd.DataFrame:
