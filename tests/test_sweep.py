@@ -74,6 +74,19 @@ def test_the_plan_is_a_file_and_words_take_its_place(flight, tmp_path, capsys):
     ]
 
 
+def test_two_flights_of_one_name_are_refused(flight, tmp_path):
+    """Each row would tell the results of whichever was flown last."""
+    write_flight(replace(small_flight(), time=small_flight().time * 2), tmp_path / "other")
+    pairs = [FlightPair(flight), FlightPair(str(tmp_path / "other"))]
+    with pytest.raises(ParameterError, match="two flights are named 'small'"):
+        sweep(Plan("mocap_training", SETTINGS, pairs), tmp_path / "out")
+    write_flight(replace(small_flight(), name="hall-0"), tmp_path / "hall")
+    plan = Plan("mocap_training", SETTINGS, [FlightPair(str(tmp_path / "hall"))], Floors(1))
+    with pytest.raises(ParameterError, match="two flights are named 'hall-0'"):
+        sweep(plan, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
 def test_floors_are_flown_first_and_kept(tmp_path):
     floors = Floors(1, ("carpet",), every=4, frames=12)
     settings = {"cells": [2], "images": [5], "textons": [4], "patches_per_image": [50]}

@@ -33,7 +33,7 @@ from trexton.records import software_versions
 from trexton.workflow import engine
 from trexton.workflow.cells import measure, record
 from trexton.workflow.facts import Fact, fixed
-from trexton.workflow.pairs import FlightPair
+from trexton.workflow.pairs import FlightPair, check_names
 from trexton.workflow.plan import sole_writer
 from trexton.workflow.workers import Workers, workers
 
@@ -125,6 +125,8 @@ def sweep(
         raise ParameterError("a sweep needs flights or floors: name some, or give --floors N")
     experiment = experiments[plan.experiment]
     chosen = _possible(_grid(plan, experiment), experiment.load(plan.experiment))
+    floors = [f"{layout}-{seed}" for layout, seed in _floors(plan.floors)]
+    check_names([pair.name for pair in plan.pairs] + floors)
     for pair in plan.pairs:
         if obstacle := pair.obstacle(experiment):
             raise ParameterError(f"{plan.experiment} cannot run: {obstacle}")
