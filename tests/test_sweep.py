@@ -58,6 +58,17 @@ def test_cells_that_cannot_run_here_are_left_out_with_a_word(flight, tmp_path, m
     assert not (tmp_path / "other").exists()
 
 
+def test_a_value_that_no_record_has_is_no_empty_column(flight, tmp_path):
+    settings = SETTINGS | {"particles": [5], "seed": [1]}
+    plan = Plan("mocap_training", settings, [FlightPair(flight)], values=("filter.mean_cm.mean",))
+    with pytest.raises(ParameterError, match=r"'filter.mean_cm.mean': it has .*filter.mean_cm.med"):
+        sweep(plan, tmp_path / "out", jobs=1)
+    assert not (tmp_path / "out" / "sweep.csv").exists()
+    mended = replace(plan, values=("filter.mean_cm.median", "timings.step_s.median"))
+    swept = sweep(mended, tmp_path / "out", jobs=1)
+    assert swept.counts["reused"] == 1 and swept.rows[0]["timings.step_s.median"] > 0
+
+
 def test_the_plan_is_a_file_and_words_take_its_place(flight, tmp_path, capsys):
     plan = tmp_path / "plan.toml"
     plan.write_text(

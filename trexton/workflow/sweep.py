@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -116,7 +117,8 @@ def sweep(
     Raises
     ------
     ParameterError
-        The experiment, a parameter or a value does not exist or fit; nothing has been touched then.
+        The experiment or a parameter does not exist or fit; nothing has been touched then. Or no
+        record has one of the values: cells are kept then, and the table is not touched.
     """
     if plan.experiment not in experiments or experiments[plan.experiment].every_flight:
         names = ", ".join(name for name, one in experiments.items() if not one.every_flight)
@@ -138,7 +140,9 @@ def sweep(
         for name, report in reports.items()
         if report.outcome not in (pytask.TaskOutcome.SUCCESS, pytask.TaskOutcome.SKIP_UNCHANGED)
     }
-    rows = [_row(plan, cell, chosen) for cell in cells if cell.name not in failed]
+    found = {cell: _found(cell) for cell in cells if cell.name not in failed}
+    _check_values(plan.values, list(found.values()))
+    rows = [_row(plan, cell, each) for cell, each in found.items()]
     _write(plan, out, rows)
     outcomes = [reports[cell.name].outcome for cell in cells]
     counts = {
@@ -272,14 +276,32 @@ def _measured(call: Call, module: str, pair: FlightPair, cell: _Cell) -> None:
     say(f"ran     {cell.name}")
 
 
-def _row(plan: Plan, cell: _Cell, chosen: Sequence[Options]) -> dict[str, Any]:
-    found = json.loads(cell.path.read_text(encoding="utf-8"))
+def _found(cell: _Cell) -> dict[str, Any]:
+    """What a cell measured: its values, and its timings as an entry of them."""
+    record = json.loads(cell.path.read_text(encoding="utf-8"))
+    return {**record["values"], "timings": record["timings"]}
+
+
+def _check_values(paths: Sequence[str], trees: Sequence[Mapping[str, Any]]) -> None:
+    """Refuse a path that leads nowhere in any record: its column would be empty, as if measured."""
+    if not trees:
+        return
+    known = sorted({name for tree in trees for name, _ in _numbers("", tree)})
+    for path in paths:
+        if all(look_up(tree, path) is None for tree in trees) and path not in known:
+            near = get_close_matches(path, known, n=3, cutoff=0) or ["nothing"]
+            raise ParameterError(
+                f"no record has a value {path!r}: it has {', '.join(near)} and the like, "
+                "every one without --values"
+            )
+
+
+def _row(plan: Plan, cell: _Cell, found: Mapping[str, Any]) -> dict[str, Any]:
     parameters = {name: cell.parameters.as_dict()[name] for name in plan.settings}
-    both = found["values"] | {f"timings.{k}": v for k, v in found["timings"].items()}
     if plan.values:
-        values = {path: look_up(found["values"], path) for path in plan.values}
+        values = {path: look_up(found, path) for path in plan.values}
     else:
-        values = dict(_numbers("", both))
+        values = dict(_numbers("", found))
     return {"flight": cell.flight, **parameters, **values}
 
 
