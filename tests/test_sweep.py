@@ -98,6 +98,29 @@ def test_two_flights_of_one_name_are_refused(flight, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("set = 3", "set is 3: expected a table"),
+        ('floors = "2"', "floors is '2': expected a whole number"),
+        ("floors = true", "floors is True: expected a whole number"),
+        ('layouts = "hall"', "layouts is 'hall': expected a list of texts"),
+        ("flights = [3]", "flights is [3]: expected a list of texts"),
+        ('experiment = ["light"]', "experiment is ['light']: expected text in quotes"),
+        ('floors = 1\nlayouts = ["../../hall"]', "layout '../../hall' is unknown"),
+        ("floors = 1\nframes = -4", "-4 frames: expected 1 or more"),
+        ("floors = 1\n[set]\nseed = []", "seed has no values to sweep"),
+    ],
+)
+def test_a_plan_with_other_things_in_it_is_refused(tmp_path, capsys, line, message):
+    """Letters of a word are no list of layouts, and nothing is flown before all is read."""
+    plan, out = tmp_path / "plan.toml", tmp_path / "out"
+    named = "" if line.startswith("experiment") else 'experiment = "mocap_training"\r\n'
+    plan.write_text(named + line, encoding="utf-8-sig")
+    assert cli.main(["sweep", "--plan", str(plan), "--out", str(out), "--quiet"]) == 1
+    assert message in capsys.readouterr().err and not out.exists()
+
+
 def test_floors_are_flown_first_and_kept(tmp_path):
     floors = Floors(1, ("carpet",), every=4, frames=12)
     settings = {"cells": [2], "images": [5], "textons": [4], "patches_per_image": [50]}

@@ -31,6 +31,7 @@ from trexton.options import Options
 from trexton.paper import look_up
 from trexton.progress import say
 from trexton.records import software_versions
+from trexton.simulator.layouts import LAYOUTS
 from trexton.workflow import engine
 from trexton.workflow.cells import measure, record
 from trexton.workflow.facts import Fact, fixed
@@ -60,6 +61,12 @@ class Floors:
             raise ParameterError(
                 f"{self.count} floors of layouts {list(self.layouts)}, every {self.every}: "
                 "expected 1 or more of each"
+            )
+        if self.frames is not None and self.frames < 1:
+            raise ParameterError(f"{self.frames} frames: expected 1 or more")
+        if unknown := [name for name in self.layouts if name not in LAYOUTS]:
+            raise ParameterError(
+                f"layout {unknown[0]!r} is unknown: choose one of {', '.join(LAYOUTS)}"
             )
 
 
@@ -157,6 +164,8 @@ def _grid(plan: Plan, experiment: Experiment) -> list[Options]:
     """All combinations of the settings, as checked parameters."""
     declared = experiment.parameters(plan.experiment)
     names = list(plan.settings)
+    if empty := [name for name, values in plan.settings.items() if not values]:
+        raise ParameterError(f"{empty[0]} has no values to sweep: give some, or leave it out")
     return [
         declared.parse(dict(zip(names, values, strict=True)), plan.experiment)
         for values in itertools.product(*plan.settings.values())
