@@ -17,12 +17,13 @@ from typing import IO, Any
 
 import numpy as np
 
-from trexton.errors import TrextonError
+from trexton.errors import ParameterError, TrextonError
 
 __all__ = [
     "atomic_file",
     "atomic_folder",
     "canonical_json",
+    "check_not_read",
     "check_replaceable",
     "clean_leftovers",
     "digest",
@@ -98,6 +99,23 @@ def naming(path: Path) -> Iterator[None]:
         if error.errno and (error.filename is None or f".{path.name}." in str(error.filename)):
             error.filename = str(path)
         raise
+
+
+def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) -> None:
+    """Refuse to write over a file that is read, or over one in a folder that is read.
+
+    Raises
+    ------
+    ParameterError
+        It would be.
+    """
+    real = Path(os.path.realpath(path))
+    for other in read:
+        inside = real.is_relative_to(os.path.realpath(other))
+        if inside and (real.exists() or Path(other).is_file()):
+            raise ParameterError(
+                f"{path}: is read here ({other}) and would be written over: give another file"
+            )
 
 
 def check_replaceable(path: Path, replace: bool, ours: bool = True) -> None:

@@ -34,12 +34,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.files import atomic_file
+    from trexton.files import atomic_file, check_not_read
     from trexton.flights import read_flight
     from trexton.localizer import Localizer, TextonMap
     from trexton.player import player_html, record_replay
     from trexton.streams import stream
 
+    if arguments.out:
+        check_not_read(arguments.out, arguments.map, arguments.flight)
     texton_map = TextonMap.load(arguments.map)
     flight = read_flight(arguments.flight)
     flight = flight.part("test") if "test" in flight.split else flight
