@@ -60,6 +60,25 @@ def test_the_log_neither(flight, tmp_path, capsys):
     assert "two outputs" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--output", "udpout:nowhere"],
+        ["--output", "tum:/no/such/folder/track"],
+        ["--land", "1,1", "--arm-landing"],
+    ],
+)
+def test_a_flight_that_is_refused_touches_no_output(flight, tmp_path, monkeypatch, wrong):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "old.csv").write_text("of yesterday")
+    (tmp_path / "link.csv").symlink_to("new.csv")
+    before = sorted(path.name for path in tmp_path.iterdir())
+    outputs = ["--output", "csv:old.csv", "--output", "csv:link.csv", "--log", "log"]
+    assert main(["onboard", str(flight[1]), "--camera", str(flight[0]), *outputs, *wrong]) == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+    assert (tmp_path / "old.csv").read_text() == "of yesterday"
+
+
 def test_images_for_a_map_of_histograms(flight, capsys):
     assert main(["onboard", str(flight[1]), "--camera", "simulator", "--frames", "2"]) == 1
     assert "holds no textons" in capsys.readouterr().err
