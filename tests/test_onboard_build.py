@@ -87,5 +87,9 @@ def test_images_for_a_map_of_histograms(flight, capsys):
 def test_a_flight_of_which_nothing_could_be_used_is_a_failure(flight, tmp_path, capsys):
     path = room_map().save(tmp_path / "room.npz")  # 16 textons, and the histograms have another K
     words = ["onboard", str(path), "--camera", str(flight[0]), "--output", "csv:/dev/null"]
-    assert main(words) == 1
-    assert "not one frame" in capsys.readouterr().err
+    for quiet in ([], ["--quiet"]):
+        assert main([*words, *quiet]) == 1
+        told = capsys.readouterr().err.splitlines()[-1]
+        assert told.startswith(
+            "trexton onboard: not one of 60 frames could be localized (misfit 60"
+        )
