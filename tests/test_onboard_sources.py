@@ -14,7 +14,7 @@ from conftest import small_flight
 from onboard_tools import Clock
 from patience import eventually
 
-from trexton.errors import ImageError, ParameterError, TrextonError
+from trexton.errors import FlightError, ImageError, ParameterError, TrextonError
 from trexton.flights import read_flight
 from trexton.images import yuv_from_bgr, yuv_from_uyvy
 from trexton.onboard.edges import load
@@ -76,6 +76,15 @@ class TestFlight:
 
     def test_a_split(self, flight_folder):
         assert len(everything(open_source(f"{flight_folder}#test"))) == 20
+
+    def test_a_folder_with_a_number_sign_in_its_name(self, flight_folder):
+        """Taken for a part of another flight, its map image was flown as its only frame."""
+        odd = flight_folder.rename(flight_folder.with_name("flight #2"))
+        whole = len(read_flight(odd))
+        assert len(everything(open_source(str(odd)))) == whole > 20
+        assert len(everything(open_source(f"{odd}#test"))) == 20
+        with pytest.raises(FlightError, match="no split ''"):
+            open_source(f"{odd}#")
 
     def test_a_broken_image_is_a_frame_without_picture(self, image_folder):
         file = read_flight(image_folder).frames.files[2]
