@@ -64,17 +64,20 @@ def test_the_log_neither(flight, tmp_path, capsys):
     "wrong",
     [
         ["--output", "udpout:nowhere"],
+        ["--output", "udpout:127.0.0.1:1²"],
+        ["--output", "paparazzi:²"],
         ["--output", "tum:/no/such/folder/track"],
         ["--land", "1,1", "--arm-landing"],
     ],
 )
-def test_a_flight_that_is_refused_touches_no_output(flight, tmp_path, monkeypatch, wrong):
+def test_a_flight_that_is_refused_touches_no_output(flight, tmp_path, monkeypatch, capsys, wrong):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "old.csv").write_text("of yesterday")
     (tmp_path / "link.csv").symlink_to("new.csv")
     before = sorted(path.name for path in tmp_path.iterdir())
     outputs = ["--output", "csv:old.csv", "--output", "csv:link.csv", "--log", "log"]
     assert main(["onboard", str(flight[1]), "--camera", str(flight[0]), *outputs, *wrong]) == 1
+    assert "unexpected" not in capsys.readouterr().err
     assert sorted(path.name for path in tmp_path.iterdir()) == before
     assert (tmp_path / "old.csv").read_text() == "of yesterday"
 

@@ -114,6 +114,11 @@ class TestImages:
         for frame, number in zip(frames[1:], (2, 9, 10), strict=False):
             np.testing.assert_array_equal(frame.picture, yuv_from_bgr(pictures[number]))
 
+    def test_a_raised_two_is_a_letter(self, tmp_path):
+        for name in ("1²3", "1a3"):
+            cv2.imwrite(str(tmp_path / f"{name}.png"), np.zeros((6, 8, 3), np.uint8))
+        assert len(everything(open_source(str(tmp_path)))) == 2
+
     def test_an_empty_folder_is_an_error(self, tmp_path):
         with pytest.raises(ImageError, match="no images"):
             open_source(str(tmp_path))

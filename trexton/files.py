@@ -202,7 +202,7 @@ def clean_leftovers(path: Path) -> None:
     """Remove what a run that was killed left beside `path`; put back what it had moved aside."""
     for left in path.parent.glob(f".{glob.escape(path.name)}.*-*.*"):
         kind, _, process = left.name[len(path.name) + 2 :].partition(".")[0].partition("-")
-        if kind not in ("new", "old") or not process.isdigit() or _alive(int(process)):
+        if kind not in ("new", "old") or not process.isdecimal() or _alive(int(process)):
             continue
         if kind == "old" and (left / "was").exists() and not path.exists():
             os.replace(left / "was", path)
