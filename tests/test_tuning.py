@@ -90,6 +90,7 @@ def test_settings_of_images_choose_textons_cells_and_samples():
     train, fly = setting.commands("room", "m.npz")
     assert train == "trexton train room -o m.npz --method field --textons 30 --cells 2"
     assert fly == "trexton onboard m.npz --samples 0"
+    assert setting.commands("my hall; a", "m.npz")[0].startswith("trexton train 'my hall; a' -o")
     assert str(setting) == "method field, 30 textons, 2 x 2 cells, every patch"
     assert str(Setting(neighbors=1, particles=50)) == "method paper, 1 neighbour, 50 particles"
 
@@ -101,6 +102,8 @@ def test_bad_input_is_one_clear_error(tmp_path):
             search(flight, **wrong)
     with pytest.raises(ParameterError, match="unknown"):
         search(flight, methods=["guess"], trials=1)
+    with pytest.raises(ParameterError, match="the seed is -1: expected 0 to"):
+        search(flight, trials=1, seed=-1)
     with pytest.raises(MapError, match="at least 12 s"):
         search(told_apart(30))
     with pytest.raises(ParameterError, match="no setting could be flown: no time"):

@@ -7,6 +7,7 @@ Errors are those of a replay of the training flight by maps that did not see wha
 from __future__ import annotations
 
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
@@ -73,7 +74,7 @@ class Setting:
             for name in names:
                 if (value := getattr(self, name)) is not None:
                     words += [f"--{name}", str(value)]
-        return [" ".join(words) for words in (train, fly)]
+        return [shlex.join(words) for words in (train, fly)]
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,9 @@ def search(
         raise ParameterError(
             f"{trials} trials in {seconds} s: expected at least one, and some time"
         )
-    stretches(flight.time)  # too short a flight is told before any work
+    # Too short a flight and a seed that is none are told before any work.
+    stretches(flight.time)
+    stream(seed, "search")
     for method in methods:
         compose(method)
     optuna.logging.set_verbosity(optuna.logging.CRITICAL)  # a failed trial is told below
