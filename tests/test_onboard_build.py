@@ -25,7 +25,8 @@ def flight(tmp_path):
     "outputs",
     [
         ["csv:{map}"], ["json:{flight}/frames.csv"], ["tum:{flight}/flight.toml"],
-        ["csv:{tmp}/a", "tum:{tmp}/a"], ["csv:{tmp}/flight/../a", "json:{tmp}/a"],
+        ["json", "csv:-"], ["csv:{tmp}/a", "tum:{tmp}/a"],
+        ["csv:{tmp}/flight/../a", "json:{tmp}/a"],
     ],
 )  # fmt: skip
 def test_nothing_is_written_over_what_is_read_and_no_file_twice(outputs, flight, tmp_path, capsys):
