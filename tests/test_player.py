@@ -149,6 +149,8 @@ def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, capsys):
             urlopen(host + "/", timeout=10) as answer,
         ):
             assert answer.read().decode() == page
+        with pytest.raises(ParameterError, match=f"--port {server.server_port}: Address already"):
+            serve(page, server.server_port)
         with pytest.raises(HTTPError, match="404"):
             urlopen(host + "/etc/passwd")
         server.shutdown()

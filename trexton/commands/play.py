@@ -73,8 +73,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def serve(page: str, port: int = 0) -> HTTPServer:
-    """A server of one page on this machine, to be started with ``serve_forever``."""
-    return ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, page.encode()))
+    """A server of one page on this machine, to be started with ``serve_forever``; raises
+    `ParameterError` where the port is not to be had."""
+    try:
+        return ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, page.encode()))
+    except OSError as error:
+        raise ParameterError(
+            f"--port {port}: {error.strerror}: give another, or leave it out for a free one"
+        ) from None
 
 
 class _Handler(BaseHTTPRequestHandler):
