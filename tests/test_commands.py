@@ -121,6 +121,17 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
     assert not (tmp_path / "again").exists()  # it has its splits, and nothing to show
 
 
+@pytest.mark.parametrize(
+    ("methods", "told"),
+    [("", "no methods to compare"), ("paper,field", "'paper,field' is unknown")],
+)
+def test_report_refuses_methods_before_anything_is_touched(tmp_path, capsys, methods, told):
+    write_flight(small_flight(), tmp_path / "room")
+    words = ["report", str(tmp_path / "room"), "--no-book", "--methods", methods]
+    assert cli.main([*words, "--out", str(tmp_path / "out")]) == 1
+    assert told in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
 def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkeypatch, capsys):
     train, test = make_flight(1), make_flight(2)
     write_flight(train, tmp_path / "loop")

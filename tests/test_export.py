@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 
+from trexton.cli import main
 from trexton.errors import TrextonError
 from trexton.flights import Flight, write_flight
 from trexton.flights.exporters import export, load_trajectory
@@ -114,3 +115,23 @@ def test_what_cannot_be_exported_is_said(record, tmp_path):
         load_trajectory(record[0], "knn")
     with pytest.raises(TrextonError, match="choose one of tum"):
         export(load_trajectory(record[0]), "kml", tmp_path / "x")
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"time_s": [], "truth_m": []}, "it has none"),
+        ({"time_s": [0.0, float("nan")]}, "a stamp or its height is no number"),
+        ({"height_m": float("inf")}, "a stamp or its height is no number"),
+        ({"origin_deg": [100, 500]}, "its origin is 100, 500 degrees"),
+        ({"origin_deg": ["north", "east"]}, "no record with a track"),
+    ],
+)
+def test_a_record_that_is_broken_is_said_and_nothing_written(tmp_path, capsys, changed, message):
+    """JSON has no number for what is not finite: other programs would not read it."""
+    series = {"time_s": [0.0, 1.0], "truth_m": [[0, 1], [1, 2]]} | changed
+    path, out = tmp_path / "record.json", tmp_path / "out.json"
+    path.write_text(json.dumps({"flight": "hall", "series": series}))
+    assert main(["export", str(path), "geojson", "--out", str(out)]) == 1
+    told = capsys.readouterr().err
+    assert message in told and "unexpected" not in told and not out.exists()

@@ -154,12 +154,30 @@ def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, ca
     assert content["predicted_cm"] > 0 and (tmp_path / "out" / "floor.png").stat().st_size > 10_000
 
 
+def test_no_picture_and_no_other_floor_is_written_over(picture, tmp_path, capsys):
+    before = picture.read_bytes()
+    words = ["suitability", "--width", "2", "--out"]
+    assert main([*words, str(picture.parent), str(picture)]) == 1
+    assert "is read here" in capsys.readouterr().err
+    assert picture.read_bytes() == before and not picture.with_suffix(".json").exists()
+    namesake = tmp_path / "other" / f"{picture.stem}.jpg"
+    namesake.parent.mkdir()
+    cv2.imwrite(str(namesake), np.full((300, 300, 3), 128, np.uint8))
+    assert main([*words, str(tmp_path / "out"), str(picture), str(namesake)]) == 1
+    assert "would both be written" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("more", "words"),
     [
         ([], "width"),
         (["--width", "3", "--corners", "1,1", "2,1", "2,2", "1,2"], "--length"),
         (["--width", "3", "--seed", "-1"], "seed"),
+        (["--width", "3", "--length", "4"], "--length needs --corners"),
+        (
+            ["--width", "3", "--length", "4", "--corners", "1,1", "2,1,0", "2,2", "1,2"],
+            "pixels X,Y",
+        ),
     ],
 )
 def test_what_is_missing_is_said(picture, capsys, more, words):

@@ -25,7 +25,8 @@ def flight(tmp_path):
     "outputs",
     [
         ["csv:{map}"], ["json:{flight}/frames.csv"], ["tum:{flight}/flight.toml"],
-        ["csv:{tmp}/a", "tum:{tmp}/a"], ["csv:{tmp}/flight/../a", "json:{tmp}/a"],
+        ["json", "csv:-"], ["csv:{tmp}/a", "tum:{tmp}/a"],
+        ["csv:{tmp}/flight/../a", "json:{tmp}/a"],
     ],
 )  # fmt: skip
 def test_nothing_is_written_over_what_is_read_and_no_file_twice(outputs, flight, tmp_path, capsys):
@@ -68,6 +69,28 @@ def test_the_log_neither(flight, tmp_path, capsys):
     assert "two outputs" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ["--output", "udpout:nowhere"],
+        ["--output", "udpout:127.0.0.1:1²"],
+        ["--output", "paparazzi:²"],
+        ["--output", "tum:/no/such/folder/track"],
+        ["--land", "1,1", "--arm-landing"],
+    ],
+)
+def test_a_flight_that_is_refused_touches_no_output(flight, tmp_path, monkeypatch, capsys, wrong):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "old.csv").write_text("of yesterday")
+    (tmp_path / "link.csv").symlink_to("new.csv")
+    before = sorted(path.name for path in tmp_path.iterdir())
+    outputs = ["--output", "csv:old.csv", "--output", "csv:link.csv", "--log", "log"]
+    assert main(["onboard", str(flight[1]), "--camera", str(flight[0]), *outputs, *wrong]) == 1
+    assert "unexpected" not in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == before
+    assert (tmp_path / "old.csv").read_text() == "of yesterday"
+
+
 def test_images_for_a_map_of_histograms(flight, capsys):
     assert main(["onboard", str(flight[1]), "--camera", "simulator", "--frames", "2"]) == 1
     assert "holds no textons" in capsys.readouterr().err
@@ -76,5 +99,9 @@ def test_images_for_a_map_of_histograms(flight, capsys):
 def test_a_flight_of_which_nothing_could_be_used_is_a_failure(flight, tmp_path, capsys):
     path = room_map().save(tmp_path / "room.npz")  # 16 textons, and the histograms have another K
     words = ["onboard", str(path), "--camera", str(flight[0]), "--output", "csv:/dev/null"]
-    assert main(words) == 1
-    assert "not one frame" in capsys.readouterr().err
+    for quiet in ([], ["--quiet"]):
+        assert main([*words, *quiet]) == 1
+        told = capsys.readouterr().err.splitlines()[-1]
+        assert told.startswith(
+            "trexton onboard: not one of 60 frames could be localized (misfit 60"
+        )

@@ -13,6 +13,7 @@ from onboard_tools import make_fix
 from trexton.cli import main
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.sinks.json_lines import JsonLines, row
+from trexton.onboard.voice import flush, say
 
 EXAMPLE = Path(__file__).parent.parent / "examples" / "ros2_node.py"
 
@@ -37,6 +38,20 @@ def test_what_was_sent_stands_beside_what_was_answered(log, capsys):
     assert "told x 1.50 y 2.50" in lines[0] and "answer: command 21, result 2" in lines[0]
     assert "silence: lost" in lines[1] and "told x 3.00 y 3.50" in lines[2]
     assert lines[3] == "fixes 4, told 2, event answer 1, event status 1, fault dark 1"
+
+
+def test_what_an_autopilot_says_commands_no_terminal(log, capsys):
+    said = {"event": "autopilot says", "text": "\x1b[2Jlanded\n9.99  forged"}
+    odd = {"event": "\x1b]0;x\x07", "\x1b[1m": "bold"}
+    with open(log, "a", encoding="utf-8") as stream:
+        stream.writelines(json.dumps(event) + "\n" for event in (said, odd))
+    say(f"trexton onboard: {said['text']}")
+    flush()
+    assert main(["replay", str(log)]) == 0
+    printed = capsys.readouterr()
+    assert r"text \x1b[2Jlanded\n9.99  forged" in printed.out
+    assert r"trexton onboard: \x1b[2Jlanded\n9.99  forged" in printed.err.splitlines()
+    assert "\x1b" not in printed.out + printed.err and "\x07" not in printed.out
 
 
 @pytest.mark.parametrize("text", ["not json\n", "[1, 2]\n"])

@@ -14,7 +14,7 @@ from conftest import small_flight
 from onboard_tools import Clock
 from patience import eventually
 
-from trexton.errors import ImageError, ParameterError, TrextonError
+from trexton.errors import FlightError, ImageError, ParameterError, TrextonError
 from trexton.flights import read_flight
 from trexton.images import yuv_from_bgr, yuv_from_uyvy
 from trexton.onboard.edges import load
@@ -77,6 +77,15 @@ class TestFlight:
     def test_a_split(self, flight_folder):
         assert len(everything(open_source(f"{flight_folder}#test"))) == 20
 
+    def test_a_folder_with_a_number_sign_in_its_name(self, flight_folder):
+        """Taken for a part of another flight, its map image was flown as its only frame."""
+        odd = flight_folder.rename(flight_folder.with_name("flight #2"))
+        whole = len(read_flight(odd))
+        assert len(everything(open_source(str(odd)))) == whole > 20
+        assert len(everything(open_source(f"{odd}#test"))) == 20
+        with pytest.raises(FlightError, match="no split ''"):
+            open_source(f"{odd}#")
+
     def test_a_broken_image_is_a_frame_without_picture(self, image_folder):
         file = read_flight(image_folder).frames.files[2]
         file.write_bytes(file.read_bytes()[:100])
@@ -104,6 +113,11 @@ class TestImages:
         assert frames[0].picture is None
         for frame, number in zip(frames[1:], (2, 9, 10), strict=False):
             np.testing.assert_array_equal(frame.picture, yuv_from_bgr(pictures[number]))
+
+    def test_a_raised_two_is_a_letter(self, tmp_path):
+        for name in ("1²3", "1a3"):
+            cv2.imwrite(str(tmp_path / f"{name}.png"), np.zeros((6, 8, 3), np.uint8))
+        assert len(everything(open_source(str(tmp_path)))) == 2
 
     def test_an_empty_folder_is_an_error(self, tmp_path):
         with pytest.raises(ImageError, match="no images"):

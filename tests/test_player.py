@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import socket
 import threading
 from importlib.resources import files
 from pathlib import Path
@@ -117,6 +118,13 @@ def test_the_page_is_one_file_with_a_still(texton_map):
     assert '<svg class="still"' in still and ".panels" in still
 
 
+def test_a_flight_called_as_a_place_of_the_page_is_text(texton_map):
+    recording = record_replay({"@SCRIPT@": localizer(texton_map)}, small_flight())
+    page = player_html(recording, "@DATA@ @STYLE@")
+    assert "<title>@DATA@ @STYLE@" in page
+    assert list(embedded(page)["frames"][0]["estimates_cm"])[0] == "@SCRIPT@"
+
+
 def test_the_player_has_the_colours_of_the_figures():
     style = (files("trexton.player") / "player.css").read_text(encoding="utf-8")
     light, dark = (dict(re.findall(r"--(\w+): (#\w+)", line)) for line in style.splitlines()[:2])
@@ -135,11 +143,29 @@ def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, capsys):
     with serve(page) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         host = f"http://127.0.0.1:{server.server_port}"
-        with urlopen(host + "/") as answer:
+        # Browsers open connections in store, on which they ask for nothing yet.
+        with (
+            socket.create_connection(("127.0.0.1", server.server_port)),
+            urlopen(host + "/", timeout=10) as answer,
+        ):
             assert answer.read().decode() == page
+        with pytest.raises(ParameterError, match=f"--port {server.server_port}: Address already"):
+            serve(page, server.server_port)
         with pytest.raises(HTTPError, match="404"):
             urlopen(host + "/etc/passwd")
         server.shutdown()
+
+
+def test_a_port_is_checked_and_no_samples_are_all_patches(tmp_path, capsys):
+    colourful_flight(tmp_path / "room")
+    texton_map = str(tmp_path / "map.npz")
+    assert main(["train", str(tmp_path / "room"), "-o", texton_map, "--textons", "4"]) == 0
+    words = ["play", str(tmp_path / "room"), "--map", texton_map]
+    assert main([*words, "--port", "99999"]) == 1
+    assert "--port 99999: expected 1 to 65535" in capsys.readouterr().err
+    assert main([*words, "--samples", "0", "--out", str(tmp_path / "all.html")]) == 0
+    frames = embedded((tmp_path / "all.html").read_text())["frames"]
+    assert frames[0]["patches"] is None and frames[0]["histogram"]
 
 
 def test_a_map_that_is_not_there_is_said(flight_folder, tmp_path, capsys):

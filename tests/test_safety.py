@@ -118,6 +118,26 @@ def test_a_full_disk_is_one_sentence_and_the_old_stays(words, tmp_path, shared_d
     assert left == before
 
 
+@pytest.mark.parametrize(
+    "words",
+    [
+        "export room csv --out room/frames.csv",
+        "train room -o room/flight.toml",
+        "play room --map map.npz --out map.npz",
+        "play room --map map.npz --out room/frames.csv",
+        "tune room --study room/flight.toml",
+    ],
+)
+def test_no_command_writes_over_what_it_reads(words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    write_flight(small_flight(), tmp_path / "room")
+    assert main("train room -o map.npz -q".split()) == 0
+    before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+    assert main([*words.split(), "-q"]) == 1
+    assert "is read here" in capsys.readouterr().err
+    assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+
+
 def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
     code = (
         "import os, sys; from trexton.files import atomic_file, atomic_folder; from pathlib import "

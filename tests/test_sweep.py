@@ -58,6 +58,17 @@ def test_cells_that_cannot_run_here_are_left_out_with_a_word(flight, tmp_path, m
     assert not (tmp_path / "other").exists()
 
 
+def test_a_value_that_no_record_has_is_no_empty_column(flight, tmp_path):
+    settings = SETTINGS | {"particles": [5], "seed": [1]}
+    plan = Plan("mocap_training", settings, [FlightPair(flight)], values=("filter.mean_cm.mean",))
+    with pytest.raises(ParameterError, match=r"'filter.mean_cm.mean': it has .*filter.mean_cm.med"):
+        sweep(plan, tmp_path / "out", jobs=1)
+    assert not (tmp_path / "out" / "sweep.csv").exists()
+    mended = replace(plan, values=("filter.mean_cm.median", "timings.step_s.median"))
+    swept = sweep(mended, tmp_path / "out", jobs=1)
+    assert swept.counts["reused"] == 1 and swept.rows[0]["timings.step_s.median"] > 0
+
+
 def test_the_plan_is_a_file_and_words_take_its_place(flight, tmp_path, capsys):
     plan = tmp_path / "plan.toml"
     plan.write_text(
@@ -72,6 +83,42 @@ def test_the_plan_is_a_file_and_words_take_its_place(flight, tmp_path, capsys):
     assert content["rows"] == [
         {"flight": "small", "particles": 6, "repeats": 1, "neighbors": 2, "counts.test": 20}
     ]
+
+
+def test_two_flights_of_one_name_are_refused(flight, tmp_path):
+    """Each row would tell the results of whichever was flown last."""
+    write_flight(replace(small_flight(), time=small_flight().time * 2), tmp_path / "other")
+    pairs = [FlightPair(flight), FlightPair(str(tmp_path / "other"))]
+    with pytest.raises(ParameterError, match="two flights are named 'small'"):
+        sweep(Plan("mocap_training", SETTINGS, pairs), tmp_path / "out")
+    write_flight(replace(small_flight(), name="hall-0"), tmp_path / "hall")
+    plan = Plan("mocap_training", SETTINGS, [FlightPair(str(tmp_path / "hall"))], Floors(1))
+    with pytest.raises(ParameterError, match="two flights are named 'hall-0'"):
+        sweep(plan, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("set = 3", "set is 3: expected a table"),
+        ('floors = "2"', "floors is '2': expected a whole number"),
+        ("floors = true", "floors is True: expected a whole number"),
+        ('layouts = "hall"', "layouts is 'hall': expected a list of texts"),
+        ("flights = [3]", "flights is [3]: expected a list of texts"),
+        ('experiment = ["light"]', "experiment is ['light']: expected text in quotes"),
+        ('floors = 1\nlayouts = ["../../hall"]', "layout '../../hall' is unknown"),
+        ("floors = 1\nframes = -4", "-4 frames: expected 1 or more"),
+        ("floors = 1\n[set]\nseed = []", "seed has no values to sweep"),
+    ],
+)
+def test_a_plan_with_other_things_in_it_is_refused(tmp_path, capsys, line, message):
+    """Letters of a word are no list of layouts, and nothing is flown before all is read."""
+    plan, out = tmp_path / "plan.toml", tmp_path / "out"
+    named = "" if line.startswith("experiment") else 'experiment = "mocap_training"\r\n'
+    plan.write_text(named + line, encoding="utf-8-sig")
+    assert cli.main(["sweep", "--plan", str(plan), "--out", str(out), "--quiet"]) == 1
+    assert message in capsys.readouterr().err and not out.exists()
 
 
 def test_floors_are_flown_first_and_kept(tmp_path):

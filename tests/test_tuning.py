@@ -85,11 +85,28 @@ def test_a_search_tries_the_usual_first_and_goes_on_where_it_stopped(tmp_path):
     assert again == more[2].error_m
 
 
+def test_a_search_that_was_killed_in_a_line_goes_on_with_the_rest(tmp_path):
+    flight, study = told_apart(), tmp_path / "study.log"
+    first = search(flight, methods=["paper"], trials=1, study=study)
+    study.write_bytes(study.read_bytes() + b'{"op_code":4,"wor')
+    assert search(flight, methods=["paper"], trials=2, study=study)[:1] == first
+    assert len(search(flight, methods=["paper"], trials=2, study=study)) == 2
+
+
+@pytest.mark.parametrize("text", ["hello", '{"event": "start"}', "t_s,x_m\n1,2", '{"op_code":0'])
+def test_a_file_that_is_no_study_stays_as_it_is(tmp_path, text):
+    (tmp_path / "notes").write_text(text)
+    with pytest.raises(ParameterError, match="no readable study"):
+        search(told_apart(), trials=1, study=tmp_path / "notes")
+    assert (tmp_path / "notes").read_text() == text
+
+
 def test_settings_of_images_choose_textons_cells_and_samples():
     setting = Setting("field", textons=30, cells=2, samples=0)
     train, fly = setting.commands("room", "m.npz")
     assert train == "trexton train room -o m.npz --method field --textons 30 --cells 2"
     assert fly == "trexton onboard m.npz --samples 0"
+    assert setting.commands("my hall; a", "m.npz")[0].startswith("trexton train 'my hall; a' -o")
     assert str(setting) == "method field, 30 textons, 2 x 2 cells, every patch"
     assert str(Setting(neighbors=1, particles=50)) == "method paper, 1 neighbour, 50 particles"
 
@@ -101,6 +118,8 @@ def test_bad_input_is_one_clear_error(tmp_path):
             search(flight, **wrong)
     with pytest.raises(ParameterError, match="unknown"):
         search(flight, methods=["guess"], trials=1)
+    with pytest.raises(ParameterError, match="the seed is -1: expected 0 to"):
+        search(flight, trials=1, seed=-1)
     with pytest.raises(MapError, match="at least 12 s"):
         search(told_apart(30))
     with pytest.raises(ParameterError, match="no setting could be flown: no time"):

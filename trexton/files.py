@@ -17,12 +17,13 @@ from typing import IO, Any
 
 import numpy as np
 
-from trexton.errors import TrextonError
+from trexton.errors import ParameterError, TrextonError
 
 __all__ = [
     "atomic_file",
     "atomic_folder",
     "canonical_json",
+    "check_not_read",
     "check_replaceable",
     "clean_leftovers",
     "digest",
@@ -98,6 +99,23 @@ def naming(path: Path) -> Iterator[None]:
         if error.errno and (error.filename is None or f".{path.name}." in str(error.filename)):
             error.filename = str(path)
         raise
+
+
+def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) -> None:
+    """Refuse to write over a file that is read, or over one in a folder that is read.
+
+    Raises
+    ------
+    ParameterError
+        It would be.
+    """
+    real = Path(os.path.realpath(path))
+    for other in read:
+        inside = real.is_relative_to(os.path.realpath(other))
+        if inside and (real.exists() or Path(other).is_file()):
+            raise ParameterError(
+                f"{path}: is read here ({other}) and would be written over: give another file"
+            )
 
 
 def check_replaceable(path: Path, replace: bool, ours: bool = True) -> None:
@@ -184,7 +202,7 @@ def clean_leftovers(path: Path) -> None:
     """Remove what a run that was killed left beside `path`; put back what it had moved aside."""
     for left in path.parent.glob(f".{glob.escape(path.name)}.*-*.*"):
         kind, _, process = left.name[len(path.name) + 2 :].partition(".")[0].partition("-")
-        if kind not in ("new", "old") or not process.isdigit() or _alive(int(process)):
+        if kind not in ("new", "old") or not process.isdecimal() or _alive(int(process)):
             continue
         if kind == "old" and (left / "was").exists() and not path.exists():
             os.replace(left / "was", path)

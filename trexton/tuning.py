@@ -6,10 +6,13 @@ Errors are those of a replay of the training flight by maps that did not see wha
 
 from __future__ import annotations
 
+import json
 import os
+import shlex
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import cached_property
+from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -73,7 +76,7 @@ class Setting:
             for name in names:
                 if (value := getattr(self, name)) is not None:
                     words += [f"--{name}", str(value)]
-        return [" ".join(words) for words in (train, fly)]
+        return [shlex.join(words) for words in (train, fly)]
 
 
 @dataclass(frozen=True)
@@ -188,7 +191,9 @@ def search(
         raise ParameterError(
             f"{trials} trials in {seconds} s: expected at least one, and some time"
         )
-    stretches(flight.time)  # too short a flight is told before any work
+    # Too short a flight and a seed that is none are told before any work.
+    stretches(flight.time)
+    stream(seed, "search")
     for method in methods:
         compose(method)
     optuna.logging.set_verbosity(optuna.logging.CRITICAL)  # a failed trial is told below
@@ -229,6 +234,8 @@ def _study(file: str | os.PathLike[str] | None, name: str, seed: int) -> optuna.
     from optuna.storages.journal import JournalFileBackend
 
     try:
+        if file is not None and Path(file).exists():
+            _cut_half_line(Path(file))
         return optuna.create_study(
             directions=["minimize", "minimize"],
             sampler=optuna.samplers.TPESampler(seed=seed),
@@ -238,6 +245,25 @@ def _study(file: str | os.PathLike[str] | None, name: str, seed: int) -> optuna.
         )
     except (OSError, ValueError, KeyError) as error:
         raise ParameterError(f"{file}: no readable study ({error}): name another file") from None
+
+
+def _cut_half_line(file: Path) -> None:
+    """Cut off what a search that was killed had begun to write: the next line would be joined to
+    it, and the study be lost.
+
+    Raises
+    ------
+    ValueError
+        The file is no study; it stays as it is, for anything else would be added to it.
+    """
+    lines = file.read_bytes().splitlines(keepends=True)
+    whole = [line for line in lines if line.endswith(b"\n")]
+    for line in whole if whole else lines:
+        entry = json.loads(line)
+        if not isinstance(entry, dict) or "op_code" not in entry:
+            raise ValueError(f"a line of it is {line[:40]!r}")
+    if len(whole) < len(lines):
+        os.truncate(file, sum(map(len, whole)))
 
 
 def _suggested(trial: optuna.Trial, methods: Sequence[str], images: bool) -> Setting:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from trexton.files import check_not_read
 from trexton.progress import say
 
 __all__ = ["add_arguments", "run"]
@@ -26,6 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from trexton.flights.exporters import export, load_trajectory
 
+    check_not_read(arguments.out, arguments.source)
     track = load_trajectory(Path(arguments.source), arguments.what)
     path = export(track, arguments.kind, Path(arguments.out))
     say(f"{path}: {len(track.time)} positions of {track.name}")

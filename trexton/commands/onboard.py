@@ -67,9 +67,6 @@ def run(arguments: argparse.Namespace) -> int:
     with stopped_by_signals() as stop:
         summary = build(settings).run(stop)
     say("trexton onboard: " + json.dumps(plain(summary)))
-    useless = summary["frames"] > 0 and not summary["observed"]
-    if useless:
-        say("trexton onboard: not one frame could be localized: see the faults above")
     flush()
     if left_out := summary["left_out"]:
         file, lines = next(iter(left_out.items()))
@@ -77,7 +74,13 @@ def run(arguments: argparse.Namespace) -> int:
             f"{file}: {lines} lines were left out while the rest went on (a full disk?): make "
             "room, or name another place"
         )
-    return int(useless)
+    if summary["frames"] and not summary["observed"]:
+        faults = ", ".join(f"{name} {count}" for name, count in summary["faults"].items())
+        raise TrextonError(
+            f"not one of {summary['frames']} frames could be localized ({faults}): check --camera, "
+            "and that the map is of such frames"
+        )
+    return 0
 
 
 def _edges() -> list[type[Edge]]:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from http.server import BaseHTTPRequestHandler, HTTPServer
+from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 
+from trexton.errors import ParameterError
 from trexton.progress import say
 
 __all__ = ["add_arguments", "run"]
@@ -19,7 +20,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a method that the map was trained for, repeatable; the first is shown in detail "
         "(default: the map's own)",
     )  # fmt: skip
-    parser.add_argument("--samples", type=int, default=400, help="a frame (default %(default)s)")
+    parser.add_argument(
+        "--samples", type=int, default=400, help="a frame, 0 for all patches (default %(default)s)"
+    )
     parser.add_argument("--frames", type=int, default=180, help="to show (default %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="(default %(default)s)")
     parser.add_argument(
@@ -34,12 +37,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.files import atomic_file
+    from trexton.files import atomic_file, check_not_read
     from trexton.flights import read_flight
     from trexton.localizer import Localizer, TextonMap
     from trexton.player import player_html, record_replay
     from trexton.streams import stream
 
+    if not 0 <= arguments.port <= 65535:
+        raise ParameterError(f"--port {arguments.port}: expected 1 to 65535, or 0 for a free one")
+    if arguments.out:
+        check_not_read(arguments.out, arguments.map, arguments.flight)
     texton_map = TextonMap.load(arguments.map)
     flight = read_flight(arguments.flight)
     flight = flight.part("test") if "test" in flight.split else flight
@@ -47,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
         name or "filter": Localizer(
             texton_map,
             method=name,
-            samples=arguments.samples,
+            samples=arguments.samples or None,
             rng=stream(arguments.seed, "flight", 0),
         )
         for name in arguments.method or [None]
@@ -66,8 +73,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def serve(page: str, port: int = 0) -> HTTPServer:
-    """A server of one page on this machine, to be started with ``serve_forever``."""
-    return HTTPServer(("127.0.0.1", port), partial(_Handler, page.encode()))
+    """A server of one page on this machine, to be started with ``serve_forever``; raises
+    `ParameterError` where the port is not to be had."""
+    try:
+        return ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, page.encode()))
+    except OSError as error:
+        raise ParameterError(
+            f"--port {port}: {error.strerror}: give another, or leave it out for a free one"
+        ) from None
 
 
 class _Handler(BaseHTTPRequestHandler):

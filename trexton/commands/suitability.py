@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import argparse
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from trexton.errors import ParameterError
+from trexton.files import check_not_read
 from trexton.progress import say
 
 __all__ = ["add_arguments", "run"]
@@ -48,7 +51,11 @@ def run(arguments: argparse.Namespace) -> int:
         if hasattr(arguments, each.name)
     }
     flights = VirtualFlights.parse(given, "trexton suitability")
+    if arguments.length is not None and not arguments.corners:
+        raise ParameterError("--length needs --corners too: without them a picture keeps its shape")
     floors = {name: _floor(name, arguments) for name in arguments.images}
+    if arguments.out:
+        _check_out(Path(arguments.out), floors)
     judged = {name: judge_floor(floor, flights=flights) for name, floor in floors.items()}
     ranked = sorted(judged, key=lambda name: judged[name]["predicted_cm"])
     for place, name in enumerate(ranked, start=1):
@@ -87,7 +94,8 @@ def _floor(name: str, arguments: argparse.Namespace) -> Any:
         if arguments.length is None:
             raise ParameterError("--corners needs --length too, the floor's other side in metres")
         try:
-            corners = [[float(value) for value in word.split(",")] for word in arguments.corners]
+            pairs = [word.split(",") for word in arguments.corners]
+            corners = [[float(x), float(y)] for x, y in pairs]
         except ValueError:
             raise ParameterError(
                 f"--corners {' '.join(arguments.corners)}: expected four pixels X,Y"
@@ -96,15 +104,34 @@ def _floor(name: str, arguments: argparse.Namespace) -> Any:
     return Floor.from_file(name, arguments.width)
 
 
-def _write(folder: Path, floors: dict[str, Any], judged: dict[str, dict[str, Any]]) -> None:
-    import re
+def _stem(name: str) -> str:
+    """What the files of a floor are called."""
+    return re.sub(r"\W+", "-", Path(name).stem if Path(name).exists() else name)
 
+
+def _check_out(folder: Path, floors: Iterable[str]) -> None:
+    """Refuse to write over a picture, and one floor's files over another's, before any flight."""
+    pictures = [name for name in floors if Path(name).is_file()]
+    written: dict[str, str] = {}
+    for name in floors:
+        stem = _stem(name)
+        if stem in written:
+            raise ParameterError(
+                f"{name} and {written[stem]} would both be written to {folder / stem}.png: "
+                "give one of them another name, or judge them one by one"
+            )
+        written[stem] = name
+        for suffix in ("json", "png"):
+            check_not_read(folder / f"{stem}.{suffix}", *pictures)
+
+
+def _write(folder: Path, floors: dict[str, Any], judged: dict[str, dict[str, Any]]) -> None:
     from trexton.figures.floors import expected_errors
     from trexton.files import atomic_file, canonical_json
     from trexton.records import plain
 
     for name, floor in floors.items():
-        stem = re.sub(r"\W+", "-", Path(name).stem if Path(name).exists() else name)
+        stem = _stem(name)
         with atomic_file(folder / f"{stem}.json") as stream:
             stream.write(canonical_json(plain(judged[name])))
         with atomic_file(folder / f"{stem}.png", "wb") as stream:

@@ -13,8 +13,11 @@ from trexton.files import atomic_file
 from trexton.workflow import FlightPair
 from trexton.workflow.sweep import Floors, Plan, sweep
 
+_TEXT, _TEXTS, _WHOLE = "text in quotes", "a list of texts", "a whole number"
+# What a plan may have, and what each of it is.
 _KEYS = {
-    "experiment", "set", "flights", "test_flight", "floors", "layouts", "every", "frames", "values"
+    "experiment": _TEXT, "set": "a table", "flights": _TEXTS, "test_flight": _TEXT,
+    "floors": _WHOLE, "layouts": _TEXTS, "every": _WHOLE, "frames": _WHOLE, "values": _TEXTS,
 }  # fmt: skip
 
 
@@ -79,9 +82,19 @@ def _plan(arguments: argparse.Namespace) -> Plan:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        said = tomllib.loads(path.read_text(encoding="utf-8"))
+        said = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError) as error:
         raise ParameterError(f"{path}: no readable plan ({error})") from None
     if unknown := sorted(said.keys() - _KEYS):
         raise ParameterError(f"{path}: {unknown[0]!r} is unknown: a plan has {', '.join(_KEYS)}")
+    for name, value in said.items():
+        if not _is(_KEYS[name], value):
+            raise ParameterError(f"{path}: {name} is {value!r}: expected {_KEYS[name]}")
     return said
+
+
+def _is(kind: str, value: object) -> bool:
+    """Whether a value of a plan is what it should be; a bool is no number."""
+    if kind == _TEXTS:
+        return isinstance(value, list) and all(isinstance(each, str) for each in value)
+    return type(value) is {_TEXT: str, _WHOLE: int}.get(kind, dict)

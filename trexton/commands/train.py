@@ -48,11 +48,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    from trexton.files import check_not_read
     from trexton.flights import read_flight
     from trexton.localizer import TextonMap
     from trexton.methods import parse_choices
     from trexton.streams import stream
 
+    check_not_read(arguments.output, arguments.flight)
     flight = read_flight(arguments.flight)
     flight = flight.part("train") if "train" in flight.split else flight
     choices: dict[str, Any] = {**parse_choices(arguments.choices)}

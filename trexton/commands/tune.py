@@ -31,9 +31,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    from trexton.files import check_not_read
     from trexton.flights import read_flight
     from trexton.tuning import choose, frontier, search
 
+    if arguments.study is not None:
+        check_not_read(arguments.study, arguments.flight)
     budget_s = _budget(arguments.rate, arguments.headroom)
     flight = read_flight(arguments.flight)
     flight = flight.part("train") if "train" in flight.split else flight

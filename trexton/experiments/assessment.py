@@ -12,11 +12,12 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.errors import TrextonError
+from trexton.errors import ParameterError, TrextonError
 from trexton.experiments.declaration import FilterParameters, option
 from trexton.experiments.evaluation import floor_picture, frames_of, whereabouts
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
+from trexton.methods import compose
 from trexton.metrics import constant_guess, shuffled_neighbors, summarize
 from trexton.neighbors import NearestHistograms
 from trexton.parts.field import grid_cells
@@ -39,6 +40,13 @@ class Parameters(FilterParameters):
 
     methods: str = option("paper field", "methods to compare, separated by blanks")
     textons: int = option(20, "textons in the dictionary, K", low=2)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.methods.split():
+            raise ParameterError("no methods to compare: name some, as in methods='paper field'")
+        for method in self.methods.split():
+            compose(method)  # refuses what is none
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:

@@ -67,7 +67,7 @@ def thread_count(threads: int | None = None) -> int:
     """
     if threads is None:
         given = os.environ.get("OMP_NUM_THREADS", "")
-        if given.isdigit() and int(given):
+        if given.isdecimal() and int(given):
             return int(given)
         return usable_cores()
     if threads < 1:

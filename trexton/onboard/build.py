@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from trexton.errors import MapError, ParameterError
+from trexton.files import check_not_read
 from trexton.landing import TouchdownZone
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import parse_choices
@@ -109,28 +109,27 @@ def _check_fit(camera: str, source: Source, texton_map: TextonMap) -> None:
         )
 
 
-def _check_files(read: Iterable[str], outputs: Iterable[str], log: str | None) -> None:
-    """Refuse to write over what is read, and to write one file twice."""
+def _check_files(read: Sequence[str], outputs: Iterable[str], log: str | None) -> None:
+    """Refuse to write over what is read, and to write one file twice, or standard output."""
     written: set[str] = set()
-    files = [address.partition(":")[2] for address in outputs if _names_file(address)]
+    files = [address.partition(":")[2] for address in outputs if _writes_lines(address)]
     for path in files + ([log] if log else []):
-        real = os.path.realpath(path)
-        for other in read:
-            inside = Path(real).is_relative_to(os.path.realpath(other))
-            if inside and (Path(real).exists() or Path(other).is_file()):
-                raise ParameterError(
-                    f"{path}: is read in this flight ({other}) and would be written over: "
-                    "give another file"
-                )
+        standard = path in ("", "-")
+        real = "-" if standard else os.path.realpath(path)
+        if not standard:
+            check_not_read(path, *read)
         if real in written and not real.startswith("/dev/"):
-            raise ParameterError(f"{path}: two outputs would write it: give each a file of its own")
+            raise ParameterError(
+                f"{'standard output' if standard else path}: two outputs would write it: "
+                "give each a file of its own"
+            )
         written.add(real)
 
 
-def _names_file(address: str) -> bool:
+def _writes_lines(address: str) -> bool:
     from trexton.onboard.edges import load
     from trexton.onboard.sinks import SINKS
 
-    kind, _, rest = address.partition(":")
+    kind = address.partition(":")[0]
     declared = load(SINKS[kind]).addresses if kind in SINKS else {}
-    return rest not in ("", "-") and f"{kind}:FILE" in declared
+    return f"{kind}:FILE" in declared

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from trexton.errors import DataError
+from trexton.onboard.voice import readable
 
 __all__ = ["events", "summary"]
 
@@ -49,8 +50,8 @@ def events(path: str | Path) -> Iterator[str]:
             usable = fit
         elif row["event"] != "status":
             rest = {key: value for key, value in row.items() if key not in ("event", "time_s")}
-            words = ", ".join(f"{key} {_short(value)}" for key, value in rest.items())
-            yield f"{_time(row)}  {told:28}  {row['event']}: {words}"
+            words = ", ".join(f"{_short(key)} {_short(value)}" for key, value in rest.items())
+            yield f"{_time(row)}  {told:28}  {_short(row['event'])}: {words}"
 
 
 def summary(path: str | Path) -> dict[str, int]:
@@ -58,12 +59,12 @@ def summary(path: str | Path) -> dict[str, int]:
     counts: Counter[str] = Counter()
     for row in rows(path):
         if "event" in row:
-            counts[f"event {row['event']}"] += 1
+            counts[f"event {_short(row['event'])}"] += 1
             continue
         counts["fixes"] += 1
         counts["told"] += _fit(row)
         if row["fault"]:
-            counts[f"fault {row['fault']}"] += 1
+            counts[f"fault {_short(row['fault'])}"] += 1
     return dict(counts)
 
 
@@ -102,9 +103,10 @@ def _time(row: dict[str, Any]) -> str:
 
 def _why(row: dict[str, Any]) -> str:
     words = [word for word in ("lost", "stale") if row[word]]
-    return " and ".join(words) or row["fault"] or "no image"
+    return " and ".join(words) or _short(row["fault"] or "no image")
 
 
 def _short(value: object) -> str:
-    text = str(value)
+    """Few letters, all of them to be seen: an autopilot's words must not command a terminal."""
+    text = readable(str(value))
     return text if len(text) <= 60 else text[:57] + "..."

@@ -25,7 +25,7 @@ class Service:
     def __init__(self, environment: Mapping[str, str] = os.environ):
         self._address = environment.get("NOTIFY_SOCKET", "")
         interval = environment.get("WATCHDOG_USEC", "")
-        self._pause = 1e-6 * int(interval) / 3 if interval.isdigit() else float("inf")
+        self._pause = 1e-6 * int(interval) / 3 if interval.isdecimal() else float("inf")
         self._next = float("-inf")
 
     def ready(self) -> None:

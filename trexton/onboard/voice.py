@@ -15,7 +15,12 @@ from contextlib import suppress
 
 from trexton.progress import is_quiet
 
-__all__ = ["Voice", "flush", "say"]
+__all__ = ["Voice", "flush", "readable", "say"]
+
+
+def readable(text: str) -> str:
+    """The text on one line, with what a terminal would obey as a code: ``\\x1b``."""
+    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
 
 
 class Voice:
@@ -79,7 +84,7 @@ _VOICE = Voice()  # standard error is one for the process, and so is what writes
 def say(line: str) -> None:
     """One line for people, unless the command is quiet; never waits, never fails."""
     if not is_quiet():
-        _VOICE.say(line)
+        _VOICE.say(readable(line))
 
 
 def flush(patience: float = 0.5) -> None:

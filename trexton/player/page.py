@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import asdict
 from html import escape
 from importlib.resources import files
@@ -30,10 +31,9 @@ def player_html(recording: Recording, title: str | None = None) -> str:
         "DATA": data,
         "SCRIPT": _read("player.js"),
     }
-    text = _read("player.html")
-    for name, piece in pieces.items():
-        text = text.replace(f"@{name}@", piece)
-    return text
+    # In one go: a flight may be called @DATA@.
+    places = f"@({'|'.join(pieces)})@"
+    return re.sub(places, lambda place: pieces[place[1]], _read("player.html"))
 
 
 def _read(name: str) -> str:

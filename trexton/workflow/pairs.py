@@ -3,17 +3,33 @@
 from __future__ import annotations
 
 import re
+from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from trexton.errors import FlightError
+from trexton.errors import FlightError, ParameterError
 from trexton.experiments import NEEDS, Experiment
 from trexton.flights import Flight, read_flight
 from trexton.flights.pair import with_splits
 from trexton.progress import say
 
-__all__ = ["FlightPair"]
+__all__ = ["FlightPair", "check_names"]
+
+
+def check_names(names: Iterable[str]) -> None:
+    """Refuse two flights whose results would lie in one folder, one for the other.
+
+    Raises
+    ------
+    ParameterError
+        A name comes twice.
+    """
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise ParameterError(
+            f"two flights are named {twice[0]!r}: give each its own name in flight.toml"
+        )
 
 
 @dataclass(frozen=True)

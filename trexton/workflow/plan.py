@@ -13,7 +13,7 @@ from trexton.errors import ParameterError, TrextonError
 from trexton.experiments import EXPERIMENTS, Experiment
 from trexton.workflow.display import Display, Outcome
 from trexton.workflow.notebooks import GIVEN, Notebook, find_notebooks
-from trexton.workflow.pairs import FlightPair
+from trexton.workflow.pairs import FlightPair, check_names
 from trexton.workflow.steps import Run, Step
 from trexton.workflow.workers import default_jobs, workers
 
@@ -58,10 +58,7 @@ def run_experiments(
     out = Path(out)
     chosen = _choose(notebooks, experiments, only)
     parameters = _settings_of(chosen, experiments, settings or {})
-    if len({pair.name for pair in pairs}) < len(pairs):
-        raise ParameterError(
-            f"two flights are named {pairs[0].name!r}: give each its own name in flight.toml"
-        )
+    check_names(pair.name for pair in pairs)
     everywhere = [n for n in chosen if experiments[n.name].every_flight]
     on_flights = [
         Step(notebook, experiments[notebook.name], pair, parameters[notebook.name])

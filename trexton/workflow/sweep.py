@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from difflib import get_close_matches
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
@@ -30,10 +31,11 @@ from trexton.options import Options
 from trexton.paper import look_up
 from trexton.progress import say
 from trexton.records import software_versions
+from trexton.simulator.layouts import LAYOUTS
 from trexton.workflow import engine
 from trexton.workflow.cells import measure, record
 from trexton.workflow.facts import Fact, fixed
-from trexton.workflow.pairs import FlightPair
+from trexton.workflow.pairs import FlightPair, check_names
 from trexton.workflow.plan import sole_writer
 from trexton.workflow.workers import Workers, workers
 
@@ -59,6 +61,12 @@ class Floors:
             raise ParameterError(
                 f"{self.count} floors of layouts {list(self.layouts)}, every {self.every}: "
                 "expected 1 or more of each"
+            )
+        if self.frames is not None and self.frames < 1:
+            raise ParameterError(f"{self.frames} frames: expected 1 or more")
+        if unknown := [name for name in self.layouts if name not in LAYOUTS]:
+            raise ParameterError(
+                f"layout {unknown[0]!r} is unknown: choose one of {', '.join(LAYOUTS)}"
             )
 
 
@@ -116,7 +124,8 @@ def sweep(
     Raises
     ------
     ParameterError
-        The experiment, a parameter or a value does not exist or fit; nothing has been touched then.
+        The experiment or a parameter does not exist or fit; nothing has been touched then. Or no
+        record has one of the values: cells are kept then, and the table is not touched.
     """
     if plan.experiment not in experiments or experiments[plan.experiment].every_flight:
         names = ", ".join(name for name, one in experiments.items() if not one.every_flight)
@@ -125,6 +134,8 @@ def sweep(
         raise ParameterError("a sweep needs flights or floors: name some, or give --floors N")
     experiment = experiments[plan.experiment]
     chosen = _possible(_grid(plan, experiment), experiment.load(plan.experiment))
+    floors = [f"{layout}-{seed}" for layout, seed in _floors(plan.floors)]
+    check_names([pair.name for pair in plan.pairs] + floors)
     for pair in plan.pairs:
         if obstacle := pair.obstacle(experiment):
             raise ParameterError(f"{plan.experiment} cannot run: {obstacle}")
@@ -136,7 +147,9 @@ def sweep(
         for name, report in reports.items()
         if report.outcome not in (pytask.TaskOutcome.SUCCESS, pytask.TaskOutcome.SKIP_UNCHANGED)
     }
-    rows = [_row(plan, cell, chosen) for cell in cells if cell.name not in failed]
+    found = {cell: _found(cell) for cell in cells if cell.name not in failed}
+    _check_values(plan.values, list(found.values()))
+    rows = [_row(plan, cell, each) for cell, each in found.items()]
     _write(plan, out, rows)
     outcomes = [reports[cell.name].outcome for cell in cells]
     counts = {
@@ -151,6 +164,8 @@ def _grid(plan: Plan, experiment: Experiment) -> list[Options]:
     """All combinations of the settings, as checked parameters."""
     declared = experiment.parameters(plan.experiment)
     names = list(plan.settings)
+    if empty := [name for name, values in plan.settings.items() if not values]:
+        raise ParameterError(f"{empty[0]} has no values to sweep: give some, or leave it out")
     return [
         declared.parse(dict(zip(names, values, strict=True)), plan.experiment)
         for values in itertools.product(*plan.settings.values())
@@ -270,14 +285,32 @@ def _measured(call: Call, module: str, pair: FlightPair, cell: _Cell) -> None:
     say(f"ran     {cell.name}")
 
 
-def _row(plan: Plan, cell: _Cell, chosen: Sequence[Options]) -> dict[str, Any]:
-    found = json.loads(cell.path.read_text(encoding="utf-8"))
+def _found(cell: _Cell) -> dict[str, Any]:
+    """What a cell measured: its values, and its timings as an entry of them."""
+    record = json.loads(cell.path.read_text(encoding="utf-8"))
+    return {**record["values"], "timings": record["timings"]}
+
+
+def _check_values(paths: Sequence[str], trees: Sequence[Mapping[str, Any]]) -> None:
+    """Refuse a path that leads nowhere in any record: its column would be empty, as if measured."""
+    if not trees:
+        return
+    known = sorted({name for tree in trees for name, _ in _numbers("", tree)})
+    for path in paths:
+        if all(look_up(tree, path) is None for tree in trees) and path not in known:
+            near = get_close_matches(path, known, n=3, cutoff=0) or ["nothing"]
+            raise ParameterError(
+                f"no record has a value {path!r}: it has {', '.join(near)} and the like, "
+                "every one without --values"
+            )
+
+
+def _row(plan: Plan, cell: _Cell, found: Mapping[str, Any]) -> dict[str, Any]:
     parameters = {name: cell.parameters.as_dict()[name] for name in plan.settings}
-    both = found["values"] | {f"timings.{k}": v for k, v in found["timings"].items()}
     if plan.values:
-        values = {path: look_up(found["values"], path) for path in plan.values}
+        values = {path: look_up(found, path) for path in plan.values}
     else:
-        values = dict(_numbers("", both))
+        values = dict(_numbers("", found))
     return {"flight": cell.flight, **parameters, **values}
 
 

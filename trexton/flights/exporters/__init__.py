@@ -87,7 +87,11 @@ def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
             whole = [key[:-2] for key in series if key.endswith("_m") and _fits(series[key], time)]
             raise ValueError(f"it has {', '.join(whole) or 'none'}")
         height = np.full(len(time), float(series.get("height_m", 0.0)))
+        if not (np.isfinite(time).all() and np.isfinite(height).all()):
+            raise ValueError("a stamp or its height is no number")
         latitude, longitude = series.get("origin_deg", (None, None))
+        if latitude is not None and not (abs(latitude) <= 90 and abs(longitude) <= 180):
+            raise ValueError(f"its origin is {latitude}, {longitude} degrees")
     except (ValueError, KeyError, TypeError) as error:
         raise FlightError(
             f"{source}: no record with a track of {what} ({error}): give mocap_training.json or "
@@ -99,7 +103,7 @@ def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
 
 def _fits(values: object, time: np.ndarray) -> bool:
     """Whether a series has a place for each stamp."""
-    return isinstance(values, list) and len(values) == len(time) and np.shape(values[0]) == (2,)
+    return isinstance(values, list) and len(values) == len(time) > 0 and np.shape(values[0]) == (2,)
 
 
 def _known(

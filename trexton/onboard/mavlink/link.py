@@ -39,7 +39,7 @@ def make_link(address: str) -> Link:
             )
         return SerialLink(device, speed)
     host, _, port = rest.rpartition(":")
-    if not host or not port.isdigit() or not 0 < int(port) < 65536:
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
         raise ParameterError(
             f"output {address!r}: give {kind}:HOST:PORT, as in {kind}:127.0.0.1:14540"
         )

@@ -23,9 +23,22 @@ def named_file(address: str) -> str:
     return path
 
 
+def _holds_something(path: str) -> bool:
+    return os.path.isfile(path) and os.path.getsize(path) > 0
+
+
+def _try_out(path: str, keep: bool) -> None:
+    """Raise `OSError` where the file could not be opened later on; leaves all as it is."""
+    there = os.path.exists(path)
+    os.close(os.open(path, os.O_WRONLY | os.O_CREAT, 0o644))
+    if not there:
+        os.unlink(os.path.realpath(path))
+    folder = os.path.dirname(path) or "."
+    if not keep and _holds_something(path) and not os.access(folder, os.W_OK):
+        raise OSError(errno.EACCES, "what it holds cannot be moved aside")
+
+
 def _move_aside(path: str) -> None:
-    if not os.path.isfile(path) or os.path.getsize(path) == 0:
-        return
     number = 1
     while os.path.lexists(f"{path}.{number}"):
         number += 1
@@ -44,7 +57,8 @@ class LineFile:
         First line of a new file; empty for none.
     keep : bool
         Add to what the file holds already; otherwise that is moved to the first free of
-        ``path.1``, ``path.2`` and so on: a flight's positions are flown only once.
+        ``path.1``, ``path.2`` and so on: a flight's positions are flown only once. That is done
+        when it is first opened: a flight that is refused before has touched nothing.
     most_bytes : int, optional
         Size at which the file becomes ``path.1`` (over the one before) and a new one is begun.
 
@@ -59,11 +73,10 @@ class LineFile:
     ):
         self.path, self._header, self._most_bytes = path, header, most_bytes
         self._opened: int | None = None
+        self._fresh = not keep
         if not self._standard:
             try:
-                if not keep:
-                    _move_aside(path)
-                os.close(os.open(path, os.O_WRONLY | os.O_CREAT, 0o644))
+                _try_out(path, keep)
             except OSError as error:
                 raise ParameterError(
                     f"{path}: cannot be written ({error.strerror}): "
@@ -87,6 +100,9 @@ class LineFile:
                 raise OSError(errno.EBADF, "there is no standard output")
             self._opened = os.dup(sys.stdout.fileno())
         else:
+            if self._fresh and _holds_something(self.path):
+                _move_aside(self.path)
+            self._fresh = False
             self._opened = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         if self._header and (self._standard or os.fstat(self._descriptor).st_size == 0):

@@ -73,7 +73,7 @@ class PaparazziSink(Sink):
     @classmethod
     def make(cls, address: str, options: Options, around: Surroundings) -> PaparazziSink:
         aircraft, _, bus = address.partition(":")[2].partition("@")
-        if not aircraft.isdigit() or int(aircraft) > 255:
+        if not aircraft.isdecimal() or int(aircraft) > 255:
             raise ParameterError(
                 f"output {address!r}: give paparazzi:AIRCRAFT, a number from 0 to 255, "
                 f"and @BUS where it is not {BUS}"

@@ -12,8 +12,12 @@ from trexton.onboard.sources.pacing import Paced
 __all__ = ["FlightSource"]
 
 
-def _folder(address: str) -> str:
-    return address.rpartition("#")[0] if "#" in address else address
+def _parted(address: str) -> tuple[str, str | None]:
+    """Folder and part of an address; a folder may have a # in its own name."""
+    if "#" not in address or (Path(address) / "flight.toml").is_file():
+        return address, None
+    folder, _, part = address.rpartition("#")
+    return folder, part
 
 
 class FlightSource(Source):
@@ -30,16 +34,17 @@ class FlightSource(Source):
 
     @staticmethod
     def matches(address: str) -> bool:
-        return (Path(_folder(address)) / "flight.toml").is_file()
+        return (Path(_parted(address)[0]) / "flight.toml").is_file()
 
     @classmethod
     def make(cls, address: str, options: Playback, view: View) -> Source:
-        flight = read_flight(_folder(address))
-        if "#" in address:
-            flight = flight.part(address.rpartition("#")[2])
+        folder, part = _parted(address)
+        flight = read_flight(folder)
+        if part is not None:
+            flight = flight.part(part)
         if not len(flight):
             raise FlightError(f"{address}: no frames: nothing to replay")
-        source = cls(flight, options.laps, _folder(address))
+        source = cls(flight, options.laps, folder)
         return Paced(source) if options.pace == "stamps" else source
 
     def __init__(self, flight: Flight, laps: int = 1, folder: str | None = None):
