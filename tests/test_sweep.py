@@ -143,6 +143,10 @@ def test_a_cell_that_fails_costs_only_itself(flight, tmp_path):
     swept = sweep(plan, tmp_path / "out", jobs=1)
     assert swept.counts == {"ran": 2, "reused": 0, "failed": 2}
     assert len(swept.rows) == 2 and all("1000000" in reason for reason in swept.failed.values())
+    table = (tmp_path / "out" / "sweep.csv").read_bytes()
+    none = replace(plan, settings=plan.settings | {"neighbors": [1000000]})
+    assert not sweep(none, tmp_path / "out", jobs=1).rows
+    assert (tmp_path / "out" / "sweep.csv").read_bytes() == table
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,8 @@ def run(arguments: argparse.Namespace) -> int:
     for name, reason in swept.failed.items():
         print(f"failed  {name}: {reason}")
     print(", ".join(f"{count} {status}" for status, count in swept.counts.items() if count))
-    print(f"{out / 'sweep.csv'} and {out / 'sweep.json'}: {len(swept.rows)} rows")
+    if swept.rows:
+        print(f"{out / 'sweep.csv'} and {out / 'sweep.json'}: {len(swept.rows)} rows")
     return int(bool(swept.failed))
 
 

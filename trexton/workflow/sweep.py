@@ -150,7 +150,8 @@ def sweep(
     found = {cell: _found(cell) for cell in cells if cell.name not in failed}
     _check_values(plan.values, list(found.values()))
     rows = [_row(plan, cell, each) for cell, each in found.items()]
-    _write(plan, out, rows)
+    if rows:  # a table is not replaced by nothing
+        _write(plan, out, rows)
     outcomes = [reports[cell.name].outcome for cell in cells]
     counts = {
         "ran": outcomes.count(pytask.TaskOutcome.SUCCESS),
