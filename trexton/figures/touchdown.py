@@ -85,8 +85,10 @@ def bounds(record: Record) -> Figure:
         landed_at, inside_at = _rates(plot, asked, COLORS["truth"])
         plot.plot(landed_at, inside_at, color=COLORS["truth"], linestyle="--",
                   label="The true position, by what it asks for")  # fmt: skip
-        for each, *place in zip(asked, landed_at, inside_at, strict=True):
-            plot.annotate(f"{each['confidence']} to {each['least']}", place, (4, 4),
+        for number, (each, *place) in enumerate(zip(asked, landed_at, inside_at, strict=True)):
+            above = number % 2 == 0  # neighbours' words do not meet
+            plot.annotate(f"{each['confidence']} to {each['least']}", place,
+                          (4, 4) if above else (-4, -9), ha="left" if above else "right",
                           textcoords="offset points", fontsize=7)  # fmt: skip
         for name, marker in zip(("field", "field_odometry", "fine"), "os^", strict=True):
             values = record.values["landers"][name]
