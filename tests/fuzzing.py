@@ -34,7 +34,7 @@ from trexton.flights.importers import importer
 from trexton.flights.importers.calibration import read_calibration
 from trexton.images import read_image
 from trexton.localizer import TextonMap
-from trexton.onboard.logbook import events, summary
+from trexton.onboard.logbook import replayed
 from trexton.progress import set_quiet
 from trexton.records import Record
 
@@ -243,7 +243,7 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
             [_photograph(parts["photos"])],
         ),
         "calibration": (_file("c.yaml", folder, read_calibration), [CALIBRATION, SENSOR]),
-        "log": (_file("log", folder, lambda path: [*events(path), summary(path)]), [LOG]),
+        "log": (_file("log", folder, lambda path: [*replayed(path)]), [LOG]),
         "sink address": (
             _sink(folder),
             [

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
 import runpy
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -40,6 +42,15 @@ def test_what_was_sent_stands_beside_what_was_answered(log, capsys):
     assert lines[3] == "fixes 4, told 2, event answer 1, event status 1, fault dark 1"
 
 
+def test_a_log_may_come_through_a_pipe(log, tmp_path, capsys):
+    os.mkfifo(tmp_path / "pipe")
+    writer = threading.Thread(target=(tmp_path / "pipe").write_bytes, args=[log.read_bytes()])
+    writer.start()
+    assert main(["replay", str(tmp_path / "pipe")]) == 0
+    writer.join()
+    assert capsys.readouterr().out.splitlines()[-1].startswith("fixes 4, told 2, event answer 1")
+
+
 def test_what_an_autopilot_says_commands_no_terminal(log, capsys):
     said = {"event": "autopilot says", "text": "\x1b[2Jlanded\n9.99  forged"}
     odd = {"event": "\x1b]0;x\x07", "\x1b[1m": "bold"}
@@ -61,6 +72,9 @@ def test_another_file_gets_a_sentence(text, tmp_path, capsys):
     assert "line 1 is none of a log" in capsys.readouterr().err
     assert main(["replay", str(tmp_path / "none")]) == 1
     assert "cannot be read" in capsys.readouterr().err
+    (tmp_path / "empty").touch()
+    assert main(["replay", str(tmp_path / "empty")]) == 1
+    assert "empty: give what --log wrote" in capsys.readouterr().err
 
 
 def test_the_pose_for_ros_is_that_of_the_autopilots_axes(rng):

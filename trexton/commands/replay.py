@@ -12,9 +12,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.onboard.logbook import events, summary
+    from trexton.onboard.logbook import replayed
 
-    for line in events(arguments.log):
+    for line in replayed(arguments.log):
         print(line)
-    print(", ".join(f"{name} {count}" for name, count in summary(arguments.log).items()))
     return 0

@@ -11,7 +11,7 @@ from typing import Any
 from trexton.errors import DataError
 from trexton.onboard.voice import readable
 
-__all__ = ["events", "summary"]
+__all__ = ["replayed"]
 
 
 def rows(path: str | Path) -> Iterator[dict[str, Any]]:
@@ -33,13 +33,22 @@ def rows(path: str | Path) -> Iterator[dict[str, Any]]:
         ) from None
 
 
-def events(path: str | Path) -> Iterator[str]:
-    """A line for each thing that happened, with the position that was told last before it.
+def replayed(path: str | Path) -> Iterator[str]:
+    """A line for each thing that happened, with the position that was told last before it; and one
+    that counts fixes, those that were fit to be told, faults and each kind of event.
 
-    Status lines are left out: they repeat what the rest tells.
+    Status lines are left out: they repeat what the rest tells. The log is read once: it may come
+    through a pipe.
+
+    Raises
+    ------
+    DataError
+        It cannot be read, is no log, or is empty.
     """
     told, usable = "nothing told yet", True
+    counts: Counter[str] = Counter()
     for row in rows(path):
+        counts.update(_counted(row))
         if "event" not in row:
             fit = _fit(row)
             if fit:
@@ -52,20 +61,17 @@ def events(path: str | Path) -> Iterator[str]:
             rest = {key: value for key, value in row.items() if key not in ("event", "time_s")}
             words = ", ".join(f"{_short(key)} {_short(value)}" for key, value in rest.items())
             yield f"{_time(row)}  {told:28}  {_short(row['event'])}: {words}"
+    if not counts:
+        raise DataError(f"{path}: empty: give what --log wrote")
+    yield ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
-def summary(path: str | Path) -> dict[str, int]:
-    """Counts of fixes, of those that were fit to be told, of faults and of each event."""
-    counts: Counter[str] = Counter()
-    for row in rows(path):
-        if "event" in row:
-            counts[f"event {_short(row['event'])}"] += 1
-            continue
-        counts["fixes"] += 1
-        counts["told"] += _fit(row)
-        if row["fault"]:
-            counts[f"fault {_short(row['fault'])}"] += 1
-    return dict(counts)
+def _counted(row: dict[str, Any]) -> dict[str, int]:
+    """What a row counts for: a fix, fit to be told, its fault; or an event of a kind."""
+    if "event" in row:
+        return {f"event {_short(row['event'])}": 1}
+    fault = {f"fault {_short(row['fault'])}": 1} if row["fault"] else {}
+    return {"fixes": 1, "told": int(_fit(row))} | fault
 
 
 def _fault(row: object) -> str | None:
