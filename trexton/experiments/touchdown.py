@@ -113,12 +113,7 @@ def _over(train: Flight, parameters: Parameters, seed: int) -> dict[str, list[At
     maps = _maps(train, parameters)
     zones: dict[str, Callable[[np.ndarray], LandingZone]] = {
         "inside": partial(LandingZone, radius=parameters.radius),
-        "touchdown": partial(
-            TouchdownZone,
-            radius=parameters.radius,
-            time_limit=parameters.time_limit,
-            settled_s=parameters.settled_s,
-        ),
+        "touchdown": _touchdown(parameters),
     }
     landers = {
         name: Lander(
@@ -132,20 +127,24 @@ def _over(train: Flight, parameters: Parameters, seed: int) -> dict[str, list[At
     return fly_all(mission, landers, parameters.flights)
 
 
+def _touchdown(parameters: Parameters, **chances: Any) -> Callable[[np.ndarray], LandingZone]:
+    """A trigger on the predicted touchdown around a centre, asking for its own chances or these."""
+    return partial(
+        TouchdownZone,
+        radius=parameters.radius,
+        time_limit=parameters.time_limit,
+        settled_s=parameters.settled_s,
+        **chances,
+    )
+
+
 def _bounds(train: Flight, parameters: Parameters) -> list[dict[str, Any]]:
     """What the true position lands, by the chances it asks for; flights that no other flies."""
     mission = mission_over(train, parameters, seed=parameters.seed + 1)
     landers = {
         f"{first} {last}": Lander(
             None,
-            partial(
-                TouchdownZone,
-                radius=parameters.radius,
-                confidence=first,
-                least=last,
-                time_limit=parameters.time_limit,
-                settled_s=parameters.settled_s,
-            ),
+            _touchdown(parameters, confidence=first, least=last),
         )
         for first, last in CHANCES
     }
