@@ -116,6 +116,43 @@ def test_expected_error_grows_where_nothing_was_flown(field):
     assert 0 < field.expected_error(flown)[0] < field.expected_error(corner)[0]
 
 
+def test_lasting_errors_grow_where_less_is_known_than_where_they_were_learnt(field):
+    flown, corner = path(500)[0][100:101], np.array([[0.0, 3.0]])
+    assert field.lasting_growth(flown)[0] == 1 < field.lasting_growth(corner)[0]
+    known, unknown = field.expected_error(np.concatenate([flown, corner]))
+    assert unknown > known
+
+
+def test_a_survey_that_repeats_its_lanes_is_not_trusted_between_them(monkeypatch):
+    """Left-out frames lie beside frames of another pass: between the lanes the field errs more."""
+    rng = np.random.default_rng(4)
+    along, rows = np.linspace(0.2, 3.8, 60), np.repeat([0.2, 1.05, 1.9, 2.75], 60)
+    lanes = np.column_stack([np.tile(np.r_[along, along[::-1]], 2), rows])
+    places = np.concatenate([lanes, lanes + rng.normal(0, 0.02, lanes.shape)])
+    twice = training(
+        len(places),
+        positions=places,
+        histograms=look(places, rng, noise=0.1),
+        time=np.arange(len(places)) * 0.08,
+    )
+    repeated, walk = Field().fit(twice), Singer().fit(twice)
+    between = np.column_stack([along, np.full(60, 1.475)])
+    later = look(between, rng, noise=0.1)
+
+    def nees() -> float:
+        tracker, squared = TrackFilter(walk, repeated, AREA), []
+        for histogram, place in zip(later, between, strict=True):
+            tracker.step(observed(histogram))
+            told = tracker.estimate()
+            off = told.position - place
+            squared.append(off @ np.linalg.solve(told.about_position, off))
+        return float(np.mean(squared))
+
+    grown = nees()
+    monkeypatch.setattr(Field, "lasting_growth", lambda self, places: np.ones(len(places)))
+    assert grown < 0.75 * nees()
+
+
 def test_a_field_survives_its_arrays(field, later):
     again = Field.from_arrays(field.arrays(), **field.options())
     seen = observed(later[1][3])
@@ -127,10 +164,10 @@ def test_equal_training_gives_equal_bytes(field):
         np.testing.assert_array_equal(array, field.arrays()[name])
 
 
-@pytest.mark.parametrize("name", ["noise", "mean", "prior", "used"])
+@pytest.mark.parametrize("name", ["noise", "mean", "prior", "used", "learnt_at"])
 def test_arrays_that_do_not_fit_are_refused(field, name):
     arrays = field.arrays()
-    arrays[name] = arrays[name][:-1]
+    arrays[name] = arrays[name][:-1] if arrays[name].ndim else arrays[name][None]
     with pytest.raises((MapError, ValueError)):
         Field.from_arrays(arrays)
 

@@ -34,6 +34,7 @@ STUDIED = 800  # frames that noise, length and errors are learnt from; longer fl
 COARSE = 1200  # cells of the grid on which left-out frames are located
 # Cells times features: what a frame may cost, and how much of the processor's cache it may fill.
 LARGEST_TABLE = 600_000
+LEAST = 1e-3  # variance, as a share of the signal: no place is taken to be known better
 UNFLOWN = 0.1  # share of the prior that does not expect the vehicle where it was in training
 
 
@@ -118,6 +119,7 @@ class Field(MeasurementModel):
     prior: np.ndarray = learned()  # (M,) log of where the training flight was
     area: np.ndarray = learned()  # (4,)
     errors: np.ndarray = learned()  # (3,) an ErrorModel
+    learnt_at: np.ndarray = learned()  # () the variance where the frames behind it were
     expected: np.ndarray = learned()  # (2,) expected error: without variance, times its root
 
     def check(self) -> None:
@@ -161,6 +163,7 @@ class Field(MeasurementModel):
             prior=prior,
             area=np.array(training.area, dtype=float),
             errors=np.array([study.model.lasting, study.model.fresh, study.model.lasts_s]),
+            learnt_at=np.array(study.learnt_at),
             expected=study.expected,
         )
 
@@ -169,7 +172,7 @@ class Field(MeasurementModel):
         d, count = len(self.center), len(self.variance)
         shapes = {
             "signal": (d,), "noise": (d, d), "mean": (count, d), "prior": (count,),
-            "area": (4,), "errors": (3,), "expected": (2,),
+            "area": (4,), "errors": (3,), "learnt_at": (), "expected": (2,),
         }  # fmt: skip
         for name, shape in shapes.items():
             array = getattr(self, name)
@@ -211,11 +214,23 @@ class Field(MeasurementModel):
         grid = self.over_cells(observation).reshape(self.shape)
         return _bilinear(grid, self.area, places)
 
+    def lasting_growth(self, places: np.ndarray) -> np.ndarray:
+        """``(M,)`` factors, one at least, on the variance of lasting errors at `places` ``(M, 2)``.
+
+        Errors grow with the root of the field's variance (see `expected_error`). Between the
+        passes of a survey, above all of one that repeats its own, it is larger than where the
+        errors were learnt.
+        """
+        return np.maximum(1.0, self._variance_at(places) / max(float(self.learnt_at), LEAST))
+
     def expected_error(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` metres by which a single frame is expected to err at `places` ``(M, 2)``."""
-        variance = _bilinear(self.variance.reshape(self.shape), self.area, places)
-        expected: np.ndarray = self.expected[0] + self.expected[1] * np.sqrt(variance)
+        root = np.sqrt(self._variance_at(places))
+        expected: np.ndarray = self.expected[0] + self.expected[1] * root
         return expected
+
+    def _variance_at(self, places: np.ndarray) -> np.ndarray:
+        return _bilinear(self.variance.reshape(self.shape), self.area, places)
 
 
 @dataclass(frozen=True, eq=False)
@@ -283,6 +298,8 @@ class _Study:
     model : ErrorModel
     expected : (2,) array
         See `Field.expected_error`.
+    learnt_at : float
+        Median of the field's variance where the left-out frames were.
     """
 
     length: float
@@ -290,6 +307,7 @@ class _Study:
     noise: np.ndarray
     model: ErrorModel
     expected: np.ndarray
+    learnt_at: float
 
     @classmethod
     def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area) -> _Study:
@@ -319,7 +337,8 @@ class _Study:
             variances[rows] = variance[near]
         finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
         model = ErrorModel.of(errors, time, finest)
-        return cls(process.length, signal, noise, model, _growth(errors, variances))
+        growth, learnt_at = _growth(errors, variances), float(np.median(variances))
+        return cls(process.length, signal, noise, model, growth, learnt_at)
 
 
 def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:

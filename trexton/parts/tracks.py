@@ -168,6 +168,9 @@ class TrackFilter:
     def _predict(self) -> None:
         self.states = self.states @ self._transition.T
         self.covariances = self._transition @ self.covariances @ self._transition.T + self._noise
+        grown = self.measurement.lasting_growth(self.states[:, :2]) - 1
+        for axis in (6, 7):
+            self.covariances[:, axis, axis] += grown * self._noise[axis, axis]
 
     def _be_told(self, velocity: np.ndarray) -> None:
         """Take a velocity that something else measured; a track that it contradicts loses weight,
@@ -240,8 +243,10 @@ class TrackFilter:
             covariance = self._rest.copy()
             covariance[:2, :2] = (offset.T * part) @ offset + self._grain + self._fresh
             # The place is where the frame was seen: the position is that less the lasting error.
-            covariance[:2, :2] += self._rest[6:, 6:]
-            covariance[:2, 6:] = covariance[6:, :2] = -self._rest[6:, 6:]
+            lasting = self._rest[6:, 6:] * self.measurement.lasting_growth(mean[None])
+            covariance[:2, :2] += lasting
+            covariance[6:, 6:] = lasting
+            covariance[:2, 6:] = covariance[6:, :2] = -lasting
             born.append((np.concatenate([mean, np.zeros(6)]), covariance, mass))
         return born
 
