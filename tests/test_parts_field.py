@@ -179,6 +179,11 @@ def test_histograms_that_are_all_alike_are_refused():
         Field().fit(training(60, histograms=alike, positions=places, time=time))
 
 
+def test_a_flight_that_stood_still_is_refused():
+    with pytest.raises(MapError, match="one place"):
+        Field().fit(training(60, positions=np.ones((60, 2))))
+
+
 def test_cells_out_of_range_are_refused():
     with pytest.raises(ParameterError, match="cells"):
         Field(cells=3)

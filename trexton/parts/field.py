@@ -144,6 +144,10 @@ class Field(MeasurementModel):
                 "another, record a flight over a floor with some pattern"
             )
         features, places = roots[:, used], training.positions
+        if not np.ptp(places, axis=0).any():
+            raise MapError(
+                f"all {len(places)} training positions are one place: fly over the floor"
+            )
         center = features.mean(axis=0)
         cells = min(self.cells, max(16, LARGEST_TABLE // features.shape[1]))
         centers, _ = grid_cells(training.area, cells)

@@ -168,9 +168,6 @@ class TrackFilter:
     def _predict(self) -> None:
         self.states = self.states @ self._transition.T
         self.covariances = self._transition @ self.covariances @ self._transition.T + self._noise
-        grown = self.measurement.lasting_growth(self.states[:, :2]) - 1
-        for axis in (6, 7):
-            self.covariances[:, axis, axis] += grown * self._noise[axis, axis]
 
     def _be_told(self, velocity: np.ndarray) -> None:
         """Take a velocity that something else measured; a track that it contradicts loses weight,
@@ -243,10 +240,8 @@ class TrackFilter:
             covariance = self._rest.copy()
             covariance[:2, :2] = (offset.T * part) @ offset + self._grain + self._fresh
             # The place is where the frame was seen: the position is that less the lasting error.
-            lasting = self._rest[6:, 6:] * self.measurement.lasting_growth(mean[None])
-            covariance[:2, :2] += lasting
-            covariance[6:, 6:] = lasting
-            covariance[:2, 6:] = covariance[6:, :2] = -lasting
+            covariance[:2, :2] += self._rest[6:, 6:]
+            covariance[:2, 6:] = covariance[6:, :2] = -self._rest[6:, 6:]
             born.append((np.concatenate([mean, np.zeros(6)]), covariance, mass))
         return born
 
@@ -270,7 +265,8 @@ class TrackFilter:
         self.weights = weights / weights.sum()
 
     def estimate(self) -> Estimate:
-        """Position of the best track, and the covariance of all about it.
+        """Position of the best track, and the covariance of all about it, larger where the field
+        knows less than where its errors were learnt.
 
         It is lost while tracks that are elsewhere may be right, or no frame speaks for it.
         """
@@ -282,6 +278,8 @@ class TrackFilter:
         offset = self.states[:, :4] - self.states[0, :4]
         joint = np.einsum("t,tij->ij", self.weights, self.covariances[:, :4, :4])
         joint = joint + np.einsum("t,ti,tj->ij", self.weights, offset, offset)
+        grown = self.measurement.lasting_growth(self.states[:1, :2]) - 1
+        joint[:2, :2] += grown * self._rest[6:, 6:]
         elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * APART * self.measurement.cell
         lost = bool(self.weights[elsewhere].sum() > DOUBT or self._missed >= 3)
         position, velocity = self.states[0, :2].copy(), self.states[0, 2:4].copy()
