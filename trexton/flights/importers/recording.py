@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from trexton.camera import Camera
-from trexton.errors import FlightError
+from trexton.errors import FlightError, ParameterError
 from trexton.flights.frames import Frames
 from trexton.options import option
 
@@ -47,8 +47,22 @@ class Track:
     attitude: np.ndarray | None = None
 
     def shifted(self, seconds: float) -> Track:
-        """The track with its clock set forward."""
+        """The track with its clock set forward; raises `ParameterError` for centuries."""
+        if not abs(seconds) < 2**62 / NANO:
+            raise ParameterError(f"offset {seconds:g} s: expected less than a century")
         return Track(self.time_ns + round(seconds * NANO), self.position, self.attitude)
+
+    def known(self) -> Track:
+        """The rows with a place; raises `FlightError` where there are none, or out of order."""
+        rows = ~np.isnan(self.position[:, :2]).any(axis=1)
+        attitude = None if self.attitude is None else self.attitude[rows]
+        track = Track(self.time_ns[rows], self.position[rows], attitude)
+        if not rows.any() or (np.diff(track.time_ns) <= 0).any():
+            found = "no row has a place: give x and y"
+            if rows.any():
+                found = "their stamps do not all increase: sort them and drop repeated rows"
+            raise FlightError(f"{len(rows)} rows of positions, {found}")
+        return track
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,19 +122,15 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
     """Interpolate the track at the frames; angles along the shorter way.
 
     A frame is matched if it lies on a stamp or between two that are at most twice the tolerance
-    apart.
+    apart. Rows of the track without a place do not count.
 
     Raises
     ------
     FlightError
-        The track's stamps do not increase, or no frame is matched.
+        The track has no place, its stamps do not increase, or no frame is matched.
     """
+    track = track.known()
     stamps = track.time_ns
-    if len(stamps) == 0 or (np.diff(stamps) <= 0).any():
-        raise FlightError(
-            f"the track has {len(stamps)} stamps, not all increasing: sort it and drop repeated "
-            "rows"
-        )
     after = np.searchsorted(stamps, time_ns)
     before = np.clip(after - (after == len(stamps)) - 1, 0, len(stamps) - 1)
     before = np.where(stamps[np.minimum(after, len(stamps) - 1)] == time_ns, after, before)
