@@ -57,7 +57,14 @@ def test_a_file_is_downloaded_once_and_then_served_from_the_cache(toy, server, t
     assert path == tmp_path / "cache" / "toys" / "toy.bin" and path.read_bytes() == b"public bytes"
     (server[0] / "toy.bin").unlink()
     assert data.locate("toy") == [path]
-    assert data.fetch("toy", tmp_path / "out").read_bytes() == b"public bytes"
+    out = tmp_path / "out"
+    for _ in range(2):
+        assert data.fetch("toy", out).read_bytes() == b"public bytes"
+    (out / "toy.bin").write_bytes(b"of a person")
+    with pytest.raises(DataError, match="another file is there: .* --replace"):
+        data.fetch("toy", out)
+    assert (out / "toy.bin").read_bytes() == b"of a person"
+    assert data.fetch("toy", out, replace=True).read_bytes() == b"public bytes"
 
 
 def test_a_download_with_another_hash_is_refused_and_not_kept(toy, server, tmp_path):
@@ -72,6 +79,10 @@ def test_a_damaged_cache_is_fetched_again(toy, tmp_path):
     path.parent.mkdir(parents=True)
     path.write_bytes(b"damaged")
     assert data.locate("toy")[0].read_bytes() == b"public bytes"
+    path.write_bytes(b"damaged")
+    toy["url"] = "http://127.0.0.1:9/toy.bin"
+    with pytest.raises(DataError, match="toys/toy.bin is damaged in .* and cannot be fetched"):
+        data.locate("toy")
 
 
 @pytest.mark.parametrize("address", ["http://127.0.0.1:9/toy.bin", None])
