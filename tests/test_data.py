@@ -13,7 +13,7 @@ import pytest
 
 from trexton import cli
 from trexton.cache import repository_root
-from trexton.errors import DataError
+from trexton.errors import DataError, ParameterError
 from trexton.flights import read_flight
 from trexton.flights import registry as data
 from trexton.flights.cyberzoo import read_cyberzoo
@@ -137,6 +137,15 @@ def test_the_real_flight_as_a_flight(shared_data, tmp_path):
     assert len(flight.part("test")) == len(flight.part("test_mirrored")) == 299
     assert not set(flight.part("train_mirrored").frame) & set(flight.part("test_mirrored").frame)
     assert np.diff(flight.time) == pytest.approx(0.08)
+
+
+def test_a_flight_never_replaces_the_files_it_is_made_of(shared_data, tmp_path):
+    raw = tmp_path / "raw"
+    shutil.copytree(shared_data / "cyberzoo", raw)
+    before = sorted(path.name for path in raw.iterdir())
+    with pytest.raises(ParameterError, match="is read here"):
+        data.fetch("cyberzoo", raw, source=raw, replace=True)
+    assert sorted(path.name for path in raw.iterdir()) == before
 
 
 def test_tables_of_another_shape_are_refused(shared_data, tmp_path):

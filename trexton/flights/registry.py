@@ -17,7 +17,7 @@ from typing import Any, cast
 
 from trexton.cache import cache_folder, shipped
 from trexton.errors import DataError
-from trexton.files import atomic_file, digest
+from trexton.files import atomic_file, check_not_read, digest
 from trexton.flights.flight import Flight
 from trexton.flights.folder import write_flight
 from trexton.progress import say
@@ -81,6 +81,7 @@ def fetch(
     """
     files, out = locate(name, source), Path(out)
     if "reader" in registry()[name]:
+        check_not_read(out, *files)
         return write_flight(_reader(name)(*files), out, replace)
     target = out / files[0].name
     if target.exists() and not replace and digest(target) != digest(files[0]):
