@@ -7,7 +7,7 @@ import os
 import cv2
 import numpy as np
 import pytest
-from test_import import euroc, picture
+from test_import import euroc, picture, write_bag
 
 from trexton.errors import TrextonError
 from trexton.flights import importing
@@ -48,6 +48,13 @@ def test_a_flight_never_replaces_what_it_is_made_of(tmp_path, out):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+def test_a_flight_never_replaces_its_bag(tmp_path):
+    write_bag(tmp_path / "bag")
+    with pytest.raises(TrextonError, match="is read here .* and would be written over"):
+        import_flight(tmp_path / "bag", tmp_path / "bag", replaced=True)
+    assert (tmp_path / "bag" / "metadata.yaml").is_file()
+
+
 def test_a_flight_beside_its_source_s_files_is_replaced(tmp_path):
     source = euroc(tmp_path / "MH")
     for replaced in (False, True):
@@ -73,6 +80,18 @@ def test_rows_without_a_place_are_no_positions(tmp_path):
     none = [f"{i},,1,{i}.png" for i in range(6)]
     with pytest.raises(TrextonError, match="6 rows of positions, no row has a place: give x and y"):
         import_flight(table(tmp_path / "c", none), tmp_path / "none")
+
+
+def test_rows_that_motion_capture_left_empty_cost_no_other(tmp_path):
+    source = euroc(tmp_path / "MH")
+    track = source / "mav0" / "vicon0" / "data.csv"
+    head, *rows = track.read_text().splitlines()
+    lost = [",".join([rows[row].split(",")[0], *["nan"] * 7]) for row in (5, 6)]
+    no_turn = ",".join([*rows[20].split(",")[:4], *["nan"] * 4])
+    track.write_text("\n".join([head, *rows[:5], *lost, *rows[7:20], no_turn, *rows[21:]]))
+    flight, _ = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.position[:, 0], np.arange(6) * 0.5)
+    np.testing.assert_array_equal(np.isnan(flight.attitude[:, 2]), np.arange(6) == 4)
 
 
 def test_a_video_s_offset_is_found_over_gaps_in_its_positions():

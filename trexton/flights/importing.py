@@ -100,7 +100,8 @@ def import_flight(
     recording, said = _ordered(recording)
     read = recording.frames.files if isinstance(recording.frames, ImageFiles) else ()
     read += (source,) if source.is_file() else ()
-    check_not_read(out, *read)
+    beside = source.resolve() in out.resolve().parents  # a flight may lie in its source's folder
+    check_not_read(out, *read, *(() if beside else (source,)))
     work = out.parent / f".{out.name}.importing"
     # What cannot be right is found before images are written, which may take long.
     placed, words = _placed(recording, common)

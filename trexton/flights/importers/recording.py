@@ -154,22 +154,24 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
             f"{(time_ns[-1] - time_ns[0]) / NANO:.2f} s, positions {first:.2f} to {last:.2f} s: "
             "give the time offset of the positions, or a larger tolerance"
         )
-    position = _between(track.position, before, following, share)
+    position = _between(track.position[before], track.position[following], share)
     position[~good] = np.nan
     attitude = None
     if track.attitude is not None:
-        turns = np.unwrap(track.attitude, axis=0)
-        attitude = _between(turns, before, following, share)
+        low = track.attitude[before]
+        turned = _wrapped(track.attitude[following] - low)
+        attitude = _between(low, low + turned, share)
         attitude[~good] = np.nan
-        attitude = (attitude + np.pi) % (2 * np.pi) - np.pi
+        attitude = _wrapped(attitude)
     used = gap[good & ~exact]
     return Matched(position, attitude, int(good.sum()), float(used.max()) if len(used) else 0.0)
 
 
-def _between(
-    values: np.ndarray, before: np.ndarray, after: np.ndarray, share: np.ndarray
-) -> np.ndarray:
-    low, high = values[before], values[after]
+def _wrapped(angle: np.ndarray) -> np.ndarray:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
     # Not low + share * (high - low): a NaN on the side that does not count must not spread.
     mixed = np.where(share[:, None] > 0, share[:, None] * high, 0.0)
     return np.where(share[:, None] < 1, (1 - share[:, None]) * low, 0.0) + mixed
@@ -209,7 +211,8 @@ def attitude_from_quaternions(
     Parameters
     ----------
     quaternions : (N, 4) array
-        They take the source's axes to the world's.
+        They take the source's axes to the world's. Where one is not known (NaN), nor is its
+        attitude.
     axes : (3, 3) array
         An entry of `AXES`, or how a sensor is mounted.
 
@@ -220,12 +223,13 @@ def attitude_from_quaternions(
     """
     given = np.asarray(quaternions, dtype=float).reshape(-1, 4)
     length = np.linalg.norm(given, axis=1)
-    if not (length > 1e-6).all():
+    if (length <= 1e-6).any():
         raise FlightError(
-            f"quaternion {int(np.flatnonzero(~(length > 1e-6))[0]) + 1} has no length: "
+            f"quaternion {int(np.flatnonzero(length <= 1e-6)[0]) + 1} has no length: "
             "expected x, y, z, w of length 1"
         )
     turns = _matrices(given) @ axes
+    turns[np.isnan(length)] = np.nan
     pitch = np.arcsin(np.clip(turns[:, 2, 1], -1, 1))
     roll = np.arctan2(-turns[:, 2, 0], turns[:, 2, 2])
     yaw = np.arctan2(-turns[:, 0, 1], turns[:, 1, 1])
