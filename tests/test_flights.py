@@ -16,7 +16,7 @@ from trexton.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.folder import load_folder
-from trexton.flights.pair import with_splits
+from trexton.flights.pair import load_pair, with_splits
 
 
 def replace_line(path, row, text):
@@ -259,3 +259,12 @@ def test_a_path_along_one_axis_has_an_area_without_a_header(flight_folder):
     x_min, x_max, y_min, y_max = read_flight(flight_folder).area
     y = [float(row[3]) for row in cells]
     assert (x_min, x_max) == pytest.approx((2.49, 2.51)) and (y_min, y_max) == (min(y), max(y))
+
+
+def test_a_test_of_one_frame_judges_nothing(tmp_path):
+    flight = replace(small_flight(), split={"train": (1, 39), "test": (40, 40)})
+    path = write_flight(flight, tmp_path / "small")
+    with pytest.raises(
+        FlightError, match="'small' has 1 frames with a position to test on: a test"
+    ):
+        load_pair(path, None)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from test_import import euroc, picture, write_bag
 
+from trexton import cli
 from trexton.errors import TrextonError
 from trexton.flights import importing
 from trexton.flights.importers.recording import Track
@@ -206,3 +207,12 @@ def test_an_import_goes_on_only_with_what_it_began_with(tmp_path, monkeypatch, c
     again, _ = import_flight(source, tmp_path / "again", settings=settings)
     for row in range(6):
         np.testing.assert_array_equal(flight.image(row), again.image(row))
+
+
+def test_a_name_that_is_not_utf_8_is_told(tmp_path, capsys):
+    named = tmp_path / os.fsdecode(b"caf\xe9")
+    euroc(tmp_path / "MH").rename(named)
+    assert cli.main(["import", str(named), "--out", str(tmp_path / "out")]) == 1
+    error = capsys.readouterr().err
+    assert "caf\\udce9" in error and "rename the file or folder" in error
+    assert list(tmp_path.iterdir()) == [named]
