@@ -13,7 +13,7 @@ import pytest
 
 from trexton import cli
 from trexton.cache import repository_root
-from trexton.errors import DataError
+from trexton.errors import DataError, ParameterError
 from trexton.flights import read_flight
 from trexton.flights import registry as data
 from trexton.flights.cyberzoo import read_cyberzoo
@@ -57,7 +57,14 @@ def test_a_file_is_downloaded_once_and_then_served_from_the_cache(toy, server, t
     assert path == tmp_path / "cache" / "toys" / "toy.bin" and path.read_bytes() == b"public bytes"
     (server[0] / "toy.bin").unlink()
     assert data.locate("toy") == [path]
-    assert data.fetch("toy", tmp_path / "out").read_bytes() == b"public bytes"
+    out = tmp_path / "out"
+    for _ in range(2):
+        assert data.fetch("toy", out).read_bytes() == b"public bytes"
+    (out / "toy.bin").write_bytes(b"of a person")
+    with pytest.raises(DataError, match="another file is there: .* --replace"):
+        data.fetch("toy", out)
+    assert (out / "toy.bin").read_bytes() == b"of a person"
+    assert data.fetch("toy", out, replace=True).read_bytes() == b"public bytes"
 
 
 def test_a_download_with_another_hash_is_refused_and_not_kept(toy, server, tmp_path):
@@ -72,6 +79,10 @@ def test_a_damaged_cache_is_fetched_again(toy, tmp_path):
     path.parent.mkdir(parents=True)
     path.write_bytes(b"damaged")
     assert data.locate("toy")[0].read_bytes() == b"public bytes"
+    path.write_bytes(b"damaged")
+    toy["url"] = "http://127.0.0.1:9/toy.bin"
+    with pytest.raises(DataError, match="toys/toy.bin is damaged in .* and cannot be fetched"):
+        data.locate("toy")
 
 
 @pytest.mark.parametrize("address", ["http://127.0.0.1:9/toy.bin", None])
@@ -126,6 +137,15 @@ def test_the_real_flight_as_a_flight(shared_data, tmp_path):
     assert len(flight.part("test")) == len(flight.part("test_mirrored")) == 299
     assert not set(flight.part("train_mirrored").frame) & set(flight.part("test_mirrored").frame)
     assert np.diff(flight.time) == pytest.approx(0.08)
+
+
+def test_a_flight_never_replaces_the_files_it_is_made_of(shared_data, tmp_path):
+    raw = tmp_path / "raw"
+    shutil.copytree(shared_data / "cyberzoo", raw)
+    before = sorted(path.name for path in raw.iterdir())
+    with pytest.raises(ParameterError, match="is read here"):
+        data.fetch("cyberzoo", raw, source=raw, replace=True)
+    assert sorted(path.name for path in raw.iterdir()) == before
 
 
 def test_tables_of_another_shape_are_refused(shared_data, tmp_path):

@@ -16,7 +16,7 @@ from trexton.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.folder import load_folder
-from trexton.flights.pair import with_splits
+from trexton.flights.pair import load_pair, with_splits
 
 
 def replace_line(path, row, text):
@@ -238,3 +238,33 @@ def test_splits_are_cut_where_three_fifths_of_the_positions_are_known():
     assert (last, begin) == (32, 33)  # the 6th of 10; frames count from 1
     own = {"train": (0, 9), "test": (10, 39)}
     assert with_splits(replace(flight, split=own)).split == own
+
+
+@pytest.mark.parametrize("key", ["position", "time", "histograms", "height"])
+def test_a_flight_has_one_of_each_for_every_frame(key):
+    flight = small_flight()
+    few = np.zeros((3, 2))[:, 0] if key in ("time", "height") else np.zeros((3, 2))
+    with pytest.raises(FlightError, match=f"frame numbers and 3 of {key}: give one for each frame"):
+        replace(flight, **{key: few})
+
+
+def test_a_path_along_one_axis_has_an_area_without_a_header(flight_folder):
+    header = flight_folder / "flight.toml"
+    lines = [line for line in header.read_text().splitlines() if not line.startswith("area_m")]
+    header.write_text("\n".join(lines))
+    rows = (flight_folder / "frames.csv").read_text().splitlines()
+    cells = [row.split(",") for row in rows[1:]]
+    straight = [",".join([frame, time, "2.5", *rest]) for frame, time, _, *rest in cells]
+    (flight_folder / "frames.csv").write_text("\n".join([rows[0], *straight]))
+    x_min, x_max, y_min, y_max = read_flight(flight_folder).area
+    y = [float(row[3]) for row in cells]
+    assert (x_min, x_max) == pytest.approx((2.49, 2.51)) and (y_min, y_max) == (min(y), max(y))
+
+
+def test_a_test_of_one_frame_judges_nothing(tmp_path):
+    flight = replace(small_flight(), split={"train": (1, 39), "test": (40, 40)})
+    path = write_flight(flight, tmp_path / "small")
+    with pytest.raises(
+        FlightError, match="'small' has 1 frames with a position to test on: a test"
+    ):
+        load_pair(path, None)

@@ -78,7 +78,7 @@ def test_undistorting_changes_the_images_and_cropping_the_camera(tmp_path):
     ("settings", "told"),
     [
         ({"undistort": "CALIBRATION"}, "the calibration is for 640x480, the images are 64x48"),
-        ({"undistort": "STRAIGHT"}, "no calibration with distortion"),
+        ({"undistort": "STRAIGHT"}, "no calibration with radial and tangential distortion"),
         ({"mask": "MASK"}, "no free rectangle of a tenth of the image is left"),
         ({"mask": "SMALL"}, "expected a picture of 64x48 pixels"),
         ({"mask": "absent"}, "absent: cannot be read"),

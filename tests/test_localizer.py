@@ -158,6 +158,7 @@ def test_frames_that_do_not_fit_are_refused_and_change_nothing(texton_map, pictu
         return localizer.step(picture_flight.image(0)).position.tobytes()
 
     bad = [
+        ([0.25] * 8, ImageError),
         (np.zeros((80, 100), np.uint8), ImageError),
         (np.zeros((60, 80, 3), np.uint8), ImageError),
         (np.zeros((80, 100, 3)), ImageError),

@@ -3,6 +3,7 @@
 import json
 import os
 import zipfile
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,7 +40,10 @@ def header(texton_map, **changes):
 
 BAD = {
     "nan": lambda m: {"histograms": with_value(m.histograms, np.nan)},
-    "negative": lambda m: {"histograms": with_value(m.histograms, -0.1)},
+    "negative": lambda m: {
+        "histograms": with_value(m.histograms, -0.1), "image_shape": np.array([8, 8]),
+        "textons": np.zeros((m.histograms.shape[1], 2, 2, 3), np.uint8),
+    },
     "complex": lambda m: {"histograms": m.histograms.astype(complex)},
     "flat": lambda m: {"histograms": m.histograms.ravel()},
     "none": lambda m: {"histograms": m.histograms[:0]},
@@ -101,6 +105,18 @@ def test_whole_maps_load(texton_map, tmp_path):
     again = TextonMap.load(tmp_path / "map.npz")
     for name, array in texton_map.to_arrays().items():
         np.testing.assert_array_equal(again.to_arrays()[name], array)
+
+
+def test_maps_of_other_features_and_of_whole_numbers_load(tmp_path):
+    flight = histogram_flight("hall", frames=80)
+    for changes in (
+        {"histograms": flight.histograms - 0.5, "features": "something else"},
+        {"position": np.round(flight.position * 100).astype(int), "time": np.arange(80)},
+    ):
+        train = replace(flight, area=(-500.0, 1000.0, -500.0, 1000.0), **changes)
+        texton_map = TextonMap.train(train, rng=np.random.default_rng(1))
+        again = TextonMap.load(texton_map.save(tmp_path / "map.npz"))
+        np.testing.assert_array_equal(again.histograms, texton_map.histograms)
 
 
 def test_neighbours_are_no_more_than_frames(texton_map, tmp_path):

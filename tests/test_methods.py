@@ -185,3 +185,9 @@ def test_arrays_of_another_part_are_refused():
     whole = RandomWalk.from_arrays(learned_arrays, sigma=0.5)
     assert whole.arrays().keys() == learned_arrays.keys() and whole.options() == {"sigma": 0.5}
     assert learned().init is False
+
+
+@pytest.mark.parametrize("word", ["method=field", "rng=1", "colour.red=1"])
+def test_what_is_no_part_cannot_be_set(word):
+    with pytest.raises(ParameterError, match="is unknown: choose one of distance"):
+        parse_choices([word])

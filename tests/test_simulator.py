@@ -277,6 +277,11 @@ def test_higher_up_a_coarser_level_is_used_and_the_place_is_the_same():
 # ----------------------------------------------------------------------------------------
 
 
+def test_a_floor_of_no_seed_is_refused():
+    with pytest.raises(ParameterError, match="the floor.s seed is -1: expected 0 or more"):
+        Floor.painted(seed=-1)
+
+
 def test_the_painted_hall_is_the_same_for_the_same_seed_and_carries_its_tags():
     floor = Floor.hall(0)
     assert floor.area == (0.0, SIDE, 0.0, SIDE)

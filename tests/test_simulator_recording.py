@@ -128,6 +128,15 @@ def test_nonsense_is_refused_and_nothing_is_written(tmp_path, floor, options):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_flight_never_replaces_the_picture_it_flies_over(tmp_path, capsys):
+    picture = tmp_path / "pictures" / "hall.png"
+    picture.parent.mkdir()
+    cv2.imwrite(str(picture), np.zeros((50, 50, 3), np.uint8))
+    words = ["simulate", "--out", str(picture.parent), "--floor", str(picture), "--replace"]
+    assert main(words) == 1 and "is read here" in capsys.readouterr().err
+    assert [path.name for path in picture.parent.iterdir()] == ["hall.png"]
+
+
 def test_a_flight_that_breaks_off_leaves_the_old_one(tmp_path, floor, monkeypatch):
     record_flight(tmp_path / "flight", frames=2, floor=floor, camera=SMALL)
     before = contents(tmp_path / "flight")

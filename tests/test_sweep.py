@@ -85,6 +85,14 @@ def test_the_plan_is_a_file_and_words_take_its_place(flight, tmp_path, capsys):
     ]
 
 
+def test_the_table_is_not_kept_over_the_plan(flight, tmp_path, capsys):
+    plan = tmp_path / "plan.toml"
+    plan.write_text(text := f'experiment = "mocap_training"\nflights = ["{flight}"]\n')
+    words = ["sweep", "--plan", str(plan), "--out", str(tmp_path / "out"), "--keep", str(plan)]
+    assert cli.main(words) == 1 and "is read here" in capsys.readouterr().err
+    assert plan.read_text() == text and not (tmp_path / "out").exists()
+
+
 def test_two_flights_of_one_name_are_refused(flight, tmp_path):
     """Each row would tell the results of whichever was flown last."""
     write_flight(replace(small_flight(), time=small_flight().time * 2), tmp_path / "other")

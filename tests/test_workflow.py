@@ -9,16 +9,18 @@ import signal
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from conftest import small_flight
 from patience import alive, eventually
 from tiny_notebooks import BODY, FAILING, write_notebook
 
 from trexton import cli
 from trexton.errors import ParameterError, TrextonError
 from trexton.experiments import Experiment
-from trexton.flights import read_flight
+from trexton.flights import read_flight, write_flight
 from trexton.flights.pair import load_pair
 from trexton.workflow import FlightPair, run_experiments
 from trexton.workflow.execution import Done
@@ -248,17 +250,18 @@ def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_fold
     assert house.run()["first"].reasons == ("small lacks positions in some frames",)
 
 
-def test_a_flight_without_splits_tests_on_its_later_frames(house, image_folder, capsys):
-    pair = FlightPair(str(image_folder))
-    count = len(read_flight(image_folder))
+def test_a_flight_without_splits_tests_on_its_later_frames(house, tmp_path, capsys):
+    whole = write_flight(replace(small_flight(), split={}), tmp_path / "whole")
+    pair = FlightPair(str(whole))
+    count = len(read_flight(whole))
     (first, last), (begin, end) = pair.train.split["train"], pair.train.split["test"]
-    assert (first, begin, end) == (0, last + 1, count - 1) and 0 < last < end
-    assert "has no splits train and test: frames 0 to" in capsys.readouterr().err
-    train, test = load_pair(image_folder, None)
-    assert (len(train), len(test)) == (last + 1, count - begin)
-    pair = FlightPair(str(image_folder), str(house.flight))
+    assert (first, begin, end) == (1, last + 1, count) and 0 < last < end
+    assert "has no splits train and test: frames 1 to" in capsys.readouterr().err
+    train, test = load_pair(whole, None)
+    assert (len(train), len(test)) == (last, end - last)
+    pair = FlightPair(str(whole), str(house.flight))
     assert pair.hashes == {
-        "train": read_flight(image_folder).data_hash,
+        "train": read_flight(whole).data_hash,
         "test": read_flight(house.flight).data_hash,
     }
 

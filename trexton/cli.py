@@ -83,6 +83,9 @@ def sentence(error: Exception) -> str:
     if isinstance(error, OSError):
         where = f"{error.filename}: " if error.filename else ""
         return f"{where}{error.strerror or error}: nothing was changed, mend it and try again"
+    if isinstance(error, UnicodeEncodeError):
+        name = ascii(error.object[max(0, error.start - 20) : error.end + 20])
+        return f"a name is not UTF-8 (at {name}): rename the file or folder"
     if isinstance(error, MemoryError):
         return "the memory does not suffice: use fewer frames, smaller images or another machine"
     if isinstance(error, RecursionError):

@@ -102,7 +102,8 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) -> None:
-    """Refuse to write over a file that is read, or over one in a folder that is read.
+    """Refuse to write over a file that is read, one in a folder that is read, or a folder that
+    holds what is read.
 
     Raises
     ------
@@ -111,10 +112,11 @@ def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) 
     """
     real = Path(os.path.realpath(path))
     for other in read:
-        inside = real.is_relative_to(os.path.realpath(other))
+        there = Path(os.path.realpath(other))
+        inside = real.is_relative_to(there) or there.is_relative_to(real)
         if inside and (real.exists() or Path(other).is_file()):
             raise ParameterError(
-                f"{path}: is read here ({other}) and would be written over: give another file"
+                f"{path}: is read here ({other}) and would be written over: name another"
             )
 
 

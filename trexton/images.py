@@ -171,12 +171,10 @@ def check_size(path: Path) -> tuple[int, int]:
     """
     image = decode(checked_bytes(path), cv2.IMREAD_REDUCED_GRAYSCALE_8)
     size = declared_size(path.read_bytes()[:65536])
-    if image is None:
-        raise ImageError(f"{path}: not an image that OpenCV can decode: copy it again")
-    if size is None:
+    if image is None or size is None or image.shape[0] == image.shape[1] and size[0] != size[1]:
         whole = read_image(path)
         return whole.shape[1], whole.shape[0]
-    # The small picture tells which way round the large one will be.
+    # The small picture tells which way round the large one will be, unless it is square.
     wide = image.shape[1] >= image.shape[0]
     return (max(size), min(size)) if wide else (min(size), max(size))
 

@@ -142,7 +142,7 @@ class Localizer:
         """
         if frame is None:
             return self.advance(None)
-        samples = None if frame.ndim == 1 else self.samples
+        samples = None if np.ndim(frame) == 1 else self.samples
         return self.advance(self.observation(frame, aiding=aiding, time=time, samples=samples))
 
     def advance(self, observation: Observation | None) -> Estimate:

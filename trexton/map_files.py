@@ -99,7 +99,8 @@ def check_map(texton_map: TextonMap) -> None:
         "histograms are finite (N, K) numbers",
         histograms,
     )
-    _expect(bool((histograms >= 0).all()), "histograms are not negative", histograms)
+    if texton_map.dictionary is not None:  # other features may be negative
+        _expect(bool((histograms >= 0).all()), "histograms are not negative", histograms)
     count, width = histograms.shape
     _expect(
         _real(positions) and positions.shape == (count, 2),

@@ -80,8 +80,7 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
     result: dict[str, Part] = {}
     for key, choice in choices.items():
         role, dot, _ = key.partition(".")
-        if role not in ROLES:
-            raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
+        _check_known(role)
         if dot:
             continue
         if isinstance(choice, Part):
@@ -104,18 +103,24 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
     return result
 
 
+def _check_known(role: str) -> None:
+    if role not in ROLES:
+        raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
+
+
 def parse_choices(words: Iterable[str]) -> dict[str, str]:
     """Choices from ``role=part`` and ``role.option=value`` words of a command line.
 
     Raises
     ------
     ParameterError
-        A word is neither.
+        A word is neither, or a role is unknown.
     """
     choices = {}
     for word in words:
         key, equals, value = word.partition("=")
         if not equals or not key or not value:
             raise ParameterError(f"--set {word!r}: expected role=part or role.option=value")
+        _check_known(key.partition(".")[0])
         choices[key] = value
     return choices

@@ -64,6 +64,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    from trexton.files import check_not_read
     from trexton.simulator import Floor, record_flight
 
     if arguments.floor_width is not None and arguments.floor is None:
@@ -71,6 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
             "--floor-width is given without --floor: it is the width of a floor picture"
         )
     if arguments.floor is not None:
+        check_not_read(arguments.out, arguments.floor)
         floor = Floor.from_file(
             arguments.floor, 5.0 if arguments.floor_width is None else arguments.floor_width
         )

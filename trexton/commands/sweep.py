@@ -9,7 +9,7 @@ from typing import Any
 
 from trexton.commands.run import parse_settings
 from trexton.errors import ParameterError
-from trexton.files import atomic_file
+from trexton.files import atomic_file, check_not_read
 from trexton.workflow import FlightPair
 from trexton.workflow.sweep import Floors, Plan, sweep
 
@@ -42,8 +42,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    out = Path(arguments.out)
-    swept = sweep(_plan(arguments), out, jobs=arguments.jobs, cluster=arguments.cluster)
+    out, plan = Path(arguments.out), _plan(arguments)
+    if arguments.keep:
+        flights = [path for pair in plan.pairs for path in (pair.flight, pair.test_flight)]
+        check_not_read(arguments.keep, *filter(None, [arguments.plan, *flights]))
+    swept = sweep(plan, out, jobs=arguments.jobs, cluster=arguments.cluster)
     if arguments.keep and not swept.failed:
         with atomic_file(Path(arguments.keep), "wb") as stream:
             stream.write((out / "sweep.json").read_bytes())

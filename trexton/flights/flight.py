@@ -76,6 +76,19 @@ class Flight:
     licence: str = ""
     notes: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        for key in (*_PER_FRAME, "frames"):
+            if (value := getattr(self, key)) is None:
+                continue
+            if key != "frames":
+                value = np.asarray(value, dtype=None if key == "frame" else float)
+                object.__setattr__(self, key, value)
+            if len(value) != len(self.frame):
+                raise FlightError(
+                    f"flight {self.name!r} has {len(self.frame)} frame numbers and {len(value)} of "
+                    f"{key}: give one for each frame"
+                )
+
     def __len__(self) -> int:
         return len(self.frame)
 

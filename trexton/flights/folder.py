@@ -22,7 +22,12 @@ from trexton.files import atomic_folder
 from trexton.flights.columns import read_columns
 from trexton.flights.flight import Flight
 from trexton.flights.frames import Frames, ImageFiles
-from trexton.flights.header import camera_from_header, header_text, read_header
+from trexton.flights.header import (
+    SMALLEST_AREA,
+    camera_from_header,
+    header_text,
+    read_header,
+)
 from trexton.images import bgr_from_yuv
 
 __all__ = ["Reading", "load_folder", "read_flight", "write_flight", "write_tables"]
@@ -189,7 +194,9 @@ def _extent(position: np.ndarray) -> tuple[float, float, float, float]:
     known = position[np.isfinite(position).all(axis=1)]
     if not len(known):
         return (0.0, 0.0, 0.0, 0.0)
-    (x_min, y_min), (x_max, y_max) = known.min(axis=0), known.max(axis=0)
+    low, high = known.min(axis=0), known.max(axis=0)
+    margin = np.where(high - low < SMALLEST_AREA, 0.01, 0.0)  # of a path along one axis
+    (x_min, y_min), (x_max, y_max) = low - margin, high + margin
     return (float(x_min), float(x_max), float(y_min), float(y_max))
 
 

@@ -15,9 +15,16 @@ import numpy as np
 
 from trexton.camera import Camera
 from trexton.errors import FlightError, ParameterError, TrextonError
-from trexton.files import check_replaceable, clean_leftovers, digest, naming, replace_folder
+from trexton.files import (
+    check_not_read,
+    check_replaceable,
+    clean_leftovers,
+    digest,
+    naming,
+    replace_folder,
+)
 from trexton.flights.flight import Flight
-from trexton.flights.folder import read_flight, write_tables
+from trexton.flights.folder import FARTHEST, load_folder, read_flight, write_tables
 from trexton.flights.frames import Frames, ImageFiles, select_frames
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.recording import NANO, Recording, match
@@ -91,8 +98,11 @@ def import_flight(
     chosen = module.Settings.parse(given, f"import {kind}")
     recording = module.read(source, chosen)
     recording, said = _ordered(recording)
+    read = recording.frames.files if isinstance(recording.frames, ImageFiles) else ()
+    read += (source,) if source.is_file() else ()
+    beside = source.resolve() in out.resolve().parents  # a flight may lie in its source's folder
+    check_not_read(out, *read, *(() if beside else (source,)))
     work = out.parent / f".{out.name}.importing"
-    key = digest(kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns)
     # What cannot be right is found before images are written, which may take long.
     placed, words = _placed(recording, common)
     if recording.track is not None and "offset" in names:
@@ -102,6 +112,11 @@ def import_flight(
             else "stamps of frames and positions taken as of one clock"
         )
     change = None if recording.frames is None else _Change.of(recording, common, source)
+    states = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in read]
+    key = digest(
+        kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns, states,
+        *([] if change is None else [change.crop, *(change.maps or ())]),
+    )  # fmt: skip
     with naming(out):
         try:
             _prepare(work, key)
@@ -111,7 +126,8 @@ def import_flight(
                 said += written
             flight = _flight(recording, common, placed, camera, frames, common.name or out.name)
             write_tables(flight, work)
-            read_flight(work)  # what cannot be read replaces nothing
+            if faults := load_folder(work).faults:  # what cannot be read replaces nothing
+                raise FlightError(faults[0])
         except TrextonError as error:  # and is no use to go on with
             shutil.rmtree(work, ignore_errors=True)
             raise type(error)(str(error).replace(str(work), str(out))) from None
@@ -159,7 +175,14 @@ def _placed(recording: Recording, common: Common) -> tuple[Placed, list[str]]:
     count = len(recording.time_ns)
     if recording.track is None:
         return (np.full((count, 3), np.nan), None), ["no positions in the source"]
-    found = match(recording.time_ns, recording.track.shifted(common.offset), common.tolerance)
+    track = recording.track.known()
+    farthest = np.nanmax(np.abs(track.position))
+    if farthest > FARTHEST:
+        raise FlightError(
+            f"a position is {farthest:g} m from the origin: no such place on Earth, correct it or "
+            "name its unit"
+        )
+    found = match(recording.time_ns, track.shifted(common.offset), common.tolerance)
     said = [
         f"{found.count} of {count} frames have a position, "
         f"largest gap between positions used {found.largest_gap_s:.3f} s"
@@ -256,6 +279,10 @@ class _Change:
             )
         crop = _free_rectangle(common.mask, full) if common.mask else (0, 0, *full)
         size = (round(crop[2] * common.scale), round(crop[3] * common.scale))
+        if min(size) < 1:
+            raise ParameterError(
+                f"scale {common.scale:g} leaves nothing of {crop[2]}x{crop[3]} pixels: give more"
+            )
         return cls(full, size, crop, maps, maps is None and size == full)
 
     def suffix(self, frames: Frames, row: int) -> str:
@@ -327,7 +354,10 @@ def _calibration(
 
         camera, distortion = read_calibration(Path(name))
     if camera is None or distortion is None:
-        raise ParameterError(f"undistort {name!r}: no calibration with distortion in {source}")
+        where = source if name == "own" else name
+        raise ParameterError(
+            f"undistort {name!r}: no calibration with radial and tangential distortion in {where}"
+        )
     if (camera.width, camera.height) != size:
         raise ParameterError(
             f"the calibration is for {camera.width}x{camera.height}, the images are "

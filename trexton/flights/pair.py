@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trexton.errors import FlightError
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
 
@@ -23,16 +24,27 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
     flight, test_flight : path
         Of two flights their splits ``train`` and ``test`` where they have them, else all frames; of
         one flight (`test_flight` None) its two splits (`with_splits`).
+
+    Raises
+    ------
+    FlightError
+        A folder is no flight, or fewer than three frames of the test have a position.
     """
     first = read_flight(flight)
     if test_flight is None:
         first = with_splits(first)
-        return first.part("train"), first.part("test")
-    second = read_flight(test_flight)
-    return (
-        first.part("train") if "train" in first.split else first,
-        second.part("test") if "test" in second.split else second,
-    )
+        train, test = first.part("train"), first.part("test")
+    else:
+        second = read_flight(test_flight)
+        train = first.part("train") if "train" in first.split else first
+        test = second.part("test") if "test" in second.split else second
+    known = int(np.isfinite(test.position).all(axis=1).sum())
+    if known < 3:
+        raise FlightError(
+            f"flight {test.name!r} has {known} frames with a position to test on: "
+            "a test needs at least 3"
+        )
+    return train, test
 
 
 def with_splits(flight: Flight) -> Flight:

@@ -17,7 +17,7 @@ from typing import Any, cast
 
 from trexton.cache import cache_folder, shipped
 from trexton.errors import DataError
-from trexton.files import atomic_file
+from trexton.files import atomic_file, check_not_read, digest
 from trexton.flights.flight import Flight
 from trexton.flights.folder import write_flight
 from trexton.progress import say
@@ -81,8 +81,11 @@ def fetch(
     """
     files, out = locate(name, source), Path(out)
     if "reader" in registry()[name]:
+        check_not_read(out, *files)
         return write_flight(_reader(name)(*files), out, replace)
     target = out / files[0].name
+    if target.exists() and not replace and digest(target) != digest(files[0]):
+        raise DataError(f"{target}: another file is there: name another folder, or say --replace")
     with atomic_file(target, "wb") as stream, open(files[0], "rb") as raw:
         shutil.copyfileobj(raw, stream)
     return target
@@ -131,8 +134,9 @@ def _from_cache(key: str, file: dict[str, Any]) -> Path:
                     "try again, or take the file from elsewhere (--from DIR)"
                 )
     except requests.RequestException as error:
+        found = "damaged" if path.is_file() else "not"
         raise DataError(
-            f"{key} is not in {folder} and cannot be fetched from {file['url']} "
+            f"{key} is {found} in {folder} and cannot be fetched from {file['url']} "
             f"({type(error).__name__}): "
             "go online, or give a folder that holds the raw files (--from DIR, or TREXTON_DATA)"
         ) from None

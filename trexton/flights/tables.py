@@ -55,7 +55,7 @@ def read_table(path: Path, names: list[str] | None = None) -> pd.DataFrame:
     """
     import pandas as pd
 
-    lines = [line for line in read_text(path).splitlines() if line.strip()]
+    lines = [line for line in read_text(path).splitlines() if line.strip(" ,;\t")]
     if names is None and lines:
         header, lines = lines[0].lstrip("# \t"), lines[1:]
     else:
@@ -64,7 +64,7 @@ def read_table(path: Path, names: list[str] | None = None) -> pd.DataFrame:
     if not lines:
         raise FlightError(f"{path}: no rows: expected a table of numbers")
     separator = next((each for each in ";\t," if each in lines[0]), r"\s+")
-    decimal = "," if separator in ";\t" and "," in lines[0] else "."
+    decimal = "," if separator in ";\t" and any("," in line for line in lines) else "."
     if names is None:
         names = [name.strip().strip('"') for name in re.split(separator, header.strip())]
     try:

@@ -71,6 +71,8 @@ class Floor:
         """A painted floor of 5 m x 5 m with its mats laid by `layout`, one of `LAYOUTS`; equal
         seeds, equal floors.
         """
+        if seed < 0:
+            raise ParameterError(f"the floor's seed is {seed}: expected 0 or more")
         return _painted(layout, seed)
 
     @classmethod

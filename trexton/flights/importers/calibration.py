@@ -19,6 +19,9 @@ __all__ = ["read_calibration", "read_mounting"]
 # OpenCV may add every point it saw. What may open a level is counted: parsers call themselves for
 # each, and may overflow the stack.
 MOST_CHARACTERS = 2**17
+_COEFFICIENTS = (4, 5, 8, 12, 14)
+# What the radial and tangential model is called; a fisheye's coefficients mean something else.
+_RADIAL = ("radial-tangential", "radtan", "plumb_bob")
 _Meant = TypeVar("_Meant")
 OPENING, MOST_OPENINGS = "[{<:-?", 10_000
 
@@ -44,6 +47,11 @@ def read_calibration(path: Path) -> tuple[Camera, np.ndarray | None]:
         raise FlightError(
             f"{path}: expected a picture of 1 to {MOST_PIXELS:,} pixels, a focal length above zero "
             "and finite numbers: correct it"
+        )
+    if distortion.any() and len(distortion) not in _COEFFICIENTS:
+        raise FlightError(
+            f"{path}: {len(distortion)} distortion coefficients: OpenCV takes "
+            f"{', '.join(map(str, _COEFFICIENTS))}: correct it"
         )
     return camera, distortion if distortion.any() else None
 
@@ -100,7 +108,9 @@ def _matrix(node: Mapping[str, Any]) -> np.ndarray:
 def _asl(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:
     width, height = (int(value) for value in content["resolution"])
     fx, fy, cx, cy = (float(value) for value in content["intrinsics"])
-    distortion = np.array(content.get("distortion_coefficients", []), dtype=float).ravel()
+    radial = content.get("distortion_model", _RADIAL[0]) in _RADIAL
+    given = content.get("distortion_coefficients", []) if radial else []
+    distortion = np.array(given, dtype=float).ravel()
     return Camera(width, height, (fx + fy) / 2, (cx, cy)), distortion
 
 

@@ -62,7 +62,13 @@ def read(source: Path, settings: Settings) -> Recording:
         places = _from_table(default, files, settings)
     else:
         places = {file: _from_exif(file) for file in files}
-    known = [file for file in files if places.get(file) is not None]
+        undated = [file for file, place in places.items() if place and not place[3]]
+        if undated and len(undated) < sum(place is not None for place in places.values()):
+            raise FlightError(
+                f"{undated[0]}: no time in its EXIF, where other photographs have one: leave it "
+                "out, or name a table with --positions"
+            )
+    known = [file for file in files if (at := places.get(file)) and np.isfinite(at[:2]).all()]
     if len(known) < 3:
         raise FlightError(
             f"{source}: {len(known)} of {len(files)} photographs have a position: expected 3 "
@@ -166,16 +172,21 @@ def _degrees(parts: Any, side: str, negative: str) -> float:
 
 
 def _stamp(path: Path, text: str) -> int:
-    """Nanoseconds since 1970 of an EXIF time such as ``2013:06:04 13:37:29``, taken as UTC."""
+    """Nanoseconds since 1970 of an EXIF time such as ``2013:06:04 13:37:29``, or one of ISO 8601,
+    taken as UTC where it tells no zone; zero where a camera without a clock wrote it.
+    """
+    if not text.strip(" 0:"):
+        return 0
     try:
-        date, _, clock = text.strip().partition(" ")
-        moment = datetime.fromisoformat(f"{date.replace(':', '-')} {clock}".strip())
-        stamp = int(moment.replace(tzinfo=UTC).timestamp()) * NANO
+        date, clock = text.strip()[:10], text.strip()[10:]
+        moment = datetime.fromisoformat(date.replace(":", "-") + clock)
+        moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+        stamp = round(moment.timestamp() * 1e6) * 1000
         if abs(stamp) < 2**63:  # until the year 2262
             return stamp
     except ValueError:
         pass
-    raise FlightError(f"{path}: {text[:40]!r} is no time: expected 2013:06:04 13:37:29")
+    raise FlightError(f"{path}: {text[:40]!r} is no time: expected one such as 2013:06:04 13:37:29")
 
 
 def _increasing(stamps: np.ndarray) -> np.ndarray:

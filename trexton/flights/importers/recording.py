@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from trexton.camera import Camera
-from trexton.errors import FlightError
+from trexton.errors import FlightError, ParameterError
 from trexton.flights.frames import Frames
 from trexton.options import option
 
@@ -47,8 +47,22 @@ class Track:
     attitude: np.ndarray | None = None
 
     def shifted(self, seconds: float) -> Track:
-        """The track with its clock set forward."""
+        """The track with its clock set forward; raises `ParameterError` for centuries."""
+        if not abs(seconds) < 2**62 / NANO:
+            raise ParameterError(f"offset {seconds:g} s: expected less than a century")
         return Track(self.time_ns + round(seconds * NANO), self.position, self.attitude)
+
+    def known(self) -> Track:
+        """The rows with a place; raises `FlightError` where there are none, or out of order."""
+        rows = ~np.isnan(self.position[:, :2]).any(axis=1)
+        attitude = None if self.attitude is None else self.attitude[rows]
+        track = Track(self.time_ns[rows], self.position[rows], attitude)
+        if not rows.any() or (np.diff(track.time_ns) <= 0).any():
+            found = "no row has a place: give x and y"
+            if rows.any():
+                found = "their stamps do not all increase: sort them and drop repeated rows"
+            raise FlightError(f"{len(rows)} rows of positions, {found}")
+        return track
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,19 +122,15 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
     """Interpolate the track at the frames; angles along the shorter way.
 
     A frame is matched if it lies on a stamp or between two that are at most twice the tolerance
-    apart.
+    apart. Rows of the track without a place do not count.
 
     Raises
     ------
     FlightError
-        The track's stamps do not increase, or no frame is matched.
+        The track has no place, its stamps do not increase, or no frame is matched.
     """
+    track = track.known()
     stamps = track.time_ns
-    if len(stamps) == 0 or (np.diff(stamps) <= 0).any():
-        raise FlightError(
-            f"the track has {len(stamps)} stamps, not all increasing: sort it and drop repeated "
-            "rows"
-        )
     after = np.searchsorted(stamps, time_ns)
     before = np.clip(after - (after == len(stamps)) - 1, 0, len(stamps) - 1)
     before = np.where(stamps[np.minimum(after, len(stamps) - 1)] == time_ns, after, before)
@@ -144,22 +154,24 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
             f"{(time_ns[-1] - time_ns[0]) / NANO:.2f} s, positions {first:.2f} to {last:.2f} s: "
             "give the time offset of the positions, or a larger tolerance"
         )
-    position = _between(track.position, before, following, share)
+    position = _between(track.position[before], track.position[following], share)
     position[~good] = np.nan
     attitude = None
     if track.attitude is not None:
-        turns = np.unwrap(track.attitude, axis=0)
-        attitude = _between(turns, before, following, share)
+        low = track.attitude[before]
+        turned = _wrapped(track.attitude[following] - low)
+        attitude = _between(low, low + turned, share)
         attitude[~good] = np.nan
-        attitude = (attitude + np.pi) % (2 * np.pi) - np.pi
+        attitude = _wrapped(attitude)
     used = gap[good & ~exact]
     return Matched(position, attitude, int(good.sum()), float(used.max()) if len(used) else 0.0)
 
 
-def _between(
-    values: np.ndarray, before: np.ndarray, after: np.ndarray, share: np.ndarray
-) -> np.ndarray:
-    low, high = values[before], values[after]
+def _wrapped(angle: np.ndarray) -> np.ndarray:
+    return (angle + np.pi) % (2 * np.pi) - np.pi
+
+
+def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
     # Not low + share * (high - low): a NaN on the side that does not count must not spread.
     mixed = np.where(share[:, None] > 0, share[:, None] * high, 0.0)
     return np.where(share[:, None] < 1, (1 - share[:, None]) * low, 0.0) + mixed
@@ -199,7 +211,8 @@ def attitude_from_quaternions(
     Parameters
     ----------
     quaternions : (N, 4) array
-        They take the source's axes to the world's.
+        They take the source's axes to the world's. Where one is not known (NaN), nor is its
+        attitude.
     axes : (3, 3) array
         An entry of `AXES`, or how a sensor is mounted.
 
@@ -210,12 +223,13 @@ def attitude_from_quaternions(
     """
     given = np.asarray(quaternions, dtype=float).reshape(-1, 4)
     length = np.linalg.norm(given, axis=1)
-    if not (length > 1e-6).all():
+    if (length <= 1e-6).any():
         raise FlightError(
-            f"quaternion {int(np.flatnonzero(~(length > 1e-6))[0]) + 1} has no length: "
+            f"quaternion {int(np.flatnonzero(length <= 1e-6)[0]) + 1} has no length: "
             "expected x, y, z, w of length 1"
         )
     turns = _matrices(given) @ axes
+    turns[np.isnan(length)] = np.nan
     pitch = np.arcsin(np.clip(turns[:, 2, 1], -1, 1))
     roll = np.arctan2(-turns[:, 2, 0], turns[:, 2, 2])
     yaw = np.arctan2(-turns[:, 0, 1], turns[:, 1, 1])

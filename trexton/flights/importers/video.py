@@ -100,8 +100,9 @@ def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tup
     Raises
     ------
     FlightError
-        The track is shorter than two seconds, or does not move.
+        The track has no place, is out of order, shorter than two seconds, or does not move.
     """
+    track = track.known()
     time = (track.time_ns - track.time_ns[0]) / NANO
     if len(time) < 10 or time[-1] < 2 or len(stamps) < 10:
         raise FlightError(

@@ -1,0 +1,218 @@
+"""Recordings as they come from bad days: gaps, odd clocks and shapes, and names given twice."""
+
+from __future__ import annotations
+
+import os
+
+import cv2
+import numpy as np
+import pytest
+from test_import import euroc, picture, write_bag
+
+from trexton import cli
+from trexton.errors import TrextonError
+from trexton.flights import importing
+from trexton.flights.importers.recording import Track
+from trexton.flights.importers.video import estimate_offset
+from trexton.flights.importing import import_flight
+from trexton.images import check_size
+
+
+def table(folder, rows, head="t,x,y,image"):
+    folder.mkdir(exist_ok=True)
+    for i in range(6):
+        cv2.imwrite(str(folder / f"{i}.png"), picture(i))
+    (folder / "t.csv").write_text("\n".join([head, *rows]))
+    return folder / "t.csv"
+
+
+def photographs(folder, places, times):
+    from PIL import Image
+    from PIL.TiffImagePlugin import IFDRational
+
+    folder.mkdir()
+    for i, (degrees, time) in enumerate(zip(places, times, strict=True)):
+        exif = Image.Exif()
+        latitude = tuple(degrees) if degrees else (IFDRational(0, 0),) * 3
+        exif.get_ifd(0x8825).update({1: "N", 2: latitude, 3: "E", 4: (4.0, 22.0, 0.0)})
+        exif.get_ifd(0x8769)[0x9003] = time
+        Image.fromarray(picture(i)).save(folder / f"p{i}.jpg", exif=exif)
+    return folder
+
+
+@pytest.mark.parametrize("out", ["MH/mav0", "MH/mav0/cam0/data", "MH"])
+def test_a_flight_never_replaces_what_it_is_made_of(tmp_path, out):
+    source = euroc(tmp_path / "MH")
+    before = sorted(tmp_path.rglob("*"))
+    with pytest.raises(TrextonError, match="is read here .* and would be written over"):
+        import_flight(source, tmp_path / out, replaced=True)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_flight_never_replaces_its_bag(tmp_path):
+    write_bag(tmp_path / "bag")
+    with pytest.raises(TrextonError, match="is read here .* and would be written over"):
+        import_flight(tmp_path / "bag", tmp_path / "bag", replaced=True)
+    assert (tmp_path / "bag" / "metadata.yaml").is_file()
+
+
+def test_a_flight_beside_its_source_s_files_is_replaced(tmp_path):
+    source = euroc(tmp_path / "MH")
+    for replaced in (False, True):
+        assert len(import_flight(source, source / "flight", replaced=replaced)[0]) == 6
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "png", "bmp", "tif"])
+@pytest.mark.parametrize("size", [(1020, 1024), (1022, 1023), (64, 61), (5, 7)])
+def test_pictures_that_are_nearly_square_or_tiny_keep_their_sides(tmp_path, size, suffix):
+    file = tmp_path / f"p.{suffix}"
+    cv2.imwrite(str(file), picture(0, size))
+    assert check_size(file) == size
+
+
+def test_rows_without_a_place_are_no_positions(tmp_path):
+    rows = [f"{i},{'' if i in (2, 3) else i},1,{i}.png" for i in range(6)]
+    flight, said = import_flight(table(tmp_path / "a", rows), tmp_path / "out")
+    assert np.isfinite(flight.position[:, 0]).tolist() == [True] * 2 + [False] * 2 + [True] * 2
+    assert "4 of 6 frames have a position, largest gap between positions used 0.000 s" in said
+    closer = [f"{i / 20},{'' if i == 2 else i},1,{i}.png" for i in range(6)]
+    flight, _ = import_flight(table(tmp_path / "b", closer), tmp_path / "closer")
+    np.testing.assert_allclose(flight.position[:, 0], np.arange(6))
+    none = [f"{i},,1,{i}.png" for i in range(6)]
+    with pytest.raises(TrextonError, match="6 rows of positions, no row has a place: give x and y"):
+        import_flight(table(tmp_path / "c", none), tmp_path / "none")
+
+
+def test_rows_that_motion_capture_left_empty_cost_no_other(tmp_path):
+    source = euroc(tmp_path / "MH")
+    track = source / "mav0" / "vicon0" / "data.csv"
+    head, *rows = track.read_text().splitlines()
+    lost = [",".join([rows[row].split(",")[0], *["nan"] * 7]) for row in (5, 6)]
+    no_turn = ",".join([*rows[20].split(",")[:4], *["nan"] * 4])
+    track.write_text("\n".join([head, *rows[:5], *lost, *rows[7:20], no_turn, *rows[21:]]))
+    flight, _ = import_flight(source, tmp_path / "out")
+    np.testing.assert_allclose(flight.position[:, 0], np.arange(6) * 0.5)
+    np.testing.assert_array_equal(np.isnan(flight.attitude[:, 2]), np.arange(6) == 4)
+
+
+def test_a_video_s_offset_is_found_over_gaps_in_its_positions():
+    time = np.arange(0, 12, 0.05)
+    speed = 1 + np.sin(time**2 / 10)
+    place = np.cumsum(speed) * 0.05
+    position = np.column_stack([place, np.zeros((len(time), 2))])
+    position[50:56] = np.nan
+    track = Track(np.rint(time * 1e9).astype(np.int64), position)
+    offset, correlation = estimate_offset(time[:160], speed[40:200], track)
+    assert abs(offset - 2) < 0.1 and correlation > 0.9
+    backwards = Track(track.time_ns[::-1], position)
+    with pytest.raises(TrextonError, match="do not all increase: sort them"):
+        estimate_offset(time[:160], speed[40:200], backwards)
+
+
+@pytest.mark.parametrize("place", ["inf", "5e9"])
+def test_places_beyond_the_earth_are_noticed_before_images_are_written(
+    tmp_path, monkeypatch, place
+):
+    monkeypatch.setattr(importing, "_write_images", lambda *_: pytest.fail("images were written"))
+    rows = [f"{i},{place if i == 2 else i},1,{i}.png" for i in range(6)]
+    with pytest.raises(TrextonError, match="no such place on Earth"):
+        import_flight(table(tmp_path / "a", rows), tmp_path / "out")
+
+
+@pytest.mark.parametrize("offset", ["1e30", "-1e300", "nan"])
+def test_an_offset_of_centuries_is_refused(offset):
+    with pytest.raises(TrextonError, match="expected less than a century"):
+        Track(np.arange(3), np.zeros((3, 3))).shifted(float(offset))
+
+
+def test_a_scale_that_leaves_no_pixel_is_refused(tmp_path):
+    rows = [f"{i},{i},1,{i}.png" for i in range(6)]
+    with pytest.raises(TrextonError, match="scale 0.01 leaves nothing of 64x48 pixels"):
+        import_flight(table(tmp_path / "a", rows), tmp_path / "out", settings={"scale": 0.01})
+
+
+def test_decimal_commas_are_found_where_the_first_row_has_whole_numbers(tmp_path):
+    rows = [f"{i};{str(i / 2).replace('.', ',') if i else 0};1;{i}.png" for i in range(6)]
+    flight, _ = import_flight(table(tmp_path / "a", [*rows, ";;;"], "t;x;y;image"), tmp_path / "o")
+    np.testing.assert_array_equal(flight.position[:, 0], np.arange(6) / 2)
+
+
+def test_photographs_whose_receiver_knew_no_place_are_left_out(tmp_path):
+    places = [(52.0, 0.0, float(i)) for i in range(5)]
+    places[2] = ()  # as a receiver writes it that has no fix
+    times = [f"2024:05:01 10:00:0{i}" for i in range(5)]
+    flight, said = import_flight(photographs(tmp_path / "p", places, times), tmp_path / "out")
+    assert len(flight) == 4 and "photographs without a position, left out: 1" in said
+
+
+def test_photographs_of_a_camera_without_a_clock_come_by_name(tmp_path):
+    places = [(52.0, 0.0, float(i)) for i in range(4)]
+    times = ["0000:00:00 00:00:00", "    :  :     :  :  "] * 2
+    flight, _ = import_flight(photographs(tmp_path / "p", places, times), tmp_path / "out")
+    assert (np.diff(flight.position[:, 1]) > 0).all()
+    times[1] = "2024:05:01 10:00:00"
+    with pytest.raises(TrextonError, match=r"p0\.jpg: no time in its EXIF, where others?"):
+        import_flight(photographs(tmp_path / "q", places, times), tmp_path / "mixed")
+
+
+def test_a_table_of_photographs_tells_times_of_iso_8601(tmp_path):
+    places = [(52.0, 0.0, float(i)) for i in range(4)]
+    source = photographs(tmp_path / "p", places, ["2024:05:01 10:00:00"] * 4)
+    rows = [f"p{i}.jpg,52.000{i},4,2024-05-01T12:00:0{i}.5+02:00" for i in range(4)]
+    (source / "positions.csv").write_text("\n".join(["file,lat,lon,time", *rows]))
+    flight, _ = import_flight(source, tmp_path / "out")
+    np.testing.assert_array_equal(flight.time, np.arange(4))
+    assert flight.notes[0] == "time zero is stamp 1714557600500000000 ns of the source"
+
+
+def test_a_lens_of_another_model_is_not_undistorted_as_a_pinhole(tmp_path):
+    source = euroc(tmp_path / "MH")
+    sensor = source / "mav0" / "cam0" / "sensor.yaml"
+    text = sensor.read_text()
+    sensor.write_text(text + "distortion_model: equidistant\n")
+    with pytest.raises(TrextonError, match="no calibration with radial and tangential distortion"):
+        import_flight(source, tmp_path / "out", settings={"undistort": "own"})
+    assert import_flight(source, tmp_path / "out")[0].camera is not None
+    sensor.write_text(text.replace("0.00002]", "0.00002, 1, 1, 1]"))
+    with pytest.raises(TrextonError, match="7 distortion coefficients: OpenCV takes 4, 5"):
+        import_flight(source, tmp_path / "seven", settings={"undistort": "own"})
+
+
+@pytest.mark.parametrize("changed", ["mask", "image"])
+def test_an_import_goes_on_only_with_what_it_began_with(tmp_path, monkeypatch, changed):
+    source, mask = euroc(tmp_path / "MH"), tmp_path / "mask.png"
+    free = np.full((48, 64), 255, np.uint8)
+    free[40:] = 0
+    cv2.imwrite(str(mask), free)
+    apply = importing._Change.apply
+
+    def interrupt(change, frames, row):
+        if row == 3:
+            raise KeyboardInterrupt
+        return apply(change, frames, row)
+
+    monkeypatch.setattr(importing._Change, "apply", interrupt)
+    settings = {"mask": str(mask)}
+    with pytest.raises(KeyboardInterrupt):
+        import_flight(source, tmp_path / "out", settings=settings)
+    monkeypatch.undo()
+    if changed == "mask":
+        free[30:] = 0
+        cv2.imwrite(str(mask), free)
+    else:
+        first = min((source / "mav0" / "cam0" / "data").iterdir())
+        cv2.imwrite(str(first), picture(99))
+        os.utime(first, ns=(1, 1))
+    flight, _ = import_flight(source, tmp_path / "out", settings=settings)
+    again, _ = import_flight(source, tmp_path / "again", settings=settings)
+    for row in range(6):
+        np.testing.assert_array_equal(flight.image(row), again.image(row))
+
+
+def test_a_name_that_is_not_utf_8_is_told(tmp_path, capsys):
+    named = tmp_path / os.fsdecode(b"caf\xe9")
+    euroc(tmp_path / "MH").rename(named)
+    assert cli.main(["import", str(named), "--out", str(tmp_path / "out")]) == 1
+    error = capsys.readouterr().err
+    assert "caf\\udce9" in error and "rename the file or folder" in error
+    assert list(tmp_path.iterdir()) == [named]
