@@ -50,6 +50,20 @@ def test_a_room_that_works_is_said_to(record):
     assert any("trexton train FLIGHT -o MAP --method" in sentence for sentence in advice(record))
 
 
+def test_half_of_the_survey_says_whether_more_of_it_would_help(record):
+    half, whole = record.values["half"], record.values["errors"]["field"]["mean_cm"]["median"]
+    assert half["method"] == "field" and half["error_cm"] > whole
+    for error, word in ((10 * whole, "should help again"), (1.1 * whole, "would bring little")):
+        other = replace(record, values=record.values | {"half": half | {"error_cm": error}})
+        assert any("every other 5 s" in said and word in said for said in advice(other))
+
+
+def test_a_survey_of_one_stretch_is_not_halved():
+    short = run(make_flight(1, frames=60), make_flight(2), Parameters())
+    assert "half" not in short.values
+    assert not any("every other" in said for said in advice(short))
+
+
 def test_histograms_that_say_nothing_are_found_out():
     hopeless = run(
         make_flight(1, informative=False), make_flight(2, informative=False), Parameters()

@@ -5,7 +5,7 @@ it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
@@ -32,6 +32,9 @@ BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
 SHARPNESS_FRAMES = 200  # are enough to tell
 PLACES = 3  # hardest places that are named
 APART = 0.15  # of the area's diagonal, between hardest places
+STRETCH_S = 5.0  # of a survey: every other one makes half of it
+FEWEST = 20  # frames that make half a survey
+HELPS = 0.8  # of the error with half of the survey: where the whole errs less, more of it helps
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     frames = frames_of(test)
     known = np.isfinite(test.position).all(axis=1)
-    runs, timings, field_map = {}, {}, None
+    runs, timings, field_map, halves = {}, {}, None, []
     base = TextonMap.train(
         train, n_textons=parameters.textons, rng=stream(parameters.seed, "training")
     )
@@ -70,6 +73,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         runs[method], timings[method] = _flown(texton_map, frames, parameters)
         if hasattr(texton_map.parts["measurement"], "expected_error"):
             field_map = texton_map
+            halves = _with_half(base, method, frames, parameters)
     rng = stream(parameters.seed, "intervals")
     k = min(parameters.neighbors, len(base.positions))
     nearest = NearestHistograms(base.histograms, base.positions, k)
@@ -99,12 +103,42 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     }
     if field_map is not None:
         expected = field_map.parts["measurement"].expected_error
-        values["expected_cm"] = 100 * float(expected(field_map.positions).mean())
+        foretold = 100 * float(expected(test.position[known]).mean())
+        values["expected"] = {"method": field_map.method, "error_cm": foretold}
         series["expected"], values["hardest"] = _expected(expected, train)
+        if halves:
+            off = np.array(halves)[:, known] - test.position[known]
+            error = 100 * float(np.hypot(off[..., 0], off[..., 1]).mean())
+            values["half"] = {"method": field_map.method, "error_cm": error}
     floor, pictures = floor_picture(train)
     return parameters.record(
         train, test, values=values, series=series | floor, images=pictures, timings=timings
     )
+
+
+def _with_half(
+    base: TextonMap, method: str, frames: Sequence[np.ndarray], parameters: Parameters
+) -> list[np.ndarray]:
+    """Estimates of the method when trained on every other stretch of the survey, and on those
+    between; none where a half is too short, or all alike.
+    """
+    odd = (base.time - base.time[0]) // STRETCH_S % 2 == 1
+    if not FEWEST <= odd.sum() <= len(odd) - FEWEST:
+        return []
+    tracks = []
+    for rows in (~odd, odd):
+        half = replace(
+            base,
+            histograms=base.histograms[rows],
+            positions=base.positions[rows],
+            time=base.time[rows],
+        )
+        try:
+            rng = stream(parameters.seed, f"map {method}")
+            tracks.append(_flown(half.for_method(method, rng=rng), frames, parameters)[0])
+        except TrextonError:
+            return []
+    return tracks
 
 
 def _flown(
@@ -220,10 +254,22 @@ def advice(record: Record) -> list[str]:
             "any of the "
             f"{counts['train']} training frames. Fly closer lanes."
         )
-    if "expected_cm" in record.values:
+    errors = record.values["errors"]
+    if foretold := record.values.get("expected"):
         said.append(
-            f"From the training frames alone {distance(record.values['expected_cm'])} were "
-            f"foretold; measured were {distance(_best(record)[1])}."
+            f"From the training frames alone {distance(foretold['error_cm'])} were foretold for "
+            f"the places of the test; measured were {distance(errors[foretold['method']]['mean_cm'])}."
+        )
+    if half := record.values.get("half"):
+        whole = middle(errors[half["method"]]["mean_cm"])
+        said.append(
+            f"With every other {STRETCH_S:.0f} s of the survey the method `{half['method']}` errs "
+            f"by {distance(half['error_cm'])}, with all of it by {distance(whole)}: "
+            + (
+                "lanes between these should help again."
+                if whole < HELPS * half["error_cm"]
+                else "a denser survey would bring little."
+            )
         )
     if limits["repeated"] is None:
         said.append("The training flight is too short to tell whether its texture repeats.")
@@ -245,7 +291,6 @@ def advice(record: Record) -> list[str]:
             "by "
             f"{distance(place['expected_cm'])}."
         )
-    errors = record.values["errors"]
     centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
     for method in record.parameters["methods"].split():
         error = middle(errors[method]["mean_cm"])
