@@ -256,9 +256,10 @@ def advice(record: Record) -> list[str]:
         )
     errors = record.values["errors"]
     if foretold := record.values.get("expected"):
+        measured = errors[foretold["method"]]["mean_cm"]
         said.append(
             f"From the training frames alone {distance(foretold['error_cm'])} were foretold for "
-            f"the places of the test; measured were {distance(errors[foretold['method']]['mean_cm'])}."
+            f"the places of the test; measured were {distance(measured)}."
         )
     if half := record.values.get("half"):
         whole = middle(errors[half["method"]]["mean_cm"])
