@@ -33,6 +33,13 @@ def test_every_method_is_judged_by_its_own_claims(record):
     assert off["guarded"] <= off["paper"] + 0.05
 
 
+def test_a_quarter_is_judged_by_what_chance_alone_does():
+    few, many = calibration._by_chance(9.6), calibration._by_chance(400)
+    assert few["looks"] == 10 and few["low"] == pytest.approx(0.7) and few["high"] == 1
+    assert 0.86 < many["low"] < 0.9 < many["high"] < 0.94
+    assert calibration._by_chance(0.1)["looks"] == 1
+
+
 METHODS = ("paper", "guarded")
 
 
@@ -47,5 +54,9 @@ def test_figures_and_sentence_come_from_the_record(record):
         100 * share for name in record.values["order"] for share in record.values[name]["quarters"]
     ]
     np.testing.assert_allclose(heights, shares)
+    assert len(bars.collections) == 2 and record.values["paper"]["chance"] is None
+    (first, *_) = bars.collections[-1].get_segments()
+    chance = record.values["field"]["chance"]
+    np.testing.assert_allclose(first[:, 1], [100 * chance["low"], 100 * chance["high"]])
     text = calibration.finding(record)
     assert text.startswith("The paper's filter claims") and text.count("90 % regions") == 3

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from scipy.stats import binom
 
 from trexton.estimate import Estimate
 from trexton.executor import spread
@@ -50,17 +51,33 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
     values: dict[str, Any] = {}
     series: dict[str, Any] = {}
+    quarter_s = float(test.time[-1] - test.time[_settled(test)]) / QUARTERS
     for name in METHODS:
         method = texton_map.for_method(name, rng=stream(parameters.seed, "calibration"))
         fly = partial(flown_estimates, method, histograms, samples, parameters.seed)
         flown = spread(fly, range(parameters.repeats), METHODS[name])
         claims = _Claims.of(flown, test)
         values[name] = claims.values(stream(parameters.seed, "intervals"))
-        values[name]["independent_s"] = _independent(flown[0])
+        values[name]["independent_s"] = lasting = _independent(flown[0])
+        values[name]["chance"] = None if lasting is None else _by_chance(quarter_s / lasting)
         series[name] = claims.groups()
     values["order"] = list(METHODS)
+    values["quarter_s"] = quarter_s
     values["counts"] = {"test": len(test), "repeats": parameters.repeats}
     return parameters.record(train, test, values=values, series=series)
+
+
+def _settled(test: Flight) -> int:
+    """The first row that counts."""
+    first = int(np.searchsorted(test.time, test.time[0] + SETTLED_S))
+    return min(first, len(test) // 2)
+
+
+def _by_chance(looks: float) -> dict[str, float]:
+    """Between which shares 19 of 20 honest quarters lie that hold so many independent looks."""
+    count = max(1, round(looks))
+    low, high = binom.interval(0.95, count, 0.9)
+    return {"looks": count, "low": float(low) / count, "high": float(high) / count}
 
 
 def _independent(flown: list[Estimate]) -> float | None:
@@ -94,9 +111,7 @@ class _Claims:
 
     @classmethod
     def of(cls, flown: list[list[Estimate]], test: Flight) -> _Claims:
-        first = int(np.searchsorted(test.time, test.time[0] + SETTLED_S))
-        first = min(first, len(test) // 2)
-        rows = []
+        first, rows = _settled(test), []
         for run in flown:
             errors = np.array([each.position for each in run[first:]]) - test.position[first:]
             claimed = np.array([each.covariance for each in run[first:]])

@@ -35,7 +35,9 @@ def error_against_claim(record: Record) -> Figure:
 
 
 def regions_by_quarter(record: Record) -> Figure:
-    """Share of the truth inside the 90 % regions in each quarter of the flight."""
+    """Share of the truth inside the 90 % regions in each quarter of the flight, and where chance
+    alone puts honest ones.
+    """
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
         order = record.values["order"]
@@ -44,6 +46,9 @@ def regions_by_quarter(record: Record) -> Figure:
             shares = 100 * np.array(record.values[name]["quarters"])
             at = np.arange(len(shares)) + (place - (len(order) - 1) / 2) * width
             plot.bar(at, shares, width, color=COLORS[name], label=METHODS[name])
+            if (chance := record.values[name]["chance"]) is not None:
+                low, high = 100 * chance["low"], 100 * chance["high"]
+                plot.vlines(at, low, high, color=COLORS["truth"], linewidth=1.5)
         plot.axhline(90, color=COLORS["truth"], linewidth=0.9, linestyle="--")
         plot.set_xticks(range(4), ["first quarter", "second", "third", "last"])
         plot.set(ylabel="truth in the 90 % region (%)", ylim=(0, 100))
