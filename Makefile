@@ -64,7 +64,7 @@ bench: env  ## speed of every stage, as ratios within one run
 verify: env  ## run the committed reference values again in several kinds of process, and compare
 	@$(BIN)/trexton verify $(ARGS)
 
-full: env  ## the long sweeps of data/sweeps, coarse to fine, landings and aiding over many floors, results to data/reference
+full: env  ## the long sweeps of data/sweeps, coarse to fine, landings, aiding and survey density over many floors, results to data/reference
 	@for plan in data/sweeps/*.toml; do name=$$(basename $$plan .toml); \
 	  $(BIN)/trexton sweep --plan $$plan --out results/sweeps/$$name --keep data/reference/sweep-$$name.json $(ARGS) || exit 1; done
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only fine --out results/full \
@@ -76,6 +76,9 @@ full: env  ## the long sweeps of data/sweeps, coarse to fine, landings and aidin
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only aiding \
 	  --out results/full --set floors=10 survey=400 frames=250
 	cp results/full/sim-survey/aiding.json data/reference/aiding.json
+	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only density \
+	  --out results/full --set floors=10
+	cp results/full/sim-survey/density.json data/reference/density.json
 
 lab: env  ## open the notebooks in JupyterLab
 	@$(BIN)/jupyter lab notebooks

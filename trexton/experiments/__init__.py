@@ -118,6 +118,7 @@ EXPERIMENTS: dict[str, Experiment] = {
     "light": Experiment("Other light", needs=_SURVEYED, cost_s=16),
     "heading": Experiment("Any heading", needs=_IMAGES, cost_s=15),
     "aiding": Experiment("What the autopilot knows", needs=_SURVEYED, cost_s=40),
+    "density": Experiment("How densely to survey", needs=_SURVEYED, cost_s=30),
     "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=90),
     "touchdown": Experiment("Landing that lands", needs=_SURVEYED, cost_s=60),
     "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=90, alone=True),

@@ -1,0 +1,62 @@
+"""How densely to survey: the experiment that flies closer and closer lanes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from onboard_tools import colourful_flight
+
+from trexton.errors import ParameterError
+from trexton.experiments import density
+from trexton.figures import density as figures
+
+CHOSEN = {"survey": 40, "frames": 24, "textons": 6, "samples": 100}
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    return colourful_flight(tmp_path_factory.mktemp("density") / "flight")
+
+
+@pytest.fixture(scope="module")
+def record(flight):
+    return density.run(flight, flight, density.Parameters(**CHOSEN))
+
+
+def test_longer_surveys_come_nearer(record):
+    surveys = record.values["surveys"]
+    assert [survey["frames"] for survey in surveys] == [40, 80, 160]
+    apart, lasted = ([each[key] for each in surveys] for key in ("apart_cm", "lasted_s"))
+    assert apart == sorted(apart, reverse=True) and lasted == sorted(lasted)
+    for survey in surveys:
+        for method in density.METHODS:
+            error = survey[method]["error_cm"]
+            assert 0 < error["low"] <= error["median"] <= error["high"]
+            assert 0 <= survey[method]["held"] <= 1
+
+
+def test_equal_seeds_give_equal_records(flight, record):
+    again = density.run(flight, flight, density.Parameters(**CHOSEN))
+    assert again.values == record.values
+
+
+def test_finding_table_and_figure_say_what_the_record_holds(record):
+    surveys = record.values["surveys"]
+    assert f"errs by {surveys[0]['field']['error_cm']['median']:.3g}" in density.finding(record)
+    assert len(figures.table(record)) == len(density.TIMES)
+    (plot,) = figures.errors(record).axes
+    drawn, *_ = plot.containers[0]
+    np.testing.assert_allclose(drawn.get_xdata(), [survey["apart_cm"] for survey in surveys])
+
+
+def test_painted_floors_are_other_floors(flight):
+    chosen = density.Parameters(floors=1, **(CHOSEN | {"survey": 20}))
+    assert density.run(flight, flight, chosen).values["floors"] == 1
+
+
+def test_a_flight_without_a_floor_is_told_so(flight):
+    bare = replace(flight, camera=None)
+    with pytest.raises(ParameterError, match="no picture of its floor"):
+        density.run(bare, bare, density.Parameters(**CHOSEN))
