@@ -48,7 +48,9 @@ def test_finding_table_and_figure_say_what_the_record_holds(record):
     assert len(figures.table(record)) == len(density.TIMES)
     (plot,) = figures.errors(record).axes
     drawn, *_ = plot.containers[0]
-    np.testing.assert_allclose(drawn.get_xdata(), [survey["apart_cm"] for survey in surveys])
+    np.testing.assert_allclose(
+        np.asarray(drawn.get_xdata(), float), [survey["apart_cm"] for survey in surveys]
+    )
 
 
 def test_painted_floors_are_other_floors(flight):
