@@ -99,7 +99,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     }
     if field_map is not None:
         expected = field_map.parts["measurement"].expected_error
-        values["expected_cm"] = 100 * float(expected(field_map.positions).mean())
+        values["expected_cm"] = 100 * float(expected(test.position[known]).mean())
         series["expected"], values["hardest"] = _expected(expected, train)
     floor, pictures = floor_picture(train)
     return parameters.record(
@@ -223,7 +223,7 @@ def advice(record: Record) -> list[str]:
     if "expected_cm" in record.values:
         said.append(
             f"From the training frames alone {distance(record.values['expected_cm'])} were "
-            f"foretold; measured were {distance(_best(record)[1])}."
+            f"foretold for the places of this test; measured were {distance(_best(record)[1])}."
         )
     if limits["repeated"] is None:
         said.append("The training flight is too short to tell whether its texture repeats.")
