@@ -50,6 +50,13 @@ def test_a_room_that_works_is_said_to(record):
     assert any("trexton train FLIGHT -o MAP --method" in sentence for sentence in advice(record))
 
 
+def test_the_error_to_expect_is_that_of_the_places_of_the_test():
+    train = make_flight(1)
+    near = run(train, make_flight(2).select(slice(0, 40)), Parameters()).values["expected_cm"]
+    again = run(train, train.select(slice(0, 40)), Parameters()).values["expected_cm"]
+    assert again < near  # where it was learnt the field knows more
+
+
 def test_histograms_that_say_nothing_are_found_out():
     hopeless = run(
         make_flight(1, informative=False), make_flight(2, informative=False), Parameters()
