@@ -152,5 +152,5 @@ def interval(entry: Mapping[str, float]) -> str:
     if not np.isfinite([entry["value"], entry["low"], entry["high"]]).all():
         return "nothing, for want of floors"
     if entry["low"] == entry["high"]:
-        return f"{entry['value']:.2f}, with too few floors for an interval"
+        return f"{entry['value']:.2f} (too few floors for an interval)"
     return f"{entry['value']:.2f} [{entry['low']:.2f}, {entry['high']:.2f}]"
