@@ -64,6 +64,13 @@ def test_a_survey_of_one_stretch_is_not_halved():
     assert not any("every other" in said for said in advice(short))
 
 
+def test_the_error_to_expect_is_that_of_the_places_of_the_test():
+    train = make_flight(1)
+    near = run(train, make_flight(2).select(slice(0, 40)), Parameters()).values["expected"]
+    again = run(train, train.select(slice(0, 40)), Parameters()).values["expected"]
+    assert again["error_cm"] < near["error_cm"]  # where it was learnt the field knows more
+
+
 def test_histograms_that_say_nothing_are_found_out():
     hopeless = run(
         make_flight(1, informative=False), make_flight(2, informative=False), Parameters()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 
 from trexton.claims import Claim, Finding, judge_all, load_claims
@@ -83,8 +84,11 @@ def _grouped(parts: Sequence[tuple[str, str]], unit: str) -> str:
 
 
 def _named(claim: Claim, value: str, several: bool) -> str:
-    """A number, with the claim's name where others stand beside it."""
-    return f"{claim.id.replace('-', ' ')} {value}" if several else value
+    """A number, with the claim's name (and its words, to be pointed at) where others stand beside
+    it.
+    """
+    name = f'<abbr title="{escape(claim.text)}">{claim.id.replace("-", " ")}</abbr>'
+    return f"{name} {value}" if several else value
 
 
 def _printed(claims: Sequence[Claim]) -> str:

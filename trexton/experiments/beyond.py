@@ -59,8 +59,7 @@ VARIANTS: dict[str, Variant] = {
         },
     ),
     "field": Variant("The field with its tracks", "field", {}, draws=False),
-    "field_parts": Variant("with a histogram a quarter of the "
-                           "image", "field", {}, draws=False, cells=2),
+    "field_parts": Variant("with a histogram for each quarter", "field", {}, draws=False, cells=2),
     "field_odometry": Variant("and a velocity by visual odometry", "field", {}, draws=False,
                               cells=2, odometry=True),
 }  # fmt: skip

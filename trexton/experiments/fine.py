@@ -362,9 +362,11 @@ def finding(record: Record) -> str:
     ]
     frames = sum(everything[key]["frames"] for key in KNOWN)
     gross = sum(everything[key]["gross"] for key in KNOWN)
-    stitched = values["flight"]["stitched"]["attitude"]["mean_cm"]
+    stitched = [values["flight"]["stitched"][key]["mean_cm"] for key in ("attitude", "free")]
+    known, alone = map(wording.number, stitched)
     return (
         f"Over {len(values['floors'])} floors the image says where to {' and '.join(parts)}; "
         f"{gross} of {frames} frames are off by more than {100 * GROSS:.0f} cm. On the stitched "
-        f"map of the recorded flight the mean error is {wording.number(stitched)} cm."
+        f"map of the recorded flight the mean error is {known} cm with attitude and {alone} cm "
+        "without."
     )

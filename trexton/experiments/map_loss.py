@@ -270,10 +270,11 @@ def finding(record: Record) -> str:
         for where, entry in cases.items()
     ]
     alone = told["sparseness_alone"]
-    parts.append(
-        "being far from other training frames "
-        + ("does" if alone["low"] > 0 else "does not either")
-        + f" ({interval(alone)})"
-    )
+    foretold = said["on the training flight"] == "foretells"
+    if alone["low"] > 0:
+        does = "does too" if foretold else "does"
+    else:
+        does = "does not" if foretold else "does not either"
+    parts.append(f"on the training flight being far from other frames {does} ({interval(alone)})")
     joined = "and" if len(set(said.values())) == 1 else "but"
     return f"The paper's loss {parts[0]} {joined} {parts[1]}; {parts[2]}."

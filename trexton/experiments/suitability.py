@@ -21,7 +21,7 @@ from trexton.experiments.floors import VirtualFlights, judge_floor, named_floor
 from trexton.flights.flight import Flight
 from trexton.records import Record
 from trexton.streams import stream
-from trexton.wording import number
+from trexton.wording import number, percent
 
 __all__ = [
     "Parameters", "finding", "interval", "kept_rows", "obstacle", "run", "sentence", "validation"
@@ -143,7 +143,7 @@ def sentence(found: Mapping[str, Any]) -> str:
         f"Over {found['count']} floors the error foretold from a survey alone ranks them as a "
         f"later flight does with a rank correlation of {interval(rank)}, the paper's loss with "
         f"{interval(loss)}; the error is typically {number(found['ratio'])} times what was "
-        "foretold."
+        f"foretold, and within {percent(LEVEL)} of it on {percent(found['level'])} of the floors."
     )
 
 
@@ -151,4 +151,6 @@ def interval(entry: Mapping[str, float]) -> str:
     """A correlation with its interval, or that there is none."""
     if not np.isfinite([entry["value"], entry["low"], entry["high"]]).all():
         return "nothing, for want of floors"
+    if entry["low"] == entry["high"]:
+        return f"{entry['value']:.2f} (too few floors for an interval)"
     return f"{entry['value']:.2f} [{entry['low']:.2f}, {entry['high']:.2f}]"

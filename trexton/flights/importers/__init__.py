@@ -62,7 +62,7 @@ def describe() -> str:
     lines = ["| kind | reads | its own settings |", "|---|---|---|"]
     for kind in IMPORTERS:
         module = importer(kind)
-        first = (module.__doc__ or "").strip().splitlines()[0].rstrip(".")
+        first = " ".join((module.__doc__ or "").strip().partition("\n\n")[0].split()).rstrip(".")
         settings = "<br>".join(
             f"`--{each.name.replace('_', '-')}` {each.meaning}"
             for each in module.Settings.declared()
