@@ -15,18 +15,23 @@ __all__ = ["errors", "table"]
 
 
 def errors(record: Record) -> Figure:
-    """Mean error with its interval over the distance to the nearest frame of the survey."""
-    surveys = record.values["surveys"]
-    apart = [survey["apart_cm"] for survey in surveys]
+    """Mean error over the distance to the nearest frame of the survey: all floors with their
+    interval, and each of them alone.
+    """
+    surveys, by_floor = record.values["surveys"], record.series["by_floor_cm"]
+    apart = np.array([survey["apart_cm"] for survey in surveys])
     with canvas(size=(6.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
         for place, (method, label) in enumerate(METHODS.items()):
+            color = COLORS[method]
+            if record.values["floors"] > 1:
+                plot.plot(apart, np.array(by_floor[method]), color=color, alpha=0.3, linewidth=0.8)
             entries = [survey[method]["error_cm"] for survey in surveys]
             middle = np.array([entry["median"] for entry in entries])
             ends = np.array([[entry["low"], entry["high"]] for entry in entries]).T
             plot.errorbar(
                 apart, middle, yerr=np.abs(ends - middle), fmt="os"[place] + "-",
-                color=COLORS[method], label=label,
+                color=color, label=label,
             )  # fmt: skip
         plot.set(
             xlabel="mean distance to the nearest frame of the survey (cm)",
@@ -45,7 +50,8 @@ def table(record: Record) -> pd.DataFrame:
             "nearest frame (cm)": number(survey["apart_cm"]),
         }
         for name, label in METHODS.items():
-            row[f"{label}: error"] = distance(survey[name]["error_cm"])
-        row["its 90 % region holds"] = percent(survey["field"]["held"])
+            row[f"{label}: mean"] = distance(survey[name]["error_cm"])
+            row[f"{label}: median"] = distance(survey[name]["median_cm"])
+        row["the field: 90 % region holds"] = percent(survey["field"]["held"])
         rows.append(row)
     return pd.DataFrame(rows)
