@@ -90,16 +90,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         The flight has no floor or camera to lend.
     """
     lent = None if parameters.floors else lent_floor(train)
-    numbers = range(max(1, parameters.floors))
-    cells = [(number, times) for number in numbers for times in TIMES]
+    floors = range(max(1, parameters.floors))
+    which = [(floor, times) for floor in floors for times in TIMES]
     flown = dict(
-        zip(cells, spread(partial(_over, parameters, lent), cells, "surveys"), strict=True)
+        zip(which, spread(partial(_over, parameters, lent), which, "surveys"), strict=True)
     )
     rng = stream(parameters.seed, "intervals")
     surveys = []
     by_floor: dict[str, list[np.ndarray]] = {name: [] for name in METHODS}
     for times in TIMES:
-        over = [flown[number, times] for number in numbers]
+        over = [flown[floor, times] for floor in floors]
         judged: dict[str, Any] = {}
         for name in METHODS:
             errors = 100 * np.stack([each.errors[name] for each in over])
@@ -115,15 +115,15 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         surveys.append({
             "frames": times * parameters.survey, "lasted_s": lasted, "apart_cm": apart, **judged,
         })  # fmt: skip
-    values = {"surveys": surveys, "floors": len(numbers), "frames": parameters.frames}
+    values = {"surveys": surveys, "floors": len(floors), "frames": parameters.frames}
     return parameters.record(train, values=values, series={"by_floor_cm": by_floor})
 
 
 def _over(
-    parameters: Parameters, lent: tuple[Floor, Camera, float] | None, cell: tuple[int, int]
+    parameters: Parameters, lent: tuple[Floor, Camera, float] | None, which: tuple[int, int]
 ) -> _Over:
     """One survey of one floor; the later flight is the same for all of that floor."""
-    floor_number, times = cell
+    floor_number, times = which
     if lent is None:
         layout = list(LAYOUTS)[floor_number % len(LAYOUTS)]
         lent = Floor.painted(layout, FIRST_FLOOR + floor_number), Camera(), 1.0
