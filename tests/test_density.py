@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from onboard_tools import colourful_flight
 
+from trexton import notebook
 from trexton.errors import ParameterError
 from trexton.experiments import density
 from trexton.figures import density as figures
@@ -51,6 +52,14 @@ def test_finding_table_and_figure_say_what_the_record_holds(record):
     np.testing.assert_allclose(
         np.asarray(drawn.get_xdata(), float), [survey["apart_cm"] for survey in surveys]
     )
+
+
+def test_the_long_run_is_kept_and_can_be_shown():
+    kept = notebook.reference("density")
+    assert kept is not None and kept.values["floors"] == 10
+    assert density.finding(kept).startswith("Surveyed for")
+    assert len(figures.table(kept)) == len(kept.values["surveys"])
+    assert len(figures.errors(kept).axes[0].lines) >= kept.values["floors"]
 
 
 def test_painted_floors_are_other_floors(flight):
