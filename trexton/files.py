@@ -116,7 +116,7 @@ def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) 
         inside = real.is_relative_to(there) or there.is_relative_to(real)
         if inside and (real.exists() or Path(other).is_file()):
             raise ParameterError(
-                f"{path}: is read here ({other}) and would be written over: name another"
+                f"{path}: is read here ({other}) and would be written over: give another name"
             )
 
 

@@ -52,6 +52,7 @@ class Parameters(LandingParameters):
     floors: int = option(
         0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
     )
+    survey: int = option(800, "frames of the survey of each painted floor", low=50)
     flights: int = option(2, "flights over each floor", low=1)
     bounds: int = option(
         20, "flights of the true position, which show what asking for more costs", low=1
@@ -103,7 +104,9 @@ def _over_painted(parameters: Parameters, index: int) -> tuple[str, dict[str, li
     layout, seed = list(LAYOUTS)[index % len(LAYOUTS)], FIRST_FLOOR + index
     floor = Floor.painted(layout, seed)
     with TemporaryDirectory() as folder:
-        survey = record_flight(Path(folder) / f"{layout}-{seed}", seed=seed, floor=floor)
+        survey = record_flight(
+            Path(folder) / f"{layout}-{seed}", seed=seed, floor=floor, frames=parameters.survey
+        )
         return f"{layout} {seed}", _over(survey, parameters, parameters.seed + 1000 * seed)
 
 
