@@ -71,6 +71,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             for frame in frames:
                 clock.step(frame)
             clocks.append(clock.seconds)
+        full = (
+            _full_sampling(localizer(samples=None), frames[: parameters.full_frames])
+            if test.has_images
+            else {}
+        )
     total_s = np.median(totals, axis=0)
     stages_s = {
         name: np.median([one[name] for one in clocks], axis=0) for name in STAGES if clocks[0][name]
@@ -83,12 +88,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "frames_ms": {
             name: 1000 * seconds for name, seconds in ({"total": total_s} | stages_s).items()
         },
-    }
+    } | full
     if test.has_images:
         medians = {name: np.median(seconds) for name, seconds in stages_s.items()}
         timings["histogram_share"] = float(medians["histogram"] / sum(medians.values()))
-        with limited_threads(1):
-            timings |= _full_sampling(localizer(samples=None), frames[: parameters.full_frames])
     if test.has_images and test.floor is not None:
         timings["homography_ms"] = _homography(
             test, frames[:: max(1, len(frames) // parameters.homography_frames)]

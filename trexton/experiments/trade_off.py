@@ -54,6 +54,7 @@ class Parameters(MapParameters):
     )
 
 
+@limited_threads(1)  # whatever is timed; processes that are started inherit it
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Vary one parameter at a time, the others at their defaults: the error, and the time of a
     frame.
@@ -85,15 +86,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         repeats=parameters.repeats,
         seed=parameters.seed,
     )
-    with limited_threads(1):
-        rows, clocks, agreement, ends = time_stored(
-            bench.map,
-            bench.frames,
-            samples=parameters.samples,
-            particles=parameters.particles,
-            most=parameters.stored,
-            seed=parameters.seed,
-        )
+    rows, clocks, agreement, ends = time_stored(
+        bench.map,
+        bench.frames,
+        samples=parameters.samples,
+        particles=parameters.particles,
+        most=parameters.stored,
+        seed=parameters.seed,
+    )
     return parameters.record(
         train,
         test,
@@ -231,14 +231,13 @@ class _Bench:
         if setting["samples"] is None:
             frames = self.full
         options = {key: setting[key] for key in ("samples", "particles", "neighbors")}
-        with working_on(), limited_threads(1):  # timed: nothing runs beside
+        with working_on():  # timed: nothing runs beside
             return tracks(texton_map, frames, repeats=repeats, seed=self.seed, **options)
 
     def _full_times(self) -> list[np.ndarray]:
         options = {key: self.defaults[key] for key in ("particles", "neighbors")}
         localizer = Localizer(self.wide, samples=None, rng=stream(self.seed, "warm-up"), **options)
-        with limited_threads(1):
-            return [fly(localizer, self.frames[:_TIMED_FULL]).step_s]
+        return [fly(localizer, self.frames[:_TIMED_FULL]).step_s]
 
     def _patches(self, setting: dict[str, Any]) -> dict[str, Any]:
         """How many patches of an image are looked at; none where the flight came as histograms."""
