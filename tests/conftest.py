@@ -73,6 +73,35 @@ def small_flight(frames: int = 40, textons: int = 4, name: str = "small") -> Fli
     )
 
 
+@pytest.fixture(scope="session")
+def field():
+    """A field that has learnt the small survey; the one it flies with is `motion`."""
+    from small_survey import training
+
+    from trexton.parts.field import Field
+
+    return Field().fit(training())
+
+
+@pytest.fixture(scope="session")
+def motion():
+    """What the small survey says of how its vehicle moves."""
+    from small_survey import training
+
+    from trexton.parts.singer import Singer
+
+    return Singer().fit(training())
+
+
+@pytest.fixture(scope="session")
+def later():
+    """Places of a later flight over the small survey, and what was seen there."""
+    from small_survey import look, path
+
+    places, _ = path(120, start=51.3)
+    return places, look(places, np.random.default_rng(9))
+
+
 @pytest.fixture
 def flight_folder(tmp_path) -> Path:
     """`small_flight` on disk."""

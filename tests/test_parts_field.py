@@ -1,89 +1,18 @@
-"""Method field: likelihood over the floor, its errors, the motion it flies with, the tracks on
-top.
-"""
+"""Method field: likelihood over the floor, its errors, the motion it flies with."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from small_room import histogram_flight
+from small_survey import AREA, errors_of, look, observed, path, training
 from threadpoolctl import threadpool_limits
 
-from trexton.aiding import Aiding
 from trexton.errors import MapError, ParameterError
 from trexton.localizer import Localizer, TextonMap
-from trexton.observation import Observation
-from trexton.parts.base import Training
-from trexton.parts.distances import Hellinger
 from trexton.parts.field import ErrorModel, Field, grid_cells
-from trexton.parts.motion import RandomWalk
 from trexton.parts.singer import Singer
-from trexton.parts.tracks import TrackFilter, Tracks
-
-AREA = (0.0, 4.0, 0.0, 3.0)
-
-
-def path(count: int, start: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-    """A flight that covers the area, and its stamps."""
-    time = start + np.arange(count) * 0.08
-    x, y = 2 + 1.8 * np.sin(0.37 * time), 1.5 + 1.3 * np.sin(0.83 * time)
-    return np.column_stack([x, y]), time
-
-
-def look(places: np.ndarray, rng: np.random.Generator, noise: float = 0.02) -> np.ndarray:
-    """Histograms of 12 textons whose shares change over about a metre."""
-    turn = np.random.default_rng(5).normal(0, 1.6, (2, 12))
-    shares = np.exp(
-        np.sin(places @ turn + np.arange(12)) + noise * rng.normal(size=(len(places), 12))
-    )
-    return shares / shares.sum(axis=1, keepdims=True)
-
-
-def training(count: int = 500, scale: float = 1.0, **changes) -> Training:
-    rng = np.random.default_rng(2)
-    places, time = path(count)
-    area = tuple(scale * edge for edge in AREA)
-    given = Training(
-        histograms=look(places, rng),
-        positions=scale * places,
-        time=time,
-        area=area,
-        period_s=0.08,
-        distance=Hellinger(),
-        dictionary=None,
-        flight=None,
-        texton_map=None,
-        rng=rng,
-    )
-    return replace(given, **changes)
-
-
-def observed(histogram: np.ndarray, samples: int | None = None) -> Observation:
-    return Observation(samples=samples, histogram=lambda: histogram)
-
-
-@pytest.fixture(scope="module")
-def field() -> Field:
-    return Field().fit(training())
-
-
-@pytest.fixture(scope="module")
-def motion() -> Singer:
-    return Singer().fit(training())
-
-
-@pytest.fixture(scope="module")
-def later():
-    places, _ = path(120, start=51.3)
-    return places, look(places, np.random.default_rng(9))
-
-
-def errors_of(tracker: TrackFilter, places: np.ndarray, histograms: np.ndarray) -> np.ndarray:
-    found = []
-    for histogram in histograms:
-        tracker.step(observed(histogram))
-        found.append(tracker.estimate().position)
-    return np.hypot(*(np.array(found) - places).T)
+from trexton.parts.tracks import TrackFilter
 
 
 def test_cells_fill_the_area():
@@ -187,8 +116,6 @@ def test_a_flight_that_stood_still_is_refused():
 def test_cells_out_of_range_are_refused():
     with pytest.raises(ParameterError, match="cells"):
         Field(cells=3)
-    with pytest.raises(ParameterError, match="tracks"):
-        Tracks(tracks=0)
 
 
 @pytest.mark.parametrize(
@@ -287,82 +214,6 @@ def test_singer_of_three_frames_is_finite():
     assert all(np.isfinite(value) for value in Singer().fit(few).arrays().values())
 
 
-def test_tracks_follow_the_vehicle(field, motion, later):
-    assert np.median(errors_of(TrackFilter(motion, field, AREA), *later)) < 0.1
-
-
-def test_before_the_first_frame_it_may_be_anywhere(field, motion):
-    tracker = TrackFilter(motion, field, AREA)
-    tracker.step(None)
-    estimate = tracker.estimate()
-    assert estimate.lost and estimate.spread[0] > 1
-
-
-def test_unseen_frames_widen_the_covariance(field, motion, later):
-    tracker = TrackFilter(motion, field, AREA)
-    errors_of(tracker, *later)
-    before = tracker.estimate().covariance
-    for _ in range(10):
-        tracker.step(None)
-    assert np.trace(tracker.estimate().covariance) > 4 * np.trace(before)
-
-
-def test_a_kidnapped_vehicle_is_found_within_a_second(field, motion, later):
-    places, histograms = later
-    far = np.hypot(*(places - places[0]).T).argmax()
-    tracker = TrackFilter(motion, field, AREA)
-    errors_of(tracker, places[:1].repeat(30, axis=0), histograms[:1].repeat(30, axis=0))
-    errors = errors_of(tracker, places[far : far + 12], histograms[far : far + 12])
-    assert errors[-1] < 0.3
-
-
-def test_wrong_frames_of_a_kidnapping_are_called_lost_and_calm_ones_are_not(field, motion, later):
-    places, histograms = later
-    area = AREA[1] - AREA[0]
-    wrong, calm = [], []
-    for start in range(10, len(places) - 10, 3):
-        tracker = TrackFilter(motion, field, AREA)
-        far = np.flatnonzero(np.hypot(*(places[:-8] - places[start]).T) > area / 2)
-        carried = far[start % len(far)] if len(far) else None
-        rows = np.r_[start - 10 : start, carried : carried + 8] if len(far) else []
-        for number, row in enumerate(rows):
-            tracker.step(observed(histograms[row]))
-            estimate = tracker.estimate()
-            error = np.hypot(*(estimate.position - places[row]))
-            if number >= 10 and error > 1:
-                wrong.append(estimate.lost)
-            elif 4 < number < 10:
-                calm.append(estimate.lost)
-    assert len(wrong) > 10 and np.mean(wrong) > 0.9
-    assert len(calm) > 100 and np.mean(calm) < 0.01
-
-
-def test_after_a_reset_the_frame_alone_decides(field, motion, later):
-    places, histograms = later
-    tracker = TrackFilter(motion, field, AREA)
-    errors_of(tracker, *later)
-    far = np.hypot(*(places - places[-1]).T).argmax()
-    tracker.reset()
-    assert errors_of(tracker, places[far : far + 1], histograms[far : far + 1])[0] < 0.5
-
-
-def test_the_claimed_region_holds_the_vehicle(field, motion, later):
-    places, histograms = later
-    tracker, inside = TrackFilter(motion, field, AREA), []
-    for place, histogram in zip(places, histograms, strict=True):
-        tracker.step(observed(histogram))
-        estimate = tracker.estimate()
-        offset = place - estimate.position
-        inside.append(offset @ np.linalg.solve(estimate.covariance, offset) < 9.21)
-    assert np.mean(inside) > 0.9
-
-
-def test_tracks_refuse_parts_they_cannot_use(field):
-    parts = {"motion": RandomWalk.of(np.eye(2)), "measurement": field}
-    with pytest.raises(ParameterError, match="RandomWalk"):
-        Tracks().open(parts, None, None)
-
-
 def test_the_method_trains_flies_and_is_stored(tmp_path):
     flight = histogram_flight("hall", frames=200)
     texton_map = TextonMap.train(flight, method="field", rng=np.random.default_rng(1))
@@ -383,54 +234,11 @@ def test_a_field_measures_for_particles_too():
     assert np.hypot(*(estimate.position - flight.position[29])) < 1.0
 
 
-def test_a_velocity_that_comes_with_the_frames_makes_both_better(field, motion, later, rng):
-    places, histograms = later
-    velocity = np.gradient(places, 0.08, axis=0)
-    found = {}
-    for told in (False, True):
-        tracker, errors = TrackFilter(motion, field, AREA), []
-        for row, histogram in enumerate(histograms):
-            noisy = velocity[row] + 0.05 * rng.standard_normal(2)
-            tracker.step(
-                Observation(
-                    histogram=lambda h=histogram: h, aiding=Aiding(velocity=noisy if told else None)
-                )
-            )
-            estimate = tracker.estimate()
-            errors.append(
-                [*(estimate.position - places[row]), *(estimate.velocity - velocity[row])]
-            )
-        found[told] = np.sqrt(np.square(errors[25:]).mean(axis=0))
-    assert (found[True][:2] < found[False][:2]).all()
-    assert (found[True][2:] < 0.6 * found[False][2:]).all()
-
-
-def test_a_track_that_the_measured_velocity_contradicts_loses_weight(field, motion, later):
-    tracker = TrackFilter(motion, field, AREA)
-    for histogram in later[1][:30]:
-        tracker.step(observed(histogram))
-    here = tracker.states[0].copy()
-    there = here.copy()
-    there[2:4] = -here[2:4]
-    tracker.states = np.array([here, there])
-    tracker.covariances = np.repeat(tracker.covariances[:1], 2, axis=0)
-    tracker.weights = np.array([0.5, 0.5])
-    histogram = later[1][30]
-    tracker.step(Observation(histogram=lambda: histogram, aiding=Aiding(velocity=here[2:4])))
-    assert tracker.states[0, 2:4] == pytest.approx(here[2:4], abs=0.3)
-    assert tracker.weights[0] > 0.6
-
-
 def test_agility_takes_accelerations_larger_than_flown(motion):
     once = Singer(agility=1.0).fit(training())
     assert float(motion.acceleration) == pytest.approx(2 * float(once.acceleration))
     with pytest.raises(ParameterError, match="agility"):
         Singer(agility=0.0)
-
-
-def test_a_velocity_needs_a_positive_doubt():
-    with pytest.raises(ParameterError, match="velocity_sigma"):
-        Tracks(velocity_sigma=0.0)
 
 
 def test_a_field_does_not_depend_on_how_many_threads_fit_it():

@@ -1,0 +1,132 @@
+"""Method field: the tracks that fly over its likelihood, lost and found again, with a velocity."""
+
+import numpy as np
+import pytest
+from small_survey import AREA, errors_of, observed
+
+from trexton.aiding import Aiding
+from trexton.errors import ParameterError
+from trexton.observation import Observation
+from trexton.parts.motion import RandomWalk
+from trexton.parts.tracks import TrackFilter, Tracks
+
+
+def test_tracks_follow_the_vehicle(field, motion, later):
+    assert np.median(errors_of(TrackFilter(motion, field, AREA), *later)) < 0.1
+
+
+def test_before_the_first_frame_it_may_be_anywhere(field, motion):
+    tracker = TrackFilter(motion, field, AREA)
+    tracker.step(None)
+    estimate = tracker.estimate()
+    assert estimate.lost and estimate.spread[0] > 1
+
+
+def test_unseen_frames_widen_the_covariance(field, motion, later):
+    tracker = TrackFilter(motion, field, AREA)
+    errors_of(tracker, *later)
+    before = tracker.estimate().covariance
+    for _ in range(10):
+        tracker.step(None)
+    assert np.trace(tracker.estimate().covariance) > 4 * np.trace(before)
+
+
+def test_a_kidnapped_vehicle_is_found_within_a_second(field, motion, later):
+    places, histograms = later
+    far = np.hypot(*(places - places[0]).T).argmax()
+    tracker = TrackFilter(motion, field, AREA)
+    errors_of(tracker, places[:1].repeat(30, axis=0), histograms[:1].repeat(30, axis=0))
+    errors = errors_of(tracker, places[far : far + 12], histograms[far : far + 12])
+    assert errors[-1] < 0.3
+
+
+def test_wrong_frames_of_a_kidnapping_are_called_lost_and_calm_ones_are_not(field, motion, later):
+    places, histograms = later
+    area = AREA[1] - AREA[0]
+    wrong, calm = [], []
+    for start in range(10, len(places) - 10, 3):
+        tracker = TrackFilter(motion, field, AREA)
+        far = np.flatnonzero(np.hypot(*(places[:-8] - places[start]).T) > area / 2)
+        carried = far[start % len(far)] if len(far) else None
+        rows = np.r_[start - 10 : start, carried : carried + 8] if len(far) else []
+        for number, row in enumerate(rows):
+            tracker.step(observed(histograms[row]))
+            estimate = tracker.estimate()
+            error = np.hypot(*(estimate.position - places[row]))
+            if number >= 10 and error > 1:
+                wrong.append(estimate.lost)
+            elif 4 < number < 10:
+                calm.append(estimate.lost)
+    assert len(wrong) > 10 and np.mean(wrong) > 0.9
+    assert len(calm) > 100 and np.mean(calm) < 0.01
+
+
+def test_after_a_reset_the_frame_alone_decides(field, motion, later):
+    places, histograms = later
+    tracker = TrackFilter(motion, field, AREA)
+    errors_of(tracker, *later)
+    far = np.hypot(*(places - places[-1]).T).argmax()
+    tracker.reset()
+    assert errors_of(tracker, places[far : far + 1], histograms[far : far + 1])[0] < 0.5
+
+
+def test_the_claimed_region_holds_the_vehicle(field, motion, later):
+    places, histograms = later
+    tracker, inside = TrackFilter(motion, field, AREA), []
+    for place, histogram in zip(places, histograms, strict=True):
+        tracker.step(observed(histogram))
+        estimate = tracker.estimate()
+        offset = place - estimate.position
+        inside.append(offset @ np.linalg.solve(estimate.covariance, offset) < 9.21)
+    assert np.mean(inside) > 0.9
+
+
+def test_tracks_refuse_parts_they_cannot_use(field):
+    parts = {"motion": RandomWalk.of(np.eye(2)), "measurement": field}
+    with pytest.raises(ParameterError, match="RandomWalk"):
+        Tracks().open(parts, None, None)
+
+
+def test_a_velocity_that_comes_with_the_frames_makes_both_better(field, motion, later, rng):
+    places, histograms = later
+    velocity = np.gradient(places, 0.08, axis=0)
+    found = {}
+    for told in (False, True):
+        tracker, errors = TrackFilter(motion, field, AREA), []
+        for row, histogram in enumerate(histograms):
+            noisy = velocity[row] + 0.05 * rng.standard_normal(2)
+            tracker.step(
+                Observation(
+                    histogram=lambda h=histogram: h, aiding=Aiding(velocity=noisy if told else None)
+                )
+            )
+            estimate = tracker.estimate()
+            errors.append(
+                [*(estimate.position - places[row]), *(estimate.velocity - velocity[row])]
+            )
+        found[told] = np.sqrt(np.square(errors[25:]).mean(axis=0))
+    assert (found[True][:2] < found[False][:2]).all()
+    assert (found[True][2:] < 0.6 * found[False][2:]).all()
+
+
+def test_a_track_that_the_measured_velocity_contradicts_loses_weight(field, motion, later):
+    tracker = TrackFilter(motion, field, AREA)
+    for histogram in later[1][:30]:
+        tracker.step(observed(histogram))
+    here = tracker.states[0].copy()
+    there = here.copy()
+    there[2:4] = -here[2:4]
+    tracker.states = np.array([here, there])
+    tracker.covariances = np.repeat(tracker.covariances[:1], 2, axis=0)
+    tracker.weights = np.array([0.5, 0.5])
+    histogram = later[1][30]
+    tracker.step(Observation(histogram=lambda: histogram, aiding=Aiding(velocity=here[2:4])))
+    assert tracker.states[0, 2:4] == pytest.approx(here[2:4], abs=0.3)
+    assert tracker.weights[0] > 0.6
+
+
+def test_options_out_of_range_are_refused():
+    with pytest.raises(ParameterError, match="tracks"):
+        Tracks(tracks=0)
+    with pytest.raises(ParameterError, match="velocity_sigma"):
+        Tracks(velocity_sigma=0.0)
