@@ -70,7 +70,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     for method in parameters.methods.split():
         rng = stream(parameters.seed, f"map {method}")
         texton_map = base.for_method(method, flight=located, rng=rng)
-        runs[method], timings[method] = _flown(texton_map, frames, parameters)
+        runs[method], timings[method] = _flown(_localizer(texton_map, parameters), frames)
         if hasattr(texton_map.parts["measurement"], "expected_error"):
             field_map = texton_map
             halves = _with_half(base, method, frames, parameters)
@@ -135,22 +135,26 @@ def _with_half(
         )
         try:
             rng = stream(parameters.seed, f"map {method}")
-            tracks.append(_flown(half.for_method(method, rng=rng), frames, parameters)[0])
+            localizer = _localizer(half.for_method(method, rng=rng), parameters)
+            tracks.append(np.array([localizer.step(frame).position for frame in frames]))
         except TrextonError:
             return []
     return tracks
 
 
-def _flown(
-    texton_map: TextonMap, frames: Sequence[np.ndarray], parameters: Parameters
-) -> tuple[np.ndarray, dict[str, float]]:
-    """``(N, 2)`` estimates, and median and 99th percentile of the seconds a frame takes."""
+def _localizer(texton_map: TextonMap, parameters: Parameters) -> Localizer:
     options: dict[str, Any] = (
         {"particles": parameters.particles} if texton_map.method == "paper" else {}
     )
-    localizer = Localizer(
+    return Localizer(
         texton_map, samples=parameters.samples, rng=stream(parameters.seed, "flight", 0), **options
     )
+
+
+def _flown(
+    localizer: Localizer, frames: Sequence[np.ndarray]
+) -> tuple[np.ndarray, dict[str, float]]:
+    """``(N, 2)`` estimates, and median and 99th percentile of the seconds a frame takes."""
     estimates, seconds = [], []
     for frame in frames:
         start = perf_counter()
