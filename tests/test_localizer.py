@@ -204,14 +204,36 @@ def test_other_positions_may_train_and_frames_without_one_do_not():
 
 @pytest.mark.parametrize(
     "options",
-    [{"neighbors": 9}, {"neighbors": 0}, {"samples": 0}, {"particles": 0}, {"recovery": "hope"}],
-)
+    [
+        {"neighbors": 9}, {"neighbors": 0}, {"samples": 0}, {"particles": 0}, {"recovery": "hope"},
+        {"neighbors": 2.5}, {"samples": 2.5}, {"samples": "400"}, {"samples": True},
+        {"particles": 2.5}, {"rng": 42}, {"rng": None},
+    ],
+)  # fmt: skip
 def test_bad_options_are_refused(texton_map, options):
     with pytest.raises(ParameterError):
-        Localizer(texton_map, rng=np.random.default_rng(0), **options)
+        Localizer(texton_map, **{"rng": np.random.default_rng(0)} | options)
 
 
-@pytest.mark.parametrize("options", [{"n_textons": 0}, {"n_textons": 257}, {"patch": 0}])
-def test_dictionaries_that_cannot_be_are_refused_before_anything_is_read(options):
-    with pytest.raises(ParameterError, match="expected 1 to 256 textons"):
-        TextonMap.train(small_flight(), rng=np.random.default_rng(0), **options)
+@pytest.mark.parametrize(
+    "options",
+    [
+        {"n_textons": 0}, {"n_textons": 257}, {"n_textons": 2.5}, {"patch": 0}, {"patch": 49},
+        {"cells": 1.5}, {"rng": 42},
+    ],
+)  # fmt: skip
+def test_maps_that_cannot_be_are_refused_before_anything_is_read(options):
+    (name,) = options
+    with pytest.raises(ParameterError, match=f"{name} is .*: expected"):
+        TextonMap.train(small_flight(), **{"rng": np.random.default_rng(0)} | options)
+
+
+def test_counts_of_numpy_are_counts(texton_map):
+    counts = {"samples": np.int64(40), "particles": np.uint8(20), "neighbors": np.int32(2)}
+    localizer = Localizer(texton_map, rng=np.random.default_rng(0), **counts)
+    assert localizer.parts["filter"].options()["particles"] == 20
+
+
+def test_a_map_takes_a_generator_and_no_seed_wherever_it_learns(texton_map):
+    with pytest.raises(ParameterError, match="default_rng\\(7\\)"):
+        texton_map.for_method("field", rng=7)

@@ -25,7 +25,7 @@ def test_the_numbers_are_the_same_on_every_machine():
 
 
 def test_what_is_out_of_range_is_refused():
-    for seed in (-1, MOST_SEED + 1):
+    for seed in (-1, MOST_SEED + 1, 2.5, "1", None):
         with pytest.raises(ParameterError, match="seed"):
             stream(seed, "landings")
     with pytest.raises(ParameterError, match="index"):

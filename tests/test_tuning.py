@@ -118,7 +118,7 @@ def test_bad_input_is_one_clear_error(tmp_path):
             search(flight, **wrong)
     with pytest.raises(ParameterError, match="unknown"):
         search(flight, methods=["guess"], trials=1)
-    with pytest.raises(ParameterError, match="the seed is -1: expected 0 to"):
+    with pytest.raises(ParameterError, match="the seed is -1: expected .* from 0 to"):
         search(flight, trials=1, seed=-1)
     with pytest.raises(MapError, match="at least 12 s"):
         search(told_apart(30))

@@ -10,13 +10,15 @@ from typing import Any
 import numpy as np
 
 from trexton.aiding import Aiding
-from trexton.errors import ImageError, MapError, ParameterError
+from trexton.errors import ImageError, MapError
 from trexton.estimate import Estimate
 from trexton.histograms import sampled_histogram, texton_histogram
 from trexton.images import check_image
 from trexton.neighbors import NearestHistograms, Neighbors
 from trexton.observation import Observation
+from trexton.options import whole
 from trexton.parts.filters import RunningFilter
+from trexton.streams import generator
 from trexton.texton_map import JUDGES, TextonMap
 
 __all__ = ["Estimate", "Localizer", "TextonMap"]
@@ -49,7 +51,7 @@ class Localizer:
     Raises
     ------
     ParameterError
-        A part or option is unknown or out of range.
+        A part or option is unknown or out of range, `rng` is no generator.
     """
 
     def __init__(
@@ -65,16 +67,17 @@ class Localizer:
         rng: np.random.Generator,
         **choices: object,
     ):
-        if samples is not None and samples < 1:
-            raise ParameterError(
-                f"{samples} samples were asked for: expected at least 1, or None for every patch"
-            )
+        rng = generator(rng)
+        if samples is not None:  # every patch
+            samples = whole(samples, "samples")
         if particles is not None:
             choices["filter.particles"] = particles
         texton_map = texton_map.for_method(method).changed(choices)
         parts: dict[str, Any] = texton_map.parts
         if neighbors is not None:
-            parts = parts | {"measurement": parts["measurement"].first(neighbors)}
+            parts = parts | {
+                "measurement": parts["measurement"].first(whole(neighbors, "neighbors"))
+            }
         self.map, self.parts, self.samples, self.rng = texton_map, parts, samples, rng
         self._nearest, self._mark = nearest, mark or _ignore
         self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)

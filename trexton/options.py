@@ -18,11 +18,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from types import NoneType
-from typing import Any, Self, TypeVar, get_args, get_type_hints
+from typing import Any, Self, SupportsIndex, TypeVar, get_args, get_type_hints
 
 from trexton.errors import ParameterError
 
-__all__ = ["Option", "Options", "option"]
+__all__ = ["Option", "Options", "option", "whole"]
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
@@ -52,6 +52,29 @@ def option(
     """
     metadata = {"meaning": meaning, "low": low, "high": high, "choices": tuple(choices)}
     return field(default=default, metadata=metadata)
+
+
+def whole(value: object, what: str, low: int = 1, high: int | None = None) -> int:
+    """A count as an int, NumPy's integers among them.
+
+    Parameters
+    ----------
+    what : str
+        Names it in the error.
+    low, high : int
+        The smallest and the largest that will do; None is without end.
+
+    Raises
+    ------
+    ParameterError
+        It is no whole number, or out of range.
+    """
+    if isinstance(value, SupportsIndex) and not isinstance(value, bool):
+        number = value.__index__()
+        if low <= number and (high is None or number <= high):
+            return number
+    span = f"of at least {low}" if high is None else f"from {low} to {high}"
+    raise ParameterError(f"{what} is {value!r}: expected a whole number {span}")
 
 
 @dataclass(frozen=True)

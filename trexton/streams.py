@@ -7,10 +7,21 @@ import hashlib
 import numpy as np
 
 from trexton.errors import ParameterError
+from trexton.options import whole
 
-__all__ = ["MOST_SEED", "stream"]
+__all__ = ["MOST_SEED", "generator", "stream"]
 
 MOST_SEED = 2**32 - 1
+
+
+def generator(rng: object) -> np.random.Generator:
+    """`rng` itself; `ParameterError` where it is no generator, as where a seed was given."""
+    if not isinstance(rng, np.random.Generator):
+        seed = rng if isinstance(rng, (int, np.integer)) else 1
+        raise ParameterError(
+            f"rng is {rng!r}: expected a generator, as in rng=numpy.random.default_rng({seed})"
+        )
+    return rng
 
 
 def stream(seed: int, name: str, *index: int) -> np.random.Generator:
@@ -31,10 +42,9 @@ def stream(seed: int, name: str, *index: int) -> np.random.Generator:
     ParameterError
         The seed or an index is out of range.
     """
-    if not 0 <= seed <= MOST_SEED:
-        raise ParameterError(f"the seed is {seed}: expected 0 to {MOST_SEED}")
+    seed = whole(seed, "the seed", 0, MOST_SEED)
     if min(index, default=0) < 0:
         raise ParameterError(f"stream {name!r} has index {index}: expected 0 or more")
     word = int.from_bytes(hashlib.sha256(name.encode()).digest()[:8], "little")
     key = (word & 0xFFFFFFFF, word >> 32, *(int(each) for each in index))
-    return np.random.default_rng(np.random.SeedSequence(int(seed), spawn_key=key))
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=key))

@@ -20,9 +20,11 @@ from trexton.errors import MapError, ParameterError
 from trexton.files import atomic_file, canonical_json
 from trexton.map_files import DAMAGE, check_map, read_arrays
 from trexton.methods import changed, compose
+from trexton.options import whole
 from trexton.parts import name_of, part_class
 from trexton.parts.base import Area, Part, Training
-from trexton.textons import MAX_TEXTONS, TextonDictionary
+from trexton.streams import generator
+from trexton.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
 
 if TYPE_CHECKING:
     from trexton.flights.flight import Flight
@@ -135,15 +137,13 @@ class TextonMap:
         MapError
             Too few frames with a position.
         ParameterError
-            A method, part or option is unknown.
+            A method, part or option is unknown or out of range, `rng` is no generator.
         """
         if neighbors is not None:
             choices["measurement.neighbors"] = neighbors
-        if not (1 <= n_textons <= MAX_TEXTONS and patch >= 1 and 1 <= cells <= 8):
-            raise ParameterError(
-                f"{n_textons} textons of {patch} pixels in {cells} x {cells} parts were asked for: "
-                f"expected 1 to {MAX_TEXTONS} textons of at least one pixel, in 1 to 8 parts a side"
-            )
+        rng = generator(rng)
+        n_textons = whole(n_textons, "n_textons", 1, MAX_TEXTONS)
+        patch, cells = whole(patch, "patch", 1, MAX_PATCH), whole(cells, "cells", 1, 8)
         parts: dict[str, Any] = compose(method)
         parts |= changed(parts, choices)
         given = flight.position if positions is None else np.asarray(positions, dtype=float)
@@ -248,7 +248,7 @@ class TextonMap:
             self.parts["distance"],
             self.dictionary,
             flight,
-            np.random.default_rng(0) if rng is None else rng,
+            np.random.default_rng(0) if rng is None else generator(rng),
         )
 
     def changed(

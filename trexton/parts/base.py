@@ -183,7 +183,7 @@ def converted(value: object, kind: Any, what: str) -> object:
         try:
             if each is float and isinstance(value, (str, int, float)):
                 return float(value)
-            if each is int and isinstance(value, str):
+            if each is int and isinstance(value, (str, np.integer)):
                 return int(value)
         except ValueError:
             continue
