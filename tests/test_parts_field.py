@@ -225,6 +225,13 @@ def test_the_method_trains_flies_and_is_stored(tmp_path):
     assert np.hypot(*(one.position - flight.position[19])) < 0.5
 
 
+def test_a_method_without_neighbours_takes_no_number_of_them():
+    flight = histogram_flight("hall", frames=200)
+    texton_map = TextonMap.train(flight, method="field", rng=np.random.default_rng(1))
+    with pytest.raises(ParameterError, match="'field' looks at none"):
+        Localizer(texton_map, neighbors=3, rng=np.random.default_rng(3))
+
+
 def test_a_field_measures_for_particles_too():
     flight = histogram_flight("hall", frames=200)
     texton_map = TextonMap.train(flight, measurement="field", rng=np.random.default_rng(1))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from trexton.aiding import Aiding
-from trexton.errors import ImageError, MapError
+from trexton.errors import ImageError, MapError, ParameterError
 from trexton.estimate import Estimate
 from trexton.histograms import sampled_histogram, texton_histogram
 from trexton.images import check_image
@@ -75,9 +75,13 @@ class Localizer:
         texton_map = texton_map.for_method(method).changed(choices)
         parts: dict[str, Any] = texton_map.parts
         if neighbors is not None:
-            parts = parts | {
-                "measurement": parts["measurement"].first(whole(neighbors, "neighbors"))
-            }
+            measurement = parts.get("measurement")
+            if not hasattr(measurement, "first"):
+                raise ParameterError(
+                    f"neighbors is {neighbors}: the method {texton_map.method!r} looks at none, "
+                    "leave it out"
+                )
+            parts = parts | {"measurement": measurement.first(whole(neighbors, "neighbors"))}
         self.map, self.parts, self.samples, self.rng = texton_map, parts, samples, rng
         self._nearest, self._mark = nearest, mark or _ignore
         self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)
