@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.errors import TrextonError
+from trexton.errors import ParameterError, TrextonError
 from trexton.flights import importing, read_flight
 from trexton.flights.importers import IMPORTERS, describe, guess_kind, importer
 from trexton.flights.importers.recording import Track, match
@@ -172,6 +172,18 @@ def test_features_need_not_sum_to_one(tmp_path):
     flight, _ = import_flight(tmp_path / "f.csv", tmp_path / "out", settings={"split": 0.5})
     np.testing.assert_allclose(flight.histograms, values)
     assert flight.features == "features" and flight.split == {"train": (0, 9), "test": (10, 19)}
+
+
+@pytest.mark.parametrize(("share", "part"), [(1.0, "test"), (0.99, "test"), (0.01, "training")])
+def test_a_split_leaves_frames_for_both_parts(tmp_path, share, part):
+    (tmp_path / "f.csv").write_text(
+        "frame,x,y,f0,f1\n" + "".join(f"{i},{i},0,1,2\n" for i in range(20))
+    )
+    with pytest.raises(ParameterError, match=f"none of 20 frames for {part}"):
+        import_flight(
+            tmp_path / "f.csv", tmp_path / "out", kind="features", settings={"split": share}
+        )
+    assert not (tmp_path / "out").exists()
 
 
 def test_photographs_with_exif(tmp_path):

@@ -75,7 +75,7 @@ class Localizer:
         texton_map = texton_map.for_method(method).changed(choices)
         parts: dict[str, Any] = texton_map.parts
         if neighbors is not None:
-            measurement = parts.get("measurement")
+            measurement: Any = parts.get("measurement")
             if not hasattr(measurement, "first"):
                 raise ParameterError(
                     f"neighbors is {neighbors}: the method {texton_map.method!r} looks at none, "

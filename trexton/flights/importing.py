@@ -47,7 +47,9 @@ class Common(Options):
     scale: float = option(1.0, "size of the images written, as a share", low=0.01, high=1)
     undistort: str = option("", "calibration to undistort by: a file of OpenCV or EuRoC, or own")
     mask: str = option("", "picture that is black where the vehicle itself is seen")
-    split: float = option(0.0, "share of the frames for training, the rest for test", low=0, high=1)
+    split: float = option(
+        0.0, "share of the frames for training, the rest for test; 0: no splits", low=0, high=1
+    )
     name: str = option("", "name of the flight (default: of the folder written)")
 
 
@@ -104,6 +106,7 @@ def import_flight(
     check_not_read(out, *read, *(() if beside else (source,)))
     work = out.parent / f".{out.name}.importing"
     # What cannot be right is found before images are written, which may take long.
+    split = _split(common.split, len(recording.time_ns))
     placed, words = _placed(recording, common)
     if recording.track is not None and "offset" in names:
         words.append(
@@ -124,7 +127,7 @@ def import_flight(
             if change is not None:
                 frames, camera, written = _write_images(recording, change, work / "images")
                 said += written
-            flight = _flight(recording, common, placed, camera, frames, common.name or out.name)
+            flight = _flight(recording, split, placed, camera, frames, common.name or out.name)
             write_tables(flight, work)
             if faults := load_folder(work).faults:  # what cannot be read replaces nothing
                 raise FlightError(faults[0])
@@ -190,9 +193,23 @@ def _placed(recording: Recording, common: Common) -> tuple[Placed, list[str]]:
     return (found.position, found.attitude), said
 
 
+def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
+    """First and last frame of both parts; none where no share was asked for."""
+    if share == 0:
+        return {}
+    trained = round(share * count)
+    if not 0 < trained < count:
+        part = "training" if trained == 0 else "test"
+        raise ParameterError(
+            f"split is {share:g}, which leaves none of {count} frames for {part}: choose another "
+            "share, or none, and test on another flight"
+        )
+    return {"train": (0, trained - 1), "test": (trained, count - 1)}
+
+
 def _flight(
     recording: Recording,
-    common: Common,
+    split: dict[str, tuple[int, int]],
     placed: Placed,
     camera: Camera | None,
     frames: ImageFiles | None,
@@ -206,8 +223,6 @@ def _flight(
     margin = 0.02 * (high - low) + 0.01
     (x_min, y_min), (x_max, y_max) = low - margin, high + margin
     first = int(recording.time_ns[0])
-    last = round(common.split * count) - 1
-    split = {"train": (0, last), "test": (last + 1, count - 1)} if 0 <= last < count - 1 else {}
     return Flight(
         name=name,
         frame=np.arange(count),
