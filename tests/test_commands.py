@@ -62,7 +62,9 @@ def test_run_makes_a_small_book_of_what_there_is(asked, capsys, monkeypatch, tmp
         sys.modules[__name__], "OUTCOMES", [Outcome("room", "x", "failed", ("no",))]
     )
     assert cli.main(["run", "a", "--out", "o"]) == 1
-    assert "book" not in capsys.readouterr().out
+    said = capsys.readouterr()
+    assert "book" not in said.out and said.out == "1 failed\n"
+    assert said.err.splitlines()[-1] == "        no"  # where other programs look for errors
 
 
 @pytest.mark.parametrize(
@@ -71,6 +73,7 @@ def test_run_makes_a_small_book_of_what_there_is(asked, capsys, monkeypatch, tmp
         (["a", "b", "--test-flight", "c"], "--test-flight belongs to one flight"),
         (["a", "--no-book", "--set", "particles"], "--set 'particles': expected key=value"),
         (["a", "--set", "=3"], "--set '=3': expected key=value"),
+        (["a", "--set", "seed=1", "k=2", "--set", "seed=1"], "--set has seed twice, '1' and '1'"),
     ],
 )
 def test_run_refuses_what_has_no_meaning(asked, capsys, words, told):
@@ -118,6 +121,7 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
     write_flight(small_flight(), tmp_path / "small")
     again = ["report", str(tmp_path / "small"), "--no-book", "--out", str(tmp_path / "again")]
     assert cli.main(again) == 1
+    assert capsys.readouterr().err.endswith("        oops\n")
     assert not (tmp_path / "again").exists()  # it has its splits, and nothing to show
 
 

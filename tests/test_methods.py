@@ -169,6 +169,8 @@ def test_words_of_a_command_line():
     for word in ("motion", "=2", "motion="):
         with pytest.raises(ParameterError, match="expected role=part"):
             parse_choices([word])
+    with pytest.raises(ParameterError, match="--set has motion.sigma twice, '1' and '2'"):
+        parse_choices(["motion.sigma=1", "distance=hellinger", "motion.sigma=2"])
     part = Cosine()
     assert part.option("power", "2") == 2.0 and isinstance(part.option("power", 2), float)
     assert part.option("halve", "true") is True and part.option("shift", "-3") == -3

@@ -189,6 +189,8 @@ def test_the_command_records_a_flight_over_a_picture(tmp_path, capsys):
         (["--off", "fog"], "unknown effect 'fog'"),
         (["--set", "fog=1"], "unknown effect 'fog'"),
         (["--set", "noise=much"], "expected a number"),
+        (["--set", "noise"], "expected effect=value"),
+        (["--set", "noise=1", "--set", "noise=2"], "--set has noise twice"),
         (["--set", "jpeg=101"], "expected 0 (off) to 100"),
         (["--floor-width", "5"], "without --floor"),
         (["--floor", "missing.png"], "missing.png"),

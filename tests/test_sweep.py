@@ -93,6 +93,13 @@ def test_the_table_is_not_kept_over_the_plan(flight, tmp_path, capsys):
     assert plan.read_text() == text and not (tmp_path / "out").exists()
 
 
+def test_a_parameter_is_given_once_with_all_its_values(flight, tmp_path, capsys):
+    words = ["sweep", flight, "--experiment", "mocap_training", "--out", str(tmp_path / "out")]
+    assert cli.main([*words, "--set", "seed=1", "--set", "seed=2"]) == 1
+    told = "--set has seed twice, '1' and '2': give it once, as key=a,b,c"
+    assert told in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
 def test_two_flights_of_one_name_are_refused(flight, tmp_path):
     """Each row would tell the results of whichever was flown last."""
     write_flight(replace(small_flight(), time=small_flight().time * 2), tmp_path / "other")

@@ -18,7 +18,7 @@ from patience import alive, eventually
 from tiny_notebooks import BODY, FAILING, write_notebook
 
 from trexton import cli
-from trexton.errors import ParameterError, TrextonError
+from trexton.errors import FlightError, ParameterError, TrextonError
 from trexton.experiments import Experiment
 from trexton.flights import read_flight, write_flight
 from trexton.flights.pair import load_pair
@@ -172,6 +172,20 @@ def test_unknown_parameters_and_wrong_types_are_errors(house, settings, message)
         house.run(settings=settings)
     assert message in str(caught.value)
     assert not house.out.exists()
+
+
+def test_no_notebook_at_once_is_refused(house):
+    with pytest.raises(ParameterError, match="jobs is 0: expected a whole number of at least 1"):
+        house.run(jobs=0)
+    assert not house.out.exists()
+
+
+@pytest.mark.parametrize("name", ["n" * 300, "../up", ""])
+def test_a_name_that_no_folder_can_have_is_one_short_sentence(house, tmp_path, name):
+    house.flight = write_flight(replace(small_flight(), name=name), tmp_path / "named")
+    with pytest.raises(FlightError, match="cannot name a folder of results: use at most 80") as one:
+        house.run()
+    assert len(str(one.value)) < len(str(house.flight)) + 150 and not house.out.exists()
 
 
 def test_a_failing_notebook_names_its_cell_and_the_others_go_on(house):

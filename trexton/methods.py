@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from trexton.errors import ParameterError
+from trexton.options import assignments
 from trexton.parts import ROLES, check_role, make, name_of
 from trexton.parts.base import Part
 
@@ -114,13 +115,12 @@ def parse_choices(words: Iterable[str]) -> dict[str, str]:
     Raises
     ------
     ParameterError
-        A word is neither, or a role is unknown.
+        A word is neither, comes twice, or has an unknown role.
     """
-    choices = {}
-    for word in words:
-        key, equals, value = word.partition("=")
-        if not equals or not key or not value:
-            raise ParameterError(f"--set {word!r}: expected role=part or role.option=value")
+    form = "role=part or role.option=value"
+    choices = assignments(words, form)
+    for key, value in choices.items():
+        if not value:
+            raise ParameterError(f"--set '{key}=': expected {form}")
         _check_known(key.partition(".")[0])
-        choices[key] = value
     return choices

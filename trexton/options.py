@@ -15,14 +15,14 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from types import NoneType
 from typing import Any, Self, SupportsIndex, TypeVar, get_args, get_type_hints
 
 from trexton.errors import ParameterError
 
-__all__ = ["Option", "Options", "option", "whole"]
+__all__ = ["Option", "Options", "assignments", "option", "whole"]
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
@@ -75,6 +75,32 @@ def whole(value: object, what: str, low: int = 1, high: int | None = None) -> in
             return number
     span = f"of at least {low}" if high is None else f"from {low} to {high}"
     raise ParameterError(f"{what} is {value!r}: expected a whole number {span}")
+
+
+def assignments(words: Iterable[str], form: str) -> dict[str, str]:
+    """What was typed after ``--set``: ``key=value`` words as a mapping.
+
+    Parameters
+    ----------
+    form : str
+        How a word should look, for the error.
+
+    Raises
+    ------
+    ParameterError
+        A word is no assignment, or a key comes twice.
+    """
+    found: dict[str, str] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key:
+            raise ParameterError(f"--set {word!r}: expected {form}")
+        if key in found:
+            raise ParameterError(
+                f"--set has {key} twice, {found[key]!r} and {value!r}: give it once, as {form}"
+            )
+        found[key] = value
+    return found
 
 
 @dataclass(frozen=True)

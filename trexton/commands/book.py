@@ -6,7 +6,8 @@ import argparse
 import time
 
 from trexton.book import make_book
-from trexton.commands.run import parse_settings, print_outcomes
+from trexton.commands.run import print_outcomes
+from trexton.options import assignments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -32,7 +33,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     started = time.monotonic()
-    made = make_book(settings=parse_settings(arguments.settings), jobs=arguments.jobs)
+    made = make_book(settings=assignments(arguments.settings, "key=value"), jobs=arguments.jobs)
     print_outcomes(made.outcomes, arguments.explain)
     for sentence in made.said:
         print(sentence)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from pathlib import Path
 
 from trexton.errors import ParameterError
+from trexton.options import assignments
 from trexton.workflow import FlightPair, Outcome, run_experiments
 
 
@@ -48,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
         pairs,
         arguments.out,
         only=arguments.only,
-        settings=parse_settings(arguments.settings),
+        settings=assignments(arguments.settings, "key=value"),
         jobs=arguments.jobs,
         notebooks=arguments.notebooks,
         cluster=arguments.cluster,
@@ -61,24 +63,16 @@ def run(arguments: argparse.Namespace) -> int:
     return int(any(outcome.status == "failed" for outcome in outcomes))
 
 
-def parse_settings(words: list[str]) -> dict[str, str]:
-    """``key=value`` words as a mapping."""
-    settings = {}
-    for word in words:
-        key, equals, value = word.partition("=")
-        if not equals or not key:
-            raise ParameterError(f"--set {word!r}: expected key=value")
-        settings[key] = value
-    return settings
-
-
 def print_outcomes(outcomes: list[Outcome], explain: bool) -> None:
-    """One line an experiment; reasons where it failed or was skipped, or everywhere (`explain`)."""
+    """One line an experiment; reasons where it failed or was skipped, or everywhere (`explain`).
+    What failed is told on stderr.
+    """
     for outcome in outcomes:
-        print(outcome)
+        stream = sys.stderr if outcome.status == "failed" else sys.stdout
+        print(outcome, file=stream)
         if explain or outcome.status in ("failed", "skipped"):
             for reason in outcome.reasons:
-                print(f"        {reason}")
+                print(f"        {reason}", file=stream)
     counts = {
         status: sum(outcome.status == status for outcome in outcomes)
         for status in ("ran", "reused", "skipped", "failed")

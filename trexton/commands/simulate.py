@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from trexton.errors import ParameterError
+from trexton.options import assignments
 from trexton.progress import say
 
 
@@ -99,8 +100,7 @@ def _effects(settings: list[str], off: list[str]) -> Any:
     from trexton.simulator import Effects
 
     effects = Effects.none() if "all" in off else Effects().without(*off)
-    for setting in settings:
-        name, _, value = setting.partition("=")
+    for name, value in assignments(settings, "effect=value").items():
         if name not in Effects.names():
             raise ParameterError(
                 f"unknown effect {name!r}: the effects are {', '.join(Effects.names())}"

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import sys
 import tomllib
 from pathlib import Path
 from typing import Any
 
-from trexton.commands.run import parse_settings
 from trexton.errors import ParameterError
 from trexton.files import atomic_file, check_not_read
+from trexton.options import assignments
 from trexton.workflow import FlightPair
 from trexton.workflow.sweep import Floors, Plan, sweep
 
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
         with atomic_file(Path(arguments.keep), "wb") as stream:
             stream.write((out / "sweep.json").read_bytes())
     for name, reason in swept.failed.items():
-        print(f"failed  {name}: {reason}")
+        print(f"failed  {name}: {reason}", file=sys.stderr)
     print(", ".join(f"{count} {status}" for status, count in swept.counts.items() if count))
     if swept.rows:
         print(f"{out / 'sweep.csv'} and {out / 'sweep.json'}: {len(swept.rows)} rows")
@@ -64,7 +65,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     for name in ("experiment", "test_flight", "floors", "layouts", "every", "frames", "values"):
         if (word := getattr(arguments, name)) is not None:
             said[name] = word
-    typed = parse_settings(arguments.settings)
+    typed = assignments(arguments.settings, "key=a,b,c")
     settings = said.get("set", {}) | {key: text.split(",") for key, text in typed.items()}
     if "experiment" not in said:
         raise ParameterError("which experiment? Name one with --experiment, or in the plan")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import reprlib
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -50,10 +51,10 @@ class FlightPair:
                     f"{self.flight} has no splits train and test: frames {first} to {last} of "
                     f"{len(flight)} train, the later ones test"
                 )
-        if not re.fullmatch(r"\w[\w .+-]*", flight.name):
+        if not re.fullmatch(r"\w[\w .+-]{0,79}", flight.name):  # longer ones no disk takes
             raise FlightError(
-                f"{self.flight}: the name {flight.name!r} cannot name a folder of results: "
-                "use letters, digits, - and _"
+                f"{self.flight}: the name {reprlib.repr(flight.name)} cannot name a folder of "
+                "results: use at most 80 letters, digits, - and _"
             )
         return flight
 

@@ -13,6 +13,7 @@ from trexton.errors import ParameterError
 from trexton.executor import connect
 from trexton.files import digest
 from trexton.kernels import usable_cores
+from trexton.options import whole
 from trexton.records import software_versions
 from trexton.workflow import execution
 from trexton.workflow.execution import Done, Job
@@ -45,10 +46,13 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
     Raises
     ------
     ParameterError
-        No scheduler answers, it has no workers, or a worker has another version of this package.
+        No scheduler answers, it has no workers, or a worker has another version of this package;
+        `jobs` is below 1.
     """
+    if jobs is not None:
+        whole(jobs, "jobs")
     if cluster is None:
-        yield Workers(max(1, jobs or default_jobs()), execution.execute, execution.stop_all)
+        yield Workers(jobs or default_jobs(), execution.execute, execution.stop_all)
         return
     client = connect(cluster)
     try:
@@ -74,7 +78,7 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
         def call(function: Callable[..., Any], *words: object) -> Any:
             return client.submit(function, *words, pure=False).result()
 
-        yield Workers(max(1, jobs or len(found)), run, stop, cluster, call)
+        yield Workers(jobs or len(found), run, stop, cluster, call)
     finally:
         client.close()
 
