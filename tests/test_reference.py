@@ -1,0 +1,57 @@
+"""Kept records of long runs: the pages that show them still can, whatever else has changed."""
+
+from __future__ import annotations
+
+import re
+from importlib import import_module
+
+import pytest
+from conftest import ROOT, small_flight
+
+from trexton import notebook
+from trexton.experiments import suitability
+from trexton.records import Record
+from trexton.workflow.formats import jupytext
+
+PAGES = {
+    path.stem: path.read_text(encoding="utf-8")
+    for path in sorted((ROOT / "notebooks").glob("*.md"))
+    if re.search(r"notebook\.(reference|swept)\(", path.read_text(encoding="utf-8"))
+}
+
+
+def kept_record(name: str, given: notebook.Given) -> Record:
+    """In place of the page's own run: nothing is flown here."""
+    if name != "suitability":
+        record = notebook.reference(name)
+        assert record is not None
+        return record
+    floors = suitability.kept_rows(notebook.swept(name))
+    validation = suitability.validation(floors.values(), 1)
+    values = {"floors": floors, "validation": validation}
+    return given.parameters.record(given.train, values=values)
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_the_page_can_show_what_is_kept(name, tmp_path, monkeypatch):
+    """Its own cells are run, with the kept record as that of this run too."""
+    module = import_module(f"trexton.experiments.{name}")
+    monkeypatch.setattr(notebook.Given, "_pair", (small_flight(), small_flight()))
+    monkeypatch.setattr(notebook.Page, "show", lambda page, name, figure: figure.canvas.draw())
+    monkeypatch.setattr(module, "run", lambda *given: kept_record(name, names["given"]))
+    names = {"display": lambda shown: shown}
+    for cell in jupytext.reads(PAGES[name], "md:myst").cells:
+        if cell.cell_type != "code":
+            continue
+        exec(compile(cell.source, f"{name}.md", "exec"), names)
+        if "parameters" in cell.metadata.get("tags", ()):
+            names["out"] = str(tmp_path)
+    assert names.get("reference") or names.get("kept")
+
+
+def test_every_kept_record_of_a_page_is_shown():
+    files = {path.stem for path in (ROOT / "data" / "reference").glob("*.json")}
+    others = {name for name in files if name == "readme" or name.startswith("verify-")}
+    named = re.findall(r"notebook\.reference\(\"(.+?)\"\)", "".join(PAGES.values()))
+    swept = re.findall(r"notebook\.swept\(\"(.+?)\"\)", "".join(PAGES.values()))
+    assert files - others == {*named, *(f"sweep-{name}" for name in swept)}
