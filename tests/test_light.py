@@ -9,6 +9,7 @@ from trexton.errors import ParameterError
 from trexton.experiments import light
 from trexton.figures import light as figures
 from trexton.simulator import Floor, record_flight
+from trexton.wording import distance
 
 SMALL = Camera(160, 120, 130.0)
 
@@ -33,29 +34,33 @@ def test_every_light_is_flown_by_every_method(record):
     errors = record.values["error_cm"]
     assert len(errors) == len(light.DRIFTS) + len(light.WARMTHS) - 1
     for found in errors.values():
-        assert set(found) == set(light.METHODS) and min(found.values()) > 0
+        assert set(found) == set(light.METHODS)
+        assert all(0 < error["low"] <= error["median"] <= error["high"] for error in found.values())
 
 
 def test_the_ratio_is_that_of_its_two_lights(record):
     errors = record.values["error_cm"]
-    ratio = errors["drift 0.05"]["field"] / errors["drift 0"]["field"]
+    ratio = errors["drift 0.05"]["field"]["median"] / errors["drift 0"]["field"]["median"]
     assert record.values["ratio"]["field"] == ratio
     said = light.finding(record)
-    assert said.count("cm without drift") == 2 and "1.0 times" not in said
+    assert said.count("] cm without drift") == 2 and "1.0 times" not in said
 
 
 def test_the_figure_shows_the_record(record):
-    lines = figures.sweeps(record).axes[0].lines
-    np.testing.assert_allclose(lines[0].get_ydata(), record.series["by_drift_cm"]["paper"])
+    line, _, (bars,) = figures.sweeps(record).axes[0].containers[0]
+    errors = record.series["by_drift_cm"]["paper"]
+    np.testing.assert_allclose(line.get_ydata(), [error["median"] for error in errors])
+    ends = [[error["low"], error["high"]] for error in errors]
+    np.testing.assert_allclose([bar[:, 1] for bar in bars.get_segments()], ends)
 
 
 def test_the_table_names_every_light_once_in_percent(record):
     table = figures.table(record)
     assert len(table) == len(record.values["error_cm"]) and table["light"].is_unique
     row = table[table["light"] == "gain drifts by 5 %"].iloc[0]
-    assert row["field"] == f"{record.values['error_cm']['drift 0.05']['field']:.0f}"
+    assert row["field"] == distance(record.values["error_cm"]["drift 0.05"]["field"])
     row = table[table["light"] == "red gains and blue loses 3 %"].iloc[0]
-    assert row["paper"] == f"{record.values['error_cm']['warmth 0.03']['paper']:.0f}"
+    assert row["paper"] == distance(record.values["error_cm"]["warmth 0.03"]["paper"])
 
 
 def test_a_flight_without_floor_is_refused(train):

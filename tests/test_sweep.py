@@ -149,7 +149,7 @@ def test_floors_are_flown_first_and_kept(tmp_path):
     assert flown.stat().st_mtime_ns == before
 
 
-def test_a_cell_that_fails_costs_only_itself(flight, tmp_path):
+def test_a_cell_that_fails_costs_only_itself(flight, tmp_path, capsys):
     plan = Plan("overview", {"frame": [None, 10**6]}, [FlightPair(flight)])
     with pytest.raises(ParameterError, match="overview cannot run: small has no images"):
         sweep(plan, tmp_path / "out")
@@ -158,6 +158,11 @@ def test_a_cell_that_fails_costs_only_itself(flight, tmp_path):
     swept = sweep(plan, tmp_path / "out", jobs=1)
     assert swept.counts == {"ran": 2, "reused": 0, "failed": 2}
     assert len(swept.rows) == 2 and all("1000000" in reason for reason in swept.failed.values())
+    words = ["sweep", flight, "--experiment", "mocap_training", "--out", str(tmp_path / "out")]
+    words += ["--set", "particles=5,7", "repeats=1", "neighbors=2,1000000", "seed=1", "--quiet"]
+    assert cli.main(words) == 1
+    said = capsys.readouterr()
+    assert said.err.count("failed  ") == 2 and said.out.startswith("2 reused, 2 failed\n")
     table = (tmp_path / "out" / "sweep.csv").read_bytes()
     none = replace(plan, settings=plan.settings | {"neighbors": [1000000]})
     assert not sweep(none, tmp_path / "out", jobs=1).rows

@@ -14,11 +14,12 @@ from trexton.experiments.evaluation import map_of
 from trexton.experiments.floors import lent_floor
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
+from trexton.metrics import mean_with_interval
 from trexton.parts.base import Area
 from trexton.records import Record
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.streams import stream
-from trexton.wording import beside, number, percent
+from trexton.wording import beside, interval, middle, percent
 
 __all__ = ["DRIFTS", "METHODS", "WARMTHS", "Parameters", "finding", "run"]
 
@@ -57,14 +58,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     }
     lights = {f"drift {drift:g}": (drift, 0.0) for drift in DRIFTS}
     lights |= {f"warmth {warmth:g}": (0.0, warmth) for warmth in WARMTHS[1:]}
-    errors: dict[str, dict[str, float]] = {}
+    errors: dict[str, dict[str, dict[str, float]]] = {}
     for label, (drift, warmth) in lights.items():
         frames, truth = _flight(train.area, lent, parameters, drift, Light(warmth=warmth))
         errors[label] = _errors(maps, frames, truth, parameters)
     still, moving = errors["drift 0"], errors[f"drift {JUDGED:g}"]
     values: dict[str, Any] = {
         "error_cm": errors,
-        "ratio": {name: moving[name] / still[name] for name in METHODS},
+        "ratio": {name: middle(moving[name]) / middle(still[name]) for name in METHODS},
         "frames": parameters.frames,
     }
     series = {
@@ -106,13 +107,14 @@ def _flight(
 
 def _errors(
     maps: dict[str, TextonMap], frames: list[np.ndarray], truth: np.ndarray, parameters: Parameters
-) -> dict[str, float]:
-    """Mean error in cm of each method."""
+) -> dict[str, dict[str, float]]:
+    """Mean error in cm of each method, with its interval over stretches of the flight."""
     found = {}
     for name, texton_map in maps.items():
         rng = stream(parameters.seed, f"light {name}")
         localizer = Localizer(texton_map, samples=parameters.samples, rng=rng)
-        found[name] = 100 * float(Flown.of(localizer, frames).errors(truth).mean())
+        error_cm = 100 * Flown.of(localizer, frames).errors(truth)
+        found[name] = mean_with_interval(error_cm[None], stream(parameters.seed, "intervals"))
     return found
 
 
@@ -122,8 +124,8 @@ def finding(record: Record) -> str:
     still, moving = errors["drift 0"], errors[f"drift {JUDGED:g}"]
 
     def errs(method: str) -> str:
-        words = f"errs by {number(moving[method])} cm, {beside(ratio[method])} the"
-        return f"{words} {number(still[method])} cm without drift"
+        words = f"errs by {interval(moving[method], 'cm')}, {beside(ratio[method])} the"
+        return f"{words} {interval(still[method], 'cm')} without drift"
 
     return (
         f"Where the camera's gain drifts by {percent(JUDGED)}, method field {errs('field')}; the "
