@@ -10,6 +10,7 @@ from trexton.camera import Camera, MapImage
 from trexton.errors import ParameterError
 from trexton.experiments import heading
 from trexton.figures import heading as figures
+from trexton.figures.style import COLORS
 from trexton.histograms import texton_histogram
 from trexton.simulator import Floor, record_flight
 from trexton.textons import TextonDictionary
@@ -71,8 +72,10 @@ def test_a_tolerant_dictionary_counts_quarter_turns_alike(rng):
 
 def test_figure_and_table_show_the_record(record):
     middle = record.values["error_cm"]["whole"]["paper"]["median"] / 100
-    drawn = figures.errors(record).axes[0].containers[0].lines[0].get_xdata()
-    assert drawn[0] == pytest.approx(middle)
+    lines = [drawn.lines[0] for drawn in figures.errors(record).axes[0].containers]
+    assert lines[0].get_xdata()[0] == pytest.approx(middle)
+    meant = [COLORS["paper"], COLORS["field"], COLORS["field"]]  # as everywhere in the book
+    assert [line.get_color() for line in lines] == meant
     table = figures.table(record)
     assert len(table) == len(heading.VIEWS) and len(table.columns) == 1 + len(heading.COUNTS)
 

@@ -11,6 +11,7 @@ from trexton.experiments.stitched import drifting_map, floor_residual, locate_al
 from trexton.figures import homography_baseline as baseline_figures
 from trexton.figures import homography_training as training_figures
 from trexton.figures import mosaic as mosaic_figures
+from trexton.figures.style import COLORS
 from trexton.simulator import Floor, record_flight
 
 
@@ -114,6 +115,8 @@ def test_the_baseline_counts_failures_and_shows_both_maps(flights):
     assert lines[1].get_ydata()[-1] == 100 and lines[0].get_ydata()[-1] == pytest.approx(
         100 * len(error) / len(test)
     )
+    assert {line.get_color() for line in lines} == {COLORS["homography"]}
+    assert len({line.get_linestyle() for line in lines}) == len(lines)
     baseline_figures.fixes(record)
 
 
@@ -150,4 +153,5 @@ def test_training_on_homography_positions_differs_only_in_them(flights):
     lines = training_figures.estimate_errors(record).axes[0].lines
     estimate = np.array(record.series["remedy_estimate_m"])
     np.testing.assert_allclose(lines[1].get_ydata(), 100 * np.abs(estimate - test.position)[:, 0])
+    assert lines[0].get_color() == COLORS["paper"] and lines[1].get_color() != COLORS["field"]
     training_figures.training_errors(record)

@@ -134,6 +134,12 @@ def test_the_player_has_the_colours_of_the_figures():
         assert f"--fig-{light[name][1:]}: {dark[name]};" in book
 
 
+def test_every_colour_of_the_figures_has_its_shade_in_the_dark():
+    book = Path("book/_static/book.css").read_text(encoding="utf-8")
+    for name in COLORS.keys() - {"printed"}:
+        assert f"--fig-{COLORS[name][1:].lower()}: #" in book, name
+
+
 def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, capsys):
     assert main(["train", str(flight_folder), "-o", str(tmp_path / "map.npz")]) == 0
     words = ["play", str(flight_folder), "--map", str(tmp_path / "map.npz")]

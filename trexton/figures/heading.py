@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, SERIES, canvas, legend_above
+from trexton.figures.style import COLORS, canvas, legend_above
 from trexton.records import Record
 from trexton.wording import distance
 
@@ -16,6 +16,12 @@ COUNTS = {
     "paper": "whole, the paper's distance",
     "hellinger": "whole, Hellinger's distance",
     "cells": "2 x 2 cells, Hellinger's",
+}
+# Hellinger's distance is that of method field.
+MARKS = {
+    "paper": {"fmt": "o", "color": COLORS["paper"]},
+    "hellinger": {"fmt": "s", "color": COLORS["field"]},
+    "cells": {"fmt": "D", "color": COLORS["field"], "markerfacecolor": "white"},
 }
 VIEWS = {
     "whole": "whole picture, as flown",
@@ -27,7 +33,7 @@ VIEWS = {
 
 
 def errors(record: Record) -> Figure:
-    """Mean error with its interval, a line for each view, a colour for each way to count."""
+    """Mean error with its interval, a line for each view, a mark for each way to count."""
     values = record.values
     with canvas(size=(7.2, 3.4)) as (figure, axes):
         plot = axes[0, 0]
@@ -38,7 +44,7 @@ def errors(record: Record) -> Figure:
             ends = np.array([[entry["low"], entry["high"]] for entry in each]).T / 100
             plot.errorbar(
                 middle, rows + 0.2 * (place - 1), xerr=np.abs(ends - middle),
-                fmt="osD"[place], color=SERIES[place], label=label,
+                label=label, **MARKS[count],
             )  # fmt: skip
         for name, label in (("bound_cm", "nearest picture"), ("centre_cm", "always the centre")):
             plot.axvline(values[name] / 100, color=COLORS["truth"], linestyle="--", linewidth=1)

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import SERIES, canvas, legend_above
+from trexton.figures.style import COLORS, canvas, legend_above
 from trexton.records import Record
 
 __all__ = ["ROWS", "estimate_errors", "training_errors"]
 
-# place in the record: label and colour
+# place in the record: label and colour; both train the paper's filter, one as the paper does
 ROWS = {
-    "filter": ("homography positions", SERIES[1]),
-    "remedy": ("filtered first", SERIES[0]),
+    "filter": ("homography positions", COLORS["paper"]),
+    "remedy": ("filtered first", COLORS["guarded"]),
 }
 
 

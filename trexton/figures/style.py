@@ -38,6 +38,7 @@ COLORS = {
     "fine": "#009E73",
     "neighbors": "#56B4E9",
     "particles": "#E69F00",
+    "homography": "#8C5A2B",  # keypoints and a homography, whatever the map
     "printed": "#8A63D2",  # a value that the paper prints; it needs no other shade in the dark
     "zone": "#777777",
 }
