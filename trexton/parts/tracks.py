@@ -6,7 +6,9 @@ and covariance go back into the track (assumed density filtering; Maybeck, "Stoc
 Estimation and Control", vol. 2, 1982, Sec. 12.7). What the errors of neighbouring frames share is
 a state of its own, so that a second look at the same place is not taken for a second opinion. A
 track's weight is the evidence of its predictions; where a frame speaks for another place a track
-is born there, so a wrong start or a kidnapping is a matter of evidence as well.
+is born there, so a wrong start or a kidnapping is a matter of evidence as well. Places that look
+alike mislead frame after frame: where the velocity is told, a track that no frame speaks for is
+followed for a while, for it still knows where it is.
 """
 
 from __future__ import annotations
@@ -31,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["TrackFilter", "Tracks"]
 
 MISSED = 1e-3  # share of frames that say nothing about the place, whatever they look like
+MISLED_S = 0.2  # seconds after which frames that mislead are down to 1/e; a velocity must be told
 BORN = 1e-3  # chance a frame that the vehicle is elsewhere than its tracks
 FAR = 25.0  # log likelihoods this far below the best count as none
 APART = 5.0  # cells between the beginnings of two tracks
@@ -139,6 +142,7 @@ class TrackFilter:
         """Forget where the vehicle was."""
         self.states, self.covariances = np.empty((0, 8)), np.empty((0, 8, 8))
         self.weights = np.empty(0)
+        self._misled = np.empty(0)  # chance that the last frame misled, if the track is right
         self._missed = 0
 
     def step(self, observation: Observation | None) -> None:
@@ -152,16 +156,19 @@ class TrackFilter:
         cells, shares = self.measurement.centers[kept], np.exp(found[kept] - peak)
         shares /= shares.sum()
         self._predict()
-        if (velocity := observation.aiding.velocity) is not None:
+        velocity = observation.aiding.velocity
+        if velocity is not None:
             self._be_told(np.asarray(velocity, dtype=float))
         begun = len(self.states) > 0
-        log_weights, looked_at = self._correct(cells, shares)
+        evidence, looked_at = self._correct(cells, shares)
+        log_weights = np.log(self.weights) + self._log_chance(evidence, velocity is not None)
         places = self._births(cells, shares, looked_at)
         if places:
             chance = np.log(BORN) if begun else 0.0
             states, covariances, masses = (np.array(column) for column in zip(*places, strict=True))
             self.states = np.concatenate([self.states, states])
             self.covariances = np.concatenate([self.covariances, covariances])
+            self._misled = np.concatenate([self._misled, np.zeros(len(masses))])
             log_weights = np.concatenate([log_weights, np.log(masses) + chance])
         self._keep(log_weights)
 
@@ -191,7 +198,9 @@ class TrackFilter:
         self.weights = weights / weights.sum()
 
     def _correct(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Log weights of the tracks after the frame, ``(T, 2)`` places where they saw it."""
+        """Evidence of the frame for each track, against a place drawn from the whole area, and
+        ``(T, 2)`` places where they saw it.
+        """
         if not len(self.states):
             return np.empty(0), np.empty((0, 2))
         gain = self.covariances @ self._seen.T
@@ -203,8 +212,7 @@ class TrackFilter:
         joint = shares * np.exp(-0.5 * squared)
         mass = joint.sum(axis=1)
         norm = self._log_area - np.log(2 * np.pi) + 0.5 * np.log(np.linalg.det(precision))
-        evidence = mass * np.exp(norm)  # against a place drawn from the whole area
-        log_weights = np.log(self.weights) + np.log(evidence + MISSED)
+        evidence = mass * np.exp(norm)
         hit = evidence > MISSED
         self._missed = 0 if hit[0] else self._missed + 1
         joint /= np.where(mass > 0, mass, 1)[:, None]
@@ -217,7 +225,26 @@ class TrackFilter:
         self.states = self.states + np.einsum("tij,tj->ti", gain, mean - expected)
         covariances = self.covariances - gain @ (spread - after) @ turned
         self.covariances = (covariances + covariances.transpose(0, 2, 1)) / 2
-        return log_weights, mean
+        return evidence, mean
+
+    def _log_chance(self, evidence: np.ndarray, told: bool) -> np.ndarray:
+        """Log of the chance of the frame, if a track is right.
+
+        A frame that misleads speaks for the place for which the last one spoke: of what it says for
+        another track it takes nothing away. Without a velocity a track that sees nothing soon knows
+        nothing either, and each frame counts anew.
+        """
+        if not told:
+            self._misled = np.zeros(len(evidence))
+            chance: np.ndarray = np.log(evidence + MISSED)
+            return chance
+        stays = np.exp(-float(self.motion.period_s) / MISLED_S)
+        misled = MISSED + (stays - MISSED) * self._misled
+        mislead = misled * max(1.0, float(evidence.max(initial=0.0)))
+        total = (1 - misled) * evidence + mislead
+        self._misled = mislead / total
+        chance = np.log(total)
+        return chance
 
     def _births(
         self, cells: np.ndarray, shares: np.ndarray, looked_at: np.ndarray
@@ -262,6 +289,7 @@ class TrackFilter:
         if rows[0] != 0:
             self._missed = 0
         self.states, self.covariances = self.states[rows], self.covariances[rows]
+        self._misled = self._misled[rows]
         self.weights = weights / weights.sum()
 
     def estimate(self) -> Estimate:
