@@ -14,7 +14,7 @@ from trexton.simulator import record_flight
 
 OPTIONS = {
     "flights": 2, "time_limit": 4.0, "armed_after": 1.0, "samples": 100, "textons": 8, "seed": 5,
-    "bounds": 3,
+    "bounds": 3, "survey": 100,
 }  # fmt: skip
 
 

@@ -18,14 +18,14 @@ from trexton.aiding import Aiding
 from trexton.camera import Camera
 from trexton.executor import spread
 from trexton.experiments.beyond import Flown
-from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.declaration import option
 from trexton.experiments.evaluation import frames_of
-from trexton.experiments.floors import lent_floor
+from trexton.experiments.floors import FloorParameters, lent_floor, painted_floor
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import block_rows, bootstrap_interval
 from trexton.records import Record
-from trexton.simulator import LAYOUTS, Effects, Floor, record_flight
+from trexton.simulator import Effects, Floor, record_flight
 from trexton.streams import stream
 from trexton.textons import MAX_TEXTONS
 from trexton.wording import distance, number
@@ -51,12 +51,9 @@ FIRST_FLOOR = 500  # seed of the first painted floor; no setting was chosen on t
 
 
 @dataclass(frozen=True)
-class Parameters(SeedParameters):
+class Parameters(FloorParameters):
     """What can be chosen."""
 
-    floors: int = option(
-        0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
-    )
     survey: int = option(400, "frames of the survey, every other one", low=20)
     frames: int = option(150, "of the later flight, every other one", low=20)
     ripple: float = option(0.1, "standard deviation of the height in metres", low=0, high=0.2)
@@ -129,8 +126,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _over_painted(parameters: Parameters, index: int) -> _Over:
-    """Over one painted floor, the layouts in turn."""
-    floor = Floor.painted(list(LAYOUTS)[index % len(LAYOUTS)], FIRST_FLOOR + index)
+    """Over one painted floor."""
+    _, floor = painted_floor(index, FIRST_FLOOR + index)
     return _over(parameters, parameters.seed + 1000 * (index + 1), floor)
 
 

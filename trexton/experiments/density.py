@@ -6,6 +6,7 @@ that cover all of it, and flies over it later. Paper, Sec. Dataset Generation: o
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -19,15 +20,14 @@ from trexton.camera import Camera
 from trexton.executor import spread
 from trexton.experiments.aiding import mean_over_floors
 from trexton.experiments.beyond import Flown
-from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.declaration import option
 from trexton.experiments.evaluation import frames_of
-from trexton.experiments.floors import lent_floor
+from trexton.experiments.floors import FloorParameters, lent_floor, painted_floor
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.parts.field import grid_cells
 from trexton.records import Record
 from trexton.simulator.floor import Floor
-from trexton.simulator.layouts import LAYOUTS
 from trexton.simulator.recording import record_flight
 from trexton.streams import stream
 from trexton.textons import MAX_TEXTONS
@@ -42,12 +42,9 @@ PLACES = 2500  # of a grid, to which a survey comes more or less near
 
 
 @dataclass(frozen=True)
-class Parameters(SeedParameters):
+class Parameters(FloorParameters):
     """What can be chosen."""
 
-    floors: int = option(
-        0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
-    )
     survey: int = option(200, "frames of the shortest survey, every other one", low=20)
     frames: int = option(200, "of the later flight, every other one", low=20)
     textons: int = option(20, "textons of the dictionary, K", low=2, high=MAX_TEXTONS)
@@ -91,15 +88,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     lent = None if parameters.floors else lent_floor(train)
     floors = range(max(1, parameters.floors))
-    which = [(floor, times) for floor in floors for times in TIMES]
-    flown = dict(
-        zip(which, spread(partial(_over, parameters, lent), which, "surveys"), strict=True)
-    )
+    flown = spread(partial(_over, parameters, lent), floors, "floors")
     rng = stream(parameters.seed, "intervals")
     surveys = []
     by_floor: dict[str, list[np.ndarray]] = {name: [] for name in METHODS}
-    for times in TIMES:
-        over = [flown[floor, times] for floor in floors]
+    for times, over in zip(TIMES, zip(*flown, strict=True), strict=True):
         judged: dict[str, Any] = {}
         for name in METHODS:
             errors = 100 * np.stack([each.errors[name] for each in over])
@@ -120,35 +113,46 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _over(
-    parameters: Parameters, lent: tuple[Floor, Camera, float] | None, which: tuple[int, int]
-) -> _Over:
-    """One survey of one floor; the later flight is the same for all of that floor."""
-    floor_number, times = which
+    parameters: Parameters, lent: tuple[Floor, Camera, float] | None, number: int
+) -> list[_Over]:
+    """The surveys of one floor, and one later flight."""
     if lent is None:
-        layout = list(LAYOUTS)[floor_number % len(LAYOUTS)]
-        lent = Floor.painted(layout, FIRST_FLOOR + floor_number), Camera(), 1.0
+        _, painted = painted_floor(number, FIRST_FLOOR + number)
+        lent = painted, Camera(), 1.0
     floor, camera, height = lent
-    seed = parameters.seed + 1000 * (floor_number + 1)
+    seed = parameters.seed + 1000 * (number + 1)
     common: dict[str, Any] = {"floor": floor, "camera": camera, "height": height, "every": 2}
     with TemporaryDirectory(prefix="trexton-density-") as folder:
-        survey = record_flight(
-            Path(folder) / "survey", frames=times * parameters.survey, seed=seed, **common
-        )
         later = record_flight(
             Path(folder) / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1,
             **common,
         )  # fmt: skip
-        base = TextonMap.train(
-            survey, n_textons=parameters.textons, cells=parameters.cells,
-            rng=stream(parameters.seed, "training"),
-        )  # fmt: skip
         frames = frames_of(later)
+        surveys = (
+            record_flight(
+                Path(folder) / f"survey-{times}", frames=times * parameters.survey, seed=seed,
+                **common,
+            )
+            for times in TIMES
+        )  # fmt: skip
+        return [_surveyed(parameters, survey, frames, later.position, seed) for survey in surveys]
+
+
+def _surveyed(
+    parameters: Parameters, survey: Flight, frames: Sequence[np.ndarray], truth: np.ndarray,
+    seed: int,
+) -> _Over:  # fmt: skip
+    """The later flight's frames with maps of one survey."""
+    base = TextonMap.train(
+        survey, n_textons=parameters.textons, cells=parameters.cells,
+        rng=stream(parameters.seed, "training"),
+    )  # fmt: skip
     errors, held = {}, {}
     for method in METHODS:
         texton_map = base.for_method(method, rng=stream(parameters.seed, f"map {method}"))
         rng = stream(seed, f"density {method}")
         found = Flown.of(Localizer(texton_map, samples=parameters.samples, rng=rng), frames)
-        errors[method], held[method] = found.errors(later.position), found.held(later.position)
+        errors[method], held[method] = found.errors(truth), found.held(truth)
     places, _ = grid_cells(survey.area, PLACES)
     apart = float(cKDTree(survey.position).query(places)[0].mean())
     return _Over(errors, held, apart, float(survey.time[-1] - survey.time[0]))

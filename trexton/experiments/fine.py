@@ -19,6 +19,7 @@ from trexton import wording
 from trexton.camera import MapImage
 from trexton.executor import spread
 from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.floors import painted_floor
 from trexton.experiments.peers import PEERS, make_peer
 from trexton.experiments.stitched import stitched_map
 from trexton.flights.flight import Flight
@@ -26,7 +27,7 @@ from trexton.metrics import success_rate
 from trexton.records import Record
 from trexton.registration import FloorFix, FloorTracker, Trust
 from trexton.registration.calibration import learn_trust
-from trexton.simulator import LAYOUTS, Effects, Floor, Light, Plan, Simulator, random_waypoints
+from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.simulator.vehicle import VehicleState
 from trexton.streams import stream
 
@@ -127,9 +128,8 @@ def _room(
 
 
 def _floor(index: int) -> tuple[str, Floor]:
-    """The layouts of the hall in turn, each time from another seed."""
-    layout = list(LAYOUTS)[(index + 2) % len(LAYOUTS)]  # the repeating ones first
-    return f"{layout} {100 + index}", Floor.painted(layout, 100 + index)
+    """The layouts of the hall in turn, the repeating ones first, each time from another seed."""
+    return painted_floor(index + 2, 100 + index)
 
 
 def _trackers(
@@ -321,8 +321,7 @@ def kidnapping_summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
 
 def _in_light(parameters: Parameters, drift: float) -> float:
     """Mean error in centimetres with attitude, the camera's gain drifting so much."""
-    name = list(LAYOUTS)[0]
-    floor = Floor.painted(name, 100)
+    _, floor = painted_floor(0, 100)
     room = _room(floor, parameters, "light", 0, replace(CAMERA, exposure=drift))
     tracker = FloorTracker(floor.picture, room.camera, 1.0)
     rng, error = stream(parameters.seed, "light attitude"), []

@@ -20,6 +20,7 @@ import numpy as np
 from trexton.camera import Camera, MapImage
 from trexton.errors import ParameterError
 from trexton.experiments.correlation import rank_correlation
+from trexton.experiments.declaration import SeedParameters
 from trexton.experiments.evaluation import frames_of
 from trexton.flights.flight import Flight
 from trexton.flights.registry import data_folder
@@ -27,18 +28,20 @@ from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import absolute_errors, block_rows, bootstrap_interval, constant_guess
 from trexton.options import Options, option
 from trexton.parts.field import grid_cells
-from trexton.simulator import PERIOD, Floor, record_flight
+from trexton.simulator import LAYOUTS, PERIOD, Floor, record_flight
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE
 from trexton.streams import stream
 from trexton.suitability import local_losses
 
 __all__ = [
     "METHOD",
+    "FloorParameters",
     "VirtualFlights",
     "helpful_changes",
     "judge_floor",
     "lent_floor",
     "named_floor",
+    "painted_floor",
 ]
 
 LANE = 0.5  # metres between the lanes of a survey that sees everything twice
@@ -47,6 +50,15 @@ EVERY = 2  # frames: half the camera's rate, so that fewer frames cover the floo
 CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
 METHOD = "field"  # the one whose error is predicted
 MAT = 1.2  # side of the mat that is laid on the worst place, in metres
+
+
+@dataclass(frozen=True)
+class FloorParameters(SeedParameters):
+    """Those of experiments over painted floors, or over the one that a flight lends."""
+
+    floors: int = option(
+        0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
+    )
 
 
 @dataclass(frozen=True)
@@ -264,6 +276,12 @@ def named_floor(name: str) -> Floor:
         f"floor {name!r}: expected a layout and a seed, as in moved:3, "
         "or a picture and its width in metres, as in maps/hall.png@5"
     )
+
+
+def painted_floor(number: int, seed: int) -> tuple[str, Floor]:
+    """The name and the floor that `seed` paints; its layout is the next for each number."""
+    layout = list(LAYOUTS)[number % len(LAYOUTS)]
+    return f"{layout} {seed}", Floor.painted(layout, seed)
 
 
 def lent_floor(flight: Flight) -> tuple[Floor, Camera, float]:

@@ -16,29 +16,47 @@ from typing import Any
 import numpy as np
 
 from trexton.executor import spread
-from trexton.experiments.closed_loop import Attempt, Lander, LandingParameters, fly_all
+from trexton.experiments.closed_loop import Attempt, Lander, LandingParameters, Mission, fly_all
 from trexton.experiments.declaration import option
 from trexton.experiments.evaluation import trained_map
+from trexton.experiments.floors import FloorParameters, painted_floor
 from trexton.experiments.triggered_landing import mission_over
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone, TouchdownZone
 from trexton.localizer import TextonMap
 from trexton.metrics import success_rate
 from trexton.records import Record
-from trexton.simulator import LAYOUTS, Floor, record_flight
+from trexton.simulator import record_flight
 from trexton.streams import stream
 from trexton.wording import percent
 
 __all__ = ["LANDERS", "Parameters", "finding", "run"]
 
-# Who lands: a label, a method (None knows the truth), the trigger, and what comes beside a frame.
-LANDERS: dict[str, tuple[str, str | None, str, str]] = {
-    "paper": ("The paper's filter and trigger", "paper", "inside", "none"),
-    "field_inside": ("Field, the paper's trigger", "field", "inside", "none"),
-    "field": ("Field, predicted touchdown", "field", "touchdown", "none"),
-    "field_odometry": ("Field and visual odometry", "field", "touchdown", "odometry"),
-    "fine": ("Coarse to fine", "fine", "touchdown", "attitude"),
-    "truth": ("The true position", None, "touchdown", "none"),
+
+@dataclass(frozen=True)
+class Entry:
+    """One that lands: the words for it, its method (None knows the truth), its trigger, what comes
+    beside a frame, and whether the survey took twice as long, in closer lanes.
+    """
+
+    label: str
+    method: str | None
+    trigger: str = "touchdown"
+    aiding: str = "none"
+    longer: bool = False
+
+
+LANDERS = {
+    "paper": Entry("The paper's filter and trigger", "paper", trigger="inside"),
+    "field_inside": Entry("Field, the paper's trigger", "field", trigger="inside"),
+    "field": Entry("Field, predicted touchdown", "field"),
+    "field_longer": Entry("Field after twice the survey", "field", longer=True),
+    "field_odometry": Entry("Field and visual odometry", "field", aiding="odometry"),
+    "odometry_longer": Entry(
+        "Both after twice the survey", "field", aiding="odometry", longer=True
+    ),
+    "fine": Entry("Coarse to fine", "fine", aiding="attitude"),
+    "truth": Entry("The true position", None),
 }
 FIRST_FLOOR = 600  # seed of the first painted floor; no setting was chosen on these
 # What may be asked of a touchdown at first and at last.
@@ -46,13 +64,12 @@ CHANCES = ((0.8, 0.6), (0.9, 0.6), (0.9, 0.8), (0.95, 0.8), (0.95, 0.95), (0.99,
 
 
 @dataclass(frozen=True)
-class Parameters(LandingParameters):
+class Parameters(LandingParameters, FloorParameters):
     """What can be chosen."""
 
-    floors: int = option(
-        0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
+    survey: int = option(
+        800, "frames of the survey of each painted floor, half those of the longer one", low=50
     )
-    survey: int = option(800, "frames of the survey of each painted floor", low=50)
     flights: int = option(2, "flights over each floor", low=1)
     bounds: int = option(
         20, "flights of the true position, which show what asking for more costs", low=1
@@ -78,7 +95,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     if parameters.floors:
         over = spread(partial(_over_painted, parameters), range(parameters.floors), "floors")
     else:
-        over = [(train.name, _over(train, parameters, parameters.seed))]
+        over = [(train.name, _over(train, parameters, parameters.seed, parameters.seed))]
     flown = {name: [each for _, trial in over for each in trial[name]] for name in LANDERS}
     radius = parameters.radius
     return parameters.record(
@@ -100,32 +117,34 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _over_painted(parameters: Parameters, index: int) -> tuple[str, dict[str, list[Attempt]]]:
-    """Survey one painted floor, the layouts in turn, and fly over it."""
-    layout, seed = list(LAYOUTS)[index % len(LAYOUTS)], FIRST_FLOOR + index
-    floor = Floor.painted(layout, seed)
-    with TemporaryDirectory() as folder:
+    """Survey one painted floor, and fly over it."""
+    seed = FIRST_FLOOR + index
+    name, floor = painted_floor(index, seed)
+    with TemporaryDirectory(prefix="trexton-touchdown-") as folder:
         survey = record_flight(
-            Path(folder) / f"{layout}-{seed}", seed=seed, floor=floor, frames=parameters.survey
+            Path(folder) / name.replace(" ", "-"), seed=seed, floor=floor, frames=parameters.survey
         )
-        return f"{layout} {seed}", _over(survey, parameters, parameters.seed + 1000 * seed)
+        return name, _over(survey, parameters, parameters.seed + 1000 * seed, seed)
 
 
-def _over(train: Flight, parameters: Parameters, seed: int) -> dict[str, list[Attempt]]:
+def _over(
+    train: Flight, parameters: Parameters, seed: int, survey_seed: int
+) -> dict[str, list[Attempt]]:
     """The attempts of all landers over one floor."""
     mission = mission_over(train, parameters, seed=seed, attitude_deg=parameters.attitude_deg)
-    maps = _maps(train, parameters)
+    maps = _maps(train, mission, parameters, survey_seed)
     zones: dict[str, Callable[[np.ndarray], LandingZone]] = {
         "inside": partial(LandingZone, radius=parameters.radius),
         "touchdown": _touchdown(parameters),
     }
     landers = {
         name: Lander(
-            None if method is None else maps[method],
-            zones[trigger],
+            maps[entry.method, entry.longer],
+            zones[entry.trigger],
             {"samples": parameters.samples},
-            aiding,
+            entry.aiding,
         )
-        for name, (_, method, trigger, aiding) in LANDERS.items()
+        for name, entry in LANDERS.items()
     }
     return fly_all(mission, landers, parameters.flights)
 
@@ -158,20 +177,33 @@ def _bounds(train: Flight, parameters: Parameters) -> list[dict[str, Any]]:
     ]
 
 
-def _maps(train: Flight, parameters: Parameters) -> dict[str, TextonMap]:
+def _maps(
+    train: Flight, mission: Mission, parameters: Parameters, seed: int
+) -> dict[tuple[str | None, bool], TextonMap | None]:
+    """By method, and whether the survey took twice as long."""
     rng = stream(parameters.seed, "training")
     paper = trained_map(train, seed=parameters.seed)
-    # A trigger needs the velocity's covariance as it is: accelerations as they were flown.
+    with TemporaryDirectory(prefix="trexton-touchdown-") as folder:
+        longer = record_flight(
+            Path(folder) / "longer", seed=seed, frames=2 * parameters.survey, floor=mission.floor,
+            camera=mission.camera, height=mission.height,
+        )  # fmt: skip
+        return {
+            (None, False): None,
+            ("paper", False): paper,
+            ("field", False): _field(train, parameters, rng),
+            ("fine", False): paper.for_method("fine", flight=train, rng=rng),
+            ("field", True): _field(longer, parameters, rng),
+        }
+
+
+def _field(survey: Flight, parameters: Parameters, rng: np.random.Generator) -> TextonMap:
+    """A trigger needs the velocity's covariance as it is: accelerations as they were flown."""
     agility: dict[str, Any] = {"motion.agility": 1.0}
-    field = TextonMap.train(
-        train, method="field", n_textons=parameters.textons, cells=parameters.cells, rng=rng,
+    return TextonMap.train(
+        survey, method="field", n_textons=parameters.textons, cells=parameters.cells, rng=rng,
         **agility,
     )  # fmt: skip
-    return {
-        "paper": paper,
-        "field": field,
-        "fine": paper.for_method("fine", flight=train, rng=rng),
-    }
 
 
 def _distances(attempts: list[Attempt], place: str) -> np.ndarray:
@@ -213,7 +245,7 @@ def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     parts = []
     for name in ("field", "fine", "paper"):
-        label, values = LANDERS[name][0], record.values["landers"][name]
+        label, values = LANDERS[name].label, record.values["landers"][name]
         inside = (
             f"{percent(values['inside_rate']['median'])} inside"
             if values["inside_rate"]

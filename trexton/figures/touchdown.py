@@ -21,9 +21,18 @@ _LINES = {
     "paper": (COLORS["paper"], "-"),
     "field_inside": (COLORS["field"], ":"),
     "field": (COLORS["field"], "-"),
+    "field_longer": (COLORS["field"], "-."),
     "field_odometry": (COLORS["field"], "--"),
+    "odometry_longer": (COLORS["field"], (0, (5, 1, 1, 1, 1, 1))),
     "fine": (COLORS["fine"], "-"),
     "truth": (COLORS["truth"], "--"),
+}
+_MARKERS = {
+    "field": "o",
+    "field_longer": "p",
+    "field_odometry": "s",
+    "odometry_longer": "D",
+    "fine": "^",
 }
 
 
@@ -36,14 +45,14 @@ def targets(record: Record) -> Figure:
     radius = record.parameters["radius"]
     reach = max(1.2 * radius, *(np.nanmax(np.abs(place), initial=0) for place in places.values()))
     limits = (-1.08 * reach, 1.08 * reach)
-    with canvas(2, 3, size=(7.2, 5.2), sharex=True, sharey=True) as (figure, grid):
+    with canvas(2, 4, size=(7.2, 4.4), sharex=True, sharey=True) as (figure, grid):
         for axes, (name, place) in zip(grid.flat, places.items(), strict=True):
             axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
             inside = np.hypot(*place.T) <= radius
             missed = ~inside & np.isfinite(place[:, 0])
             landed(axes, place[inside], _LINES[name][0], "inside the zone")
             landed(axes, place[missed], _LINES[name][0], "outside", inside=False)
-            axes.set_title(LANDERS[name][0], fontsize=8.5)
+            axes.set_title(LANDERS[name].label, fontsize=8.5)
             axes.set(xlim=limits, ylim=limits, aspect="equal")
         keys = [landed(grid[0, 0], np.empty((0, 2)), COLORS["zone"], word, inside=within)
                 for word, within in (("inside the zone", True), ("outside", False))]  # fmt: skip
@@ -65,7 +74,7 @@ def waiting(record: Record) -> Figure:
             times = np.concatenate([[0], wait, [limit]])
             shares = 100 * np.concatenate([np.arange(len(wait) + 1), [len(wait)]]) / len(fired)
             plot.step(
-                times, shares, where="post", color=color, linestyle=style, label=LANDERS[name][0]
+                times, shares, where="post", color=color, linestyle=style, label=LANDERS[name].label
             )
         plot.set(
             xlabel="time of flight (s)", ylabel="triggered (% of flights)", xlim=(0, limit),
@@ -90,11 +99,11 @@ def bounds(record: Record) -> Figure:
             plot.annotate(f"{each['confidence']} to {each['least']}", place,
                           (4, 4) if above else (-4, -9), ha="left" if above else "right",
                           textcoords="offset points", fontsize=7)  # fmt: skip
-        for name, marker in zip(("field", "field_odometry", "fine"), "os^", strict=True):
+        for name, marker in _MARKERS.items():
             values = record.values["landers"][name]
             if values["inside_rate"]:
                 x, y = _rates(plot, [values], _LINES[name][0])
-                plot.plot(x, y, marker, color=_LINES[name][0], label=LANDERS[name][0])
+                plot.plot(x, y, marker, color=_LINES[name][0], label=LANDERS[name].label)
         plot.set(xlabel="landed (% of flights)", ylabel="inside (% of landings)")
         figure.legend(loc="outside upper center", ncols=2)
     return figure
@@ -116,11 +125,11 @@ def _rates(plot: Axes, summaries: list[dict[str, Any]], color: str) -> list[list
 def table(record: Record) -> pd.DataFrame:
     """For each lander: flights, landings, inside, and the rates of both denominators."""
     rows = []
-    for name, (label, *_) in LANDERS.items():
+    for name, entry in LANDERS.items():
         values = record.values["landers"][name]
         rows.append(
             {
-                "": label,
+                "": entry.label,
                 "flights": values["attempts"],
                 "landed": values["landings"],
                 "inside": values["inside"],
