@@ -52,6 +52,7 @@ class _Watched(Source):
 
     def __init__(self, source: Source, aids: Aids):
         self.source, self.live, self.gives = source, source.live, source.gives
+        self.reopens = source.reopens
         self.frames: deque[Frame] = deque(maxlen=KEPT)
         self._aids = aids
 
