@@ -129,9 +129,7 @@ class TestLive:
     def test_missed_frames_are_predicted_over(self, film):
         flight, localizer = Script(), room_localizer()
         seen, step = [], localizer.step
-        localizer.step = lambda picture, **known: (
-            seen.append(picture is not None) or step(picture)
-        )
+        localizer.step = lambda picture, **known: seen.append(picture is not None) or step(picture)
         flight.run(
             [*flight.seen(film[0]), *flight.seen(film[1]), *flight.seen(film[2], 0.4)], localizer
         )
