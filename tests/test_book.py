@@ -18,6 +18,7 @@ from trexton.book.prose import render
 from trexton.book.stage import Contents, stage
 from trexton.errors import DataError, TrextonError
 from trexton.flights import read_flight, write_flight
+from trexton.landing import TouchdownZone
 from trexton.wording import Tree
 from trexton.workflow import FlightPair, Outcome
 from trexton.workflow.formats import nbformat
@@ -54,6 +55,7 @@ def test_numbers_are_filled_in_from_records(page):
         page("{{ sim.mocap_training.items }}", sim=sim) == "3"
     )  # an entry, not the method of dict
     assert page("{{ paper.parameters.samples }}") == "400"
+    assert page("{{ touchdown.settled_s }}") == str(TouchdownZone((0.0, 0.0)).settled_s)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,9 @@ from onboard_tools import colourful_flight, room_map
 
 from trexton.cli import main
 from trexton.flights import write_flight
-from trexton.localizer import TextonMap
+from trexton.localizer import Localizer, TextonMap
+from trexton.onboard import Settings, build
+from trexton.onboard.settings import Flying
 
 
 @pytest.fixture
@@ -38,6 +40,24 @@ def test_nothing_is_written_over_what_is_read_and_no_file_twice(outputs, flight,
     assert main(["onboard", str(path), "--camera", str(folder), *words]) == 1
     assert "give" in capsys.readouterr().err
     assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
+
+
+@pytest.mark.parametrize("images", [False, True])
+def test_what_takes_long_at_first_is_done_before_it_is_ready(images, flight, tmp_path, monkeypatch):
+    """A first start compiles: the loop would be silent for longer than systemd's watchdog waits."""
+    path = room_map().save(tmp_path / "images.npz") if images else flight[1]
+    stepped, step = [], Localizer.step
+
+    def steps(self, frame, **known):
+        stepped.append((self, np.ndim(frame)))
+        return step(self, frame, **known)
+
+    monkeypatch.setattr(Localizer, "step", steps)
+    camera = "simulator" if images else str(flight[0])
+    onboard = build(Settings(str(path), (), (), {Flying: Flying(camera=camera)}))
+    ((warmed, dimensions),) = stepped
+    assert warmed is not onboard.localizer and warmed.samples == onboard.localizer.samples
+    assert dimensions == (3 if images else 1)
 
 
 def test_a_view_that_turns_needs_a_heading(tmp_path, capsys):

@@ -19,10 +19,11 @@ class Autopilot:
 
     def __init__(self):
         self.confirmations, self.queue, self.grounded = [], [], None
+        self.connected = True
 
     def land(self, confirmation: int) -> bool:
         self.confirmations.append(confirmation)
-        return True
+        return self.connected
 
     def answers(self) -> list:
         queue, self.queue = self.queue, []
@@ -54,6 +55,23 @@ def test_the_zone_is_told_the_time_of_the_frames_since_the_search_began():
         estimate = make_estimate(INSIDE, (0.2, 0.2), more.get("lost", False))
         commander.update(estimate, make_fix(now, INSIDE, **more), now)
     assert zone.asked == [0.0, 0.5, 1.0]
+
+
+def test_the_search_begins_at_take_off_where_the_autopilot_tells():
+    """The service waits on the ground for as long as it likes."""
+    zone, autopilot = Elapsed(), Autopilot()
+    commander = Commander(zone, [autopilot], [].append)
+    for now, grounded in (
+        (7.0, True),
+        (90.0, True),
+        (91.0, False),
+        (92.0, None),
+        (93.0, True),
+        (95.0, False),
+    ):
+        autopilot.grounded = grounded
+        commander.update(make_estimate(INSIDE, (0.2, 0.2)), make_fix(now, INSIDE), now)
+    assert zone.asked == [0.0, 1.0, 0.0]
 
 
 class Flight:
@@ -178,6 +196,25 @@ class TestAnswers:
         assert flight.autopilot.confirmations == [0, 1]
         flight.autopilot.answer(0)
         assert flight.fly() is State.LANDING
+
+    @pytest.mark.parametrize(
+        ("result", "connected", "state", "why"),
+        [
+            (1, True, State.REFUSED, "temporarily rejected, 5 commands sent"),
+            (5, True, State.REFUSED, "in progress, 5 commands sent"),
+            (None, True, State.UNANSWERED, "5 commands sent"),
+            (None, False, State.UNANSWERED, "0 commands sent"),
+        ],
+    )
+    def test_what_is_said_at_the_end_is_what_happened(self, result, connected, state, why):
+        flight = Flight(answer_within=1.0)
+        flight.autopilot.connected = connected
+        for _ in range(100):
+            before = len(flight.autopilot.confirmations)
+            flight.fly()
+            if result is not None and len(flight.autopilot.confirmations) > before:
+                flight.autopilot.answer(result)
+        assert (flight.commander.state, flight.commander.why) == (state, why)
 
     def test_no_further_command_once_the_conditions_no_longer_hold(self):
         flight = Flight()

@@ -100,6 +100,16 @@ def test_aiding_is_in_the_maps_axes_and_of_the_moment():
     assert late.roll is None and late.height is None and late.velocity is None
 
 
+@pytest.mark.parametrize(("quality", "told"), [(0, 1.5), (1, None), (2, 1.5), (100, 1.5)])
+def test_a_distance_of_which_the_sensor_says_that_it_is_none(quality, told):
+    ear = listener(1)
+    distance = mavlink.MAVLink_distance_sensor_message(
+        0, 10, 900, 150, 0, 0, 25, 0, signal_quality=quality
+    )
+    ear.hear(said_by(distance), 10.0)
+    assert ear.aiding(10.0).height == told
+
+
 @pytest.mark.parametrize("heading", [0.0, 0.6, -2.0])
 @pytest.mark.parametrize("compass", [0.0, 1.0, -2.5])
 def test_the_yaw_of_an_autopilot_is_that_of_a_camera(heading, compass):

@@ -14,6 +14,7 @@ from patience import eventually
 from trexton.onboard import Onboard
 from trexton.onboard.sinks import Guard, Sink
 from trexton.onboard.sources import CameraLost
+from trexton.onboard.sources.pacing import Paced
 from trexton.onboard.tally import Tally
 
 
@@ -95,11 +96,19 @@ class TestLive:
         assert tally["frozen"] == 60 and len(fixes) == 61
         assert source.opened == 1 + 2  # after 26 and 52 repeats of 0.08 s
 
+    def test_a_frozen_recording_goes_on_where_it_was(self, film):
+        flight = Script()
+        frozen = [step for _ in range(30) for step in flight.seen(film[0])]
+        source = Live(frozen, flight.clock)
+        source.reopens = Paced(source).reopens
+        run(room_localizer(), source, Unhurried(), flight.kept, clock=flight.clock)
+        assert source.opened == 1 and len(flight.kept.fixes) == 30
+
     def test_a_slow_frame_is_late_and_older_ones_are_dropped(self, film):
         flight, localizer = Script(rate=50), room_localizer()
         begun, filmed, quick = threading.Event(), threading.Event(), localizer.step
 
-        def slow_once(picture, aiding=None):
+        def slow_once(picture, **known):
             if picture is film[1]:
                 begun.set()
                 assert filmed.wait(120)
@@ -120,14 +129,24 @@ class TestLive:
     def test_missed_frames_are_predicted_over(self, film):
         flight, localizer = Script(), room_localizer()
         seen, step = [], localizer.step
-        localizer.step = lambda picture, aiding=None: (
-            seen.append(picture is not None) or step(picture)
-        )
+        localizer.step = lambda picture, **known: seen.append(picture is not None) or step(picture)
         flight.run(
             [*flight.seen(film[0]), *flight.seen(film[1]), *flight.seen(film[2], 0.4)], localizer
         )
         assert seen.count(True) == 3
         assert seen.count(False) == 4  # 0.4 s are five periods of the map
+
+    @pytest.mark.parametrize(("period", "steps"), [(0.11, 16), (0.12, 18), (0.04, 12)])
+    def test_the_filter_keeps_time_with_a_camera_of_another_rate(self, film, period, steps):
+        """What is left of a period at one frame counts at a later one; a frame is a step."""
+        flight, localizer = Script(rate=50), room_localizer()
+        told, step = [], localizer.step
+        localizer.step = lambda picture, **known: told.append(known.get("time")) or step(picture)
+        _, fixes, *_ = flight.run(
+            [each for picture in film[:12] for each in flight.seen(picture, period)], localizer
+        )
+        assert abs(len(told) - steps) <= 1
+        assert [time for time in told if time is not None] == [f.time for f in fixes if f.observed]
 
     def test_jumping_capture_stamps_never_reach_a_sink(self, film):
         jumps = iter([0.0, 0.0, 1e6, -1e6, 3e8, 0.0, 0.0, 0.0])
@@ -164,7 +183,7 @@ def test_a_step_that_takes_long_makes_a_stale_fix(film):
     localizer = room_localizer()
     clock, quick = Clock(), localizer.step
 
-    def slow(picture, aiding=None):
+    def slow(picture, **known):
         clock.now += 1.2
         return quick(picture)
 

@@ -65,6 +65,21 @@ def test_what_an_autopilot_says_commands_no_terminal(log, capsys):
     assert "\x1b" not in printed.out + printed.err and "\x07" not in printed.out
 
 
+@pytest.mark.parametrize("half", [b'{"time_s": 5.0, "fra', b"\0\0\0", b"\xff\xfe", b"[1, 2]"])
+def test_what_a_loss_of_power_left_is_told_and_the_rest_is_read(half, log, capsys):
+    log.write_bytes(log.read_bytes() + half)
+    sink = JsonLines(str(log), events=True)  # the same log, after the restart
+    sink.open()
+    sink.write(make_fix(6.0, (0.5, 0.5)))
+    sink.event({"time_s": 6.1, "event": "answer", "command": 21, "result": 0})
+    sink.close()
+    assert main(["replay", str(log)]) == 0
+    *_, damaged, answer, counts = capsys.readouterr().out.splitlines()
+    assert "damaged line: number 7, why" in damaged
+    assert "told x 0.50 y 0.50" in answer and "result 0" in answer
+    assert counts.startswith("fixes 5, told 3, event answer 2") and "damaged line 1" in counts
+
+
 @pytest.mark.parametrize("text", ["not json\n", "[1, 2]\n"])
 def test_another_file_gets_a_sentence(text, tmp_path, capsys):
     (tmp_path / "other").write_text(text)

@@ -6,6 +6,7 @@ import math
 import socket
 import time
 from functools import partial
+from threading import Event
 
 import numpy as np
 import pytest
@@ -203,3 +204,37 @@ def test_tcp_without_a_server_is_counted_and_does_not_block():
     assert eventually(lambda: tally["link"] >= 2)
     assert sink.status() == "no link" and not sink.land(0)
     sink.close()
+    assert [each["why"] for each in sink.news()] == ["Connection refused"]  # once, however often
+
+
+def test_a_landing_commanded_before_the_link_broke_goes_out_on_no_other(peer):
+    """What was right there and then is not wherever the vehicle is once the link is back."""
+    clock = Clock()
+    sink = open_sink(f"udpout:127.0.0.1:{peer.port}", surroundings(clock=clock))
+    sink.open()
+    try:
+        assert eventually(lambda: peer.of("HEARTBEAT"))
+        peer.send(AUTOPILOT_HEARTBEAT)
+        assert eventually(lambda: "heard" in sink.status() and "no" not in sink.status())
+        receive, broken = sink._link.receive, Event()
+
+        def breaks() -> bytes:
+            if not broken.is_set():
+                broken.set()
+                assert sink.land(0)
+                raise OSError("pulled out")
+            return receive()
+
+        sink._link.receive = breaks
+        assert broken.wait(60)
+        beats = len(peer.of("HEARTBEAT"))
+        clock.now += 1.0
+        assert eventually(lambda: len(peer.of("HEARTBEAT")) > beats)
+        assert eventually(lambda: sink.land(1))
+        assert eventually(lambda: [m.confirmation for m in _landings(peer)] == [1])
+    finally:
+        sink.close()
+
+
+def _landings(peer: Peer) -> list:
+    return [m for m in peer.of("COMMAND_LONG") if m.command == mavlink.MAV_CMD_NAV_LAND]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import cv2
 import numpy as np
@@ -13,6 +14,7 @@ from trexton.cli import main
 from trexton.flights import read_flight
 from trexton.localizer import TextonMap
 from trexton.onboard import Settings
+from trexton.onboard import preflight as module
 from trexton.onboard.preflight import blur_effect, preflight
 from trexton.onboard.settings import Flying, Landing, Placement
 from trexton.simulator import record_flight
@@ -103,6 +105,15 @@ def test_blur_grows_from_sharp_to_blurred(rng):
     assert blur_effect(sharp) < effects[0] < effects[1] < effects[2] < 1
 
 
+class Later:
+    """A clock that can be set ahead."""
+
+    by = 0.0
+
+    def monotonic(self) -> float:
+        return time.monotonic() + self.by
+
+
 class TestAutopilot:
     """An autopilot over the wire."""
 
@@ -114,7 +125,8 @@ class TestAutopilot:
         settings = Settings(place[0], (f"udpout:127.0.0.1:{port}",), (), changes)
         return {check.name: check.holds for check in preflight(settings, 2.0)}
 
-    def test_one_that_fuses(self, place):
+    def test_one_that_fuses(self, place, monkeypatch):
+        """However long it then takes to look at the frames: a first start compiles kernels."""
         from onboard_autopilot import AUTOPILOT_HEARTBEAT, Peer
         from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -126,6 +138,14 @@ class TestAutopilot:
                     fused = dialect.MAVLink_estimator_status_message(0, 8, *[0.0] * 8)
                     peer.send(AUTOPILOT_HEARTBEAT, fused)
 
+        look, clock = module._of_map, Later()
+
+        def looks_long(*seen):
+            clock.by = 60.0
+            return look(*seen)
+
+        monkeypatch.setattr(module, "_of_map", looks_long)
+        monkeypatch.setattr(module, "time", clock)
         thread = threading.Thread(target=beat, daemon=True)
         thread.start()
         try:

@@ -56,6 +56,7 @@ def build_parser(chosen: str | None = None) -> argparse.ArgumentParser:
 
 def main(argv: list[str] | None = None) -> int:
     """Run one subcommand; 0 on success, 1 on a fault (one sentence on stderr), 2 on wrong usage."""
+    _open_standard_streams()
     argv = sys.argv[1:] if argv is None else argv
     chosen = next((word for word in argv if not word.startswith("-")), None)
     arguments = build_parser(chosen).parse_args(argv)
@@ -74,6 +75,19 @@ def main(argv: list[str] | None = None) -> int:
     except Exception as error:  # the one place where foreign errors become sentences
         print(f"trexton {arguments.command}: {sentence(error)}", file=sys.stderr)
         return 1
+
+
+def _open_standard_streams() -> None:
+    """Where one was closed (``2>&-``), its number would go to the next file or socket, and what
+    OpenCV has to say on standard error would be written there.
+    """
+    for descriptor in (0, 1, 2):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
+    if sys.stderr is None:  # else `print` would take standard output for it
+        sys.stderr = open(os.devnull, "w", encoding="utf-8")
 
 
 def sentence(error: Exception) -> str:

@@ -15,6 +15,7 @@ import jinja2
 
 from trexton.errors import DataError
 from trexton.flights.importers import describe
+from trexton.landing import TouchdownZone
 from trexton.paper import published
 from trexton.wording import Tree, template_environment
 from trexton.workflow import Outcome
@@ -44,7 +45,8 @@ def render(path: Path, context: dict[str, Any], pages: set[str], pictures: dict[
     Parameters
     ----------
     context : dict
-        Names that the page may use; ``paper`` (the published values) is added.
+        Names that the page may use; ``paper`` (the published values) and ``touchdown`` (a zone with
+        its defaults) are added.
     pages : set of str
         Pages that are in the book: ``{{ see("page", "text") }}`` links to one, or is plain text.
     pictures : dict of str to str
@@ -69,6 +71,7 @@ def render(path: Path, context: dict[str, Any], pages: set[str], pictures: dict[
                 "see": see,
                 "picture": pictures.get,
                 "importers": describe,
+                "touchdown": TouchdownZone((0.0, 0.0)),  # what it asks for unless told otherwise
             }
         )
     except jinja2.TemplateSyntaxError as error:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from typing import Any
 
-from trexton.errors import MapError, ParameterError
+import numpy as np
+
+from trexton.errors import MapError, ParameterError, TrextonError
 from trexton.files import check_not_read
 from trexton.landing import TouchdownZone
 from trexton.localizer import Localizer, TextonMap
@@ -56,6 +59,7 @@ def build(settings: Settings) -> Onboard:
             f"--trigger touchdown needs a velocity, which method {localizer.map.method!r} does not "
             "estimate: take --trigger inside, or a map for method field or fine"
         )
+    _warm_up(localizer)
     tally = Tally()
     view = View(texton_map.image_shape, texton_map.period_s, flying.seed)
     source = open_source(flying.camera, view, settings.options)
@@ -85,6 +89,20 @@ def build(settings: Settings) -> Onboard:
         zone=zone,
         landers=_landers(sinks) if landing.arm_landing else (),
     )
+
+
+def _warm_up(localizer: Localizer) -> None:
+    """Compile and load now what a frame needs: a first start takes longer than a watchdog waits.
+
+    Another localizer of the same map does it: the one that flies draws what it would have drawn.
+    """
+    texton_map = localizer.map
+    width = texton_map.histograms.shape[1]
+    blank = np.full(width, 1 / width)
+    if texton_map.dictionary is not None and texton_map.image_shape is not None:
+        blank = np.zeros((*texton_map.image_shape, 3), np.uint8)
+    with suppress(TrextonError):
+        Localizer(texton_map, samples=localizer.samples, rng=np.random.default_rng(1)).step(blank)
 
 
 def _landers(sinks: Iterable[Sink]) -> list[Lander]:

@@ -16,7 +16,10 @@ __all__ = ["Answer", "Commander", "Lander", "State"]
 
 NAV_LAND = 21
 ACCEPTED, TEMPORARILY_REJECTED, IN_PROGRESS = 0, 1, 5
-REASONS = {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 6: "cancelled"}
+REASONS = {
+    1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 5: "in progress",
+    6: "cancelled",
+}  # fmt: skip
 LEFT_BEYOND = 1.5  # radii from the centre: nearer, a position that jitters has not left the zone
 LEFT_FOR = 3.0  # seconds outside after which a return is another visit
 ANSWER_WITHIN_S = 10.0  # an answer later than this after the latest command belongs to no command
@@ -88,7 +91,8 @@ class Commander:
         self._answer_within, self._attempts = answer_within, attempts
         self.state = State.WATCHING
         self.why = ""
-        self._asked = 0  # in this visit
+        self._asked = self._sent = 0  # in this visit; what no link could take was not sent
+        self._put_off = ""  # what the autopilot says who neither accepts nor refuses
         self._asked_at = -np.inf
         self._ask_at = -np.inf
         self._outside_since: float | None = None
@@ -112,12 +116,19 @@ class Commander:
         return self.state
 
     def _inside(self, estimate: Estimate, fix: Fix, now: float) -> bool:
-        if not fix.usable or fix.age(now) > STALE_AFTER:
+        grounded = self._grounded()
+        if grounded:  # a service starts long before take-off, with which the search begins
+            self._began = None
+        if grounded or not fix.usable or fix.age(now) > STALE_AFTER:
             self.zone.reset()
             return False
         if self._began is None:
             self._began = fix.time
         return self.zone.update(estimate, fix.time - self._began)
+
+    def _grounded(self) -> bool:
+        """Whether an autopilot says that it stands: nothing is asked of it then."""
+        return any(lander.on_ground() for lander in self._landers)
 
     def _left(self, fix: Fix, fresh: bool, now: float) -> bool:
         """Whether the vehicle has been outside long enough for the visit to be over."""
@@ -132,23 +143,28 @@ class Commander:
     def _end_visit(self) -> None:
         if self.state in (State.LANDING, State.LANDED):  # the vehicle has obeyed, wherever it is
             return
-        self._asked = 0
+        self._forget_visit()
         if self.state is not State.WATCHING:
             self._become(State.WATCHING, "the zone was left")
+
+    def _forget_visit(self) -> None:
+        self._asked = self._sent = 0
+        self._put_off = ""
 
     def _ask(self, fix: Fix, now: float) -> None:
         where = {"x_m": float(fix.position[0]), "y_m": float(fix.position[1])}
         if not self._landers:
             self._become(State.WOULD_LAND, "", **where)
             return
-        if any(lander.on_ground() for lander in self._landers):
-            return
         if self.state is State.WATCHING:
             self._become(State.ASKED, "", **where)
         if now < self._ask_at:
             return
         if self._asked >= self._attempts:
-            self._become(State.UNANSWERED, f"{self._attempts} commands sent")
+            if self._put_off:
+                self._become(State.REFUSED, f"{self._put_off}, {self._sent} commands sent")
+            else:
+                self._become(State.UNANSWERED, f"{self._sent} commands sent")
             return
         confirmation = self._asked
         heard = [lander.land(confirmation) for lander in self._landers]
@@ -156,6 +172,7 @@ class Commander:
         self._ask_at = now + self._answer_within
         if any(heard):
             self._asked_at = now
+            self._sent += 1
         self._report({"event": "land", "confirmation": confirmation, "queued": any(heard)})
 
     def _take_answers(self, now: float) -> None:
@@ -176,6 +193,7 @@ class Commander:
                 self._become(State.LANDING, "accepted")
         elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
             self._ask_at = now + self._answer_within  # it is there: give it time, then ask again
+            self._put_off = REASONS[result]
         elif self.state is not State.LANDED:  # also while it flickers, also after it had accepted
             self._become(State.REFUSED, REASONS.get(result, f"result {result}"))
 
@@ -184,7 +202,8 @@ class Commander:
         if self.state is State.LANDING and any(grounded):
             self._become(State.LANDED, "the autopilot says that it is on the ground")
         elif self.state is State.LANDED and grounded and all(on is False for on in grounded):
-            self._asked, self._asked_at = 0, -np.inf
+            self._forget_visit()
+            self._asked_at = -np.inf
             self._become(State.WATCHING, "in the air again")
 
     def _become(self, state: State, why: str, **more: object) -> None:

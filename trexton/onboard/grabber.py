@@ -68,8 +68,9 @@ class Grabber:
             return frame
 
     def reopen(self) -> None:
-        """Have the source closed and opened again."""
-        self._again.set()
+        """Have the source closed and opened again, if that may help."""
+        if self._source.reopens:
+            self._again.set()
 
     def close(self) -> None:
         """Stop; a source that hangs in its driver is left to end with the process."""

@@ -15,22 +15,30 @@ __all__ = ["replayed"]
 
 
 def rows(path: str | Path) -> Iterator[dict[str, Any]]:
-    """The lines of a log, in order; raises `DataError` where one is none."""
-    number = 0
+    """The lines of a log, in order; raises `DataError` where none is one.
+
+    A computer that loses its power in the air, which is when a log is wanted most, leaves half a
+    line behind, or zeros: such a line is told as an event, and what follows it is read.
+    """
+    first: DataError | None = None  # what is wrong, until one is right
+    good = 0
     try:
-        with open(path, encoding="utf-8") as stream:
-            for line in stream:
-                number += 1
-                row = json.loads(line)
-                if fault := _fault(row):
-                    raise ValueError(fault)
-                yield row
+        with open(path, encoding="utf-8", errors="backslashreplace") as stream:
+            for number, line in enumerate(stream, 1):
+                row, fault = _parsed(line)
+                if fault is None:
+                    good += 1
+                    yield row
+                elif good:
+                    yield {"event": "damaged line", "number": number, "why": fault}
+                else:
+                    first = first or DataError(
+                        f"{path}: line {number} is none of a log ({fault}): give what --log wrote"
+                    )
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror}): give a log") from None
-    except (ValueError, RecursionError) as error:
-        raise DataError(
-            f"{path}: line {number} is none of a log ({error}): give what --log wrote"
-        ) from None
+    if first is not None and not good:
+        raise first
 
 
 def replayed(path: str | Path) -> Iterator[str]:
@@ -72,6 +80,15 @@ def _counted(row: dict[str, Any]) -> dict[str, int]:
         return {f"event {_short(row['event'])}": 1}
     fault = {f"fault {_short(row['fault'])}": 1} if row["fault"] else {}
     return {"fixes": 1, "told": int(_fit(row))} | fault
+
+
+def _parsed(line: str) -> tuple[Any, str | None]:
+    """The row of a line, and what keeps it from being one of a log."""
+    try:
+        row = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        return None, str(error)
+    return row, _fault(row)
 
 
 def _fault(row: object) -> str | None:

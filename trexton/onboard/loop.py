@@ -150,10 +150,8 @@ class Onboard:
         self._number = self.tally["frames"] if frame.number is None else frame.number
         self.tally.count("frames")
         fault = "corrupt" if frame.picture is None else self._inspector.check(frame.picture)
-        if self.source.live and self._model_time is not None:
-            self._predict(round((stamp - self._model_time) / self._model_period) - 1)
-        self._model_time = stamp
-        estimate, fault = self._step(frame.picture, fault, self.aids.of(frame, stamp))
+        self._catch_up(stamp)
+        estimate, fault = self._step(frame.picture, fault, self.aids.of(frame, stamp), stamp)
         if estimate.observed:
             self._observed_at = stamp
             self.tally.count("observed")
@@ -167,18 +165,35 @@ class Onboard:
             feed.reopen()
 
     def _step(
-        self, picture: np.ndarray | None, fault: str | None, aiding: Aiding | None
+        self, picture: np.ndarray | None, fault: str | None, aiding: Aiding | None, stamp: float
     ) -> tuple[Estimate, str | None]:
         """The estimate of a frame, predicted only where the frame is at fault."""
         if fault is None:
+            # A live camera keeps no time but its own; recordings are stepped as in the notebooks.
+            time_s = stamp if self.source.live else None
             try:
-                return self.localizer.step(picture, aiding=aiding), None
+                return self.localizer.step(picture, aiding=aiding, time=time_s), None
             except TrextonError as error:
                 fault = "misfit"
                 if not self.tally[fault]:
                     say(f"trexton onboard: {error}")
         self.tally.fault(fault)
         return self.localizer.step(None), fault
+
+    def _catch_up(self, stamp: float) -> None:
+        """Advance the filter to the frame before this one of a live camera.
+
+        It goes by whole periods: what is left over is kept for the next frame, for a camera of
+        another rate than the map's leaves some at every one.
+        """
+        if not self.source.live or self._model_time is None:
+            self._model_time = stamp
+            return
+        period = self._model_period
+        periods = max(1, round((stamp - self._model_time) / period))
+        self._predict(periods - 1)
+        # No less than a step is made for a frame: what a quick camera is ahead by is no debt.
+        self._model_time = min(self._model_time + periods * period, stamp + 0.5 * period)
 
     def _predict(self, periods: int) -> Estimate | None:
         """Advance the filter over frames that did not come, for its uncertainty to grow

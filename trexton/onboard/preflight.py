@@ -52,6 +52,7 @@ class _Watched(Source):
 
     def __init__(self, source: Source, aids: Aids):
         self.source, self.live, self.gives = source, source.live, source.gives
+        self.reopens = source.reopens
         self.frames: deque[Frame] = deque(maxlen=KEPT)
         self._aids = aids
 
@@ -96,13 +97,14 @@ def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
         onboard.run(stop)
     finally:
         timer.cancel()
+    ended = time.monotonic()  # what follows takes its time, in which nobody listens
     frames = list(watched.frames)
     pictures = [frame.picture for frame in frames if frame.picture is not None]
     return [
         *_of_camera(settings.of(Flying).camera, onboard, pictures),
         *_of_view(onboard.localizer, frames),
         *_of_map(onboard.localizer, frames),
-        *_of_links(settings, onboard),
+        *_of_links(settings, onboard, ended),
     ]
 
 
@@ -181,10 +183,11 @@ def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     yield Check("map", now <= usual, words + advice)
 
 
-def _of_links(settings: Settings, onboard: Onboard) -> Iterator[Check]:
+def _of_links(settings: Settings, onboard: Onboard, now: float) -> Iterator[Check]:
+    """What the autopilots had said when the loop ended, at `now`."""
     from trexton.onboard.sinks.mavlink import MavlinkOptions, MavlinkSink
 
-    now, options = time.monotonic(), settings.of(MavlinkOptions)
+    options = settings.of(MavlinkOptions)
     for sink in (guard.sink for guard in onboard.sinks):
         if not isinstance(sink, MavlinkSink):
             yield Check("link", True, f"{sink.name} never answers: nothing can be said of it")

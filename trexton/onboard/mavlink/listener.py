@@ -23,6 +23,7 @@ BACK_MS = 2000  # milliseconds that messages of one clock never overtake each ot
 KNOWN_AGE = 0.5  # attitude, height or velocity farther from the frame in time say nothing about it
 NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
+INVALID_SIGNAL = 1  # of 100; 0 is unknown
 
 
 @dataclass(frozen=True)
@@ -186,6 +187,7 @@ class Listener:
         distance = message.current_distance  # centimetres
         if (
             message.orientation == DOWNWARD
+            and message.signal_quality != INVALID_SIGNAL
             and message.min_distance <= distance <= message.max_distance
         ):
             self._heights.append((now, 0.01 * distance))

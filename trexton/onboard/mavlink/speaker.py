@@ -89,6 +89,10 @@ class Speaker:
         self._commands.append(messages.land(listener.target, confirmation, self.profile.unset))
         return True
 
+    def forget_commands(self) -> None:
+        """The link is gone: what was commanded here and now must not go out there and then."""
+        self._commands.clear()
+
     def due(self, now: float) -> list[Any]:
         """The messages to send now."""
         out = [*self._commands]

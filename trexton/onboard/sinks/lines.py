@@ -27,6 +27,15 @@ def _holds_something(path: str) -> bool:
     return os.path.isfile(path) and os.path.getsize(path) > 0
 
 
+def _ends_in_half_a_line(path: str) -> bool:
+    """As a computer leaves a file that loses its power: a line added to it would be lost too."""
+    if not _holds_something(path) or not os.access(path, os.R_OK):
+        return False
+    with open(path, "rb") as stream:
+        stream.seek(-1, os.SEEK_END)
+        return stream.read(1) != b"\n"
+
+
 def _try_out(path: str, keep: bool) -> None:
     """Raise `OSError` where the file could not be opened later on; leaves all as it is."""
     there = os.path.exists(path)
@@ -105,6 +114,8 @@ class LineFile:
             self._fresh = False
             self._opened = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+        if self._regular and not self._standard and _ends_in_half_a_line(self.path):
+            self._add("")
         if self._header and (self._standard or os.fstat(self._descriptor).st_size == 0):
             self._add(self._header)
 

@@ -128,6 +128,7 @@ class MavlinkSink(Sink):
         self._thread: threading.Thread | None = None
         self._shift = 0.0  # from our clock to the one that stamps the frames
         self.connected = self._was_present = False
+        self._why = ""  # the link failed last, as it was said
 
     @classmethod
     def make(cls, address: str, options: MavlinkOptions, around: Surroundings) -> MavlinkSink:
@@ -239,19 +240,25 @@ class MavlinkSink(Sink):
                 while not self._stop.is_set():
                     self._exchange()
                     pause = FIRST_PAUSE
-            except OSError:
-                self._tally.fault("link")
+            except OSError as error:
+                self._failed(error.strerror or str(error))
             except Exception as error:  # a bug must not end the conversation, nor go unsaid
-                self._tally.fault("link")
-                with self._lock:
-                    self.speaker.listener.news.append(
-                        {"event": "link failed", "why": f"{type(error).__name__}: {error}"}
-                    )
+                self._failed(f"{type(error).__name__}: {error}")
             finally:
-                self.connected = False
+                with self._lock:
+                    self.connected = False
+                    self.speaker.forget_commands()
                 self._link.close()
             self._stop.wait(pause)
             pause = min(2 * pause, LONGEST_PAUSE)
+
+    def _failed(self, why: str) -> None:
+        """Count it, and say why: once until somebody is heard again, not at every attempt."""
+        self._tally.fault("link")
+        if why != self._why:
+            self._why = why
+            with self._lock:
+                self.speaker.listener.news.append({"event": "link failed", "why": why})
 
     def _exchange(self) -> None:
         """Say what is due, then listen until the next may be."""
@@ -271,6 +278,8 @@ class MavlinkSink(Sink):
             for message in messages:
                 listener.hear(message, now)
             present, target = listener.present(now), listener.target
+        if messages:
+            self._why = ""
         if target is not None:
             self._codec.srcSystem = target[0]  # a companion shares the system of its vehicle
         if self._was_present and not present:

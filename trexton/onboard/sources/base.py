@@ -81,6 +81,7 @@ class Source(Edge, ABC):
     """
 
     live = True
+    reopens = True  # whether a live one may be better for being opened again
     gives: str | None = None  # "images" or "histograms", where that is known beforehand
     files: tuple[str, ...] = ()  # files and folders that are read: no output may go there
 

@@ -24,6 +24,7 @@ class Paced(Source):
     """
 
     live = True
+    reopens = False  # a recording would begin anew
 
     def __init__(
         self,
