@@ -125,6 +125,39 @@ def test_a_track_that_the_measured_velocity_contradicts_loses_weight(field, moti
     assert tracker.weights[0] > 0.6
 
 
+@pytest.mark.parametrize("told", [True, False])
+def test_frames_that_mislead_carry_nobody_away_whose_velocity_is_told(field, motion, later, told):
+    places, histograms = later
+    velocity = np.gradient(places, 0.08, axis=0)
+    away = np.hypot(*(places[40:-8] - places[40]).T).argmax() + 40
+    shown = histograms.copy()
+    shown[40:48] = histograms[away : away + 8]  # the floor looks there as it does far away
+    tracker, errors, lost = TrackFilter(motion, field, AREA), [], []
+    for row in range(60):
+        aiding = Aiding(velocity=velocity[row] if told else None)
+        tracker.step(Observation(histogram=lambda row=row: shown[row], aiding=aiding))
+        estimate = tracker.estimate()
+        errors.append(np.hypot(*(estimate.position - places[row])))
+        lost.append(estimate.lost)
+    carried = max(errors[40:48]) > 1
+    assert carried != told
+    assert any(lost[40:48])  # and it says that something is wrong
+    assert max(errors[50:]) < 0.3
+
+
+def test_a_kidnapped_vehicle_whose_velocity_is_told_is_found_within_three_seconds(
+    field, motion, later
+):
+    places, histograms = later
+    velocity = np.gradient(places, 0.08, axis=0)
+    far = np.hypot(*(places[30:-36] - places[30]).T).argmax() + 30
+    tracker = TrackFilter(motion, field, AREA)
+    for row in [*range(30), *range(far, far + 36)]:
+        told = Aiding(velocity=velocity[row])
+        tracker.step(Observation(histogram=lambda row=row: histograms[row], aiding=told))
+    assert np.hypot(*(tracker.estimate().position - places[far + 35])) < 0.3
+
+
 def test_options_out_of_range_are_refused():
     with pytest.raises(ParameterError, match="tracks"):
         Tracks(tracks=0)
