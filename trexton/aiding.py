@@ -26,6 +26,8 @@ class Aiding:
         Metres above the floor.
     velocity : (2,) array or None
         Metres a second, in the map's axes.
+    velocity_sigma : float or None
+        Its standard deviation along an axis; None where the filter's own doubt holds.
     attitude_time, height_time, velocity_time : float or None
         Seconds on the clock that stamps the frames.
     """
@@ -38,6 +40,7 @@ class Aiding:
     attitude_time: float | None = None
     height_time: float | None = None
     velocity_time: float | None = None
+    velocity_sigma: float | None = None
 
     def at(self, time: float) -> Aiding:
         """Only what is finite and of that moment: what bears no stamp, or one too far from `time`,
@@ -55,6 +58,7 @@ class Aiding:
             self.height if height else None, self.velocity if velocity else None,
             self.attitude_time if attitude else None, self.height_time if height else None,
             self.velocity_time if velocity else None,
+            self.velocity_sigma if velocity else None,
         )  # fmt: skip
 
     def shifted(self, seconds: float) -> Aiding:
@@ -65,7 +69,7 @@ class Aiding:
 
     def without_heading(self) -> Aiding:
         """The same without yaw and velocity, which are only as good as the compass."""
-        return replace(self, yaw=None, velocity=None, velocity_time=None)
+        return replace(self, yaw=None, velocity=None, velocity_time=None, velocity_sigma=None)
 
 
 def _near(stamp: float | None, time: float, most: float) -> bool:

@@ -86,6 +86,8 @@ class Localizer:
         self._nearest, self._mark = nearest, mark or _ignore
         self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)
         self._judges = [parts[role].open() for role in JUDGES if role in parts]
+        odometry = parts.get("odometry")
+        self._odometry = None if odometry is None else odometry.open(texton_map.period_s)
 
     @cached_property
     def nearest(self) -> NearestHistograms:
@@ -106,6 +108,8 @@ class Localizer:
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.filter.reset()
+        if self._odometry is not None:
+            self._odometry.reset()
         for judge in self._judges:
             judge.reset()
 
@@ -154,6 +158,8 @@ class Localizer:
 
     def advance(self, observation: Observation | None) -> Estimate:
         """As `step`, with an observation that was made by `observation`."""
+        if observation is None and self._odometry is not None:
+            self._odometry.missed()
         self.filter.step(observation)
         self._mark("filter")
         estimate = self.filter.estimate()
@@ -178,12 +184,16 @@ class Localizer:
     ) -> Observation:
         """What a frame brings; `samples` were counted for it, None if all were or nobody knows.
 
+        With odometry each frame is seen in relation to the one before: give them in order.
+
         Raises
         ------
         ImageError, MapError
             The frame does not fit the map.
         """
         self._check(frame)
+        if self._odometry is not None and frame.ndim > 1:
+            aiding = self._odometry.aid(frame, aiding, time)
         return Observation(
             None if frame.ndim == 1 else frame,
             aiding=aiding,

@@ -23,6 +23,9 @@ ROLES: dict[str, dict[str, str]] = {
     "view": {
         "nadir": "trexton.parts.view:Nadir",
     },
+    "odometry": {
+        "visual": "trexton.parts.odometry:Visual",
+    },
     "motion": {
         "random-walk": "trexton.parts.motion:RandomWalk",
         "singer": "trexton.parts.singer:Singer",

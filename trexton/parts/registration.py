@@ -16,6 +16,7 @@ from trexton.estimate import Estimate, Measurement
 from trexton.observation import Observation
 from trexton.parts.base import Training, learned
 from trexton.parts.filters import Filter
+from trexton.parts.lens import camera_of
 from trexton.registration.calibration import FloorFix, Trust, learn_trust
 from trexton.registration.ground import Ground
 from trexton.registration.tracker import FloorTracker, fine_cell
@@ -119,10 +120,10 @@ class Registration(Filter):
         """A tracker on the learned picture, which knows nothing yet."""
         x, y, cell = self.place
         world = np.array([[cell, 0, x], [0, -cell, y], [0, 0, 1]])
-        width, height, focal, *center, above = self.camera.tolist()
+        camera, above = camera_of(self.camera)
         return FloorTracker(
             MapImage(self.floor, world, self.mapped > 0),
-            Camera(int(width), int(height), focal, (center[0], center[1])),
+            camera,
             above,
             trust=Trust(*self.trust.tolist()),
             attitude_sigma=self.attitude_sigma,

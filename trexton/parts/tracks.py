@@ -50,7 +50,8 @@ class Tracks(Filter):
     tracks : int
         How many are kept at most.
     velocity_sigma : float
-        Standard deviation in m/s along an axis of a velocity that comes with a frame.
+        Standard deviation in m/s along an axis of a velocity that comes with a frame, unless it
+        brings its own.
     """
 
     knows_velocity: ClassVar[bool] = True
@@ -121,6 +122,7 @@ class TrackFilter:
         velocity_sigma: float = 0.1,
     ):
         self.motion, self.measurement, self.area, self.tracks = motion, measurement, area, tracks
+        self.velocity_sigma = velocity_sigma
         errors = measurement.error_model
         memory = np.exp(-float(motion.period_s) / errors.lasts_s)
         self._transition = np.diag([0.0] * 6 + [memory] * 2)
@@ -132,7 +134,6 @@ class TrackFilter:
         self._seen[:, :2] = self._seen[:, 6:] = np.eye(2)
         self._fresh = errors.fresh**2 * np.eye(2)
         self._independent_s = errors.independent_s(float(motion.period_s))
-        self._measured = velocity_sigma**2 * np.eye(2)
         self._grain = measurement.cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
@@ -158,7 +159,8 @@ class TrackFilter:
         self._predict()
         velocity = observation.aiding.velocity
         if velocity is not None:
-            self._be_told(np.asarray(velocity, dtype=float))
+            sigma = observation.aiding.velocity_sigma or self.velocity_sigma
+            self._be_told(np.asarray(velocity, dtype=float), sigma**2 * np.eye(2))
         begun = len(self.states) > 0
         evidence, looked_at = self._correct(cells, shares)
         log_weights = np.log(self.weights) + self._log_chance(evidence, velocity is not None)
@@ -176,21 +178,21 @@ class TrackFilter:
         self.states = self.states @ self._transition.T
         self.covariances = self._transition @ self.covariances @ self._transition.T + self._noise
 
-    def _be_told(self, velocity: np.ndarray) -> None:
-        """Take a velocity that something else measured; a track that it contradicts loses weight,
-        against one of which no velocity is known.
+    def _be_told(self, velocity: np.ndarray, measured: np.ndarray) -> None:
+        """Take a velocity that something else measured, with its ``(2, 2)`` covariance; a track
+        that it contradicts loses weight, against one of which no velocity is known.
         """
         if not len(self.states):
             return
         gain = self.covariances[:, :, 2:4]
-        spread = gain[:, 2:4] + self._measured
+        spread = gain[:, 2:4] + measured
         precision = np.linalg.inv(spread)
         offset = velocity - self.states[:, 2:4]
         gain = gain @ precision
         self.states = self.states + np.einsum("tij,tj->ti", gain, offset)
         covariances = self.covariances - gain @ spread @ gain.transpose(0, 2, 1)
         self.covariances = (covariances + covariances.transpose(0, 2, 1)) / 2
-        unknown = self._rest[2:4, 2:4] + self._measured
+        unknown = self._rest[2:4, 2:4] + measured
         squared = np.einsum("ti,tij,tj->t", offset, precision, offset)
         squared -= velocity @ np.linalg.solve(unknown, velocity)
         ratio = np.linalg.det(precision) * np.linalg.det(unknown)

@@ -20,18 +20,15 @@ import cv2
 import numpy as np
 
 from trexton.aiding import Aiding
-from trexton.camera import Camera
-from trexton.errors import MapError
 from trexton.files import digest
 from trexton.flights.flight import Flight
 from trexton.flights.frames import Frames
 from trexton.parts.base import Part, learned
+from trexton.parts.lens import FARTHEST, STEEPEST, camera_of, check_lens, learned_lens
 
 __all__ = ["Nadir", "View"]
 
-_STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
-_LENS = 100.0  # widths: a longer focal length is none, and a pixel so far off never found
-_FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
+_ADVICE = "train without a view from straight above"
 
 
 @dataclass(eq=False)
@@ -84,16 +81,7 @@ class Nadir(View):
         return (*super().asks, "yaw") if self.turn else super().asks
 
     def prepare(self) -> None:
-        if self.camera.shape != (6,) or not (
-            np.isfinite(self.camera).all()
-            and (self.camera[[0, 1, 2, 5]] > 0).all()
-            and 1 / _LENS < self.camera[2] / self.camera[0] < _LENS
-            and (np.abs(self.camera[3:5]) < _LENS * self.camera[:2]).all()
-        ):
-            raise MapError(
-                f"a nadir view's camera is {self.camera.tolist()}: expected its width, height, "
-                "focal length, principal point and usual height, train the map again"
-            )
+        check_lens(self.camera, "a nadir view's")
 
     def of(self, flight: Flight) -> Self:
         """The view as it learned the camera and the usual height of a flight.
@@ -104,50 +92,18 @@ class Nadir(View):
             The flight lacks images, attitudes, heights above the floor, or its camera, or that
             takes pictures of another size.
         """
-        lacking = [
-            what
-            for what, known in (
-                ("images", flight.has_images),
-                ("its camera", flight.camera is not None),
-                ("the camera's heights", flight.height is not None),
-                (
-                    "attitudes",
-                    flight.attitude is not None and np.isfinite(flight.attitude[:, :2]).any(),
-                ),
-            )
-            if not known
-        ]
-        if flight.camera is None or flight.height is None or lacking:
-            raise MapError(
-                f"flight {flight.name!r} lacks {' and '.join(lacking)}, without which its frames "
-                "cannot be seen from straight above: add them to the flight, or train without view"
-            )
-        known = flight.height[np.isfinite(flight.height)]
-        if not len(known) or np.median(known) <= 0:
-            raise MapError(
-                f"the heights of flight {flight.name!r} are not above its floor: give metres "
-                "above the floor, or train without view"
-            )
-        camera, (height, width) = flight.camera, flight.image(0).shape[:2]
-        if (camera.width, camera.height) != (width, height):
-            raise MapError(
-                f"the images of flight {flight.name!r} are {width}x{height}, its camera takes "
-                f"{camera.width}x{camera.height}: correct [camera] in flight.toml"
-            )
-        lens = (camera.width, camera.height, camera.focal, *camera.principal_point)
-        return self.with_learned(camera=np.array([*lens, np.median(known)], dtype=float))
+        return self.with_learned(camera=learned_lens(flight, _ADVICE, attitudes=True))
 
     def frame(self, image: np.ndarray, aiding: Aiding) -> np.ndarray:
         """``(H, W, 3) uint8``: a frame from straight above, as far as `aiding` knows."""
-        width, height, focal, *center, usual = self.camera.tolist()
+        camera, usual = camera_of(self.camera)
         tilt = np.array([_known(aiding.roll, 0.0), _known(aiding.pitch, 0.0)])
         yaw = _known(aiding.yaw, 0.0) if self.turn else 0.0
         above = _known(aiding.height, usual)
-        if np.abs(tilt).max() > _STEEPEST or not 1 / _FARTHEST < above / usual < _FARTHEST:
+        if np.abs(tilt).max() > STEEPEST or not 1 / FARTHEST < above / usual < FARTHEST:
             return image
         if not (tilt.any() or yaw or above != usual):
             return image
-        camera = Camera(int(width), int(height), focal, (center[0], center[1]))
         level = camera.world_from_pixel(np.array([0, 0, usual]), np.zeros(3))
         seen = camera.world_from_pixel(np.array([0, 0, above]), np.array([*tilt, yaw]))
         return cv2.warpPerspective(
