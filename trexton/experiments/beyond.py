@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
@@ -15,7 +15,6 @@ from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, frames_of, map_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.odometry import VisualOdometry
 from trexton.paper import paper_file
 from trexton.records import Record
 from trexton.streams import stream
@@ -41,7 +40,8 @@ class Variant:
     choices: Mapping[str, object]
     draws: bool = True  # whether repeats differ by more than the patches
     cells: int = 1  # parts of the image a side, each with a histogram
-    odometry: bool = False  # whether it is told the velocity that visual odometry finds
+    odometry: bool = False  # whether frames tell it a velocity too
+    told: bool = False  # whether an autopilot's attitude and height come beside them
 
 
 VARIANTS: dict[str, Variant] = {
@@ -60,8 +60,10 @@ VARIANTS: dict[str, Variant] = {
     ),
     "field": Variant("The field with its tracks", "field", {}, draws=False),
     "field_parts": Variant("with a histogram for each quarter", "field", {}, draws=False, cells=2),
-    "field_odometry": Variant("and a velocity by visual odometry", "field", {}, draws=False,
-                              cells=2, odometry=True),
+    "field_camera": Variant("and a velocity from the same frames", "field", {}, draws=False,
+                            cells=2, odometry=True),
+    "field_odometry": Variant("and attitude and height beside them", "field", {}, draws=False,
+                              cells=2, odometry=True, told=True),
 }  # fmt: skip
 
 
@@ -127,12 +129,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     texton_map = map_of(train, parameters)
     frames, truth = frames_of(test), test.position
-    moved = _odometry(test, frames, parameters.seed)
+    told = _told(test, parameters.seed)
     flown, timings, changed = {}, {}, {}
     for name, variant in VARIANTS.items():
-        if (variant.cells > 1 and not train.has_images) or (variant.odometry and moved is None):
+        if not _possible(variant, train, told):
             continue
         started = perf_counter()
+        odometry: dict[str, Any] = {"odometry": "visual"} if variant.odometry else {}
         if variant.cells == 1:
             changed[name] = texton_map.for_method(variant.method).changed(variant.choices)
         else:
@@ -142,13 +145,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 cells=variant.cells,
                 dictionary=texton_map.dictionary,
                 rng=stream(parameters.seed, "training"),
+                **odometry,
             )
         timings[name] = {"learn_s": perf_counter() - started}
         runs = []
         for repeat in range(parameters.repeats if variant.draws else 1):
             rng = stream(parameters.seed, f"beyond {name}", repeat)
             localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
-            runs.append(Flown.of(localizer, frames, moved if variant.odometry else None))
+            runs.append(Flown.of(localizer, frames, told if variant.told else None))
         flown[name] = runs
         timings[name]["step_s"] = float(np.median(runs[0].step_s))
     values: dict[str, Any] = {
@@ -198,24 +202,24 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _odometry(flight: Flight, frames: Sequence[np.ndarray], seed: int) -> list[Aiding] | None:
-    """Velocities from frame to frame, with attitude as an autopilot knows it and the height.
+def _possible(variant: Variant, train: Flight, told: list[Aiding] | None) -> bool:
+    """Whether the flights have what a variant needs."""
+    seen = train.camera is not None and train.height is not None
+    return (
+        (variant.cells == 1 or train.has_images)
+        and (not variant.odometry or seen)
+        and (not variant.told or told is not None)
+    )
 
-    None where the flight lacks what that takes.
-    """
-    if not flight.has_images or flight.camera is None:
-        return None
+
+def _told(flight: Flight, seed: int) -> list[Aiding] | None:
+    """Attitude, as an autopilot knows it, and height; None where the flight has none."""
     if flight.attitude is None or flight.height is None:
         return None
-    odometry, rng = VisualOdometry(flight.camera), stream(seed, "autopilot")
-    told = []
-    for frame, time, attitude, height in zip(
-        frames, flight.time, flight.attitude, flight.height, strict=True
-    ):
-        noisy = attitude + ATTITUDE_NOISE * rng.standard_normal(3)
-        motion = odometry.step(frame, float(time), height=float(height), attitude=noisy)
-        told.append(Aiding(velocity=None if motion is None else motion.velocity))
-    return told
+    rng = stream(seed, "autopilot")
+    noisy = flight.attitude + ATTITUDE_NOISE * rng.standard_normal(flight.attitude.shape)
+    known = replace(flight, attitude=noisy)
+    return [known.aiding(row) for row in range(len(flight))]
 
 
 def _summary(runs: list[Flown], truth: np.ndarray, diagonal: float) -> dict[str, float]:
