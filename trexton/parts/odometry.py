@@ -131,11 +131,11 @@ class RunningVisual:
     def reset(self) -> None:
         """Forget the frame before."""
         self._odometry.reset()
-        self._time = -np.inf
+        self._time, self._missed = -np.inf, 0
 
     def missed(self) -> None:
         """A frame did not come: time goes on."""
-        self._time += self._period_s
+        self._missed += 1
 
     def aid(self, frame: np.ndarray, aiding: Aiding | None, time: float | None) -> Aiding | None:
         """What is known beside the frame, with its velocity if it shows one."""
@@ -143,7 +143,7 @@ class RunningVisual:
         now = self._now(time)
         if not 0 < now - self._time <= LONGEST_S:
             self._odometry.reset()
-        self._time = now
+        self._time, self._missed = now, 0
         motion = self._look(frame, known, now)
         if motion is None or motion.sure < self._part.sure:
             return aiding
@@ -158,7 +158,7 @@ class RunningVisual:
     def _now(self, time: float | None) -> float:
         if time is not None:
             return time
-        return self._time + self._period_s if np.isfinite(self._time) else 0.0
+        return self._time + (1 + self._missed) * self._period_s if np.isfinite(self._time) else 0.0
 
     def _look(self, frame: np.ndarray, known: Aiding, now: float) -> Motion | None:
         height, *angles = (
