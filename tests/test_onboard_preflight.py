@@ -85,6 +85,19 @@ def test_no_camera(place, capsys):
     assert "gives no frames" in lines[0]
 
 
+@pytest.mark.parametrize("sure", [0.1, 0.999])
+def test_frames_that_show_no_motion_are_told(place, tmp_path, sure):
+    texton_map = TextonMap.train(
+        read_flight(place[1]), method="field", n_textons=8, rng=np.random.default_rng(1),
+        **{"odometry": "visual", "odometry.sure": sure},
+    )  # fmt: skip
+    settings = Settings(
+        str(texton_map.save(tmp_path / "moving.npz")), (), (), {Flying: Flying(camera=place[1])}
+    )
+    found = {check.name: check for check in preflight(settings, 1.0)}["odometry"]
+    assert found.holds == (sure < 0.5) and "frames show a velocity" in found.words
+
+
 @pytest.mark.parametrize("aiding", ["tilt", "none"])
 def test_frames_are_compared_in_the_maps_view(place, tmp_path, aiding):
     flight = read_flight(place[1])

@@ -103,6 +103,7 @@ def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
     return [
         *_of_camera(settings.of(Flying).camera, onboard, pictures),
         *_of_view(onboard.localizer, frames),
+        *_of_odometry(onboard.localizer, frames),
         *_of_map(onboard.localizer, frames),
         *_of_links(settings, onboard, ended),
     ]
@@ -155,6 +156,20 @@ def _of_view(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     holds = 2 * min(came.values()) > len(frames)
     advice = "" if holds else ": what is missing is taken as level, see --aiding"
     yield Check("view", holds, f"of {len(frames)} frames, {words}{advice}")
+
+
+def _of_odometry(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
+    """Whether the frames show how they move, if the map's odometry asks them."""
+    odometry, shape = localizer.parts.get("odometry"), localizer.map.image_shape
+    seen = [each for each in frames if each.picture is not None and each.picture.shape[:2] == shape]
+    if odometry is None or len(seen) < 2:
+        return
+    running = odometry.open(localizer.map.period_s)
+    found = [running.aid(each.picture, None, each.time) for each in seen]
+    moved = sum(each is not None for each in found)
+    holds = 2 * moved >= len(seen)
+    advice = "" if holds else ": more texture, light or frames a second, or a map without odometry"
+    yield Check("odometry", holds, f"{moved} of {len(seen)} frames show a velocity{advice}")
 
 
 def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:

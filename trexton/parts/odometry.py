@@ -23,6 +23,7 @@ from trexton.parts.lens import FARTHEST, STEEPEST, camera_of, check_lens, learne
 __all__ = ["Odometry", "RunningOdometry", "Visual"]
 
 LEAST = 0.1  # metres a second along an axis: no velocity is believed more, attitude errs in flight
+WIDTH = 160  # pixels of a shrunken frame, about; a small camera's frames are taken as they are
 LONGEST_S = 0.5  # between two frames; after it hardly anything in them is the same
 STUDIED = 400  # frames from the beginning of the training flight, from which errors are learnt
 MEMORY = 0.95  # the most that errors of one frame are taken to be alike those of the last
@@ -108,7 +109,8 @@ class Visual(Odometry):
 
     def open(self, period_s: float) -> RunningVisual:
         camera, height = camera_of(self.camera)
-        return RunningVisual(self, VisualOdometry(camera), height, period_s)
+        odometry = VisualOdometry(camera, width=min(WIDTH, camera.width))
+        return RunningVisual(self, odometry, height, period_s)
 
 
 class RunningVisual:
