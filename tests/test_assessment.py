@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from trexton.book.report import write_report
+from trexton.camera import Camera
 from trexton.experiments.assessment import Parameters, advice, finding, run
 from trexton.figures.assessment import error_shares, over_the_floor
 from trexton.figures.style import COLORS
 from trexton.flights import Flight
+from trexton.simulator import record_flight
 
 
 def make_flight(
@@ -91,6 +93,26 @@ def test_a_filter_worse_than_its_neighbours_or_the_centre_is_named(record):
     assert knn < centre and said(0.9 * knn) == []
     assert "the plain mean of its neighbours" in said(knn + 5)[0] and "by 5 cm" in said(knn + 5)[0]
     assert "always guessing the centre: do not fly it" in said(centre + 1)[0]
+
+
+def test_odometry_is_tried_where_the_flight_has_pictures_and_their_height(record, tmp_path):
+    assert "odometry" not in record.values  # histograms show no motion
+    camera = Camera(128, 96, 104.0)
+    survey, later = (
+        record_flight(tmp_path / name, pattern=name, frames=60, camera=camera, seed=seed)
+        for seed, name in enumerate(("survey", "waypoints"))
+    )
+    chosen = Parameters(methods="field", textons=8, samples=50)
+    flown = run(survey, later, chosen)
+    error = flown.values["odometry"]["error_cm"]
+    assert error["low"] < error["median"] < error["high"]
+    alone = flown.values["errors"]["field"]["mean_cm"]["median"]
+    for high, word in ((0.5 * alone, "train with `--set odometry=visual`"), (2 * alone, "no gain")):
+        moving = {"method": "field", "error_cm": error | {"high": high}}
+        other = replace(flown, values=flown.values | {"odometry": moving})
+        assert any("motion of the frames" in said and word in said for said in advice(other))
+    for lacking in ({"camera": None}, {"height": None}):
+        assert "odometry" not in run(replace(survey, **lacking), later, chosen).values
 
 
 def test_the_commands_carry_the_settings_that_were_flown(record):

@@ -18,8 +18,9 @@ from trexton.experiments.evaluation import floor_picture, frames_of, whereabouts
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import compose
-from trexton.metrics import constant_guess, shuffled_neighbors, summarize
+from trexton.metrics import constant_guess, mean_with_interval, shuffled_neighbors, summarize
 from trexton.neighbors import NearestHistograms
+from trexton.parts import make
 from trexton.parts.field import grid_cells
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
@@ -110,10 +111,26 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             off = np.array(halves)[:, known] - test.position[known]
             error = 100 * float(np.hypot(off[..., 0], off[..., 1]).mean())
             values["half"] = {"method": field_map.method, "error_cm": error}
+        if moving := _with_odometry(field_map, located, parameters):
+            track, timings["odometry"] = _flown(moving, frames)
+            off = 100 * np.hypot(*(track[known] - test.position[known]).T)
+            error_cm = mean_with_interval(off[None], rng)
+            values["odometry"] = {"method": field_map.method, "error_cm": error_cm}
     floor, pictures = floor_picture(train)
     return parameters.record(
         train, test, values=values, series=series | floor, images=pictures, timings=timings
     )
+
+
+def _with_odometry(
+    texton_map: TextonMap, flight: Flight, parameters: Parameters
+) -> Localizer | None:
+    """One that sees how the frames move, where the training flight has what that takes."""
+    try:
+        seeing = texton_map.with_parts({"odometry": make("odometry", "visual")}, flight=flight)
+    except TrextonError:
+        return None
+    return _localizer(seeing, parameters)
 
 
 def _with_half(
@@ -274,6 +291,17 @@ def advice(record: Record) -> list[str]:
                 "lanes between these should help again."
                 if whole < HELPS * half["error_cm"]
                 else "a denser survey would bring little."
+            )
+        )
+    if moving := record.values.get("odometry"):
+        alone = middle(errors[moving["method"]]["mean_cm"])
+        said.append(
+            f"With a velocity from the motion of the frames themselves the method "
+            f"`{moving['method']}` errs by {distance(moving['error_cm'])}"
+            + (
+                ": train with `--set odometry=visual`."
+                if moving["error_cm"]["high"] < alone
+                else f", which is no gain over {distance(alone)} that can be told from chance."
             )
         )
     if limits["repeated"] is None:
