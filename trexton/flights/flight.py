@@ -15,7 +15,7 @@ from trexton.camera import Camera, MapImage
 from trexton.errors import FlightError
 from trexton.files import digest
 from trexton.flights.frames import Frames, select_frames
-from trexton.images import checked_bytes, decode
+from trexton.images import read_picture
 
 __all__ = ["Flight"]
 
@@ -158,18 +158,14 @@ class Flight:
         """The true floor as a map image, if the flight carries one."""
         if self.floor_file is None or self.floor_from_pixel is None:
             return None
-        import cv2
-
-        picture = decode(checked_bytes(self.floor_file), cv2.IMREAD_UNCHANGED)
+        picture = read_picture(self.floor_file)
         if picture is None:
             raise FlightError(
                 f"{self.floor_file}: the floor picture cannot be read: restore it or drop [floor] "
                 "from flight.toml"
             )
-        if picture.ndim == 2:
-            picture = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
-        mask = picture[..., 3] > 0 if picture.shape[2] == 4 else None
-        return MapImage(np.ascontiguousarray(picture[..., :3]), self.floor_from_pixel, mask)
+        image, mask = picture
+        return MapImage(image, self.floor_from_pixel, mask)
 
     @cached_property
     def data_hash(self) -> str:
