@@ -329,3 +329,18 @@ def test_a_test_of_one_frame_judges_nothing(tmp_path):
         FlightError, match="'small' has 1 frames with a position to test on: a test"
     ):
         load_pair(path, None)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"position": np.zeros((40, 3))}, r"position of shape \(40, 3\): expected \(N, 2\)"),
+        ({"attitude": np.zeros((40, 2))}, r"attitude of shape \(40, 2\): expected \(N, 3\)"),
+        ({"histograms": np.zeros(40)}, r"histograms of shape \(40,\): expected \(N, K\)"),
+        ({"height": np.zeros((40, 1))}, r"height of shape \(40, 1\): expected \(N,\)"),
+        ({"area": (0, 1, 5, 4)}, "the smaller of each first"),
+    ],
+)
+def test_what_a_flight_is_made_of_has_its_shape(change, words):
+    with pytest.raises(FlightError, match=words):
+        replace(small_flight(), **change)

@@ -19,6 +19,7 @@ from trexton.images import read_picture
 
 __all__ = ["Flight"]
 
+_COLUMNS = {"position": (2,), "attitude": (3,), "histograms": (None,)}
 _PER_FRAME = ("frame", "time", "position", "height", "attitude", "histograms")
 
 
@@ -83,11 +84,30 @@ class Flight:
             if key != "frames":
                 value = np.asarray(value, dtype=None if key == "frame" else float)
                 object.__setattr__(self, key, value)
+                self._check_shape(key, value)
             if len(value) != len(self.frame):
                 raise FlightError(
                     f"flight {self.name!r} has {len(self.frame)} frame numbers and {len(value)} of "
                     f"{key}: give one for each frame"
                 )
+        x_min, x_max, y_min, y_max = self.area
+        if x_min > x_max or y_min > y_max:
+            raise FlightError(
+                f"flight {self.name!r} has the area {self.area}: expected x_min, x_max, y_min, "
+                "y_max, the smaller of each first"
+            )
+
+    def _check_shape(self, key: str, value: np.ndarray) -> None:
+        expected = _COLUMNS.get(key, ())
+        if (
+            value.ndim != 1 + len(expected)
+            or expected
+            and value.shape[1] != (expected[0] or value.shape[1])
+        ):
+            shape = "".join(f", {count or 'K'}" for count in expected) or ","
+            raise FlightError(
+                f"flight {self.name!r} has {key} of shape {value.shape}: expected (N{shape})"
+            )
 
     def __len__(self) -> int:
         return len(self.frame)

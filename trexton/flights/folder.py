@@ -28,6 +28,7 @@ from trexton.flights.header import (
     header_text,
     read_header,
 )
+from trexton.histograms import SUM_TOLERANCE
 from trexton.images import bgr_from_yuv
 
 __all__ = ["Reading", "load_folder", "read_flight", "write_flight", "write_tables"]
@@ -36,7 +37,6 @@ _REQUIRED = ("frame", "t_s", "x_m", "y_m")
 _ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
 _OPTIONAL = ("z_m", *_ANGLES, "image")
 _COLUMNS = f"{','.join(_REQUIRED)} and optionally {','.join(_OPTIONAL)}"
-SUM_TOLERANCE = 0.01
 FARTHEST = 2e7  # metres: half way round the Earth
 
 
