@@ -72,6 +72,12 @@ def test_the_hash_sees_one_changed_byte_of_one_image(image_folder):
     assert read_flight(image_folder).data_hash != before
 
 
+def test_the_hash_sees_where_on_earth_a_flight_lies():
+    flights = [replace(small_flight(), origin=origin) for origin in (None, (52, 4), (52, 5))]
+    assert len({flight.data_hash for flight in flights}) == 3
+    assert flights[0].data_hash == small_flight().data_hash
+
+
 def test_parts_follow_frame_numbers_with_both_ends():
     flight = small_flight(40)
     assert flight.part("train").frame.tolist() == list(range(1, 21))

@@ -211,5 +211,7 @@ class Flight:
         )
         if self.features != "textons":
             scalars.append(self.features)
+        if self.origin is not None:
+            scalars.append(["origin", *map(float, self.origin)])
         images = [] if self.frames is None else [self.frames.digest]
         return digest(scalars, camera, *arrays, *floor, *images)
