@@ -36,7 +36,7 @@ def test_the_player_shows_the_numbers_of_its_frame(open_page, book, width):
         kept, said = data["frames"][row], page.inner_text("#readout")
         assert said.startswith(f"Frame {kept['frame']}, {kept['time_s']:.1f} s.")
         for method, error in kept["errors_cm"].items():
-            assert f"{method} {error} cm" in said
+            assert f"{method} {error:g} cm" in said
     assert faults == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width
 

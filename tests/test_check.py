@@ -48,6 +48,7 @@ FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
         (lambda f: {"height": np.full(600, -1.2)}, "does z point down? write metres above"),
         (lambda f: {"height": np.full(600, 1200.0)}, "heights in millimetres? write metres"),
         (lambda f: {"height": np.full(600, 120.0)}, "heights in centimetres? write metres"),
+        (lambda f: {"height": np.zeros(600)}, "all 600 heights are 0: write metres above"),
         (lambda f: {"attitude": np.tile([1.0, 2.0, 85.0], (600, 1))}, "degrees? write radians"),
         (lambda f: {"histograms": np.full((600, 4), 0.25)}, "all histograms are the same"),
     ],
@@ -57,6 +58,23 @@ def test_what_looks_wrong_is_one_warning_with_what_to_do(change, words, tmp_path
     assert check_flight(write_flight(flight, tmp_path / "sound")).warnings == []
     report = check_flight(write_flight(replace(flight, **change(flight)), tmp_path / "odd"))
     assert report.usable and len([line for line in report.warnings if words in line]) == 1
+
+
+@pytest.mark.parametrize(
+    ("scale", "shift", "words"),
+    [
+        (0.1, 0, None),
+        (0.1, 100, "600 positions of 600 lie beside the picture of the floor"),
+        (1e-4, 0, "600 positions of 600 lie beside the picture of the floor"),
+        (100.0, 0, "in another unit? write metres"),
+    ],
+)
+def test_a_floor_that_lies_elsewhere_is_doubted(scale, shift, words, tmp_path):
+    cv2.imwrite(str(tmp_path / "floor.png"), np.zeros((50, 50, 3), np.uint8))
+    place = np.array([[scale, 0, 9 + shift], [0, -scale, 49.5 * scale], [0, 0, 1]])
+    flight = replace(walk(), floor_file=tmp_path / "floor.png", floor_from_pixel=place)
+    warnings = check_flight(write_flight(flight, tmp_path / "flight")).warnings
+    assert len(warnings) == (words is not None) and (words or "") in "".join(warnings)
 
 
 @pytest.mark.parametrize(

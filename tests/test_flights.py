@@ -17,6 +17,7 @@ from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.folder import load_folder
 from trexton.flights.pair import load_pair, with_splits
+from trexton.simulator import Floor
 
 
 def replace_line(path, row, text):
@@ -69,6 +70,12 @@ def test_the_hash_sees_one_changed_byte_of_one_image(image_folder):
     picture = image_folder / "images" / "0003.jpg"
     picture.write_bytes(picture.read_bytes() + b"\0")
     assert read_flight(image_folder).data_hash != before
+
+
+def test_the_hash_sees_where_on_earth_a_flight_lies():
+    flights = [replace(small_flight(), origin=origin) for origin in (None, (52, 4), (52, 5))]
+    assert len({flight.data_hash for flight in flights}) == 3
+    assert flights[0].data_hash == small_flight().data_hash
 
 
 def test_parts_follow_frame_numbers_with_both_ends():
@@ -209,6 +216,66 @@ def test_an_unreadable_floor_is_a_fault(image_folder):
     assert "floor picture cannot be read" in check_flight(image_folder).faults[0]
 
 
+def placed(folder, picture, data=None):
+    """The flight with a picture of its floor: an array, or a file's bytes."""
+    name = "floor.png" if data is None else "floor.jpg"
+    data = cv2.imencode(".png", picture)[1].tobytes() if data is None else data
+    (folder / name).write_bytes(data)
+    with open(folder / "flight.toml", "a") as header:
+        header.write(f'\n[floor]\nimage = "{name}"\n')
+        header.write("world_from_pixel = [[0.01, 0, 0], [0, -0.01, 1], [0, 0, 1]]\n")
+    return read_flight(folder).floor
+
+
+@pytest.mark.parametrize("alpha", [False, True])
+def test_a_floor_of_16_bits_is_that_of_8(image_folder, rng, alpha):
+    picture = rng.integers(0, 256, (30, 40, 4 if alpha else 3), dtype=np.uint8)
+    floor = placed(image_folder, picture.astype(np.uint16) * 257)
+    assert np.array_equal(floor.image, picture[..., :3]) and floor.image.dtype == np.uint8
+    assert np.array_equal(floor.mask, picture[..., 3] > 0) if alpha else floor.mask is None
+
+
+def turned_jpeg(picture):
+    """A JPEG that says it must be turned a quarter clockwise to be seen as it was taken."""
+    coded = cv2.imencode(".jpg", picture)[1].tobytes()
+    exif = b"Exif\0\0MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0"
+    return coded[:2] + b"\xff\xe1" + (len(exif) + 2).to_bytes(2, "big") + exif + coded[2:]
+
+
+def test_a_photograph_of_a_floor_is_turned_as_every_viewer_turns_it(image_folder):
+    picture = np.zeros((32, 64, 3), np.uint8)
+    picture[:, :32] = 255
+    turned = turned_jpeg(picture)
+    floors = [placed(image_folder, None, turned)]
+    floors.append(Floor.from_file(image_folder / "floor.jpg", 5.0).picture)
+    for floor in floors:
+        assert floor.image.shape == (64, 32, 3)
+        assert floor.image[:28].min() > 200 and floor.image[36:].max() < 50
+
+
+def test_images_of_one_name_in_two_folders_stay_two(image_folder, tmp_path, rng):
+    table = (image_folder / "frames.csv").read_text().splitlines()
+    for row, folder in ((1, "left"), (2, "right")):
+        (image_folder / "images" / folder).mkdir()
+        name = table[row].rsplit(",", 1)[1]
+        (image_folder / "images" / name).rename(image_folder / "images" / folder / "a.jpg")
+        table[row] = table[row].replace(name, f"{folder}/a.jpg")
+    (image_folder / "frames.csv").write_text("\n".join(table))
+    flight = read_flight(image_folder)
+    again = read_flight(write_flight(flight, tmp_path / "copy"))
+    for row in range(len(flight)):
+        assert np.array_equal(again.image(row), flight.image(row))
+
+
+def test_a_heading_alone_is_read(flight_folder):
+    table = (flight_folder / "frames.csv").read_text().splitlines()
+    lines = [table[0] + ",yaw_rad", *(line + ",0.5" for line in table[1:])]
+    (flight_folder / "frames.csv").write_text("\n".join(lines))
+    flight = read_flight(flight_folder)
+    assert np.isnan(flight.attitude[:, :2]).all() and (flight.attitude[:, 2] == 0.5).all()
+    assert flight.aiding(0).yaw == 0.5 and flight.aiding(0).roll is None
+
+
 def test_nothing_half_written_stays_when_writing_fails(tmp_path, image_folder):
     flight = read_flight(image_folder)
     (image_folder / "images" / "0005.jpg").unlink()
@@ -268,3 +335,18 @@ def test_a_test_of_one_frame_judges_nothing(tmp_path):
         FlightError, match="'small' has 1 frames with a position to test on: a test"
     ):
         load_pair(path, None)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"position": np.zeros((40, 3))}, r"position of shape \(40, 3\): expected \(N, 2\)"),
+        ({"attitude": np.zeros((40, 2))}, r"attitude of shape \(40, 2\): expected \(N, 3\)"),
+        ({"histograms": np.zeros(40)}, r"histograms of shape \(40,\): expected \(N, K\)"),
+        ({"height": np.zeros((40, 1))}, r"height of shape \(40, 1\): expected \(N,\)"),
+        ({"area": (0, 1, 5, 4)}, "the smaller of each first"),
+    ],
+)
+def test_what_a_flight_is_made_of_has_its_shape(change, words):
+    with pytest.raises(FlightError, match=words):
+        replace(small_flight(), **change)

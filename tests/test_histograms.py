@@ -202,3 +202,19 @@ def test_the_first_part_is_the_upper_left_of_the_image():
     )
     parts = texton_histogram(image, dictionary, cells=2).reshape(4, 2)
     assert parts[0, 1] > 0.2 and (parts[1:, 0] > 0.2).all()
+
+
+@pytest.mark.parametrize("cells", [0, -1, 1.5])
+def test_cells_that_are_none_are_refused(rng, cells):
+    image = rng.integers(0, 256, (20, 20, 3), dtype=np.uint8)
+    words = TextonDictionary(rng.integers(0, 256, (4, 6, 6, 3), dtype=np.uint8))
+    with pytest.raises(ParameterError, match=f"cells is {cells}"):
+        texton_histogram(image, words, cells=cells)
+    with pytest.raises(ParameterError, match=f"cells is {cells}"):
+        sampled_histogram(image, words, 10, rng=rng, cells=cells)
+
+
+@pytest.mark.parametrize("count", [2.5, 10**9])
+def test_samples_are_a_count_that_memory_holds(rng, count):
+    with pytest.raises(ParameterError, match="the number of samples is"):
+        sample_positions((20, 20), 6, count, rng)

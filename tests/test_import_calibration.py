@@ -50,9 +50,9 @@ def test_without_distortion_there_is_none(tmp_path):
 @pytest.mark.parametrize(
     ("what", "why"),
     [
-        (ASL.replace("64", "0"), "expected a picture of"),
+        (ASL.replace("64", "0"), "sensor.yaml: a camera of 0x48 pixels"),
         (ASL.replace("64", "9999999"), "expected a picture of"),
-        (ASL.replace("50.0", "-80.0"), "expected a picture of"),
+        (ASL.replace("50.0", "-80.0"), "expected sizes and a focal length above 0"),
         (ASL.replace("0.1", ".nan"), "expected a picture of"),
         (ASL.replace("intrinsics", "interests"), "neither"),
     ],

@@ -187,6 +187,27 @@ def test_histograms_alone_make_a_map_and_refuse_images():
         localizer.step(np.zeros((80, 100, 3), np.uint8))
 
 
+@pytest.mark.parametrize("scale", [400, 0, -1])
+def test_counts_are_not_taken_for_shares(scale):
+    flight = small_flight()
+    texton_map = TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(0))
+    localizer = Localizer(texton_map, rng=np.random.default_rng(0))
+    with pytest.raises(MapError, match="relative frequencies, which sum to 1"):
+        localizer.step(scale * flight.histograms[0])
+    other = replace(flight, features="brightness", histograms=100 * flight.histograms)
+    texton_map = TextonMap.train(other, neighbors=3, rng=np.random.default_rng(0))
+    assert Localizer(texton_map, rng=np.random.default_rng(0)).step(other.histograms[0]).observed
+
+
+def test_words_are_no_histogram():
+    texton_map = TextonMap.train(small_flight(), neighbors=3, rng=np.random.default_rng(0))
+    localizer = Localizer(texton_map, rng=np.random.default_rng(0))
+    with pytest.raises(MapError, match="finite frequencies"):
+        localizer.step(np.array(["a"] * texton_map.histograms.shape[1]))
+    with pytest.raises(ParameterError, match="samples is 1000000000: .* from 1 to 1000000"):
+        Localizer(texton_map, samples=10**9, rng=np.random.default_rng(0))
+
+
 def test_other_positions_may_train_and_frames_without_one_do_not():
     flight = small_flight()
     positions = flight.position + 1.0

@@ -114,6 +114,16 @@ def test_before_and_without_frames_there_is_an_honest_answer(fine):
     assert localizer.step(None).lost
 
 
+def test_heights_that_are_missing_cost_no_map(fine, flights):
+    train, _ = flights
+    gaps = replace(train, height=np.where(train.frame % 3, train.height, np.nan))
+    known = np.median(gaps.height[np.isfinite(gaps.height)])
+    part = fine.with_parts(
+        {"filter": Registration()}, flight=gaps, rng=np.random.default_rng(1)
+    ).parts["filter"]
+    assert part.camera[-1] == known
+
+
 def test_what_it_lacks_is_named(fine, flights):
     train, _ = flights
     localizer = Localizer(fine, rng=np.random.default_rng(2))
@@ -126,6 +136,9 @@ def test_what_it_lacks_is_named(fine, flights):
         fine.with_parts({"filter": Registration(picture="surveyed")}, flight=bare)
     with pytest.raises(MapError, match="lacks its camera or heights"):
         fine.with_parts({"filter": Registration()}, flight=replace(train, height=None))
+    with pytest.raises(MapError, match="no height of flight .* is above its floor"):
+        grounded = replace(train, height=np.where(train.frame % 2, np.nan, 0.0))
+        fine.with_parts({"filter": Registration()}, flight=grounded)
     with pytest.raises(MapError, match="train the map for it"):
         Registration().open({}, fine, np.random.default_rng(0))
     with pytest.raises(MapError, match=r"a camera of 2 numbers"):

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import re
 import socket
 import threading
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from urllib.error import HTTPError
 from urllib.request import urlopen
 
+import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
@@ -53,7 +56,8 @@ def test_it_keeps_what_every_step_gave(texton_map):
     for kept, step, truth in zip(recording.frames, steps, flight.position[::4], strict=True):
         assert kept["estimates_cm"]["one"] == np.rint(100 * step.position).astype(int).tolist()
         assert kept["neighbors_cm"] == np.rint(100 * step.neighbors.position).astype(int).tolist()
-        assert kept["errors_cm"]["one"] == round(100 * float(np.hypot(*(step.position - truth))))
+        error = 100 * float(np.hypot(*(step.position - truth)))
+        assert kept["errors_cm"]["one"] == round(error, 1 if error < 10 else None)
         assert len(kept["particles_cm"]) == len(step.particles) and kept["image"] is None
 
 
@@ -101,6 +105,39 @@ def test_a_truth_that_is_unknown_stays_unknown(texton_map):
     assert recording.frames[3]["truth_cm"] is None
     assert recording.frames[3]["errors_cm"]["one"] is None
     assert "NaN" not in player_html(recording)
+
+
+def test_a_method_that_compares_images_has_no_patches_and_its_errors_have_tenths(tmp_path):
+    train = colourful_flight(tmp_path / "room")
+    texton_map = TextonMap.train(train, n_textons=4, rng=np.random.default_rng(1))
+    one = localizer(texton_map, samples=30)
+    step, nearby = one.step, []
+
+    def near(frame, **told):
+        row = len(nearby)
+        nearby.append(train.position[row] + (0.0034, 0))
+        return replace(step(frame, **told), position=nearby[-1], histogram=None)
+
+    one.step = near
+    kept = record_replay({"one": one}, train).frames
+    assert all(each["patches"] is None and each["errors_cm"]["one"] == 0.3 for each in kept)
+
+
+def test_a_floor_lies_on_the_page_as_it_lies_in_the_world(tmp_path, texton_map):
+    picture = np.zeros((40, 80, 3), np.uint8)
+    picture[:20, :20] = 255
+    cv2.imwrite(str(tmp_path / "floor.png"), picture)
+    # Its columns run north and its rows east: the white corner lies in the south west.
+    place = np.array([[0, 0.05, 0.025], [0.05, 0, 0.025], [0, 0, 1]])
+    flight = replace(small_flight(), floor_file=tmp_path / "floor.png", floor_from_pixel=place)
+    floor = record_replay({"one": localizer(texton_map)}, flight, most_frames=1).floor
+    assert floor["extent_m"] == pytest.approx([0, 2, 0, 4])
+    coded = np.frombuffer(base64.b64decode(floor["image"].partition(",")[2]), np.uint8)
+    shown = cv2.imdecode(coded, cv2.IMREAD_COLOR).mean(axis=2)
+    rows, columns = shown.shape
+    assert rows == pytest.approx(2 * columns, abs=2)
+    corner = shown[-rows // 4 :, : columns // 2]
+    assert corner.mean() > 230 and shown[: rows // 2].mean() < 20
 
 
 def test_it_asks_for_something_to_play(texton_map):
@@ -160,6 +197,20 @@ def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, capsys):
         with pytest.raises(HTTPError, match="404"):
             urlopen(host + "/etc/passwd")
         server.shutdown()
+
+
+def test_a_tab_that_is_closed_while_it_loads_is_not_told_of(capfd):
+    handled = threading.Event()
+    with serve("x" * 50_000_000) as server:
+        finish = server.shutdown_request
+        server.shutdown_request = lambda request: (finish(request), handled.set())
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        with socket.create_connection(("127.0.0.1", server.server_port)) as tab:
+            tab.sendall(b"GET / HTTP/1.0\r\n\r\n")
+            assert b"Content-Length: 50000000" in tab.recv(500)
+        assert handled.wait(30)
+        server.shutdown()
+    assert capfd.readouterr().err == ""
 
 
 def test_a_port_is_checked_and_no_samples_are_all_patches(tmp_path, capsys):

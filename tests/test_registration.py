@@ -91,6 +91,13 @@ def test_a_picture_without_anything_mapped_is_refused():
         Ground.from_map(image, 0.05)
 
 
+@pytest.mark.parametrize("metres", [0.01, 5000.0])
+def test_a_picture_in_another_unit_is_refused_before_memory_is_asked_for(metres):
+    image = MapImage.from_extent(np.full((20, 20, 3), 9, np.uint8), 0, metres, 20 / metres)
+    with pytest.raises(MapError, match="check world_from_pixel and the heights"):
+        Ground.from_map(image, 0.02, margin=0.5)
+
+
 # -- correlation
 # --------------------------------------------------------------------------------------
 

@@ -150,6 +150,14 @@ def test_bad_input_is_one_clear_error(rng, flight_folder):
             "method 'som' is unknown",
             lambda: TextonDictionary.learn(patches, rng=rng, method="som"),
         ),
+        (ParameterError, "n_textons is 2.5", lambda: TextonDictionary.learn(patches, 2.5, rng=rng)),
+        (ParameterError, "rng is 3", lambda: TextonDictionary.learn(patches, rng=3)),
+        (ParameterError, "rng is 3", lambda: learn_textons(patches, rng=3)),
+        (
+            ParameterError,
+            "images is -1",
+            lambda: TextonDictionary.learn(patches, rng=rng, images=-1),
+        ),
         (ParameterError, "n_textons is 0", lambda: TextonDictionary.learn(patches, 0, rng=rng)),
         (
             ParameterError,

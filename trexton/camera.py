@@ -14,6 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from trexton.errors import ParameterError
+
 __all__ = ["Camera", "MapImage", "rotation_matrix", "transform_points"]
 
 
@@ -43,6 +45,18 @@ class Camera:
     height: int = 480
     focal: float = 520.0
     center: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if not (
+            min(self.width, self.height) >= 1
+            and 0 < self.focal < np.inf
+            and np.isfinite(self.principal_point).all()
+        ):
+            raise ParameterError(
+                f"a camera of {self.width}x{self.height} pixels, focal length {self.focal}, "
+                f"principal point {self.principal_point}: expected sizes and a focal length above "
+                "0, in pixels"
+            )
 
     @property
     def principal_point(self) -> tuple[float, float]:

@@ -16,10 +16,13 @@ import numpy as np
 
 from trexton.images import check_image
 from trexton.kernels import compiled, in_strips
+from trexton.options import whole
 from trexton.patches import gather_patches, position_grid, sample_positions
 from trexton.textons import TextonDictionary
 
 __all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_positions"]
+
+SUM_TOLERANCE = 0.01  # by which relative frequencies may miss a sum of 1
 
 # Positions labelled at once by matrix products: their scores stay in the processor's cache, and
 # BLAS
@@ -58,7 +61,10 @@ def texton_histogram(
     ------
     ImageError
         Not an image, or smaller than a patch.
+    ParameterError
+        `cells` is no whole number of at least 1.
     """
+    cells = whole(cells, "cells")
     labels, counts = _label(image, dictionary, backend, threads)
     if cells == 1:
         return counts / labels.size
@@ -110,8 +116,9 @@ def sampled_histogram(
     ImageError
         Not an image, or smaller than a patch.
     ParameterError
-        `n` is below 1.
+        `n` or `cells` is no whole number of at least 1, or `rng` is no generator.
     """
+    cells = whole(cells, "cells")
     positions = sample_positions(check_image(image).shape, dictionary.patch, n, rng)
     labels = dictionary.label(gather_patches(image, positions, dictionary.patch))
     if cells == 1:

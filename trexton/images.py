@@ -22,6 +22,7 @@ __all__ = [
     "decode",
     "decode_image",
     "read_image",
+    "read_picture",
     "check_image",
     "yuv_from_bgr",
     "bgr_from_yuv",
@@ -177,6 +178,26 @@ def check_size(path: Path) -> tuple[int, int]:
     # The small picture tells which way round the large one will be, unless it is square.
     wide = image.shape[1] >= image.shape[0]
     return (max(size), min(size)) if wide else (min(size), max(size))
+
+
+def read_picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | None] | None:
+    """``(H, W, 3) uint8`` BGR of a picture file, turned as its EXIF says, and ``(H, W)`` bool where
+    it is not transparent, None where it has no alpha channel; None where it cannot be decoded.
+
+    Raises
+    ------
+    ImageError
+        See `checked_bytes`.
+    """
+    data = checked_bytes(Path(path))
+    whole = decode(data, cv2.IMREAD_UNCHANGED)
+    if whole is None or whole.ndim == 2 or whole.shape[2] != 4:
+        # As OpenCV shows it: grey becomes BGR, 16 bits become 8, and only this turns by EXIF.
+        picture = decode(data)
+        return None if picture is None else (picture, None)
+    if whole.dtype == np.uint16:
+        whole = (whole // 257).astype(np.uint8)
+    return np.ascontiguousarray(whole[..., :3]), whole[..., 3] > 0
 
 
 def read_image(path: str | os.PathLike[str]) -> np.ndarray:

@@ -12,12 +12,13 @@ import numpy as np
 from trexton.aiding import Aiding
 from trexton.errors import ImageError, MapError, ParameterError
 from trexton.estimate import Estimate
-from trexton.histograms import sampled_histogram, texton_histogram
+from trexton.histograms import SUM_TOLERANCE, sampled_histogram, texton_histogram
 from trexton.images import check_image
 from trexton.neighbors import NearestHistograms, Neighbors
 from trexton.observation import Observation
 from trexton.options import whole
 from trexton.parts.filters import RunningFilter
+from trexton.patches import MOST_SAMPLES
 from trexton.streams import generator
 from trexton.texton_map import JUDGES, TextonMap
 
@@ -69,7 +70,7 @@ class Localizer:
     ):
         rng = generator(rng)
         if samples is not None:  # every patch
-            samples = whole(samples, "samples")
+            samples = whole(samples, "samples", 1, MOST_SAMPLES)
         if particles is not None:
             choices["filter.particles"] = particles
         texton_map = texton_map.for_method(method).changed(choices)
@@ -99,6 +100,13 @@ class Localizer:
         return NearestHistograms(
             self.map.histograms, self.map.positions, most, distance=self.parts["distance"]
         )
+
+    @cached_property
+    def _shares(self) -> bool:
+        """Whether the map holds relative frequencies, not values of other features."""
+        rows = self.map.histograms
+        sums = np.abs(rows.sum(axis=1) - 1) <= SUM_TOLERANCE
+        return bool(sums.all() and (rows >= 0).all())
 
     def growth(self, dt: float) -> np.ndarray:
         """``(2, 2)`` square metres that `dt` seconds unseen add to a position's covariance."""
@@ -206,10 +214,19 @@ class Localizer:
     def _check(self, frame: np.ndarray) -> None:
         width = self.map.histograms.shape[1]
         if isinstance(frame, np.ndarray) and frame.ndim == 1:
-            if frame.shape != (width,) or not np.isfinite(frame).all():
+            if (
+                frame.shape != (width,)
+                or frame.dtype.kind not in "fiu"
+                or not np.isfinite(frame).all()
+            ):
                 raise MapError(
-                    f"a histogram of shape {frame.shape} was given: "
+                    f"a histogram of {frame.dtype} of shape {frame.shape} was given: "
                     f"this map takes {width} finite frequencies"
+                )
+            if self._shares and abs(frame.sum() - 1) > SUM_TOLERANCE:
+                raise MapError(
+                    f"a histogram that sums to {frame.sum():.4g} was given: this map takes "
+                    "relative frequencies, which sum to 1, divide counts by their sum"
                 )
             return
         check_image(frame)

@@ -135,17 +135,23 @@ class VisualOdometry:
         ImageError
             The frame is not of the camera's size.
         ParameterError
-            Time did not advance.
+            Time did not advance, or the attitude is no three angles; the next frame is held against
+            the last one that was taken.
         """
         now = _LEVEL if attitude is None else np.asarray(attitude, dtype=float)
-        shift, sure = self.shift(self.shrunken(image))
-        last, self._pose = self._pose, (time, now)
-        if last is None:
-            return None
-        if time <= last[0]:
+        if now.shape != (3,):
+            raise ParameterError(
+                f"an attitude of shape {now.shape} was given: expected roll, pitch and yaw"
+            )
+        last = self._pose
+        if last is not None and not time > last[0]:
             raise ParameterError(
                 f"a frame of {time} s after one of {last[0]} s: give frames in time order"
             )
+        shift, sure = self.shift(self.shrunken(image))
+        self._pose = (time, now)
+        if last is None:
+            return None
         sine, cosine = np.sin(now[2]), np.cos(now[2])
         right, up = shift * height / self.camera.focal
         seen = np.array([cosine * right - sine * up, sine * right + cosine * up])

@@ -10,10 +10,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from trexton.errors import ImageError, ParameterError
+from trexton.errors import ImageError
 from trexton.images import check_image
+from trexton.options import whole
+from trexton.streams import generator
 
 __all__ = ["position_grid", "sample_positions", "gather_patches", "draw_patches"]
+
+MOST_SAMPLES = 1_000_000  # three times all patches of 640x480: more only fill the memory
 
 
 def position_grid(shape: tuple[int, ...], patch: int) -> tuple[int, int]:
@@ -38,8 +42,7 @@ def sample_positions(
 ) -> np.ndarray:
     """``(n, 2) int64``: random positions, uniform over an image of `shape`, with replacement."""
     rows, columns = position_grid(shape, patch)
-    if n < 1:
-        raise ParameterError(f"the number of samples is {n}: expected at least 1")
+    n, rng = whole(n, "the number of samples", 1, MOST_SAMPLES), generator(rng)
     positions = np.empty((2, n), dtype=np.int64)
     np.divmod(rng.integers(rows * columns, size=n), columns, out=(positions[0], positions[1]))
     return positions.T

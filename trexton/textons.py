@@ -28,7 +28,9 @@ import numpy as np
 
 from trexton.errors import ImageError, MapError, ParameterError
 from trexton.kernels import compiled
+from trexton.options import whole
 from trexton.patches import draw_patches
+from trexton.streams import generator
 
 if TYPE_CHECKING:
     from trexton.flights.flight import Flight
@@ -171,6 +173,8 @@ class TextonDictionary:
         **options
             See `learn_textons`.
         """
+        rng = generator(rng)
+        n_textons, images = whole(n_textons, "n_textons", 1, MAX_TEXTONS), whole(images, "images")
         if isinstance(source, np.ndarray):
             patches = source
         else:
@@ -179,6 +183,7 @@ class TextonDictionary:
                     f"flight {source.name!r} has no images to learn textons from: "
                     "give a dictionary, or a flight with images"
                 )
+            patch = whole(patch, "patch", 1, MAX_PATCH)
             patches = draw_patches(islice(source.images(), images), patch, patches_per_image, rng)
         return learn_textons(patches, n_textons, rng=rng, method=method, **options).dictionary
 
@@ -248,8 +253,7 @@ def learn_textons(
     """
     if method not in METHODS:
         raise ParameterError(f"method {method!r} is unknown: choose one of {', '.join(METHODS)}")
-    if not 1 <= n_textons <= MAX_TEXTONS:
-        raise ParameterError(f"n_textons is {n_textons}: expected 1 to {MAX_TEXTONS}")
+    rng, n_textons = generator(rng), whole(n_textons, "n_textons", 1, MAX_TEXTONS)
     patches = _check_patches(patches)
     if not len(patches):
         raise ImageError(

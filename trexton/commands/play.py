@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import sys
 from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 
@@ -51,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     flight = read_flight(arguments.flight)
     flight = flight.part("test") if "test" in flight.split else flight
     localizers = {
-        name or "filter": Localizer(
+        name or texton_map.method: Localizer(
             texton_map,
             method=name,
             samples=arguments.samples or None,
@@ -76,11 +77,18 @@ def serve(page: str, port: int = 0) -> HTTPServer:
     """A server of one page on this machine, to be started with ``serve_forever``; raises
     `ParameterError` where the port is not to be had."""
     try:
-        return ThreadingHTTPServer(("127.0.0.1", port), partial(_Handler, page.encode()))
+        return _Server(("127.0.0.1", port), partial(_Handler, page.encode()))
     except OSError as error:
         raise ParameterError(
             f"--port {port}: {error.strerror}: give another, or leave it out for a free one"
         ) from None
+
+
+class _Server(ThreadingHTTPServer):
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A tab that was closed while it loaded is no fault to tell of."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)  # type: ignore[arg-type]
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -89,10 +97,13 @@ class _Handler(BaseHTTPRequestHandler):
         super().__init__(*arguments)  # type: ignore[arg-type]
 
     def do_GET(self) -> None:
-        self.send_response(200 if self.path.split("?")[0] == "/" else 404)
+        found = self.path.split("?")[0] == "/"
+        answer = self._page if found else b"no such page"
+        self.send_response(200 if found else 404)
         self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(answer)))
         self.end_headers()
-        self.wfile.write(self._page if self.path.split("?")[0] == "/" else b"no such page")
+        self.wfile.write(answer)
 
     def log_message(self, format: str, *arguments: object) -> None:
         """The terminal belongs to the person."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from trexton.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 
@@ -95,7 +96,12 @@ def _heights(flight: Flight) -> Iterator[str]:
     height, rows = flight.height[known], np.flatnonzero(known)
     usual = float(np.median(height))
     below = height < 0
-    if below.mean() > 0.5:
+    if not height.any():
+        yield (
+            f"all {len(rows)} heights are 0: write metres above the floor, or leave z_m out where "
+            "they are not known"
+        )
+    elif below.mean() > 0.5:
         yield (
             f"{below.sum()} of {len(rows)} heights are negative (first: frame "
             f"{_first(flight, rows, below)}): does z point down? write metres above the floor"
@@ -170,6 +176,35 @@ def _splits(flight: Flight) -> Iterator[str]:
             )
 
 
+def _floor(flight: Flight) -> Iterator[str]:
+    rows = _known(flight)
+    if not len(rows):
+        return
+    try:
+        floor = flight.floor
+    except TrextonError:  # a fault of its own
+        return
+    if floor is None:
+        return
+    pixel = floor.to_pixels(flight.position[rows])
+    size = floor.image.shape[1::-1]
+    on = ((pixel >= -0.5) & (pixel <= np.array(size) - 0.5)).all(axis=1)
+    corners = floor.to_world(np.array([(0, 0), (size[0], 0), size, (0, size[1])]) - 0.5)
+    spanned = np.ptp(corners, axis=0)
+    if on.mean() < 0.5:
+        yield (
+            f"{_count(int((~on).sum()), 'position')} of {len(rows)} lie beside the picture of the "
+            f"floor, which spans {spanned[0]:.4g} m x {spanned[1]:.4g} m from "
+            f"x {corners[:, 0].min():.3g}, y {corners[:, 1].min():.3g}: check world_from_pixel"
+        )
+    elif spanned.max() > WILD * max(flight.diagonal, 1e-3):
+        yield (
+            f"the picture of the floor spans {spanned[0]:.4g} m x {spanned[1]:.4g} m, the area "
+            f"{flight.diagonal:.3g} m from corner to corner: world_from_pixel in another unit? "
+            "write metres"
+        )
+
+
 def _names(flight: Flight) -> Iterator[str]:
     if not isinstance(flight.frames, ImageFiles) or len(flight) < 2:
         return
@@ -202,6 +237,7 @@ _DOUBTS: tuple[Callable[[Flight], Iterator[str]], ...] = (
     _small,
     _stamps,
     _splits,
+    _floor,
     _names,
     _features,
 )

@@ -15,10 +15,11 @@ from trexton.camera import Camera, MapImage
 from trexton.errors import FlightError
 from trexton.files import digest
 from trexton.flights.frames import Frames, select_frames
-from trexton.images import checked_bytes, decode
+from trexton.images import read_picture
 
 __all__ = ["Flight"]
 
+_COLUMNS = {"position": (2,), "attitude": (3,), "histograms": (None,)}
 _PER_FRAME = ("frame", "time", "position", "height", "attitude", "histograms")
 
 
@@ -83,11 +84,30 @@ class Flight:
             if key != "frames":
                 value = np.asarray(value, dtype=None if key == "frame" else float)
                 object.__setattr__(self, key, value)
+                self._check_shape(key, value)
             if len(value) != len(self.frame):
                 raise FlightError(
                     f"flight {self.name!r} has {len(self.frame)} frame numbers and {len(value)} of "
                     f"{key}: give one for each frame"
                 )
+        x_min, x_max, y_min, y_max = self.area
+        if x_min > x_max or y_min > y_max:
+            raise FlightError(
+                f"flight {self.name!r} has the area {self.area}: expected x_min, x_max, y_min, "
+                "y_max, the smaller of each first"
+            )
+
+    def _check_shape(self, key: str, value: np.ndarray) -> None:
+        expected = _COLUMNS.get(key, ())
+        if (
+            value.ndim != 1 + len(expected)
+            or expected
+            and value.shape[1] != (expected[0] or value.shape[1])
+        ):
+            shape = "".join(f", {count or 'K'}" for count in expected) or ","
+            raise FlightError(
+                f"flight {self.name!r} has {key} of shape {value.shape}: expected (N{shape})"
+            )
 
     def __len__(self) -> int:
         return len(self.frame)
@@ -158,18 +178,14 @@ class Flight:
         """The true floor as a map image, if the flight carries one."""
         if self.floor_file is None or self.floor_from_pixel is None:
             return None
-        import cv2
-
-        picture = decode(checked_bytes(self.floor_file), cv2.IMREAD_UNCHANGED)
+        picture = read_picture(self.floor_file)
         if picture is None:
             raise FlightError(
                 f"{self.floor_file}: the floor picture cannot be read: restore it or drop [floor] "
                 "from flight.toml"
             )
-        if picture.ndim == 2:
-            picture = cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR)
-        mask = picture[..., 3] > 0 if picture.shape[2] == 4 else None
-        return MapImage(np.ascontiguousarray(picture[..., :3]), self.floor_from_pixel, mask)
+        image, mask = picture
+        return MapImage(image, self.floor_from_pixel, mask)
 
     @cached_property
     def data_hash(self) -> str:
@@ -195,5 +211,7 @@ class Flight:
         )
         if self.features != "textons":
             scalars.append(self.features)
+        if self.origin is not None:
+            scalars.append(["origin", *map(float, self.origin)])
         images = [] if self.frames is None else [self.frames.digest]
         return digest(scalars, camera, *arrays, *floor, *images)

@@ -28,14 +28,15 @@ from trexton.flights.header import (
     header_text,
     read_header,
 )
+from trexton.histograms import SUM_TOLERANCE
 from trexton.images import bgr_from_yuv
 
 __all__ = ["Reading", "load_folder", "read_flight", "write_flight", "write_tables"]
 
 _REQUIRED = ("frame", "t_s", "x_m", "y_m")
-_OPTIONAL = ("z_m", "roll_rad", "pitch_rad", "yaw_rad", "image")
+_ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
+_OPTIONAL = ("z_m", *_ANGLES, "image")
 _COLUMNS = f"{','.join(_REQUIRED)} and optionally {','.join(_OPTIONAL)}"
-SUM_TOLERANCE = 0.01
 FARTHEST = 2e7  # metres: half way round the Earth
 
 
@@ -162,7 +163,8 @@ def _assemble(
 ) -> Flight:
     position = np.column_stack([columns["x_m"], columns["y_m"]])
     x_min, x_max, y_min, y_max = header["area_m"] if "area_m" in header else _extent(position)
-    angles = [columns[name] for name in ("roll_rad", "pitch_rad", "yaw_rad") if name in columns]
+    unknown = np.full(len(position), np.nan)  # a heading may be known where no tilt is
+    angles = [columns.get(name, unknown) for name in _ANGLES]
     floor = header.get("floor")
     return Flight(
         name=header.get("name", path.name),
@@ -171,7 +173,7 @@ def _assemble(
         position=position,
         area=(float(x_min), float(x_max), float(y_min), float(y_max)),
         height=columns.get("z_m"),
-        attitude=np.column_stack(angles) if len(angles) == 3 else None,
+        attitude=np.column_stack(angles) if columns.keys() & set(_ANGLES) else None,
         frames=None if files is None else ImageFiles(files),
         histograms=histograms,
         features=header.get("features", "textons"),
@@ -338,7 +340,7 @@ def write_tables(flight: Flight, folder: Path) -> None:
     if flight.height is not None:
         columns["z_m"] = flight.height
     if flight.attitude is not None:
-        columns |= dict(zip(("roll_rad", "pitch_rad", "yaw_rad"), flight.attitude.T, strict=False))
+        columns |= dict(zip(_ANGLES, flight.attitude.T, strict=False))
     if flight.frames is not None:
         columns["image"] = _image_names(flight.frames)
     _write_csv(folder / "frames.csv", columns)
@@ -349,7 +351,11 @@ def write_tables(flight: Flight, folder: Path) -> None:
 
 def _image_names(frames: Frames) -> list[str]:
     if isinstance(frames, ImageFiles):
-        return [file.name for file in frames.files]
+        names = [file.name for file in frames.files]
+        if len(set(names)) == len(set(frames.files)):
+            return names
+        # Two folders hold files of one name: the second would replace the first.
+        return [f"{row:06d}{file.suffix}" for row, file in enumerate(frames.files)]
     return [f"{row:06d}.png" for row in range(len(frames))]
 
 

@@ -245,7 +245,13 @@ def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, Camera, float]
                 f"flight {flight.name!r} lacks its camera or heights, without which its frames "
                 "cannot be laid on a picture: add them to the flight, or stitch the picture"
             )
-        return flight.floor, flight.camera, float(np.median(flight.height))
+        above = flight.height[np.isfinite(flight.height) & (flight.height > 0)]
+        if not len(above):
+            raise MapError(
+                f"no height of flight {flight.name!r} is above its floor: give metres above the "
+                "floor, or stitch the picture"
+            )
+        return flight.floor, flight.camera, float(np.median(above))
     from trexton.mosaic.stitching import camera_of, stitch  # SciPy: on the ground only
 
     mosaic = stitch(flight)

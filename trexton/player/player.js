@@ -4,7 +4,9 @@
   const $ = (id) => document.getElementById(id), root = document.documentElement;
   const names = Object.keys(frames[0].estimates_cm);
   const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-  const layers = { patches: true, neighbours: true, particles: true, truth: true };
+  /* Only what some frame has: a method that compares images has neither patches nor particles. */
+  const shown = { patches: "patches", neighbours: "neighbors_cm", particles: "particles_cm", truth: "truth_cm" }, layers = {};
+  for (const [name, key] of Object.entries(shown)) if (frames.some((frame) => frame[key])) layers[name] = true;
   names.forEach((name) => { layers[name] = true; });
   if (location.search === "?small") root.classList.add("small");
 
@@ -35,7 +37,9 @@
 
   function drawCamera(frame) {
     if (!frame.image) { $("camera").hidden = true; document.querySelector(".none").hidden = false; return; }
-    const c = canvas("camera"), image = picture(now);
+    const image = picture(now);
+    if (image.naturalWidth) $("camera").style.aspectRatio = `${image.naturalWidth} / ${image.naturalHeight}`;
+    const c = canvas("camera");
     if (!c) return;
     if (image.complete && image.naturalWidth) c.context.drawImage(image, 0, 0, c.width, c.height);
     if (layers.patches && frame.patches) {
@@ -121,7 +125,7 @@
 
   function tick() {
     if (now >= frames.length - 1) { stop(); return; }
-    const gap = frames[now + 1].time_s - frames[now].time_s;
+    const gap = Math.min(2, frames[now + 1].time_s - frames[now].time_s); // nobody waits out a pause of the recording
     playing = setTimeout(() => { go(now + 1); tick(); }, Math.max(still ? 1000 : 15, (1000 * gap) / Number($("speed").value)));
   }
 
@@ -131,6 +135,7 @@
     $("play").textContent = "Pause"; tick();
   }
 
+  if (!frames.some((frame) => frame.histogram)) document.querySelectorAll(".histogram").forEach((each) => { each.hidden = true; });
   $("scrub").max = frames.length - 1;
   $("scrub").addEventListener("input", () => { stop(); go(Number($("scrub").value)); });
   $("play").addEventListener("click", toggle);

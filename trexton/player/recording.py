@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from trexton.aiding import Aiding
+from trexton.camera import MapImage
 from trexton.errors import ParameterError
 from trexton.estimate import Estimate
 from trexton.flights.flight import Flight
@@ -39,7 +40,8 @@ class Recording:
     frames : list of dict
         One a shown frame: ``frame``, ``time_s``, ``truth_cm``, ``histogram`` (per mille),
         ``neighbors_cm``, ``particles_cm``, ``spread_cm``, ``estimates_cm`` by name, ``errors_cm``
-        by name, ``image`` (a data URI) and ``patches`` (left, top in thousandths of the image).
+        by name (to a tenth below 10), ``image`` (a data URI) and ``patches`` (left, top in
+        thousandths of the image).
         What a flight or a method does not have is None.
     floor : dict or None
         ``image``, a data URI, and ``extent_m`` (left, right, bottom, top).
@@ -113,11 +115,12 @@ def record_replay(
                 "particles_cm": None if particles is None else _cm(particles),
                 "spread_cm": _cm(estimate.spread),
                 "estimates_cm": {name: _cm(place) for name, place in estimates.items()},
-                "errors_cm": {
-                    name: _cm(np.hypot(*(place - truth))) for name, place in estimates.items()
-                },
+                "errors_cm": {name: _error_cm(place - truth) for name, place in estimates.items()},
                 "image": _uri(_small(bgr_from_yuv(frame), _WIDTH)) if flight.has_images else None,
-                "patches": _patches(first[1], frame, before) if flight.has_images else None,
+                # A method that compares images counts no patches.
+                "patches": _patches(first[1], frame, before)
+                if flight.has_images and estimate.histogram is not None
+                else None,
             }
         )
     return Recording(flight.name, flight.area, kept, _floor(flight, floor))
@@ -142,6 +145,14 @@ def _cm(metres: Any) -> Any:
     return None if np.isnan(values) else round(100 * float(values))
 
 
+def _error_cm(apart: np.ndarray) -> int | float | None:
+    """As far off as two digits tell: below 10 cm to a tenth."""
+    error = 100 * float(np.hypot(*apart))
+    if np.isnan(error):
+        return None
+    return round(error) if error >= 10 else round(error, 1)
+
+
 def _patches(
     localizer: Localizer, frame: np.ndarray, rng: np.random.Generator
 ) -> list[list[int]] | None:
@@ -156,10 +167,7 @@ def _patches(
 
 def _floor(flight: Flight, given: Any) -> dict[str, Any] | None:
     if given is None and flight.floor is not None:
-        rows, columns = flight.floor.image.shape[:2]
-        corners = flight.floor.to_world(np.array([(-0.5, -0.5), (columns - 0.5, rows - 0.5)]))
-        (left, top), (right, bottom) = corners
-        given = flight.floor.image, (left, right, bottom, top)
+        given = _north_up(flight.floor)
     if given is None:
         return None
     picture, extent = given
@@ -167,6 +175,21 @@ def _floor(flight: Flight, given: Any) -> dict[str, Any] | None:
         "image": _uri(_small(picture, _FLOOR_WIDTH)),
         "extent_m": [round(float(each), 3) for each in extent],
     }
+
+
+def _north_up(floor: MapImage) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+    """A picture of a floor parallel to the axes, and its left, right, bottom and top."""
+    rows, columns = floor.image.shape[:2]
+    corners = floor.to_world(np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)]) - 0.5)
+    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+    extent = (float(left), float(right), float(bottom), float(top))
+    if np.allclose(corners[[0, 2]], [(left, top), (right, bottom)], atol=1e-3 * (right - left)):
+        return floor.image, extent
+    scale = max(rows, columns) / max(right - left, top - bottom)
+    size = tuple(max(1, round(scale * each)) for each in (right - left, top - bottom))
+    place = np.array([[scale, 0, -scale * left - 0.5], [0, -scale, scale * top - 0.5], [0, 0, 1]])
+    seen = cv2.cvtColor(floor.image, cv2.COLOR_BGR2BGRA)  # what it does not show is transparent
+    return cv2.warpPerspective(seen, place @ floor.world_from_pixel, size), extent
 
 
 def _small(picture: np.ndarray, width: int) -> np.ndarray:

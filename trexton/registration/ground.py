@@ -9,6 +9,7 @@ import numpy as np
 
 from trexton.camera import MapImage
 from trexton.errors import MapError
+from trexton.images import MOST_PIXELS
 from trexton.odometry import shrink
 
 __all__ = ["Ground"]
@@ -42,7 +43,7 @@ class Ground:
         Raises
         ------
         MapError
-            Nothing of the picture is mapped.
+            Nothing of the picture is mapped, or it is of another order than the cells.
         """
         rows, columns = picture.image.shape[:2]
         corners = picture.to_world(
@@ -56,7 +57,15 @@ class Ground:
             )
         )
         low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
-        width, height = (int(count) for count in np.maximum(np.ceil((high - low) / cell), 1))
+        sides = np.maximum(np.ceil((high - low) / cell), 1)
+        largest = (high - low).max() - 2 * margin
+        if not (np.prod(sides) <= MOST_PIXELS and largest > cell):
+            raise MapError(
+                f"the map image is {largest:.4g} m long where the camera needs cells of "
+                f"{cell:.2g} m: check world_from_pixel and the heights, which are in metres, or "
+                "cut the picture"
+            )
+        width, height = (int(count) for count in sides)
         grey = picture.image
         if grey.ndim == 3:
             grey = cv2.cvtColor(grey, cv2.COLOR_BGR2GRAY)

@@ -8,14 +8,13 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from pathlib import Path
 
 import cv2
 import numpy as np
 
 from trexton.camera import MapImage
 from trexton.errors import ImageError, ParameterError
-from trexton.images import checked_bytes, decode
+from trexton.images import read_picture
 from trexton.simulator.effects import Light
 from trexton.simulator.hall import paint_hall
 from trexton.simulator.layouts import layout
@@ -138,21 +137,14 @@ class Floor:
         """
         if not (np.isfinite(width) and 0.5 <= width <= 50):
             raise ParameterError(f"the floor's width is {width} m: expected 0.5 to 50")
-        image = decode(checked_bytes(Path(path)), cv2.IMREAD_UNCHANGED)
-        if image is None or image.dtype != np.uint8:
+        picture = read_picture(path)
+        if picture is None:
             raise ImageError(
-                f"{path}: not a readable picture of 8 bits a channel: give a PNG or JPEG file of "
-                "the floor"
+                f"{path}: not a readable picture: give a PNG or JPEG file of the floor"
             )
-        if image.ndim == 2:
-            image = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
-        mask = image[..., 3] > 0 if image.shape[2] == 4 else None
+        image, mask = picture
         scale = image.shape[1] / width
-        return cls(
-            MapImage.from_extent(
-                np.ascontiguousarray(image[..., :3]), 0.0, image.shape[0] / scale, scale, mask
-            )
-        )
+        return cls(MapImage.from_extent(image, 0.0, image.shape[0] / scale, scale, mask))
 
     @property
     def area(self) -> tuple[float, float, float, float]:

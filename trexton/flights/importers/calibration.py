@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from trexton.camera import Camera
-from trexton.errors import FlightError
+from trexton.errors import FlightError, ParameterError
 from trexton.flights.tables import read_text
 from trexton.images import MOST_PIXELS
 
@@ -37,16 +37,10 @@ def read_calibration(path: Path) -> tuple[Camera, np.ndarray | None]:
     camera, distortion = _read(
         path, lambda content: (_opencv if "camera_matrix" in content else _asl)(content)
     )
-    numbers = [camera.focal, *camera.principal_point, *distortion]
-    if (
-        min(camera.width, camera.height) < 1
-        or camera.width * camera.height > MOST_PIXELS
-        or not np.isfinite(numbers).all()
-        or camera.focal <= 0
-    ):
+    if camera.width * camera.height > MOST_PIXELS or not np.isfinite(distortion).all():
         raise FlightError(
-            f"{path}: expected a picture of 1 to {MOST_PIXELS:,} pixels, a focal length above zero "
-            "and finite numbers: correct it"
+            f"{path}: expected a picture of 1 to {MOST_PIXELS:,} pixels and finite numbers: "
+            "correct it"
         )
     if distortion.any() and len(distortion) not in _COEFFICIENTS:
         raise FlightError(
@@ -84,6 +78,8 @@ def _read(path: Path, meant: Callable[[Mapping[str, Any]], _Meant]) -> _Meant:
         if len(text) > MOST_CHARACTERS or sum(map(text.count, OPENING)) > MOST_OPENINGS:
             raise ValueError("too long or too deep for one")
         return meant(_xml(text) if text.lstrip().startswith("<") else _yaml(text))
+    except ParameterError as error:  # a calibration, but of no camera
+        raise FlightError(f"{path}: {error}: correct it") from None
     except (
         ArithmeticError, AttributeError, LookupError, RecursionError, SyntaxError, TypeError,
         ValueError,
