@@ -8,7 +8,7 @@ from trexton.camera import Camera
 from trexton.errors import MapError
 from trexton.flights.flight import Flight
 
-__all__ = ["FARTHEST", "STEEPEST", "camera_of", "check_lens", "learned_lens"]
+__all__ = ["FARTHEST", "STEEPEST", "camera_of", "check_lens", "learned_lens", "usual_height"]
 
 STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
 FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
@@ -48,8 +48,8 @@ def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.
             f"flight {flight.name!r} lacks {' and '.join(lacking)}: add them to the flight, "
             f"or {advice}"
         )
-    known = flight.height[np.isfinite(flight.height)]
-    if not len(known) or np.median(known) <= 0:
+    usual = usual_height(flight.height)
+    if usual is None:
         raise MapError(
             f"the heights of flight {flight.name!r} are not above its floor: give metres "
             f"above the floor, or {advice}"
@@ -61,7 +61,13 @@ def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.
             f"{camera.width}x{camera.height}: correct [camera] in flight.toml"
         )
     lens = (camera.width, camera.height, camera.focal, *camera.principal_point)
-    return np.array([*lens, np.median(known)], dtype=float)
+    return np.array([*lens, usual], dtype=float)
+
+
+def usual_height(heights: np.ndarray) -> float | None:
+    """The median of those above the floor, metres; None where none is."""
+    above = heights[np.isfinite(heights) & (heights > 0)]
+    return float(np.median(above)) if len(above) else None
 
 
 def check_lens(lens: np.ndarray, what: str) -> None:

@@ -16,7 +16,7 @@ from trexton.estimate import Estimate, Measurement
 from trexton.observation import Observation
 from trexton.parts.base import Training, learned
 from trexton.parts.filters import Filter
-from trexton.parts.lens import camera_of
+from trexton.parts.lens import camera_of, usual_height
 from trexton.registration.calibration import FloorFix, Trust, learn_trust
 from trexton.registration.ground import Ground
 from trexton.registration.tracker import FloorTracker, fine_cell
@@ -245,13 +245,13 @@ def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, Camera, float]
                 f"flight {flight.name!r} lacks its camera or heights, without which its frames "
                 "cannot be laid on a picture: add them to the flight, or stitch the picture"
             )
-        above = flight.height[np.isfinite(flight.height) & (flight.height > 0)]
-        if not len(above):
+        above = usual_height(flight.height)
+        if above is None:
             raise MapError(
                 f"no height of flight {flight.name!r} is above its floor: give metres above the "
                 "floor, or stitch the picture"
             )
-        return flight.floor, flight.camera, float(np.median(above))
+        return flight.floor, flight.camera, above
     from trexton.mosaic.stitching import camera_of, stitch  # SciPy: on the ground only
 
     mosaic = stitch(flight)
