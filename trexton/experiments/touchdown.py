@@ -50,11 +50,9 @@ LANDERS = {
     "paper": Entry("The paper's filter and trigger", "paper", trigger="inside"),
     "field_inside": Entry("Field, the paper's trigger", "field", trigger="inside"),
     "field": Entry("Field, predicted touchdown", "field"),
-    "field_longer": Entry("Field after twice the survey", "field", longer=True),
+    "field_longer": Entry("Field, twice the survey", "field", longer=True),
     "field_odometry": Entry("Field and visual odometry", "field", aiding="odometry"),
-    "odometry_longer": Entry(
-        "Both after twice the survey", "field", aiding="odometry", longer=True
-    ),
+    "odometry_longer": Entry("Odometry, twice the survey", "field", aiding="odometry", longer=True),
     "fine": Entry("Coarse to fine", "fine", aiding="attitude"),
     "truth": Entry("The true position", None),
 }
@@ -244,7 +242,7 @@ def _series(attempts: list[Attempt], radius: float) -> dict[str, Any]:
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     parts = []
-    for name in ("field", "fine", "paper"):
+    for name in ("field", "odometry_longer", "fine", "paper"):
         label, values = LANDERS[name].label, record.values["landers"][name]
         inside = (
             f"{percent(values['inside_rate']['median'])} inside"
