@@ -124,6 +124,20 @@ def test_heights_that_are_missing_cost_no_map(fine, flights):
     assert part.camera[-1] == known
 
 
+def test_a_heading_alone_is_no_attitude_to_learn_from(flights):
+    train = flights[0].select(slice(0, 40))
+    heading = train.attitude.copy()
+    heading[:, :2] = np.nan
+    learnt = [
+        TextonMap.train(
+            replace(train, attitude=attitude), method="fine", n_textons=6,
+            rng=np.random.default_rng(1),
+        ).parts["filter"].trust.tolist()
+        for attitude in (heading, None)
+    ]  # fmt: skip
+    assert learnt[0] == learnt[1]
+
+
 def test_what_it_lacks_is_named(fine, flights):
     train, _ = flights
     localizer = Localizer(fine, rng=np.random.default_rng(2))

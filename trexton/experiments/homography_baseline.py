@@ -72,7 +72,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         # From the place below the vehicle to the floor point of the image's centre: unknown to the
         # method.
         offset = test.height * np.hypot(*np.tan(test.attitude[:, :2]).T)
-        values["tilt_offset_cm"] = 100 * float(offset.mean())
+        if len(offset := offset[np.isfinite(offset)]):  # a heading may be known where no tilt is
+            values["tilt_offset_cm"] = 100 * float(offset.mean())
     extent, picture = picture_of(mosaic)
     floor, floor_image = floor_picture(test)
     series: dict[str, Any] = {f"{name}_m": each.position for name, each in located.items()}

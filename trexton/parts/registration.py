@@ -111,7 +111,7 @@ class Registration(Filter):
         tracker, fixes = self.tracker(), []
         for row in range(min(_LEARN, len(flight))):
             attitude = None
-            if flight.attitude is not None:
+            if flight.attitude is not None and np.isfinite(flight.attitude[row]).all():
                 attitude = flight.attitude[row] + self.attitude_sigma * rng.standard_normal(3)
             fixes.append(tracker.step(flight.image(row), attitude=attitude))
         return fixes
