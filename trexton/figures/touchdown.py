@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import fill
 from typing import Any
 
 import numpy as np
@@ -45,14 +46,14 @@ def targets(record: Record) -> Figure:
     radius = record.parameters["radius"]
     reach = max(1.2 * radius, *(np.nanmax(np.abs(place), initial=0) for place in places.values()))
     limits = (-1.08 * reach, 1.08 * reach)
-    with canvas(2, 4, size=(7.2, 4.4), sharex=True, sharey=True) as (figure, grid):
+    with canvas(2, 4, size=(7.2, 4.8), sharex=True, sharey=True) as (figure, grid):
         for axes, (name, place) in zip(grid.flat, places.items(), strict=True):
             axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
             inside = np.hypot(*place.T) <= radius
             missed = ~inside & np.isfinite(place[:, 0])
             landed(axes, place[inside], _LINES[name][0], "inside the zone")
             landed(axes, place[missed], _LINES[name][0], "outside", inside=False)
-            axes.set_title(LANDERS[name].label, fontsize=8.5)
+            axes.set_title(fill(LANDERS[name].label, 20), fontsize=8.5)
             axes.set(xlim=limits, ylim=limits, aspect="equal")
         keys = [landed(grid[0, 0], np.empty((0, 2)), COLORS["zone"], word, inside=within)
                 for word, within in (("inside the zone", True), ("outside", False))]  # fmt: skip
