@@ -6,6 +6,7 @@ from small_room import histogram_flight, picture_flight
 
 from trexton.experiments import beyond
 from trexton.figures import beyond as figures
+from trexton.wording import interval, percent
 
 
 @pytest.fixture(scope="module")
@@ -19,13 +20,17 @@ def test_every_variant_is_flown_and_summed_up(record):
     for name in flown:
         values = record.values[name]
         assert 0 < values["median_cm"] <= values["p95_cm"]
-        assert values["held_least"] <= values["held"] <= values["held_most"]
+        assert values["held_least"] <= values["held"]["median"] <= values["held_most"]
+        for entry in (values["mean_cm"], values["held"]):
+            assert entry["low"] <= entry["median"] <= entry["high"]
+        assert values["mean_cm"]["low"] < values["mean_cm"]["high"]
     assert set(record.series["errors_cm"]) == set(flown)
 
 
 def test_the_field_errs_less_than_the_filter_it_is_compared_with(record):
-    assert record.values["field"]["mean_cm"] < record.values["paper"]["mean_cm"]
-    ratio = record.values["field"]["mean_cm"] / record.values["paper"]["mean_cm"]
+    field, paper = (record.values[name]["mean_cm"] for name in ("field", "paper"))
+    assert field["high"] < paper["low"]
+    ratio = field["median"] / paper["median"]
     assert record.values["ratio"] == pytest.approx(ratio)
 
 
@@ -38,7 +43,8 @@ def test_the_lag_is_the_least_of_its_curve(record):
 def test_the_level_is_expected_over_found(record):
     found = record.values["predictor"]
     assert found["level"] == pytest.approx(found["expected_cm"] / found["error_cm"])
-    assert -1 <= found["rank"] <= 1 and -1 <= found["loss_rank"] <= 1
+    for name in ("rank", "loss_rank"):
+        assert -1 <= found[name]["low"] <= found[name]["value"] <= found[name]["high"] <= 1
     assert found["knn"]["rank"] != found["rank"]  # they err otherwise
 
 
@@ -57,7 +63,10 @@ def test_equal_seeds_give_equal_values(record):
 
 
 def test_the_finding_quotes_the_record(record):
-    assert f"{record.values['field']['mean_cm']:.0f}" in beyond.finding(record).replace(".", " ")
+    told = beyond.finding(record)
+    for name in ("field", "paper"):
+        assert interval(record.values[name]["mean_cm"], "cm") in told
+        assert percent(record.values[name]["held"]) in told
 
 
 def test_the_figures_show_the_record(record):

@@ -74,7 +74,9 @@ def test_the_first_page_says_what_the_records_say():
     accuracy, filtered, noise, spread, landing = what_we_found(records)
     assert accuracy.page == "cyberzoo/mocap_training" and "is reproduced" in accuracy.text
     assert numbers(accuracy.text) == [60, 57, 48, 66, 68, 59, 77]
-    assert accuracy.claim.endswith("is reproduced") and accuracy.detail.startswith(": 57")
+    assert accuracy.claim.endswith("is reproduced") and accuracy.detail.startswith(
+        ": 57 [48, 66] cm on"
+    )
     assert "errs more than" in filtered.text
     assert numbers(filtered.text) == [87, 33, 1.5, 102, 48, 1.5]
     assert noise.page == "cyberzoo/choices" and numbers(noise.text) == [25, 58, 87, 46, 99]
@@ -84,10 +86,18 @@ def test_the_first_page_says_what_the_records_say():
 
 
 def test_a_method_beyond_the_paper_takes_the_third_place():
-    beyond = {"field": {"mean_cm": 21.0, "held": 0.88}, "paper": {"mean_cm": 87.0}}
+    field = {"mean_cm": entry(21, 18, 25), "held": entry(0.88, 0.8, 0.95)}
+    beyond = {"field": field, "paper": {"mean_cm": entry(87, 55, 126)}}
     records = {"cyberzoo": {"choices": choices(87, 58), "beyond": beyond}}
     (found,) = what_we_found(records)
-    assert found.page == "cyberzoo/beyond" and numbers(found.text) == [21, 87, 90, 88]
+    assert (
+        found.claim == "Beyond the paper, a field of histograms errs less than the paper's filter"
+    )
+    field["mean_cm"] = entry(70, 50, 90)
+    assert "errs about as much as the paper's filter" in what_we_found(records)[0].text
+    assert found.page == "cyberzoo/beyond" and numbers(found.text) == [
+        21, 18, 25, 87, 55, 126, 90, 88, 80, 95,
+    ]  # fmt: skip
 
 
 def test_other_records_give_other_verdicts():
@@ -98,7 +108,10 @@ def test_other_records_give_other_verdicts():
     assert "tells the errors" in spread.text
     records["cyberzoo"] = {"mocap_training": mocap(58, 90, 30, 0.5, 0)}
     accuracy, filtered, spread = what_we_found(records)
-    assert "holds in part" in accuracy.text and "now more, now less" in filtered.text
+    assert (
+        "holds in part" in accuracy.text
+        and "errs now more than, now less than the plain mean" in filtered.text
+    )
     assert "too sure" in spread.text
     assert what_we_found({}) == []
 

@@ -64,8 +64,11 @@ def distance(entry: Mapping[str, Any] | float) -> str:
     return interval(scaled, unit)
 
 
-def percent(share: float) -> str:
-    """A share in per cent, with a decimal only below ten."""
+def percent(share: Mapping[str, Any] | float) -> str:
+    """A share in per cent, with a decimal only below ten, and its interval if it has one."""
+    if isinstance(share, Mapping):
+        low, high = (percent(share[key]).removesuffix(" %") for key in ("low", "high"))
+        return f"{percent(middle(share))} [{low}, {high}]"
     value = 100 * share
     digits = 1 if 0 < abs(value) < 9.95 and abs(value - round(value)) >= 0.05 else 0
     return f"{value:.{digits}f} %"

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from trexton.claims.rules import REPRODUCED, Quantity, near
 from trexton.paper import published
-from trexton.wording import middle, number, percent
+from trexton.wording import apart, interval, middle, number, percent
 
 __all__ = ["PLACES", "Found", "what_we_found"]
 
@@ -63,7 +63,7 @@ def _on_each(
 
 def _accuracy(records: Records) -> Found | None:
     text, values, page = _on_each(
-        records, "mocap_training", lambda v: _cm(v["filter"]["axis_mean_cm"])
+        records, "mocap_training", lambda v: interval(v["filter"]["axis_mean_cm"], "cm")
     )
     if not values:
         return None
@@ -81,10 +81,6 @@ def _accuracy(records: Records) -> Found | None:
     return Found(f"The paper's accuracy of {number(printed)} cm an axis {where}: {text}.", page)
 
 
-def _cm(entry: Mapping[str, Any]) -> str:
-    return f"{number(middle(entry))} cm [{number(entry['low'])}, {number(entry['high'])}]"
-
-
 def _filter(records: Records) -> Found | None:
     def say(values: Mapping[str, Any]) -> str:
         error, knn = middle(values["filter"]["mean_cm"]), middle(values["knn"]["mean_cm"])
@@ -94,12 +90,22 @@ def _filter(records: Records) -> Found | None:
     text, values, page = _on_each(records, "mocap_training", say)
     if not values:
         return None
-    worse = [middle(v["filter"]["mean_cm"]) > middle(v["knn"]["mean_cm"]) for v in values]
-    says = "errs now more, now less"
-    if len(set(worse)) == 1:
-        says = "errs more" if worse[0] else "errs less"
-    text = f"Its particle filter {says} than the plain mean of its own neighbours: {text}"
+    says = _compared([(v["filter"]["mean_cm"], v["knn"]["mean_cm"]) for v in values])
+    text = f"Its particle filter {says} the plain mean of its own neighbours: {text}"
     return Found(f"{text}.", page)
+
+
+def _compared(pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> str:
+    """``errs less than``: how the first of each pair errs against the second, beyond chance."""
+    words = dict.fromkeys(
+        "about as much as"
+        if not apart(a, b)
+        else "more than"
+        if middle(a) > middle(b)
+        else "less than"
+        for a, b in pairs
+    )
+    return f"errs {'now ' if len(words) > 1 else ''}{', now '.join(words)}"
 
 
 def _better(records: Records) -> Found | None:
@@ -107,13 +113,15 @@ def _better(records: Records) -> Found | None:
 
     def say(values: Mapping[str, Any]) -> str:
         field, paper = values["field"], values["paper"]
-        error = f"{number(field['mean_cm'])} cm instead of {number(paper['mean_cm'])} cm"
+        error = f"{interval(field['mean_cm'], 'cm')} instead of {interval(paper['mean_cm'], 'cm')}"
         return f"{error} (its 90 % region holds {percent(field['held'])})"
 
     text, values, page = _on_each(records, "beyond", say)
     if not values:
         return _noise(records)
-    return Found(f"Beyond the paper, a field takes the place of the neighbours: {text}.", page)
+    says = _compared([(v["field"]["mean_cm"], v["paper"]["mean_cm"]) for v in values])
+    text = f"Beyond the paper, a field of histograms {says} the paper's filter: {text}"
+    return Found(f"{text}.", page)
 
 
 def _noise(records: Records) -> Found | None:

@@ -79,7 +79,7 @@ def _row(
     if isinstance(found, dict):
         row |= {"low": found["low"], "high": found["high"]}
     share = _value(records, *held) if held else None
-    return row if share is None else row | {"held": share}
+    return row if share is None else row | {"held": middle(share)}
 
 
 def _value(records: Mapping[str, Record], experiment: str, place: str) -> Any:

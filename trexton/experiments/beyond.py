@@ -11,15 +11,17 @@ from typing import Any
 import numpy as np
 
 from trexton.aiding import Aiding
+from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, frames_of, map_of
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
+from trexton.metrics import mean_with_interval
 from trexton.paper import paper_file
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.suitability import local_losses, smooth, usual_sigma
-from trexton.wording import beside, number, percent
+from trexton.wording import beside, interval, middle, percent
 
 __all__ = ["VARIANTS", "Flown", "Parameters", "Variant", "finding", "run"]
 
@@ -156,7 +158,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         flown[name] = runs
         timings[name]["step_s"] = float(np.median(runs[0].step_s))
     values: dict[str, Any] = {
-        name: _summary(runs, truth, test.diagonal) for name, runs in flown.items()
+        name: _summary(runs, truth, test.diagonal, stream(parameters.seed, f"intervals {name}"))
+        for name, runs in flown.items()
     }
     looked = Localizer(
         texton_map, samples=parameters.samples, rng=stream(parameters.seed, "neighbours")
@@ -172,7 +175,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     lag = _lag(flown["paper"], truth, float(np.median(np.diff(test.time))))
     values |= {
         "lag": lag["values"],
-        "ratio": values["field"]["mean_cm"] / values["paper"]["mean_cm"],
+        "ratio": middle(values["field"]["mean_cm"]) / middle(values["paper"]["mean_cm"]),
         "predictor": _predictor(changed["field"], truth, errors, sigma, parameters.seed),
         "protocol": _protocol(),
         "frames": len(test),
@@ -222,16 +225,18 @@ def _told(flight: Flight, seed: int) -> list[Aiding] | None:
     return [known.aiding(row) for row in range(len(flight))]
 
 
-def _summary(runs: list[Flown], truth: np.ndarray, diagonal: float) -> dict[str, float]:
+def _summary(
+    runs: list[Flown], truth: np.ndarray, diagonal: float, rng: np.random.Generator
+) -> dict[str, Any]:
     """Errors in cm over all runs, and how often the claimed region held, in quarters too."""
-    errors = 100 * np.concatenate([each.errors(truth) for each in runs])
+    errors = 100 * np.stack([each.errors(truth) for each in runs])
     held = np.stack([each.held(truth) for each in runs])
     quarters = [part.mean() for part in np.array_split(held, 4, axis=1)]
     return {
-        "mean_cm": errors.mean(),
+        "mean_cm": mean_with_interval(errors, rng),
         "median_cm": np.median(errors),
         "p95_cm": np.percentile(errors, 95),
-        "held": held.mean(),
+        "held": mean_with_interval(held, rng),
         "held_least": min(quarters),
         "held_most": max(quarters),
         "relative": errors.mean() / (100 * diagonal),
@@ -274,9 +279,11 @@ def _predictor(
     losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
     loss = smooth(losses, texton_map.positions, places, sigma)
 
-    def ranks(made: np.ndarray) -> dict[str, float]:
+    rng = stream(seed, "predictor intervals")
+
+    def ranks(made: np.ndarray) -> dict[str, Any]:
         both = {"rank": expected, "loss_rank": loss}
-        return {name: float(spearmanr(known, made).statistic) for name, known in both.items()}
+        return {name: rank_correlation(known, made, rng=rng) for name, known in both.items()}
 
     # Lengths of normal errors scatter about their mean however well that is known.
     scatter = stream(seed, "predictor").rayleigh(size=(DRAWS, len(expected)))
@@ -307,8 +314,8 @@ def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     paper, field = record.values["paper"], record.values["field"]
     return (
-        f"Method field errs by {number(field['mean_cm'])} cm on average, "
-        f"{beside(field['mean_cm'] / paper['mean_cm'])} the paper's filter "
-        f"({number(paper['mean_cm'])} cm); the region that should hold the vehicle in 90 % of the "
-        f"frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
+        f"Method field errs by {interval(field['mean_cm'], 'cm')} on average, "
+        f"{beside(record.values['ratio'])} the paper's filter "
+        f"({interval(paper['mean_cm'], 'cm')}); the region that should hold the vehicle in 90 % of "
+        f"the frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
     )
