@@ -49,7 +49,7 @@ def test_the_filter_that_trails_and_is_too_sure():
 def test_the_same_words_are_not_said_of_a_filter_that_is_right():
     text = found("mocap_training", mocap(20, 40, 19, 0.951))
     assert "50 % of the plain mean" in text and "trails" not in text
-    assert "95 % of the errors of an axis, as it should" in text
+    assert "95 % [95, 95] of the errors of an axis, as it should" in text
 
 
 def homography(**maps):
@@ -84,7 +84,7 @@ def test_landing():
     one = {"inside": 13, "landings": 38, "never_triggered": 12, "attempts": 50}
     one |= {"inside_rate": entry(13 / 38, 0.212, 0.501), "trigger_error_cm": {"median": 82.3}}
     text = found("triggered_landing", one | {"perfect": {"landings": 46, "inside": 41}})
-    for words in ("13 of 38", "34 % [21 %, 50 %]", "12 of 50", "4 of 6", "41 of 46", "82.3 cm"):
+    for words in ("13 of 38", "34 % [21, 50]", "12 of 50", "4 of 6", "41 of 46", "82.3 cm"):
         assert words in text
     none = {"landings": 0, "attempts": 3}
     assert found("triggered_landing", none) == "None of 3 flights triggered a landing."
@@ -117,11 +117,14 @@ def test_kidnapping():
         lost = {"wrong_frames_rate": wrong}
         return {"recovered_rate": entry(rate, 0, 1), "recovery_s": when, "lost": lost}
 
-    plain, augmented, field = one(0.0, None, None), one(1.0, 0.24, 0.32), one(1.0, 0.08, 0.97)
+    plain, augmented, field = one(0.0, None, 0.0), one(1.0, 0.24, 0.32), one(1.0, 0.08, 0.97)
     text = found("kidnapping", {"plain": plain, "augmented": augmented, "field": field})
     assert "filter finds the vehicle again in 0 % of the kidnappings, and calls 0 %" in text
     assert "100 % of the kidnappings after 0.24 s" in text and "calls 32 %" in text
     assert "the field finds the vehicle again in 100 %" in text and "calls 97 %" in text
+    always = one(1.0, 0.08, None)  # found in the first frame, each time
+    text = found("kidnapping", {"plain": plain, "augmented": augmented, "field": always})
+    assert text.endswith("after 0.08 s in the median, and has no wrong frame to call lost.")
 
 
 def test_dictionary_and_mosaic_and_overview():
@@ -192,7 +195,8 @@ def test_best_settings_and_choices():
         "mean": {"label": "the mean", "mean_cm": entry(101, 85, 122)},
     }
     text = found("choices", {"variants": variants})
-    assert "Of 2 choices 1 can be told" in text and "noise of 25 cm: 46 [37, 56] cm" in text
+    assert "Of 2 choices 1 can be told" in text and "in hindsight" in text
+    assert "noise of 25 cm: 46 [37, 56] cm instead of 99 [83, 120] cm" in text
 
 
 def test_numbers_as_words():
@@ -202,6 +206,7 @@ def test_numbers_as_words():
     assert [percent(v) for v in (0.342, 1.0, 0.0, 0.018, 0.05)] == (
         ["34 %", "100 %", "0 %", "1.8 %", "5 %"]
     )
+    assert percent(entry(0.05, 0.018, 0.5)) == "5 % [1.8, 50]"
     assert number(None) == fixed(None, 2) == "–"
     said = ["62 % of", "about as much as", "1.2 times as much as", "twice as much as"]
     assert [beside(v) for v in (0.62, 1.04, 1.2, 2.0)] == said

@@ -182,8 +182,8 @@ def finding(record: Record) -> str:
         values = record.values[name]
         said.append(
             f"{METHODS[name]} claims {number(values['claimed_cm'])} cm along an axis, errs by "
-            f"{number(values['axis_cm'])} cm and has {percent(values['within_90']['median'])} "
-            "of the truth in its 90 % regions"
+            f"{number(values['axis_cm'])} cm, and its 90 % regions hold the truth in "
+            f"{percent(values['within_90'])} of the frames"
         )
     text = "; ".join(said)
     return f"{text[0].upper()}{text[1:]}."

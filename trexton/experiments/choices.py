@@ -22,7 +22,7 @@ from trexton.metrics import summarize
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.textons import TextonDictionary
-from trexton.wording import apart, interval, number
+from trexton.wording import apart, interval
 
 __all__ = ["finding", "Parameters", "run", "with_trace", "without_trace"]
 
@@ -229,8 +229,7 @@ def finding(record: Record) -> str:
     told = [each for each in others if apart(each["mean_cm"], paper)]
     best = min(others, key=lambda each: each["mean_cm"]["median"])
     return (
-        f"Of {len(others)} choices {len(told)} can be told from the paper's on this flight; lowest "
-        "is "
-        f"the error with {best['label']}: {interval(best['mean_cm'], 'cm')} instead of "
-        f"{number(paper['median'])} cm."
+        f"Of {len(others)} choices {len(told)} can be told from the paper's on this flight; "
+        f"lowest, in hindsight, is the error with {best['label']}: "
+        f"{interval(best['mean_cm'], 'cm')} instead of {interval(paper, 'cm')}."
     )

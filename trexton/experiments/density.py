@@ -166,8 +166,9 @@ def finding(record: Record) -> str:
         f"Surveyed for {number(short['lasted_s'])} s, a place lies {far} cm from the nearest frame "
         f"on average, half of the frames of the method field err by more than "
         f"{distance(short['field']['median_cm'])}, and its 90 % regions hold "
-        f"{percent(short['field']['held'])} of the truth. In {number(long['lasted_s'])} s of "
-        f"closer lanes it is {near} cm, {distance(long['field']['median_cm'])} and "
+        f"{percent(short['field']['held'])} of the truth. With closer lanes, in "
+        f"{number(long['lasted_s'])} s, the frame is {near} cm away, the median error "
+        f"{distance(long['field']['median_cm'])}, and the regions hold "
         f"{percent(long['field']['held'])}; the paper's filter goes from "
         f"{distance(short['paper']['median_cm'])} to {distance(long['paper']['median_cm'])}."
     )

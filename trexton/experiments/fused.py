@@ -179,7 +179,7 @@ def finding(record: Record) -> str:
         said.append(
             f"fed with {METHODS[name]}, a receiver like EKF2 errs by {number(fused['axis_cm'])} cm "
             f"along an axis, believes {number(fused['claimed_cm'])} cm and has the truth in its "
-            f"90 % region {percent(fused['inside']['median'])} of the time"
+            f"90 % region {percent(fused['inside'])} of the time"
         )
     said += [
         f"{METHODS[name]} says of every frame that it is lost, and sends nothing"

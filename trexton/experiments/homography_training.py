@@ -140,7 +140,7 @@ def finding(record: Record) -> str:
     if np.argsort(noise).tolist() == np.argsort(errors)[::-1].tolist():
         text += (
             ": the more those positions jitter, the wider its motion noise "
-            f"({number(min(noise))} to {number(max(noise))} cm a frame) and the less it trails"
+            f"({number(min(noise))} to {number(max(noise))} cm a frame) and the less it errs"
         )
     return (
         text + f", while the neighbours alone err by {number(min(knn))} to {number(max(knn))} cm."

@@ -19,7 +19,7 @@ from trexton.parts.base import Area
 from trexton.records import Record
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.streams import stream
-from trexton.wording import beside, interval, middle, percent
+from trexton.wording import apart, interval, middle, percent
 
 __all__ = ["DRIFTS", "METHODS", "WARMTHS", "Parameters", "finding", "run"]
 
@@ -120,12 +120,14 @@ def _errors(
 
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
-    errors, ratio = record.values["error_cm"], record.values["ratio"]
+    errors = record.values["error_cm"]
     still, moving = errors["drift 0"], errors[f"drift {JUDGED:g}"]
 
     def errs(method: str) -> str:
-        words = f"errs by {interval(moving[method], 'cm')}, {beside(ratio[method])} the"
-        return f"{words} {interval(still[method], 'cm')} without drift"
+        words = f"errs by {interval(moving[method], 'cm')}, without drift by "
+        words += interval(still[method], "cm")
+        told = apart(moving[method], still[method])
+        return words if told else f"{words}, which may be the same but for chance"
 
     return (
         f"Where the camera's gain drifts by {percent(JUDGED)}, method field {errs('field')}; the "

@@ -183,14 +183,15 @@ def finding(record: Record) -> str:
     error, knn = (middle(values[name]["mean_cm"]) for name in ("filter", "knn"))
     parts = [
         f"The paper's filter errs by {interval(values['filter']['mean_cm'], 'cm')}, "
-        f"{beside(error / knn)} the plain mean of its own neighbours ({number(knn)} cm)"
+        f"{beside(error / knn)} the plain mean of its own neighbours "
+        f"({interval(values['knn']['mean_cm'], 'cm')})"
     ]
     if lag["error_cm"] < 0.8 * error:
         parts.append(
             f"it trails the vehicle (shifted back by {number(lag['s'])} s, its estimates would err "
             f"by {number(lag['error_cm'])} cm)"
         )
-    held = percent(middle(spread["within_two"]))
+    held = percent(spread["within_two"])
     honest = "as it should" if middle(spread["within_two"]) >= 0.9 else "where 95 % should lie"
     parts.append(f"twice its spread covers {held} of the errors of an axis, {honest}")
     return f"{parts[0]}: {', and '.join(parts[1:])}."

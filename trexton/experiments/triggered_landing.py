@@ -226,10 +226,9 @@ def finding(record: Record) -> str:
     if not values["landings"]:
         return f"None of {values['attempts']} flights triggered a landing."
     rate = values["inside_rate"]
-    between = f"[{percent(rate['low'])}, {percent(rate['high'])}]"
     text = (
         f"{values['inside']} of {values['landings']} landings ended inside the zone "
-        f"({percent(rate['median'])} {between}; the paper had {PAPER_INSIDE} of {PAPER_LANDINGS}), "
+        f"({percent(rate)}; the paper had {PAPER_INSIDE} of {PAPER_LANDINGS}), "
         f"and {values['never_triggered']} of "
         f"{values['attempts']} flights never triggered"
     )
