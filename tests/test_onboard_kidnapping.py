@@ -147,9 +147,8 @@ def test_figures_draw_the_record(record):
     np.testing.assert_allclose(
         error.lines[1].get_ydata(), record.series["augmented"]["error_m"]["median"]
     )
-    np.testing.assert_allclose(
-        lost.lines[0].get_ydata(), 100 * np.array(record.series["augmented"]["lost"])
-    )
+    for line, name in zip(lost.lines, ("plain", "augmented", "field"), strict=True):
+        np.testing.assert_allclose(line.get_ydata(), 100 * np.array(record.series[name]["lost"]))
     plot = figures.lost_told(record).axes[0]
     np.testing.assert_allclose(
         plot.lines[0].get_ydata(), 100 * np.array(record.series["augmented"]["told"], dtype=float)

@@ -76,7 +76,7 @@ class Trial:
 class Parameters(MapParameters):
     """What can be chosen."""
 
-    kidnappings: int = option(200, "independent ones, the same for each filter", low=1)
+    kidnappings: int = option(200, "drawn from one flight, the same for each filter", low=1)
     patience_s: float = option(10.0, "seconds that the filter has to find the vehicle again", low=0)
     tolerance: float = option(1.0, "metres of error that count as found", low=0)
     consecutive: int = option(5, "frames in a row within the tolerance", low=1)
@@ -295,9 +295,13 @@ def finding(record: Record) -> str:
         values = record.values[key]
         rate, after = wording.percent(values["recovered_rate"]["median"]), values["recovery_s"]
         when = f" after {wording.number(after['median'])} s in the median" if after else ""
-        wrong = values["lost"]["wrong_frames_rate"] or 0.0
+        wrong = values["lost"]["wrong_frames_rate"]
+        lost = (
+            "has no wrong frame to call lost"
+            if wrong is None
+            else f"calls {wording.percent(wrong)} of its wrong frames lost"
+        )
         parts.append(
-            f"{name} finds the vehicle again in {rate} of the kidnappings{when}, and calls "
-            f"{wording.percent(wrong)} of its wrong frames lost"
+            f"{name} finds the vehicle again in {rate} of the kidnappings{when}, and {lost}"
         )
     return "; ".join(parts) + "."

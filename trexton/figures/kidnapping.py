@@ -54,8 +54,6 @@ def error_since(record: Record) -> Figure:
                 time, band["low"], band["high"], color=color, alpha=0.15, linewidth=0
             )
             error.plot(time, band["median"], color=color, linestyle=style, label=label)
-        for name in ("augmented", "field"):  # the paper's filter never says it
-            _, color, style = _FILTERS[name]
             share = 100 * np.array(record.series[name]["lost"])
             lost.plot(time, share, color=color, linestyle=style)
         error.axhline(
