@@ -48,6 +48,7 @@ def test_figures_and_sentence_come_from_the_record(record):
     for line, name in zip(plot.lines, record.values["order"], strict=False):
         drawn = [group["error_cm"] for group in record.series[name]]
         np.testing.assert_allclose(line.get_ydata(), drawn)
+    assert plot.get_xscale() == plot.get_yscale() == "log"  # one wild claim hides no other
     (bars,) = figures.regions_by_quarter(record).axes
     heights = [bar.get_height() for bar in bars.patches]
     shares = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from trexton.experiments.calibration import METHODS
 from trexton.figures.style import COLORS, canvas, legend_above
@@ -16,20 +17,25 @@ def error_against_claim(record: Record) -> Figure:
     """Tenths of the frames by what was claimed; on the diagonal the claim is honest."""
     with canvas(size=(5.6, 4.6)) as (figure, axes):
         plot = axes[0, 0]
-        most = 1.0
+        ends = []
         for name in record.values["order"]:
             groups = record.series[name]
             claimed = [group["claimed_cm"] for group in groups]
             error = [group["error_cm"] for group in groups]
             plot.plot(claimed, error, "o-", color=COLORS[name], markersize=4, label=METHODS[name])
-            most = max(most, *claimed, *error)
-        plot.plot([0, most], [0, most], color=COLORS["truth"], linewidth=0.9, linestyle="--")
+            ends += [value for value in (*claimed, *error) if value > 0]
+        both = [min(ends), max(ends)]
+        plot.plot(both, both, color=COLORS["truth"], linewidth=0.9, linestyle="--")
         plot.set(
             xlabel="deviation claimed along an axis (cm)",
             ylabel="error along an axis (cm)",
-            xlim=(0, None),
-            ylim=(0, None),
+            xscale="log",
+            yscale="log",
         )
+        for axis in (plot.xaxis, plot.yaxis):
+            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+            axis.set_major_formatter("{x:g}")
+            axis.set_minor_formatter(NullFormatter())
         legend_above(plot)
     return figure
 
