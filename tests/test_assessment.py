@@ -116,7 +116,9 @@ def test_odometry_is_tried_where_the_flight_has_pictures_and_their_height(record
 
 
 def test_the_commands_carry_the_settings_that_were_flown(record):
-    assert "--textons" not in advice(record)[-1]  # histograms have no patches to draw
+    said = advice(record)[-1]
+    assert "--textons" not in said  # histograms have no patches to draw
+    assert "onboard" not in said and "a camera needs a training flight of pictures" in said
     limits = record.values["limits"] | {"blurred": 0.0}
     pictures = replace(record, values=record.values | {"limits": limits})
     said = advice(pictures)[-1]

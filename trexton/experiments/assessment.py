@@ -342,8 +342,14 @@ def advice(record: Record) -> list[str]:
         drawn, learned, flown = _settings(record, best)
         said.append(
             f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{drawn}: "
-            f"`trexton train FLIGHT -o MAP --method {best}{learned}`, then "
-            f"`trexton onboard MAP{flown}`. `trexton tune FLIGHT` looks for better settings."
+            f"`trexton train FLIGHT -o MAP --method {best}{learned}`"
+            + (
+                f", then `trexton onboard MAP{flown}`. "
+                if "blurred" in limits
+                else " makes its map, for histograms alone; a camera needs a training flight of "
+                "pictures. "
+            )
+            + "`trexton tune FLIGHT` looks for better settings."
         )
     return said
 
