@@ -97,6 +97,7 @@ _IMAGES = ("positions", "images")
 _SURVEYED = ("positions", "images", "floor", "camera")
 
 EXPERIMENTS: dict[str, Experiment] = {
+    # The paper's, in its order, and what it leaves open.
     "overview": Experiment("The pipeline in one picture", needs=_IMAGES, cost_s=8),
     "texton_dictionary": Experiment("The texton dictionary", needs=_IMAGES, cost_s=12),
     "mosaic": Experiment("The map, stitched from the flight", needs=_IMAGES, cost_s=115),
@@ -112,24 +113,20 @@ EXPERIMENTS: dict[str, Experiment] = {
         after=("mosaic", "homography_baseline", "mocap_training"),
         cost_s=115,
     ),
-    "beyond": Experiment(
-        "Beyond the paper: a field instead of neighbours", needs=("positions",), cost_s=30
-    ),
-    "light": Experiment("Other light", needs=_SURVEYED, cost_s=16),
-    "heading": Experiment("Any heading", needs=_IMAGES, cost_s=15),
-    "aiding": Experiment("What the autopilot knows", needs=_SURVEYED, cost_s=40),
-    "density": Experiment("How densely to survey", needs=_SURVEYED, cost_s=30),
     "triggered_landing": Experiment("Triggered landing", needs=_SURVEYED, cost_s=90),
-    "touchdown": Experiment("Landing that lands", needs=_SURVEYED, cost_s=60),
     "trade_off": Experiment("Speed against accuracy", needs=("positions",), cost_s=90, alone=True),
+    "timing": Experiment("Time for one frame", needs=("positions",), alone=True, cost_s=17),
+    "speed": Experiment("As fast as the machine allows", needs=_IMAGES, alone=True, cost_s=65),
     "map_loss": Experiment(
         "Which floors are suitable: the map loss", needs=("positions",), cost_s=20
     ),
-    "suitability": Experiment("Which floors, from their pictures", needs=_SURVEYED, cost_s=36),
-    "timing": Experiment("Time for one frame", needs=("positions",), alone=True, cost_s=17),
-    "speed": Experiment("As fast as the machine allows", needs=_IMAGES, alone=True, cost_s=65),
+    "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=65),
     "choices": Experiment(
         "What the open choices cost", needs=("positions",), after=("mocap_training",), cost_s=40
+    ),
+    # Beyond the paper.
+    "beyond": Experiment(
+        "Beyond the paper: a field instead of neighbours", needs=("positions",), cost_s=30
     ),
     "calibration": Experiment(
         "What the uncertainty is worth", needs=("positions",), after=("mocap_training",), cost_s=17
@@ -140,13 +137,18 @@ EXPERIMENTS: dict[str, Experiment] = {
         after=("mocap_training",),
         cost_s=20,
     ),
-    "kidnapping": Experiment("Carried away and found again", needs=("positions",), cost_s=65),
     "fine": Experiment(
         "Coarse to fine: the image says where exactly",
         needs=_SURVEYED,
         after=("mosaic",),
         cost_s=47,
     ),
+    "touchdown": Experiment("Landing that lands", needs=_SURVEYED, cost_s=60),
+    "heading": Experiment("Any heading", needs=_IMAGES, cost_s=15),
+    "light": Experiment("Other light", needs=_SURVEYED, cost_s=16),
+    "aiding": Experiment("What the autopilot knows", needs=_SURVEYED, cost_s=40),
+    "density": Experiment("How densely to survey", needs=_SURVEYED, cost_s=30),
+    "suitability": Experiment("Which floors, from their pictures", needs=_SURVEYED, cost_s=36),
     "assessment": Experiment("Will it work here?", cost_s=14),
     LEDGER: Experiment("The ledger", every_flight=True),
 }
