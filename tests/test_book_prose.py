@@ -161,6 +161,9 @@ def test_a_page_is_named_after_its_experiment_and_flight_and_knows_its_twin():
     twin = "{doc}`Virtual hall (simulated) </sim-survey/x>`, {numref}`its-figure`"
     assert twin in notebook.cells[-1].source
     assert notebook.cells[-1].id == "twins"  # a drawn one would build the pages every time
+    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Does it?")])
+    with_flight(notebook, "mine", {}, {})
+    assert notebook.cells[0].source.startswith("# Does it? mine\n")
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# The ledger")])
     with_flight(notebook, "", {}, {})
     assert notebook.cells[0].source == "# The ledger" and len(notebook.cells) == 1

@@ -134,7 +134,8 @@ def with_flight(
     if not flight or first is None or not first.source.startswith("# "):
         return
     heading, _, rest = first.source.partition("\n")
-    first.source = f"{heading}: {flight_title(flight)}\n{rest}"
+    between = "" if heading.endswith("?") else ":"
+    first.source = f"{heading}{between} {flight_title(flight)}\n{rest}"
     links = ", ".join(
         f"{{doc}}`{flight_title(each)} </{page}>`"
         + "".join(f", {{numref}}`{name}`" for name in figures.get(page, ()))
