@@ -118,7 +118,7 @@ def test_a_track_that_the_measured_velocity_contradicts_loses_weight(field, moti
     there[2:4] = -here[2:4]
     tracker.states = np.array([here, there])
     tracker.covariances = np.repeat(tracker.covariances[:1], 2, axis=0)
-    tracker.weights = np.array([0.5, 0.5])
+    tracker.weights, tracker._misled = np.array([0.5, 0.5]), np.zeros(2)
     histogram = later[1][30]
     tracker.step(Observation(histogram=lambda: histogram, aiding=Aiding(velocity=here[2:4])))
     assert tracker.states[0, 2:4] == pytest.approx(here[2:4], abs=0.3)

@@ -75,6 +75,9 @@ class Estimate:
         Metres a second; None from a filter that has none.
     joint : (4, 4) array or None
         Covariance of position and velocity together, where there is a velocity.
+    contradicted : (2,) array or None
+        Metres a second by which the velocity that was told seems to be off, where the frames
+        contradict it; None where they do not, or none was told.
     """
 
     position: np.ndarray
@@ -89,6 +92,7 @@ class Estimate:
     measurement: Measurement | None = None
     velocity: np.ndarray | None = None
     joint: np.ndarray | None = None
+    contradicted: np.ndarray | None = None
 
     def ahead(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
         """``(2,)`` position and ``(2, 2)`` covariance in metres if the velocity lasts so long.

@@ -8,7 +8,8 @@ a state of its own, so that a second look at the same place is not taken for a s
 track's weight is the evidence of its predictions; where a frame speaks for another place a track
 is born there, so a wrong start or a kidnapping is a matter of evidence as well. Places that look
 alike mislead frame after frame: where the velocity is told, a track that no frame speaks for is
-followed for a while, for it still knows where it is.
+followed for a while, for it still knows where it is. And a velocity that is told may be wrong, of a
+compass beside steel, say: beside the tracks that believe it there are some that learn its error.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from trexton.observation import Observation
 from trexton.parts.base import Area
 from trexton.parts.field import Field
 from trexton.parts.filters import Filter
+from trexton.parts.gaussians import Glimpse
 from trexton.parts.singer import Singer
 
 if TYPE_CHECKING:
@@ -34,6 +36,10 @@ __all__ = ["TrackFilter", "Tracks"]
 
 MISSED = 1e-3  # share of frames that say nothing about the place, whatever they look like
 MISLED_S = 0.2  # seconds after which frames that mislead are down to 1/e; a velocity must be told
+DOUBTED = 1e-3  # chance a frame that the velocity goes wrong, or is right again
+DOUBTED_S = 2.6  # seconds after which an error that explains nothing is believed 1/e as much
+WRONG = 0.3  # metres a second along an axis, of a velocity that is wrong
+WRONG_S = 5.0  # seconds after which its error is down to 1/e: it turns with the vehicle
 BORN = 1e-3  # chance a frame that the vehicle is elsewhere than its tracks
 FAR = 25.0  # log likelihoods this far below the best count as none
 APART = 5.0  # cells between the beginnings of two tracks
@@ -48,7 +54,7 @@ class Tracks(Filter):
     Parameters
     ----------
     tracks : int
-        How many are kept at most.
+        How many are kept at most, and as many again that doubt the velocity.
     velocity_sigma : float
         Standard deviation in m/s along an axis of a velocity that comes with a frame, unless it
         brings its own.
@@ -105,9 +111,10 @@ class TrackFilter:
 
     Attributes
     ----------
-    states : (T, 8) array
-        Of each track, best first: position, velocity, acceleration, lasting error.
-    covariances : (T, 8, 8) array
+    states : (T, 10) array
+        Of each track, best first: position, velocity, acceleration, lasting error of the frames,
+        error of the velocity that is told.
+    covariances : (T, 10, 10) array
     weights : (T,) array
         Summing to one.
     """
@@ -124,16 +131,19 @@ class TrackFilter:
         self.motion, self.measurement, self.area, self.tracks = motion, measurement, area, tracks
         self.velocity_sigma = velocity_sigma
         errors = measurement.error_model
-        memory = np.exp(-float(motion.period_s) / errors.lasts_s)
-        self._transition = np.diag([0.0] * 6 + [memory] * 2)
+        period_s = float(motion.period_s)
+        memory, wrong = np.exp(-period_s / errors.lasts_s), np.exp(-period_s / WRONG_S)
+        self._transition = np.diag([0.0] * 6 + [memory] * 2 + [wrong] * 2)
         self._transition[:6, :6] = motion.transition
-        self._noise = np.diag([0.0] * 6 + [errors.lasting**2 * (1 - memory**2)] * 2)
+        self._noise = np.diag([0.0] * 6 + [errors.lasting**2 * (1 - memory**2)] * 2 + [0.0] * 2)
         self._noise[:6, :6] = motion.noise
-        self._rest = np.diag([*motion.rest, errors.lasting**2, errors.lasting**2])
-        self._seen = np.zeros((2, 8))  # what a frame sees: the position and the lasting error
-        self._seen[:, :2] = self._seen[:, 6:] = np.eye(2)
+        self._rest = np.diag([*motion.rest, *[errors.lasting**2] * 2, 0.0, 0.0])
+        self._wrong = np.diag([0.0] * 8 + [WRONG**2] * 2)
+        self._seen, self._told = np.zeros((2, 10)), np.zeros((2, 10))
+        self._seen[:, :2] = self._seen[:, 6:8] = np.eye(2)  # the position and the lasting error
+        self._told[:, 2:4] = self._told[:, 8:] = np.eye(2)  # the velocity and its error
         self._fresh = errors.fresh**2 * np.eye(2)
-        self._independent_s = errors.independent_s(float(motion.period_s))
+        self._independent_s = errors.independent_s(period_s)
         self._grain = measurement.cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
@@ -141,13 +151,14 @@ class TrackFilter:
 
     def reset(self) -> None:
         """Forget where the vehicle was."""
-        self.states, self.covariances = np.empty((0, 8)), np.empty((0, 8, 8))
+        self.states, self.covariances = np.empty((0, 10)), np.empty((0, 10, 10))
         self.weights = np.empty(0)
         self._misled = np.empty(0)  # chance that the last frame misled, if the track is right
-        self._missed = 0
+        self._missed, self._listened = 0, False
 
     def step(self, observation: Observation | None) -> None:
         """Advance one frame; None where nothing was observed: predict only."""
+        self._listened = observation is not None and observation.aiding.velocity is not None
         if observation is None:
             self._predict()
             return
@@ -156,8 +167,10 @@ class TrackFilter:
         kept = np.flatnonzero(found > peak - FAR)
         cells, shares = self.measurement.centers[kept], np.exp(found[kept] - peak)
         shares /= shares.sum()
-        self._predict()
         velocity = observation.aiding.velocity
+        if velocity is not None:
+            self._doubt()
+        self._predict()
         if velocity is not None:
             sigma = observation.aiding.velocity_sigma or self.velocity_sigma
             self._be_told(np.asarray(velocity, dtype=float), sigma**2 * np.eye(2))
@@ -168,35 +181,61 @@ class TrackFilter:
         if places:
             chance = np.log(BORN) if begun else 0.0
             states, covariances, masses = (np.array(column) for column in zip(*places, strict=True))
-            self.states = np.concatenate([self.states, states])
-            self.covariances = np.concatenate([self.covariances, covariances])
-            self._misled = np.concatenate([self._misled, np.zeros(len(masses))])
+            self._begin(states, covariances, np.zeros(len(masses)))
             log_weights = np.concatenate([log_weights, np.log(masses) + chance])
         self._keep(log_weights)
 
+    @property
+    def doubts(self) -> np.ndarray:
+        """``(T,)`` whether a track takes the velocity that is told to be wrong."""
+        found: np.ndarray = self.covariances[:, 8, 8] > 0
+        return found
+
+    def _begin(self, states: np.ndarray, covariances: np.ndarray, misled: np.ndarray) -> None:
+        self.states = np.concatenate([self.states, states])
+        self.covariances = np.concatenate([self.covariances, covariances])
+        self._misled = np.concatenate([self._misled, misled])
+
+    def _doubt(self) -> None:
+        """Beside each track that has none near, one begins that takes the velocity for wrong where
+        the track believes it, and for right where it does not."""
+        doubts, places = self.doubts, self.states[:, :2]
+        offset = places[:, None] - places
+        near = np.hypot(offset[..., 0], offset[..., 1]) < 2 * APART * self.measurement.cell
+        alone = np.flatnonzero(~(near & (doubts[:, None] != doubts)).any(axis=1))
+        states, covariances = self.states[alone], self.covariances[alone]
+        states[:, 8:] = covariances[:, 8:] = covariances[:, :, 8:] = 0
+        covariances[~doubts[alone]] += self._wrong
+        self._begin(states, covariances, self._misled[alone])
+        weights = np.concatenate([self.weights, DOUBTED * self.weights[alone]])
+        self.weights = weights / weights.sum()
+
     def _predict(self) -> None:
+        grown = np.where(self.doubts, 1 - self._transition[8, 8] ** 2, 0.0)
         self.states = self.states @ self._transition.T
-        self.covariances = self._transition @ self.covariances @ self._transition.T + self._noise
+        covariances = self._transition @ self.covariances @ self._transition.T + self._noise
+        self.covariances = covariances + grown[:, None, None] * self._wrong
 
     def _be_told(self, velocity: np.ndarray, measured: np.ndarray) -> None:
-        """Take a velocity that something else measured, with its ``(2, 2)`` covariance; a track
-        that it contradicts loses weight, against one of which no velocity is known.
+        """Take a velocity that something else measured, with its ``(2, 2)`` covariance.
+
+        A track that it contradicts loses weight, against one of which no velocity is known. If it
+        is wrong it speaks for no track: those that doubt it gain as much as the one that gains
+        most, a little less each time.
         """
         if not len(self.states):
             return
-        gain = self.covariances[:, :, 2:4]
-        spread = gain[:, 2:4] + measured
-        precision = np.linalg.inv(spread)
-        offset = velocity - self.states[:, 2:4]
-        gain = gain @ precision
-        self.states = self.states + np.einsum("tij,tj->ti", gain, offset)
-        covariances = self.covariances - gain @ spread @ gain.transpose(0, 2, 1)
-        self.covariances = (covariances + covariances.transpose(0, 2, 1)) / 2
+        doubts = self.doubts
+        glimpse = Glimpse.of(self.states, self.covariances, self._told, measured)
+        offset = velocity - glimpse.expected
+        self.states, self.covariances = glimpse.after(velocity)
         unknown = self._rest[2:4, 2:4] + measured
-        squared = np.einsum("ti,tij,tj->t", offset, precision, offset)
+        squared = np.einsum("ti,tij,tj->t", offset, glimpse.precision, offset)
         squared -= velocity @ np.linalg.solve(unknown, velocity)
-        ratio = np.linalg.det(precision) * np.linalg.det(unknown)
-        weights = self.weights * np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), MISSED)
+        ratio = np.linalg.det(glimpse.precision) * np.linalg.det(unknown)
+        chance = np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), MISSED)
+        chance[doubts] = np.exp(-float(self.motion.period_s) / DOUBTED_S) * chance.max()
+        weights = self.weights * chance
         self.weights = weights / weights.sum()
 
     def _correct(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -205,10 +244,8 @@ class TrackFilter:
         """
         if not len(self.states):
             return np.empty(0), np.empty((0, 2))
-        gain = self.covariances @ self._seen.T
-        spread = self._seen @ gain + self._fresh
-        precision = np.linalg.inv(spread)
-        expected = self.states @ self._seen.T
+        glimpse = Glimpse.of(self.states, self.covariances, self._seen, self._fresh)
+        expected, precision = glimpse.expected, glimpse.precision
         offset = cells - expected[:, None]
         squared = np.einsum("tmi,tmi->tm", offset @ precision, offset)
         joint = shares * np.exp(-0.5 * squared)
@@ -221,12 +258,8 @@ class TrackFilter:
         mean = np.where(hit[:, None], joint @ cells, expected)
         offset = cells - mean[:, None]
         after = (offset * joint[..., None]).transpose(0, 2, 1) @ offset + self._grain
-        after = np.where(hit[:, None, None], after, spread)
-        gain = gain @ precision
-        turned = gain.transpose(0, 2, 1)
-        self.states = self.states + np.einsum("tij,tj->ti", gain, mean - expected)
-        covariances = self.covariances - gain @ (spread - after) @ turned
-        self.covariances = (covariances + covariances.transpose(0, 2, 1)) / 2
+        after = np.where(hit[:, None, None], after, glimpse.spread)
+        self.states, self.covariances = glimpse.after(mean, after)
         return evidence, mean
 
     def _log_chance(self, evidence: np.ndarray, told: bool) -> np.ndarray:
@@ -269,19 +302,21 @@ class TrackFilter:
             covariance = self._rest.copy()
             covariance[:2, :2] = (offset.T * part) @ offset + self._grain + self._fresh
             # The place is where the frame was seen: the position is that less the lasting error.
-            covariance[:2, :2] += self._rest[6:, 6:]
-            covariance[:2, 6:] = covariance[6:, :2] = -self._rest[6:, 6:]
-            born.append((np.concatenate([mean, np.zeros(6)]), covariance, mass))
+            covariance[:2, :2] += self._rest[6:8, 6:8]
+            covariance[:2, 6:8] = covariance[6:8, :2] = -self._rest[6:8, 6:8]
+            born.append((np.concatenate([mean, np.zeros(8)]), covariance, mass))
         return born
 
     def _keep(self, log_weights: np.ndarray) -> None:
         """The best tracks that say different things, weights summing to one."""
         kept: list[int] = []
         apart, speed = 0.25 * APART * self.measurement.cell, 0.5 * float(self.motion.speed)
+        doubts = self.doubts
         for track in np.argsort(-log_weights, kind="stable"):
-            if len(kept) == self.tracks:
-                break
-            offset = self.states[kept] - self.states[track]
+            alike = [other for other in kept if doubts[other] == doubts[track]]
+            if len(alike) == self.tracks:
+                continue
+            offset = self.states[alike] - self.states[track]
             far = np.hypot(offset[:, 0], offset[:, 1]) > apart
             if (far | (np.hypot(offset[:, 2], offset[:, 3]) > speed)).all():
                 kept.append(int(track))
@@ -309,11 +344,13 @@ class TrackFilter:
         joint = np.einsum("t,tij->ij", self.weights, self.covariances[:, :4, :4])
         joint = joint + np.einsum("t,ti,tj->ij", self.weights, offset, offset)
         grown = self.measurement.lasting_growth(self.states[:1, :2]) - 1
-        joint[:2, :2] += grown * self._rest[6:, 6:]
+        joint[:2, :2] += grown * self._rest[6:8, 6:8]
         elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * APART * self.measurement.cell
         lost = bool(self.weights[elsewhere].sum() > DOUBT or self._missed >= 3)
         position, velocity = self.states[0, :2].copy(), self.states[0, 2:4].copy()
         told = Measurement(position, joint[:2, :2], self._independent_s)
+        wrong = self.states[0, 8:].copy() if self._listened and self.doubts[0] else None
         return Estimate(
-            position, joint[:2, :2], lost=lost, measurement=told, velocity=velocity, joint=joint
-        )
+            position, joint[:2, :2], lost=lost, measurement=told, velocity=velocity, joint=joint,
+            contradicted=wrong,
+        )  # fmt: skip
