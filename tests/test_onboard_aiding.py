@@ -9,8 +9,11 @@ import numpy as np
 import pytest
 from onboard_flying import Kept, run
 from onboard_tools import AREA, CAMERA, Clock, colourful_floor
+from small_survey import AREA as SURVEYED
+from small_survey import look, path
 
 from trexton.aiding import Aiding
+from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.onboard.aids import Aids
 from trexton.onboard.sinks import Guard
@@ -105,3 +108,29 @@ def test_the_columns_of_a_flight_come_with_its_frames_also_when_it_is_paced(flig
     assert late.time > 500 and late.aiding.at(late.time).roll == test.attitude[1, 0]
     bare = FlightSource(replace(test, attitude=None, height=None)).read().aiding
     assert bare.roll is None and bare.height is None and test.area == AREA
+
+
+@pytest.mark.parametrize("drift", [0.0, 0.5])
+def test_a_velocity_that_the_frames_contradict_is_counted_and_said_once(drift, capsys):
+    def flown(name, count, start, seed):
+        places, time = path(count, start)
+        seen = look(places, np.random.default_rng(seed))
+        return Flight(name, np.arange(count), time, places, SURVEYED, histograms=seen)
+
+    later = flown("later", 120, 51.3, 9)
+    texton_map = TextonMap.train(
+        flown("survey", 500, 0.0, 2), method="field", rng=np.random.default_rng(1)
+    )
+    velocity = np.gradient(later.position, later.time, axis=0) + [drift, 0.0]
+
+    class Told(Kept):
+        def aiding(self, time):
+            row = int(np.abs(later.time - time).argmin())
+            return Aiding(velocity=velocity[row], velocity_time=time)
+
+    localizer = Localizer(texton_map, rng=np.random.default_rng(2))
+    fixes, tally, _ = run(localizer, FlightSource(later), sink=Told(), aiding="all")
+    said = capsys.readouterr().err.count("velocity contradicted by the frames, off_m_s 0.")
+    assert len(fixes) == 120
+    assert said == (1 if drift else 0)
+    assert (tally["velocity"] > 60) if drift else (tally["velocity"] == 0)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from small_survey import AREA, errors_of, observed
+from small_survey import AREA, errors_of, look, observed, path
 
 from trexton.aiding import Aiding
 from trexton.errors import ParameterError
@@ -156,6 +156,50 @@ def test_a_kidnapped_vehicle_whose_velocity_is_told_is_found_within_three_second
         told = Aiding(velocity=velocity[row])
         tracker.step(Observation(histogram=lambda row=row: histograms[row], aiding=told))
     assert np.hypot(*(tracker.estimate().position - places[far + 35])) < 0.3
+
+
+TURNED = np.array([[0.87, 0.5], [-0.5, 0.87]])  # a compass that is off by 30 degrees
+
+
+@pytest.mark.parametrize(
+    ("wrong", "off"),
+    [(lambda v: v, 0.0), (lambda v: v @ TURNED, 0.3), (lambda v: v + [0.3, 0.0], 0.3)],
+    ids=["right", "turned", "drifting"],
+)
+def test_a_wrong_velocity_is_noticed_and_costs_little(field, motion, later, wrong, off):
+    places, histograms = later
+    velocity = wrong(np.gradient(places, 0.08, axis=0))
+    alone = errors_of(TrackFilter(motion, field, AREA), places, histograms)
+    tracker, errors, claimed, found = TrackFilter(motion, field, AREA), [], [], []
+    for row, histogram in enumerate(histograms):
+        aiding = Aiding(velocity=velocity[row])
+        tracker.step(Observation(histogram=lambda h=histogram: h, aiding=aiding))
+        estimate = tracker.estimate()
+        offset = estimate.position - places[row]
+        errors.append(np.hypot(*offset))
+        claimed.append(offset @ np.linalg.solve(estimate.covariance, offset) < 9.21)
+        found.append(estimate.contradicted)
+    known = [each for each in found[40:] if each is not None]
+    assert np.mean(errors[40:]) < 1.25 * np.mean(alone[40:])
+    assert np.mean(claimed[40:]) > 0.9
+    if off:
+        assert len(known) > 0.8 * len(found[40:])
+        assert np.median(np.hypot(*np.transpose(known))) == pytest.approx(off, abs=0.15)
+    else:
+        assert not known
+
+
+def test_a_velocity_that_is_right_again_is_believed_again(field, motion, rng):
+    places, _ = path(250, start=51.3)
+    histograms = look(places, rng)
+    velocity = np.gradient(places, 0.08, axis=0)
+    velocity[20:70] += [0.4, 0.0]
+    tracker, doubted = TrackFilter(motion, field, AREA), []
+    for row, histogram in enumerate(histograms):
+        aiding = Aiding(velocity=velocity[row])
+        tracker.step(Observation(histogram=lambda h=histogram: h, aiding=aiding))
+        doubted.append(tracker.estimate().contradicted is not None)
+    assert not any(doubted[:20]) and all(doubted[50:70]) and not any(doubted[-60:])
 
 
 def test_options_out_of_range_are_refused():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -60,6 +61,10 @@ class Aiding:
             self.velocity_time if velocity else None,
             self.velocity_sigma if velocity else None,
         )  # fmt: skip
+
+    def only(self, names: Iterable[str]) -> Aiding:
+        """The parts of these names alone, without stamps: of the moment of the frame."""
+        return Aiding(**{name: getattr(self, name) for name in names})
 
     def shifted(self, seconds: float) -> Aiding:
         """The same on a clock that is ahead by so many seconds."""

@@ -40,6 +40,7 @@ KNOWN: dict[str, tuple[str | None, tuple[str, ...]]] = {
     "height": ("nadir", ("height",)),
     "view": ("nadir", (*_TILT, "height")),
     "velocity": (None, ("velocity",)),
+    "turned": (None, ("velocity",)),  # by a compass that is off
     "all": ("nadir", (*_TILT, "height", "velocity")),
 }
 # The paper's filter has a motion model that asks for no velocity.
@@ -63,13 +64,17 @@ class Parameters(FloorParameters):
     attitude_deg: float = option(0.3, "noise of the attitude in degrees", low=0)
     height_cm: float = option(1.0, "noise of the height in centimetres", low=0)
     velocity_cm_s: float = option(5.0, "noise of the velocity along each axis", low=0)
+    compass_deg: float = option(
+        20.0, "by which a wrong compass turns the velocity", low=-180, high=180
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class _Over:
     """What was found over one floor."""
 
-    errors: dict[str, dict[str, np.ndarray]]  # by method and what was known: (N,) metres
+    flown: dict[str, dict[str, Flown]]  # by method and what was known
+    truth: np.ndarray  # (N, 2) metres
     beside: np.ndarray  # (N,) metres from below the vehicle to the middle of its picture
     ripple: float  # metres, of the height as it was flown
 
@@ -94,8 +99,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         over = [_over(parameters, parameters.seed, *lent_floor(train))]
     rng = stream(parameters.seed, "intervals")
     errors = {
-        method: {known: np.stack([each.errors[method][known] for each in over]) for known in asked}
+        method: {
+            known: np.stack([each.flown[method][known].errors(each.truth) for each in over])
+            for known in asked
+        }
         for method, asked in METHODS.items()
+    }
+    velocities = {
+        known: [each.flown["field"][known] for each in over] for known in ("velocity", "turned")
     }
     values = {
         "error_cm": {
@@ -110,6 +121,17 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 if known != "nothing"
             }
             for method, found in errors.items()
+        },
+        # of the field, where a velocity was told: shares of frames
+        "contradicted": {
+            known: mean_over_floors(np.stack([each.contradicted for each in runs]), rng)
+            for known, runs in velocities.items()
+        },
+        "held": {
+            known: mean_over_floors(
+                np.stack([run.held(each.truth) for run, each in zip(runs, over, strict=True)]), rng
+            )
+            for known, runs in velocities.items()
         },
         "beside_cm": 100 * float(np.mean([each.beside.mean() for each in over])),
         "ripple_cm": 100 * float(np.mean([each.ripple for each in over])),
@@ -153,24 +175,26 @@ def _over(
         )  # fmt: skip
         maps = _maps(_measured(survey, parameters, seed), parameters)
         frames = frames_of(later)
-    told = _told(later, parameters, seed)
+    told, turned = (
+        _told(later, parameters, seed, np.radians(off)) for off in (0.0, parameters.compass_deg)
+    )
 
-    def errors(method: str, known: str) -> np.ndarray:
+    def flown(method: str, known: str) -> Flown:
         view, names = KNOWN[known]
         # Each draws the same patches: what differs between them is not chance.
         localizer = Localizer(
             maps[view, method], samples=parameters.samples, rng=stream(seed, f"aiding {method}")
         )
-        aiding = [_only(each, names) for each in told]
-        return Flown.of(localizer, frames, aiding).errors(later.position)
+        aiding = [each.only(names) for each in (turned if known == "turned" else told)]
+        return Flown.of(localizer, frames, aiding)
 
     compared = {
-        method: {known: errors(method, known) for known in asked}
+        method: {known: flown(method, known) for known in asked}
         for method, asked in METHODS.items()
     }
     assert later.attitude is not None and later.height is not None
     beside = later.height * np.tan(np.hypot(*later.attitude[:, :2].T))
-    return _Over(compared, beside, float(later.height.std()))
+    return _Over(compared, later.position, beside, float(later.height.std()))
 
 
 def _maps(survey: Flight, parameters: Parameters) -> dict[tuple[str | None, str], TextonMap]:
@@ -197,20 +221,17 @@ def _measured(flight: Flight, parameters: Parameters, seed: int) -> Flight:
     return replace(flight, attitude=flight.attitude + attitude, height=flight.height + height)
 
 
-def _told(later: Flight, parameters: Parameters, seed: int) -> list[Aiding]:
-    """All that an autopilot measures beside each frame."""
+def _told(later: Flight, parameters: Parameters, seed: int, off: float) -> list[Aiding]:
+    """All that an autopilot measures beside each frame, its compass `off` by so many radians."""
     noise = stream(seed, "autopilot", 1).standard_normal((len(later), 2))
     velocity = np.gradient(later.position, later.time, axis=0)
     velocity += parameters.velocity_cm_s / 100 * noise
+    turn = np.array([[np.cos(off), np.sin(off)], [-np.sin(off), np.cos(off)]])
     measured = _measured(later, parameters, seed + 1)
     return [
         replace(measured.aiding(row), velocity=each, velocity_time=float(later.time[row]))
-        for row, each in enumerate(velocity)
+        for row, each in enumerate(velocity @ turn)
     ]
-
-
-def _only(aiding: Aiding, names: tuple[str, ...]) -> Aiding:
-    return Aiding(**{name: getattr(aiding, name) for name in names})
 
 
 def mean_over_floors(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:

@@ -84,10 +84,13 @@ class Parameters(MapParameters):
 
 @dataclass(frozen=True, eq=False)
 class Flown:
-    """One run over a flight: ``(N, 2)`` positions and ``(N, 2, 2)`` covariances in metres."""
+    """One run over a flight: ``(N, 2)`` positions and ``(N, 2, 2)`` covariances in metres, and
+    ``(N,)`` whether the velocity that was told was contradicted by the frames.
+    """
 
     position: np.ndarray
     covariance: np.ndarray
+    contradicted: np.ndarray
     step_s: np.ndarray
 
     @classmethod
@@ -103,9 +106,10 @@ class Flown:
             start = perf_counter()
             estimate = localizer.step(frame, aiding=None if aiding is None else aiding[row])
             seconds.append(perf_counter() - start)
-            rows.append((estimate.position, estimate.covariance))
-        position, covariance = (np.array(column) for column in zip(*rows, strict=True))
-        return cls(position, covariance, np.array(seconds))
+            doubt = estimate.contradicted is not None
+            rows.append((estimate.position, estimate.covariance, doubt))
+        position, covariance, contradicted = (np.array(each) for each in zip(*rows, strict=True))
+        return cls(position, covariance, contradicted, np.array(seconds))
 
     def errors(self, truth: np.ndarray) -> np.ndarray:
         """``(N,)`` distances to the truth in metres."""

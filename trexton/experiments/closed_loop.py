@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -22,7 +22,6 @@ from trexton.executor import spread
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.landing import LandingZone
 from trexton.localizer import Estimate, Localizer, TextonMap
-from trexton.odometry import VisualOdometry
 from trexton.simulator import (
     PERIOD,
     Effects,
@@ -35,10 +34,10 @@ from trexton.simulator import (
 )
 from trexton.streams import stream
 
-__all__ = ["AIDING", "Attempt", "Lander", "Mission", "fly_all", "fly_together"]
+__all__ = ["ATTITUDE", "Attempt", "Lander", "Mission", "fly_all", "fly_together"]
 
 NOWHERE = np.full(2, np.nan)
-AIDING = ("none", "attitude", "odometry")
+ATTITUDE = ("roll", "pitch", "yaw")
 HEIGHT_NOISE = 0.01  # metres, of the autopilot's height
 
 
@@ -99,15 +98,14 @@ class Lander:
         Gives the zone and its trigger around a centre.
     options : dict
         Of the localizer.
-    aiding : str
-        What it knows besides the frame, of `AIDING`: nothing, the autopilot's attitude, or the
-        velocity that visual odometry makes of the frames with attitude and height.
+    aiding : tuple of str
+        What the autopilot tells it beside a frame: names of `Aiding`, of attitude and height.
     """
 
     texton_map: TextonMap | None
     zone: Callable[[np.ndarray], LandingZone]
     options: dict[str, Any] = field(default_factory=dict)
-    aiding: str = "none"
+    aiding: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +170,7 @@ def fly_together(
         start = perf_counter()
         looking = any(each.localizer for each in flying.values())
         frame = simulator.render() if looking else None
-        told = autopilot.tell(frame, state, {each.aiding for each in flying.values()})
+        told = autopilot.tell(state)
         rendered_s = perf_counter() - start
         for name, each in list(flying.items()):
             if each.decides(frame, told, state, rendered_s) and state.time > mission.armed_after:
@@ -183,29 +181,17 @@ def fly_together(
 
 
 class _Autopilot:
-    """What comes with a frame, by the names of `AIDING`."""
+    """What is measured beside a frame."""
 
     def __init__(self, mission: Mission, rng: np.random.Generator):
         self._rng, self._sigma = rng, np.radians(mission.attitude_deg)
-        self._odometry = VisualOdometry(mission.camera)
 
-    def tell(
-        self, frame: np.ndarray | None, state: VehicleState, wanted: set[str]
-    ) -> dict[str, Aiding]:
-        """What comes with a frame; odometry only as long as somebody wants it."""
+    def tell(self, state: VehicleState) -> Aiding:
+        """Attitude and height."""
         attitude = state.attitude + self._sigma * self._rng.standard_normal(3)
         height = float(state.position[2] + HEIGHT_NOISE * self._rng.standard_normal())
         roll, pitch, yaw = (float(angle) for angle in attitude)
-        known = Aiding(roll=roll, pitch=pitch, yaw=yaw)
-        velocity = None
-        if frame is not None and "odometry" in wanted:
-            moved = self._odometry.step(frame, state.time, height=height, attitude=attitude)
-            velocity = None if moved is None else moved.velocity
-        return {
-            "none": Aiding(),
-            "attitude": known,
-            "odometry": replace(known, height=height, velocity=velocity),
-        }
+        return Aiding(roll=roll, pitch=pitch, yaw=yaw, height=height)
 
 
 class _Flying:
@@ -223,14 +209,14 @@ class _Flying:
     def decides(
         self,
         frame: np.ndarray | None,
-        told: dict[str, Aiding],
+        told: Aiding,
         state: VehicleState,
         rendered_s: float,
     ) -> bool:
         """Whether it would land after this frame."""
         start = perf_counter()
         self._estimate = (
-            self.localizer.step(frame, aiding=told[self.aiding], time=state.time)
+            self.localizer.step(frame, aiding=told.only(self.aiding), time=state.time)
             if self.localizer
             else _certain(state)
         )

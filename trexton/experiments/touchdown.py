@@ -16,7 +16,14 @@ from typing import Any
 import numpy as np
 
 from trexton.executor import spread
-from trexton.experiments.closed_loop import Attempt, Lander, LandingParameters, Mission, fly_all
+from trexton.experiments.closed_loop import (
+    ATTITUDE,
+    Attempt,
+    Lander,
+    LandingParameters,
+    Mission,
+    fly_all,
+)
 from trexton.experiments.declaration import option
 from trexton.experiments.evaluation import trained_map
 from trexton.experiments.floors import FloorParameters, painted_floor
@@ -25,6 +32,7 @@ from trexton.flights.flight import Flight
 from trexton.landing import LandingZone, TouchdownZone
 from trexton.localizer import TextonMap
 from trexton.metrics import success_rate
+from trexton.parts import make
 from trexton.records import Record
 from trexton.simulator import record_flight
 from trexton.streams import stream
@@ -35,15 +43,22 @@ __all__ = ["LANDERS", "Parameters", "finding", "run"]
 
 @dataclass(frozen=True)
 class Entry:
-    """One that lands: the words for it, its method (None knows the truth), its trigger, what comes
-    beside a frame, and whether the survey took twice as long, in closer lanes.
+    """One that lands: the words for it, its method (None knows the truth), its trigger, what the
+    autopilot tells beside a frame, whether its map makes a velocity of the frames, and whether the
+    survey took twice as long, in closer lanes.
     """
 
     label: str
     method: str | None
     trigger: str = "touchdown"
-    aiding: str = "none"
+    aiding: tuple[str, ...] = ()
+    odometry: bool = False
     longer: bool = False
+
+    @property
+    def map(self) -> tuple[str | None, bool, bool]:
+        """Which map it flies with."""
+        return self.method, self.odometry, self.longer
 
 
 LANDERS = {
@@ -51,9 +66,17 @@ LANDERS = {
     "field_inside": Entry("Field, the paper's trigger", "field", trigger="inside"),
     "field": Entry("Field, predicted touchdown", "field"),
     "field_longer": Entry("Field, twice the survey", "field", longer=True),
-    "field_odometry": Entry("Field and visual odometry", "field", aiding="odometry"),
-    "odometry_longer": Entry("Odometry, twice the survey", "field", aiding="odometry", longer=True),
-    "fine": Entry("Coarse to fine", "fine", aiding="attitude"),
+    "field_odometry": Entry(
+        "Field and visual odometry", "field", aiding=(*ATTITUDE, "height"), odometry=True
+    ),
+    "odometry_longer": Entry(
+        "Field, odometry, twice the survey",
+        "field",
+        aiding=(*ATTITUDE, "height"),
+        odometry=True,
+        longer=True,
+    ),
+    "fine": Entry("Coarse to fine", "fine", aiding=ATTITUDE),
     "truth": Entry("The true position", None),
 }
 FIRST_FLOOR = 600  # seed of the first painted floor; no setting was chosen on these
@@ -137,7 +160,7 @@ def _over(
     }
     landers = {
         name: Lander(
-            maps[entry.method, entry.longer],
+            maps[entry.map],
             zones[entry.trigger],
             {"samples": parameters.samples},
             entry.aiding,
@@ -177,8 +200,10 @@ def _bounds(train: Flight, parameters: Parameters) -> list[dict[str, Any]]:
 
 def _maps(
     train: Flight, mission: Mission, parameters: Parameters, seed: int
-) -> dict[tuple[str | None, bool], TextonMap | None]:
-    """By method, and whether the survey took twice as long."""
+) -> dict[tuple[str | None, bool, bool], TextonMap | None]:
+    """By method, whether it makes a velocity of the frames, and whether the survey took twice as
+    long.
+    """
     rng = stream(parameters.seed, "training")
     paper = trained_map(train, seed=parameters.seed)
     with TemporaryDirectory(prefix="trexton-touchdown-") as folder:
@@ -186,12 +211,18 @@ def _maps(
             Path(folder) / "longer", seed=seed, frames=2 * parameters.survey, floor=mission.floor,
             camera=mission.camera, height=mission.height,
         )  # fmt: skip
+        field = _field(train, parameters, rng)
+        fine = paper.for_method("fine", flight=train, rng=rng)
+        denser = _field(longer, parameters, rng)
+        odometry = {"odometry": make("odometry", "visual")}
         return {
-            (None, False): None,
-            ("paper", False): paper,
-            ("field", False): _field(train, parameters, rng),
-            ("fine", False): paper.for_method("fine", flight=train, rng=rng),
-            ("field", True): _field(longer, parameters, rng),
+            (None, False, False): None,
+            ("paper", False, False): paper,
+            ("field", False, False): field,
+            ("field", True, False): field.with_parts(odometry, flight=train),
+            ("field", False, True): denser,
+            ("field", True, True): denser.with_parts(odometry, flight=longer),
+            ("fine", False, False): fine,
         }
 
 

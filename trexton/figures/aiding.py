@@ -19,6 +19,7 @@ KNOWN = {
     "height": "height",
     "view": "roll, pitch and height",
     "velocity": "velocity",
+    "turned": "velocity, by a wrong compass",
     "all": "all of it",
 }
 LABELS = {"paper": "the paper's filter", "field": "field"}

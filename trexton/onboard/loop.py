@@ -155,6 +155,8 @@ class Onboard:
         if estimate.observed:
             self._observed_at = stamp
             self.tally.count("observed")
+        if estimate.contradicted is not None:
+            self._contradicted(float(np.hypot(*estimate.contradicted)))
         self._pass_on(estimate, stamp, fault, captured)
         total = self._clock() - captured
         self._latencies.add(total)
@@ -179,6 +181,18 @@ class Onboard:
                     say(f"trexton onboard: {error}")
         self.tally.fault(fault)
         return self.localizer.step(None), fault
+
+    def _contradicted(self, off: float) -> None:
+        """Count a velocity that is taken for wrong; once it was a second long, say it."""
+        self.tally.fault("velocity")
+        if self.tally["velocity"] == np.ceil(1.0 / self._model_period):
+            self.report(
+                {
+                    "event": "velocity contradicted by the frames",
+                    "off_m_s": round(off, 2),
+                    "look at": "heading, compass, height, and the odometry's camera",
+                }
+            )
 
     def _catch_up(self, stamp: float) -> None:
         """Advance the filter to the frame before this one of a live camera.

@@ -22,6 +22,8 @@ FAULTS = {
     "bright": "a saturated frame: predict only",
     "frozen": "the same frame again: predict only, open the camera again if it stays",
     "misfit": "a frame the map cannot use: predict only",
+    "velocity": "a velocity that the frames contradict, the camera's or the autopilot's: "
+    "it is taken for wrong, its error learnt",
     "late": "a report later than the rate allows: sent with its own stamp, older frames dropped",
     "clock": "a clock that jumped: the stamp is replaced, and stamps go on increasing",
     "output": "an output failed (disk full, pipe closed): the rest goes on, "
