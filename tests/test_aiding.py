@@ -36,13 +36,16 @@ def test_the_record_compares_all_with_the_frame_alone(record):
             assert gain["median"] == pytest.approx(saved)
             assert gain["low"] <= gain["median"] <= gain["high"]
     assert values["frames"] == 24 and values["floors"] == 1
+    assert set(values["contradicted"]) == set(values["held"]) == {"velocity", "turned"}
+    assert all(0 <= share["median"] <= 1 for share in values["held"].values())
     assert 5 < values["ripple_cm"] < 20 and 0 < values["beside_cm"] < 20
 
 
 def test_finding_table_and_figure_say_what_the_record_holds(record):
     told = aiding.finding(record)
     sure = record.values["gain_cm"]["field"]["velocity"]["low"] > 0
-    assert (", less beyond chance. Told" in told) == sure
+    assert (", less beyond chance. A velocity" in told) == sure
+    assert "a compass turns by 20 degrees" in told
     table = figures.table(record)
     assert list(table.iloc[:, 0]) == list(figures.KNOWN.values())
     assert table.iloc[4, 1] == ""  # the paper's filter takes no velocity

@@ -28,7 +28,7 @@ from trexton.records import Record
 from trexton.simulator import Effects, Floor, record_flight
 from trexton.streams import stream
 from trexton.textons import MAX_TEXTONS
-from trexton.wording import distance, number
+from trexton.wording import distance, number, percent
 
 __all__ = ["KNOWN", "METHODS", "Parameters", "finding", "mean_over_floors", "run"]
 
@@ -250,7 +250,7 @@ def mean_over_floors(rows: np.ndarray, rng: np.random.Generator) -> dict[str, fl
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in three sentences."""
+    """What the experiment found, in four sentences."""
     values = record.values
     field, gains = values["error_cm"]["field"], values["gain_cm"]["field"]
 
@@ -263,7 +263,11 @@ def finding(record: Record) -> str:
 
     return (
         f"By the frame alone the method field errs by {distance(field['nothing'])}; told a "
-        f"velocity as well, by {told('velocity')}. Told attitude and height, so that frames are "
+        f"velocity as well, by {told('velocity')}. A velocity that a compass turns by "
+        f"{number(abs(record.parameters['compass_deg']))} degrees is taken for wrong in "
+        f"{percent(values['contradicted']['turned'])} of frames, a right one in "
+        f"{percent(values['contradicted']['velocity'])}; told it, the field errs by "
+        f"{told('turned')}. Told attitude and height, so that frames are "
         f"counted as seen from straight above, it errs by {told('view')}. A tilted camera looked "
         f"{number(values['beside_cm'])} cm beside the vehicle on average, and its height rippled "
         f"by {number(values['ripple_cm'])} cm."
