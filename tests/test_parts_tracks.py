@@ -202,6 +202,29 @@ def test_a_velocity_that_is_right_again_is_believed_again(field, motion, rng):
     assert not any(doubted[:20]) and all(doubted[50:70]) and not any(doubted[-60:])
 
 
+@pytest.mark.parametrize("glitch", [1e9, -20.0, np.inf, np.nan])
+def test_a_velocity_that_no_vehicle_has_moves_nothing(field, motion, later, glitch):
+    places, histograms = later
+    velocity = np.gradient(places, 0.08, axis=0)
+    velocity[40] = glitch
+    tracker, errors, found = TrackFilter(motion, field, AREA), [], []
+    for row, histogram in enumerate(histograms):
+        aiding = Aiding(velocity=velocity[row])
+        tracker.step(Observation(histogram=lambda h=histogram: h, aiding=aiding))
+        estimate = tracker.estimate()
+        errors.append(np.hypot(*(estimate.position - places[row])))
+        found.append(estimate.contradicted is not None)
+    assert max(errors[10:]) < 0.3
+    assert np.flatnonzero(found).tolist() == [40]
+
+
+def test_a_velocity_of_another_shape_is_refused(field, motion, later):
+    with pytest.raises(ParameterError, match=r"velocity of shape \(3,\)"):
+        TrackFilter(motion, field, AREA).step(
+            Observation(histogram=lambda: later[1][0], aiding=Aiding(velocity=np.zeros(3)))
+        )
+
+
 def test_options_out_of_range_are_refused():
     with pytest.raises(ParameterError, match="tracks"):
         Tracks(tracks=0)

@@ -77,7 +77,7 @@ class Estimate:
         Covariance of position and velocity together, where there is a velocity.
     contradicted : (2,) array or None
         Metres a second by which the velocity that was told seems to be off, where the frames
-        contradict it; None where they do not, or none was told.
+        contradict it or no vehicle flies so; None where they do not, or none was told.
     """
 
     position: np.ndarray

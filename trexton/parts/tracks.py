@@ -39,6 +39,7 @@ MISLED_S = 0.2  # seconds after which frames that mislead are down to 1/e; a vel
 DOUBTED = 1e-3  # chance a frame that the velocity goes wrong, or is right again
 DOUBTED_S = 2.6  # seconds after which an error that explains nothing is believed 1/e as much
 WRONG = 0.3  # metres a second along an axis, of a velocity that is wrong
+UNHEARD_OF = 5.0  # standard deviations of a velocity from which on it is not listened to
 WRONG_S = 5.0  # seconds after which its error is down to 1/e: it turns with the vehicle
 BORN = 1e-3  # chance a frame that the vehicle is elsewhere than its tracks
 FAR = 25.0  # log likelihoods this far below the best count as none
@@ -154,11 +155,18 @@ class TrackFilter:
         self.states, self.covariances = np.empty((0, 10)), np.empty((0, 10, 10))
         self.weights = np.empty(0)
         self._misled = np.empty(0)  # chance that the last frame misled, if the track is right
-        self._missed, self._listened = 0, False
+        self._missed = 0
+        self._off: np.ndarray | None = None  # metres a second, of the velocity that was told
 
     def step(self, observation: Observation | None) -> None:
-        """Advance one frame; None where nothing was observed: predict only."""
-        self._listened = observation is not None and observation.aiding.velocity is not None
+        """Advance one frame; None where nothing was observed: predict only.
+
+        Raises
+        ------
+        ParameterError
+            A velocity is told that is none along two axes.
+        """
+        self._off = None
         if observation is None:
             self._predict()
             return
@@ -167,13 +175,14 @@ class TrackFilter:
         kept = np.flatnonzero(found > peak - FAR)
         cells, shares = self.measurement.centers[kept], np.exp(found[kept] - peak)
         shares /= shares.sum()
-        velocity = observation.aiding.velocity
+        sigma = observation.aiding.velocity_sigma or self.velocity_sigma
+        told = observation.aiding.velocity
+        velocity = None if told is None else self._plausible(told, sigma)
         if velocity is not None:
             self._doubt()
         self._predict()
         if velocity is not None:
-            sigma = observation.aiding.velocity_sigma or self.velocity_sigma
-            self._be_told(np.asarray(velocity, dtype=float), sigma**2 * np.eye(2))
+            self._be_told(velocity, sigma**2 * np.eye(2))
         begun = len(self.states) > 0
         evidence, looked_at = self._correct(cells, shares)
         log_weights = np.log(self.weights) + self._log_chance(evidence, velocity is not None)
@@ -184,6 +193,21 @@ class TrackFilter:
             self._begin(states, covariances, np.zeros(len(masses)))
             log_weights = np.concatenate([log_weights, np.log(masses) + chance])
         self._keep(log_weights)
+        if velocity is not None and self.doubts[0]:
+            self._off = self.states[0, 8:].copy()
+        elif told is not None and velocity is None:
+            self._off = np.asarray(told, dtype=float) - self.states[0, 2:4]
+
+    def _plausible(self, told: np.ndarray, sigma: float) -> np.ndarray | None:
+        """A velocity that this vehicle might have, or be told wrongly; None where it is neither."""
+        velocity = np.asarray(told, dtype=float)
+        if velocity.shape != (2,):
+            raise ParameterError(
+                f"a velocity of shape {velocity.shape} was told: expected (2,), metres a second "
+                "in the map's axes"
+            )
+        usual = np.sqrt(float(self.motion.speed) ** 2 + WRONG**2 + sigma**2)
+        return velocity if np.abs(velocity).max() <= UNHEARD_OF * usual else None
 
     @property
     def doubts(self) -> np.ndarray:
@@ -349,8 +373,7 @@ class TrackFilter:
         lost = bool(self.weights[elsewhere].sum() > DOUBT or self._missed >= 3)
         position, velocity = self.states[0, :2].copy(), self.states[0, 2:4].copy()
         told = Measurement(position, joint[:2, :2], self._independent_s)
-        wrong = self.states[0, 8:].copy() if self._listened and self.doubts[0] else None
         return Estimate(
             position, joint[:2, :2], lost=lost, measurement=told, velocity=velocity, joint=joint,
-            contradicted=wrong,
+            contradicted=self._off,
         )  # fmt: skip
