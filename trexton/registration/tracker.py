@@ -38,6 +38,8 @@ _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a
 _HELD = 0.9  # belief from which a place is the place
 _NEAR_HEADINGS = np.radians([-10.0, 0.0, 10.0])
 _PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
+_IN_VAIN = 25  # frames lost, after which the heading that is told is left aside, or tried again
+_AGREES = np.radians(5.0)  # of a heading that was found and the one that is told
 _DRIFT = 0.15  # cells a frame: odometry's error
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
 _TILT, _HEIGHT = (
@@ -107,6 +109,8 @@ class FloorTracker:
         )  # floor points in the image centre, then and before
         self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
         self._missed = _PATIENCE  # frames since the floor was last seen where it should be
+        self._heeds = True  # the heading that is told; not once it finds nothing
+        self._in_vain = 0  # frames that it found nothing, or none did
         self._last: FloorFix | None = None
 
     def step(
@@ -139,11 +143,15 @@ class FloorTracker:
         if image is None:
             return self._without_frame()
         frame = self.odometry.shrunken(image)
+        told = np.full(3, np.nan) if attitude is None else np.array(attitude, dtype=float)
+        heading = told[2]
+        if not self._heeds:
+            told[2] = np.nan
         seen = _Seen(
             frame,
-            *self._prior(attitude, height),
+            *self._prior(told, height),
             *self.odometry.shift(frame),
-            _knows_heading(attitude),
+            bool(np.isfinite(told[2])),
         )
         if self._last is None:
             self.belief.reset(self._headings(seen))
@@ -157,13 +165,16 @@ class FloorTracker:
             self._weigh(seen, self._region(places))
             fix = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least:
-            return self._coast(fix, moved, seen)
-        self._remember(fix)
+            fix = self._coast(fix, moved, seen)
+        else:
+            self._remember(fix)
+        if np.isfinite(heading):
+            self._reconsider(fix, heading)
         return fix
 
     # -- parts of a step ---------------------------------------------------------------------------
 
-    def _prior(self, attitude: ArrayLike | None, height: float | None) -> tuple[Array, Array]:
+    def _prior(self, measured: Array, height: float | None) -> tuple[Array, Array]:
         """The pose expected at x = y = 0, and its standard deviations."""
         prior = np.array([0, 0, self.height, 0, 0, 0.0])
         rough = (np.inf, np.inf, _HEIGHT * self.height, _TILT, _TILT, np.pi / len(_ALL_HEADINGS))
@@ -171,10 +182,8 @@ class FloorTracker:
         if self._pose is not None:
             prior[[2, 5]] = self._pose[[2, 5]]
             deviation[[2, 5]] = _BETWEEN * (self._pose[2], 1)
-        if attitude is not None:
-            measured = np.asarray(attitude, dtype=float)
-            known = np.isfinite(measured)
-            prior[3:][known], deviation[3:][known] = measured[known], self.attitude_sigma
+        known = np.isfinite(measured)
+        prior[3:][known], deviation[3:][known] = measured[known], self.attitude_sigma
         if height is not None and 1 / _FARTHEST < height / self.height < _FARTHEST:
             prior[2], deviation[2] = height, self.height_sigma
         return prior, deviation
@@ -299,6 +308,19 @@ class FloorTracker:
         self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
         return self._last
 
+    def _reconsider(self, fix: FloorFix, heading: float) -> None:
+        """Whether to go by the heading that is told: as long as the floor is found with it. Else it
+        is looked for with any, by turns."""
+        if not fix.lost:
+            self._in_vain = max(0, self._in_vain - 2)
+            self._heeds = self._heeds or abs(_wrapped(fix.pose[5] - heading)) < _AGREES
+            return
+        self._in_vain += 1
+        if self._in_vain == _IN_VAIN:
+            self._heeds, self._in_vain = not self._heeds, 0
+            self.belief.reset(np.array([heading]) if self._heeds else _ALL_HEADINGS)
+            self._pose = self._velocity = None
+
     def _remember(self, fix: FloorFix) -> None:
         last, self._last = self._pose, fix
         self._velocity = None
@@ -365,10 +387,6 @@ def _near(ground: Ground, reach: float) -> np.ndarray:
     """Cells on the map or within `reach` metres of it: a tilted camera looks beyond its edge."""
     radius = int(np.ceil(reach / ground.cell))
     return cv2.dilate(ground.mask, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)) > 0
-
-
-def _knows_heading(attitude: ArrayLike | None) -> bool:
-    return attitude is not None and bool(np.isfinite(np.asarray(attitude, dtype=float)[2]))
 
 
 def _wrapped(angle: np.ndarray) -> np.ndarray:
