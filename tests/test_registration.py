@@ -273,6 +273,26 @@ def test_without_a_heading_roll_and_pitch_still_count():
     assert np.hypot(*(fix.position - flight(20)[-1][1][:2])) < 0.02
 
 
+@pytest.mark.parametrize("off", [0.35, 1.6])
+def test_a_wrong_heading_is_left_aside_once_nothing_is_found_with_it(off):
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    error, lost = [], []
+    for frame, position, attitude in flight(60):
+        fix = tracker.step(frame, attitude=attitude + [0, 0, off])
+        error.append(np.hypot(*(fix.position - position[:2])))
+        lost.append(fix.lost)
+    assert not tracker._heeds
+    assert max(error[-12:]) < 0.03 and not any(lost[-12:])
+    assert np.mean(np.array(lost)[np.array(error) > 0.3]) > 0.6
+
+
+def test_a_heading_that_is_right_again_is_gone_by_again():
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    for row, (frame, _, attitude) in enumerate(flight(60)):
+        tracker.step(frame, attitude=attitude + [0, 0, 1.6 * (row < 50)])
+    assert tracker._heeds
+
+
 def test_a_large_floor_is_searched_near_the_given_places():
     image = np.random.default_rng(0).integers(0, 255, (1600, 1600, 3), np.uint8)
     image = cv2.GaussianBlur(image, (0, 0), 6)
