@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 import re
 import shlex
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from conftest import small_flight
 
 from trexton import cli
+from trexton.aiding import Aiding
+from trexton.camera import Camera
 from trexton.errors import MapError, ParameterError
 from trexton.flights import Flight, write_flight
 from trexton.localizer import TextonMap
+from trexton.simulator import record_flight
 from trexton.streams import stream
 from trexton.tuning import Bench, Setting, Tried, choose, frontier, replayed_errors, search
 
@@ -72,6 +76,23 @@ def test_replayed_errors_are_of_maps_that_did_not_see_the_frames():
     assert np.hypot(*lost.T).mean() > 1.5 * np.hypot(*errors.T).mean()
 
 
+def test_a_replay_told_its_velocity_errs_less_forwards_and_backwards():
+    flight = told_apart(240)
+    noisy = flight.histograms * np.random.default_rng(2).uniform(0.5, 2, (240, 8))
+    flight = replace(flight, histograms=noisy / noisy.sum(axis=1, keepdims=True))
+    texton_map = TextonMap.train(flight, method="field", rng=stream(1, "training"))
+    velocity = np.diff(flight.position, axis=0, prepend=0) / 0.2
+    wrong = np.roll(velocity, 60, axis=0)
+
+    def error(told):
+        aidings = None if told is None else [Aiding(velocity=each) for each in told]
+        rng = stream(1, "replay")
+        return np.hypot(*replayed_errors(texton_map, samples=None, rng=rng, told=aidings).T).mean()
+
+    assert error(velocity) < 0.8 * error(None)
+    assert error(velocity) < 0.8 * error(wrong)
+
+
 def test_a_search_tries_the_usual_first_and_goes_on_where_it_stopped(tmp_path):
     flight, study = told_apart(), tmp_path / "study.log"
     first = search(flight, methods=["paper"], trials=2, study=study)
@@ -109,6 +130,28 @@ def test_settings_of_images_choose_textons_cells_and_samples():
     assert setting.commands("my hall; a", "m.npz")[0].startswith("trexton train 'my hall; a' -o")
     assert str(setting) == "method field, 30 textons, 2 x 2 cells, every patch"
     assert str(Setting(neighbors=1, particles=50)) == "method paper, 1 neighbour, 50 particles"
+
+
+@pytest.fixture(scope="module")
+def survey(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tuning") / "survey"
+    return record_flight(folder, frames=170, camera=Camera(160, 120, 130.0), seed=3)
+
+
+def test_a_search_sees_what_odometry_brings_where_a_flight_shows_how_it_moves(survey):
+    alone, moving = search(survey, methods=["field"], trials=2)
+    assert (alone.setting.odometry, moving.setting.odometry) == (False, True)
+    assert moving.error_m != alone.error_m
+    assert moving.frame_s > alone.frame_s
+    train, _ = moving.setting.commands("room", "m.npz")
+    assert "--method field --set odometry=visual --textons 20" in train
+    assert str(moving.setting).endswith(", visual odometry")
+
+
+def test_without_a_camera_no_odometry_is_tried(survey):
+    bare = Bench(replace(survey, camera=None))
+    assert not bare.sees_motion and Bench(survey).sees_motion
+    assert not Bench(told_apart()).sees_motion
 
 
 def test_bad_input_is_one_clear_error(tmp_path):

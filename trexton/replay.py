@@ -7,11 +7,12 @@ flight that samples sees them; the dictionary stays.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.errors import MapError
 from trexton.estimate import Estimate
 from trexton.localizer import Localizer
@@ -75,7 +76,11 @@ def stretches(time: np.ndarray) -> list[np.ndarray]:
 
 
 def replay(
-    texton_map: TextonMap, *, samples: int | None, rng: np.random.Generator
+    texton_map: TextonMap,
+    *,
+    samples: int | None,
+    rng: np.random.Generator,
+    told: Sequence[Aiding | None] | None = None,
 ) -> Iterator[Flown]:
     """Fly the left-out stretches of a map's own training flight, without the frames in which the
     filter settles.
@@ -83,10 +88,12 @@ def replay(
     Parameters
     ----------
     texton_map : TextonMap
-        Whose parts say which method; calibration and integrity do not fly.
+        Whose parts say which method; calibration, integrity and odometry do not fly.
     samples : int or None
         Patches a frame, where the map has a dictionary; None looks at every one.
     rng : numpy.random.Generator
+    told : sequence of Aiding, optional
+        What came beside each frame of the training flight; its velocities alone are told.
 
     Raises
     ------
@@ -96,7 +103,7 @@ def replay(
     parts = {
         role: part
         for role, part in texton_map.parts.items()
-        if role not in ("calibration", "integrity")
+        if role not in ("calibration", "integrity", "odometry")
     }
     every = stretches(texton_map.time)
     half = len(every) // 2
@@ -109,7 +116,7 @@ def replay(
             localizer = Localizer(method, rng=rng)
             for rows in order:
                 localizer.reset()
-                yield from _fly(localizer, texton_map, rows, samples, rng)
+                yield from _fly(localizer, texton_map, rows, samples, rng, told)
 
 
 def _without(texton_map: TextonMap, rows: np.ndarray) -> TextonMap:
@@ -130,13 +137,24 @@ def _fly(
     rows: np.ndarray,
     samples: int | None,
     rng: np.random.Generator,
+    told: Sequence[Aiding | None] | None,
 ) -> Iterator[Flown]:
     drawn = samples if texton_map.dictionary is not None else None
     for since, row in enumerate(rows):
         histogram = texton_map.histograms[row]
         if drawn is not None:
             histogram = rng.multinomial(drawn, histogram / histogram.sum()) / drawn
-        observation = localizer.observation(histogram, samples=drawn)
+        aiding = None if told is None or not since else _on_the_way(told, rows[since - 1], row)
+        observation = localizer.observation(histogram, aiding=aiding, samples=drawn)
         estimate = localizer.advance(observation)
         if since * texton_map.period_s >= WARM_S:
             yield Flown(row, texton_map.positions[row], estimate, observation.neighbors)
+
+
+def _on_the_way(told: Sequence[Aiding | None], last: int, row: int) -> Aiding | None:
+    """The velocity from one row to the next, or back: it was told with the later of them."""
+    known = told[max(last, row)]
+    if known is None or known.velocity is None:
+        return None
+    velocity = known.velocity if row > last else -known.velocity
+    return Aiding(velocity=velocity, velocity_sigma=known.velocity_sigma)

@@ -10,7 +10,7 @@ import json
 import os
 import shlex
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
 from time import perf_counter
@@ -18,11 +18,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trexton.aiding import Aiding
 from trexton.errors import ParameterError, TrextonError
 from trexton.files import digest
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import compose
+from trexton.parts import make
 from trexton.replay import replay, stretches
 from trexton.streams import stream
 
@@ -52,6 +54,7 @@ class Setting:
     textons: int | None = None
     cells: int | None = None
     samples: int | None = None
+    odometry: bool | None = None
     neighbors: int | None = None
     particles: int | None = None
 
@@ -60,6 +63,7 @@ class Setting:
         if self.cells is not None:
             words += [f"{self.textons} textons", f"{self.cells} x {self.cells} cells"]
             words += [f"{self.samples} samples" if self.samples else "every patch"]
+        words += ["visual odometry"] * bool(self.odometry)
         if self.neighbors is not None:
             words += [f"{self.neighbors} neighbour{'s' if self.neighbors > 1 else ''}"]
             words += [f"{self.particles} particles"]
@@ -69,6 +73,7 @@ class Setting:
         """The commands that train a map and fly it with this setting."""
         train, fly = ["trexton", "train", flight, "-o", output], ["trexton", "onboard", output]
         train += ["--method", self.method]
+        train += ["--set", "odometry=visual"] * bool(self.odometry)
         for words, names in (
             (train, ("textons", "cells", "neighbors")),
             (fly, ("samples", "particles")),
@@ -89,13 +94,19 @@ class Tried:
 
 
 def replayed_errors(
-    texton_map: TextonMap, *, samples: int | None, rng: np.random.Generator
+    texton_map: TextonMap,
+    *,
+    samples: int | None,
+    rng: np.random.Generator,
+    told: Sequence[Aiding | None] | None = None,
 ) -> np.ndarray:
     """``(N, 2)`` metres by which left-out stretches of the training flight are misplaced.
 
-    Frames in which the filter has not yet had its time to settle do not count.
+    Frames in which the filter has not yet had its time to settle do not count; for `told` see
+    `trexton.replay.replay`.
     """
-    return np.array([one.error for one in replay(texton_map, samples=samples, rng=rng)])
+    flown = replay(texton_map, samples=samples, rng=rng, told=told)
+    return np.array([one.error for one in flown])
 
 
 @dataclass(eq=False)
@@ -125,12 +136,18 @@ class Bench:
             "measurement.neighbors": setting.neighbors, "filter.particles": setting.particles
         }  # fmt: skip
         chosen = {name: value for name, value in choices.items() if value is not None}
-        return self._maps[key].for_method(setting.method).changed(chosen)
+        texton_map = self._maps[key].for_method(setting.method).changed(chosen)
+        if not setting.odometry:
+            return texton_map
+        odometry = {"odometry": self._moving.parts["odometry"]}
+        return replace(texton_map, parts=texton_map.parts | odometry)
 
     def error_m(self, setting: Setting, texton_map: TextonMap) -> float:
         """Mean Euclidean error of the replay, metres."""
-        rng = stream(self.seed, f"replay {digest(asdict(setting))[:12]}")
-        errors = replayed_errors(texton_map, samples=setting.samples or None, rng=rng)
+        known = {name: value for name, value in asdict(setting).items() if name != "odometry"}
+        rng = stream(self.seed, f"replay {digest(known)[:12]}")
+        told = self._told if setting.odometry else None
+        errors = replayed_errors(texton_map, samples=setting.samples or None, rng=rng, told=told)
         return float(np.hypot(*errors.T).mean())
 
     def frame_s(self, setting: Setting, texton_map: TextonMap) -> float:
@@ -144,6 +161,29 @@ class Bench:
             localizer.step(frame)
             taken.append(perf_counter() - start)
         return float(np.median(taken[3:]))
+
+    @cached_property
+    def sees_motion(self) -> bool:
+        """Whether the flight has what visual odometry takes: images, their camera and heights."""
+        try:
+            return self._moving is not None
+        except TrextonError:
+            return False
+
+    @cached_property
+    def _moving(self) -> TextonMap:
+        """A map with odometry, which is the same whatever the textons."""
+        usual = self.map(Setting(**_usual("field", self.flight.has_images)))
+        return usual.with_parts({"odometry": make("odometry", "visual")}, flight=self.flight)
+
+    @cached_property
+    def _told(self) -> list[Aiding | None]:
+        """The velocity that each frame tells, from the camera alone."""
+        flight, seeing = self.flight, self._moving
+        running = seeing.parts["odometry"].open(seeing.period_s)
+        return [
+            running.aid(flight.image(row), None, flight.time[row]) for row in range(len(flight))
+        ]
 
     @cached_property
     def _frames(self) -> Sequence[np.ndarray]:
@@ -198,13 +238,17 @@ def search(
         compose(method)
     optuna.logging.set_verbosity(optuna.logging.CRITICAL)  # a failed trial is told below
     searched = _study(study, digest(flight.data_hash, list(methods), seed)[:16], seed)
+    bench, reasons = Bench(flight, seed), []
+    sees_motion = "field" in methods and flight.has_images and bench.sees_motion
     if not searched.trials:
         for method in methods:
-            searched.enqueue_trial(_usual(method, flight.has_images))
-    bench, reasons = Bench(flight, seed), []
+            usual = _usual(method, flight.has_images)
+            moving = method == "field" and sees_motion
+            for choice in [{"odometry": False}, {"odometry": True}] if moving else [{}]:
+                searched.enqueue_trial(usual | choice)
 
     def attempt(trial: optuna.Trial) -> tuple[float, float]:
-        setting = _suggested(trial, methods, flight.has_images)
+        setting = _suggested(trial, methods, flight.has_images, sees_motion)
         try:
             texton_map = bench.map(setting)
             return bench.error_m(setting, texton_map), bench.frame_s(setting, texton_map)
@@ -266,12 +310,17 @@ def _cut_half_line(file: Path) -> None:
         os.truncate(file, sum(map(len, whole)))
 
 
-def _suggested(trial: optuna.Trial, methods: Sequence[str], images: bool) -> Setting:
+def _suggested(
+    trial: optuna.Trial, methods: Sequence[str], images: bool, sees_motion: bool
+) -> Setting:
     choices: dict[str, Any] = {"method": trial.suggest_categorical("method", methods)}
     if images:
         for name, values in (("textons", TEXTONS), ("cells", CELLS), ("samples", SAMPLES)):
             choices[name] = trial.suggest_categorical(name, values)
-    if choices["method"] != "field":
+    if choices["method"] == "field":
+        if sees_motion:
+            choices["odometry"] = trial.suggest_categorical("odometry", (False, True))
+    else:
         choices["neighbors"] = trial.suggest_int("neighbors", 1, MOST_NEIGHBORS)
         choices["particles"] = trial.suggest_categorical("particles", PARTICLES)
     return Setting(**choices)
