@@ -12,9 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import trexton
-from trexton.cache import code_hashes, shipped
+from trexton.cache import code_hashes, kept_results, shipped
 from trexton.errors import TrextonError
 from trexton.experiments import Experiment
+from trexton.files import digest
 from trexton.workflow.formats import jupytext
 from trexton.workflow.made import made_notebook
 
@@ -71,12 +72,26 @@ class Notebook:
     @cached_property
     def code(self) -> dict[str, str]:
         """SHA-256 of every module of this package that the notebook's code reaches."""
-        source = "\n".join(cell.source for cell in self.content.cells if cell.cell_type == "code")
         hashes: dict[str, str] = {}
-        for node in ast.walk(ast.parse(source)):
+        for node in self._nodes:
             for name in _imported_modules(node):
                 hashes |= code_hashes(name)
         return {name: hashes[name] for name in sorted(hashes) if name not in _NOT_AN_INPUT}
+
+    @property
+    def kept(self) -> dict[str, str]:
+        """SHA-256 of every result of a longer run, kept with the code, that its code names."""
+        words = {node.value for node in self._nodes if isinstance(node, ast.Constant)}
+        return {
+            path.name: digest(path)
+            for path in kept_results()
+            if path.stem.removeprefix("sweep-") in words
+        }
+
+    @cached_property
+    def _nodes(self) -> list[ast.AST]:
+        source = "\n".join(cell.source for cell in self.content.cells if cell.cell_type == "code")
+        return list(ast.walk(ast.parse(source)))
 
 
 def _imported_modules(node: ast.AST) -> list[str]:
