@@ -22,6 +22,7 @@ from trexton.landing import TouchdownZone
 from trexton.wording import Tree
 from trexton.workflow import FlightPair, Outcome
 from trexton.workflow.formats import nbformat
+from trexton.workflow.plan import sole_writer
 
 BUILT = ROOT / "book" / "_build" / "html"
 
@@ -128,7 +129,11 @@ def test_the_contents_name_only_pages_that_are_there(results, tmp_path):
     pairs, outcomes, folder = results
     staged = tmp_path / "staged"
     staged.mkdir()
-    stage(Contents(ROOT / "book", folder, pairs, outcomes), staged, "_toc_small.yml")
+    stage(
+        Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes),
+        staged,
+        "_toc_small.yml",
+    )
     assert (staged / "small" / "mocap_training.ipynb").is_file() and (
         staged / "small" / "mocap_training.json"
     ).is_file()
@@ -148,7 +153,11 @@ def test_a_page_that_does_not_exist_stops_the_build(results, tmp_path):
     shutil.copytree(ROOT / "book", source, ignore=shutil.ignore_patterns("_build"))
     (source / "_toc_small.yml").write_text("root: small\nparts:\n- chapters:\n  - file: moon\n")
     with pytest.raises(DataError, match="the page 'moon' does not exist"):
-        stage(Contents(source, folder, pairs, outcomes), tmp_path, "_toc_small.yml")
+        stage(
+            Contents(source, ROOT / "notebooks", folder, pairs, outcomes),
+            tmp_path,
+            "_toc_small.yml",
+        )
 
 
 def test_the_whole_book_can_be_staged_without_the_real_flight(results, tmp_path):
@@ -156,7 +165,14 @@ def test_the_whole_book_can_be_staged_without_the_real_flight(results, tmp_path)
     staged = tmp_path / "staged"
     staged.mkdir()
     stage(
-        Contents(ROOT / "book", folder, pairs, outcomes, absent={"cyberzoo": "the net is down"}),
+        Contents(
+            ROOT / "book",
+            ROOT / "notebooks",
+            folder,
+            pairs,
+            outcomes,
+            absent={"cyberzoo": "the net is down"},
+        ),
         staged,
     )
     for page in ("intro", "data", "real_flight"):
@@ -165,8 +181,12 @@ def test_the_whole_book_can_be_staged_without_the_real_flight(results, tmp_path)
 
 def test_a_small_book_is_built_audited_and_reused(results, capsys):
     pairs, outcomes, folder = results
-    index = build_small_book(pairs, outcomes, folder)
+    own = folder.parent / "own"
+    own.mkdir()
+    (own / "mocap_training.md").write_text("# What ran")
+    index = build_small_book(pairs, outcomes, folder, own)
     assert "book: built" in capsys.readouterr().err
+    assert (index.parent / "small" / "mocap_training.md").read_text() == "# What ran"
     page = (index.parent / "small" / "mocap_training.html").read_text()
     assert 'alt="a black box"' in page and "<math" in page and "MathJax" not in page
     assert "THEBE" not in page and "fontawesome" not in page and 'name="description"' in page
@@ -180,6 +200,8 @@ def test_a_small_book_is_built_audited_and_reused(results, capsys):
         notebook.read_text().replace("in it.", "in it, and a {doc}`lost page </moon>`.")
     )
     with pytest.raises(TrextonError, match="unknown document.*moon"):
+        build_small_book(pairs, outcomes, folder)
+    with sole_writer(folder), pytest.raises(TrextonError, match="another run is writing to"):
         build_small_book(pairs, outcomes, folder)
     assert index.is_file()  # the last good book stays
 

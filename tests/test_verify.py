@@ -173,7 +173,7 @@ def test_faults_are_one_clear_error(processes, tmp_path, monkeypatch):
         path.write_text(text)
         with pytest.raises(TrextonError, match="not a readable record"):
             verify(path, tmp_path, "flight")
-    monkeypatch.setattr(module, "repository_root", lambda: None)
+    monkeypatch.setattr(module, "kept_results", lambda: [])
     with pytest.raises(TrextonError, match="name a record"):
         references()
 

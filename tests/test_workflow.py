@@ -374,6 +374,7 @@ def test_the_command_line_says_it_in_one_sentence(house, capsys):
         (["--only", "nothing"], "no experiment is named 'nothing': the names are"),
         (["--set", "samples"], "--set 'samples': expected key=value"),
         (["--set", "colour=red"], "has a parameter 'colour'"),
+        (["--notebooks", str(house.out)], "holds no notebook of an experiment: expected files"),
     ]:
         assert cli.main([*command[1:], *words, "--quiet"]) == 1
         error = capsys.readouterr().err

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 
+import pytest
 from conftest import ROOT
 from tiny_notebooks import write_notebook
 
+from trexton.errors import TrextonError
 from trexton.experiments import EXPERIMENTS
-from trexton.workflow.facts import Fact, reasons
+from trexton.workflow.facts import Fact, inputs_of, reasons
 from trexton.workflow.notebooks import Notebook, find_notebooks
 
 
@@ -22,6 +24,34 @@ def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
         "trexton.files",
     } <= code.keys()
     assert "trexton.experiments" not in code  # the registry: a new line in it changes no result
+
+
+def test_commands_of_ipython_are_understood_and_faults_named(tmp_path):
+    body = "%matplotlib inline\n!true\nfrom trexton import metrics\n"
+    assert "trexton.metrics" in read(write_notebook(tmp_path, "commands", body)).code
+    broken = read(write_notebook(tmp_path, "broken", "from from trexton\n"))
+    with pytest.raises(TrextonError, match="broken.md: a cell is no Python .*'from from trexton'"):
+        _ = broken.code
+
+
+def test_a_notebook_that_is_no_text_is_named(tmp_path):
+    (tmp_path / "overview.md").write_bytes("grün".encode("latin-1"))
+    with pytest.raises(TrextonError, match="overview.md: not a text file .*: write it as UTF-8"):
+        find_notebooks(tmp_path, EXPERIMENTS)
+
+
+def test_a_result_kept_with_the_code_that_a_notebook_shows_goes_into_it():
+    notebooks = find_notebooks(None, EXPERIMENTS)
+    assert notebooks["heading"].kept.keys() == {"heading.json", "heading-60.json"}
+    assert notebooks["suitability"].kept.keys() == {"sweep-suitability.json"}
+    assert not notebooks["mocap_training"].kept
+    (fact,) = (
+        each
+        for each in inputs_of("small/fine", notebooks["fine"], {}, {})
+        if "fine.json" in (each.read() or {})
+    )
+    before = {fact.name: json.dumps({"fine.json": "1"})}
+    assert reasons([fact], before, ROOT, "fine") == ["file data/reference/fine.json changed"]
 
 
 def test_changes_are_told_in_words(tmp_path):

@@ -19,7 +19,14 @@ from trexton.files import atomic_file, digest
 from trexton.progress import say
 from trexton.records import software_versions
 
-__all__ = ["cache_folder", "cached", "code_hashes", "repository_root", "shipped"]
+__all__ = [
+    "cache_folder",
+    "cached",
+    "code_hashes",
+    "kept_results",
+    "repository_root",
+    "shipped",
+]
 
 _PACKAGE = Path(__file__).resolve().parent
 _ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")
@@ -46,6 +53,12 @@ def shipped(name: str) -> Path:
     return place
 
 
+def kept_results() -> list[Path]:
+    """``data/reference/*.json`` of the clone: results of longer runs, kept with the code."""
+    root = repository_root()
+    return sorted((root / "data" / "reference").glob("*.json")) if root else []
+
+
 def cache_folder() -> Path:
     """``$TREXTON_CACHE``, else ``data/cache`` of the clone, else the user's cache."""
     if folder := os.environ.get("TREXTON_CACHE"):
@@ -58,6 +71,7 @@ def cache_folder() -> Path:
 def code_hashes(module: str) -> dict[str, str]:
     """SHA-256 of the source of `module` and of all of this package it imports, however deep.
 
+    To a package belong the pages, styles and scripts beside its modules.
     What tables name as ``"trexton.module:name"`` counts as imported.
     """
     hashes: dict[str, str] = {}
@@ -89,7 +103,15 @@ def _hash_and_imports(module: str) -> tuple[str, list[str]] | None:
         elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             if _ADDRESS.fullmatch(node.value):  # in a table of what is imported when asked for
                 names.append(node.value.partition(":")[0])
-    return hashlib.sha256(source).hexdigest(), names
+    total = hashlib.sha256(source)
+    for asset in _assets(place):
+        total.update(asset.read_bytes())
+    return total.hexdigest(), names
+
+
+def _assets(place: Path) -> list[Path]:
+    """What the modules of a package read from beside them; none where `place` is no package."""
+    return sorted(path for path in place.glob("*") if path.suffix in (".css", ".html", ".js"))
 
 
 def cached(

@@ -16,7 +16,7 @@ import pandas as pd
 from IPython.display import HTML, SVG, Markdown
 from matplotlib.figure import Figure
 
-from trexton.cache import repository_root
+from trexton.cache import kept_results, repository_root
 from trexton.claims import judge_all, load_claims, write_ledger
 from trexton.claims.page import claims_html, counts_html, filters_html
 from trexton.experiments import EXPERIMENTS
@@ -285,9 +285,7 @@ def swept(plan: str) -> dict[str, Any] | None:
 
 
 def _kept(name: str) -> Path | None:
-    root = repository_root()
-    path = None if root is None else root / "data" / "reference" / f"{name}.json"
-    return path if path is not None and path.is_file() else None
+    return next((path for path in kept_results() if path.stem == name), None)
 
 
 def show_table(table: pd.DataFrame, caption: str = "", name: str = "") -> HTML:

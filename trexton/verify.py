@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from trexton.cache import repository_root
+from trexton.cache import kept_results
 from trexton.errors import TrextonError
 from trexton.executor import THREAD_VARIABLES
 from trexton.experiments import EXPERIMENTS
@@ -122,8 +122,7 @@ def references() -> list[Path]:
     TrextonError
         There are none, as where the package is installed without its repository.
     """
-    root = repository_root()
-    found = sorted((root / "data" / "reference").glob("verify-*.json")) if root else []
+    found = [path for path in kept_results() if path.name.startswith("verify-")]
     if not found:
         raise TrextonError("no reference values are here: name a record, or work in a whole clone")
     return found

@@ -23,6 +23,7 @@ from trexton.errors import TrextonError
 from trexton.files import atomic_file, digest, put_in_place, work_folder
 from trexton.progress import say
 from trexton.workflow import FlightPair, Outcome, outputs_of, run_experiments
+from trexton.workflow.plan import sole_writer
 
 _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
 
@@ -64,7 +65,9 @@ def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None 
     prepared = prepare_flights(Path("data") / "flights")
     results = Path("results")
     outcomes = run_experiments(prepared.pairs, results, settings=settings, jobs=jobs)
-    contents = Contents(Path("book"), results, prepared.pairs, outcomes, prepared.absent)
+    contents = Contents(
+        Path("book"), Path("notebooks"), results, prepared.pairs, outcomes, prepared.absent
+    )
     made = Made(Path("book") / "_build" / "html" / "index.html", prepared.said, outcomes=outcomes)
     made.said.append(_build(contents, made.index.parent))
     made.found += [each.text for each in what_we_found(records_by_name(results, outcomes))]
@@ -76,9 +79,23 @@ def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None 
     return made
 
 
-def build_small_book(pairs: list[FlightPair], outcomes: list[Outcome], results: Path) -> Path:
-    """A book of one run only, in ``<results>/book/html``; returns its index page."""
-    contents = Contents(shipped("book"), results, pairs, outcomes)
+def build_small_book(
+    pairs: list[FlightPair],
+    outcomes: list[Outcome],
+    results: Path,
+    notebooks: str | os.PathLike[str] | None = None,
+) -> Path:
+    """A book of one run only, in ``<results>/book/html``; returns its index page.
+
+    `notebooks` is the folder of those that ran, this package's own by default.
+
+    Raises
+    ------
+    TrextonError
+        Another run is writing to `results`, or Jupyter Book or the audit finds a fault.
+    """
+    place = shipped("notebooks") if notebooks is None else Path(notebooks)
+    contents = Contents(shipped("book"), place, results, pairs, outcomes)
     say(_build(contents, results / "book" / "html", "_toc_small.yml"))
     return results / "book" / "html" / "index.html"
 
@@ -87,7 +104,7 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
     """Stage and build, unless the sources are those of the last build; returns a sentence."""
     html.parent.mkdir(parents=True, exist_ok=True)
     stamp = html.parent / ".book.stamp"
-    with work_folder(html) as work:
+    with sole_writer(contents.results), work_folder(html) as work:
         source = work / "source"
         source.mkdir()
         stage(contents, source, toc_file)
@@ -158,6 +175,6 @@ def _put_beside(contents: Contents, built: Path) -> None:
             (built / flight).mkdir(exist_ok=True)
             for path in outputs_of(contents.results / flight, name):
                 shutil.copyfile(path, built / flight / path.name)
-            text = contents.source.parent / "notebooks" / f"{name}.md"
+            text = contents.notebooks / f"{name}.md"
             if text.is_file():
                 shutil.copyfile(text, built / flight / text.name)

@@ -42,21 +42,21 @@ class Contents:
     ----------
     source : Path
         Folder of prose, ``_config.yml``, ``_toc.yml`` and ``_static``.
+    notebooks : Path
+        Folder of the notebooks that ran.
     results : Path
     pairs : sequence of FlightPair
     outcomes : sequence of Outcome
     absent : mapping of str to str
         Flights that the book would have liked, and why they are not there.
-    extra : mapping of str to Path
-        Further files to put beside the pages, by their path in the book.
     """
 
     source: Path
+    notebooks: Path
     results: Path
     pairs: Sequence[FlightPair]
     outcomes: Sequence[Outcome]
     absent: Mapping[str, str] = field(default_factory=dict)
-    extra: Mapping[str, Path] = field(default_factory=dict)
 
     def good(self, flight: str) -> list[str]:
         """Experiments that have results on `flight` ("" for those over every flight)."""
@@ -116,9 +116,6 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
                     _write_notebook(notebook, folder / flight / path.name, contents.good(flight))
                 else:
                     shutil.copyfile(path, folder / flight / path.name)
-    for name, path in contents.extra.items():
-        (folder / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, folder / name)
     for name in ("_config.yml", "references.bib"):
         shutil.copyfile(contents.source / name, folder / name)
     shutil.copytree(contents.source / "_static", folder / "_static")

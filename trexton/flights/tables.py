@@ -38,7 +38,7 @@ def read_text(path: Path) -> str:
     except OSError as error:
         raise FlightError(f"{path}: cannot be read ({error.strerror}): check the path") from None
     except UnicodeDecodeError as error:
-        raise FlightError(f"{path}: not a text table ({error}): write it as UTF-8") from None
+        raise FlightError(f"{path}: not a text file ({error}): write it as UTF-8") from None
 
 
 def read_table(path: Path, names: list[str] | None = None) -> pd.DataFrame:

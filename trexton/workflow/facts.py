@@ -31,6 +31,7 @@ _LABELS = {
     "data": "data of the flight ",
     "code": "module ",
     "paper": "file data/paper/",
+    "reference": "file data/reference/",
     "record": "record ",
 }
 
@@ -89,6 +90,7 @@ def inputs_of(
         fixed("code", owner, notebook.code),
         fixed("versions", owner, software_versions()),
         fixed("paper", owner, {path.name: digest(path) for path in paper}),
+        fixed("reference", owner, notebook.kept),
     ]
 
 

@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import trexton
-from trexton.cache import code_hashes, shipped
-from trexton.errors import TrextonError
+from trexton.cache import code_hashes, kept_results, shipped
+from trexton.errors import ParameterError, TrextonError
 from trexton.experiments import Experiment
+from trexton.files import digest
+from trexton.flights.tables import read_text
 from trexton.workflow.formats import jupytext
 from trexton.workflow.made import made_notebook
 
@@ -33,13 +35,23 @@ def find_notebooks(
 
     It is ``<name>.md`` of the folder (this package's own by default); an experiment without one has
     the notebook that its module makes: see `made_notebook`.
+
+    Raises
+    ------
+    ParameterError
+        The folder has none.
     """
     place = shipped("notebooks") if folder is None else Path(folder)
+    if folder and not any((place / f"{name}.md").is_file() for name in experiments):
+        raise ParameterError(
+            f"{place}: holds no notebook of an experiment: expected files such as "
+            f"{next(iter(experiments))}.md"
+        )
     found = {}
     for name, experiment in experiments.items():
         path = place / f"{name}.md"
         if path.is_file():
-            found[name] = Notebook(name, str(path), path.read_text(encoding="utf-8"))
+            found[name] = Notebook(name, str(path), read_text(path))
         elif text := made_notebook(name, experiment):
             found[name] = Notebook(name, f"the notebook of {name}", text)
     return found
@@ -71,12 +83,38 @@ class Notebook:
     @cached_property
     def code(self) -> dict[str, str]:
         """SHA-256 of every module of this package that the notebook's code reaches."""
-        source = "\n".join(cell.source for cell in self.content.cells if cell.cell_type == "code")
         hashes: dict[str, str] = {}
-        for node in ast.walk(ast.parse(source)):
+        for node in self._nodes:
             for name in _imported_modules(node):
                 hashes |= code_hashes(name)
         return {name: hashes[name] for name in sorted(hashes) if name not in _NOT_AN_INPUT}
+
+    @property
+    def kept(self) -> dict[str, str]:
+        """SHA-256 of every result of a longer run, kept with the code, that its code names."""
+        words = {node.value for node in self._nodes if isinstance(node, ast.Constant)}
+        return {
+            path.name: digest(path)
+            for path in kept_results()
+            if path.stem.removeprefix("sweep-") in words
+        }
+
+    @cached_property
+    def _nodes(self) -> list[ast.AST]:
+        """Of the code of all cells, IPython's own commands as the calls that they stand for."""
+        from IPython.core.inputtransformer2 import TransformerManager
+
+        nodes: list[ast.AST] = []
+        for cell in self.content.cells:
+            if cell.cell_type == "code":
+                try:
+                    nodes += ast.walk(ast.parse(TransformerManager().transform_cell(cell.source)))
+                except SyntaxError as error:
+                    line = (error.text or "").strip()
+                    raise TrextonError(
+                        f"{self.source}: a cell is no Python ({error.msg}: {line!r}): correct it"
+                    ) from None
+        return nodes
 
 
 def _imported_modules(node: ast.AST) -> list[str]:
