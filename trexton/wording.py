@@ -65,9 +65,11 @@ def distance(entry: Mapping[str, Any] | float) -> str:
 
 
 def percent(share: Mapping[str, Any] | float) -> str:
-    """A share in per cent, with a decimal only below ten, and its interval if it has one."""
+    """A share in per cent, with a decimal only below ten, and its interval if that has a width."""
     if isinstance(share, Mapping):
         low, high = (percent(share[key]).removesuffix(" %") for key in ("low", "high"))
+        if low == high:  # of draws that are all alike nothing is drawn but them
+            return percent(middle(share))
         return f"{percent(middle(share))} [{low}, {high}]"
     value = 100 * share
     digits = 1 if 0 < abs(value) < 9.95 and abs(value - round(value)) >= 0.05 else 0
