@@ -65,6 +65,10 @@ def test_homography():
     values["mosaic"]["map_residual_cm"] = 5.0
     assert "weighs less in that than the map (5 cm off)" in found("homography_baseline", values)
     assert found("homography_baseline", homography(mosaic=3.4)).endswith("in 3 frames.")
+    nowhere = {"mosaic": {"failures": 80}, "drifting": {"failures": 80}}
+    assert found("homography_baseline", nowhere) == (
+        "A homography finds no frame on the stitched map."
+    )
 
 
 @pytest.mark.parametrize(("noise", "said"), [((6, 5, 68), True), ((6, 68, 5), False)])

@@ -150,6 +150,20 @@ def test_the_executed_notebook_holds_its_parameters_and_nothing_of_the_clock(hou
     )
 
 
+def test_the_folder_that_was_worked_in_is_told_nowhere_whatever_its_name(house):
+    house.out = house.out.with_name('Jürgens "out" \\n')
+    write_notebook(house.notebooks, "first", "print(out)\n" + BODY)
+    write_notebook(house.notebooks, "second", "raise ValueError(out)\n")
+    second = house.run(jobs=2)["second"]
+    executed = nbformat.read(house.out / "small" / "first.ipynb", as_version=4)
+    assert ".work." not in json.dumps(executed) + str(second.reasons)
+    assert executed["cells"][-1]["outputs"][0]["text"] == f"{house.out}\n"
+    assert f"ValueError: {house.out};" in second.reasons[0]
+    names = {}
+    exec(executed["cells"][2]["source"], names)
+    assert names["out"] == str(house.out)
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [

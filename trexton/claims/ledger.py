@@ -268,7 +268,8 @@ def _absence(claim: Claim, records: Records) -> str:
         title = EXPERIMENTS[missing[0]].title
         needs = claim.needs or " and ".join(NEEDED[key] for key in EXPERIMENTS[missing[0]].needs)
         return f"“{title}” was not run on this flight" + (f"; it needs {needs}" if needs else "")
-    if claim.needs:
+    had = {NEEDED[key] for name in names for key in EXPERIMENTS[name].needs}  # or it had not run
+    if claim.needs and claim.needs not in had:
         return f"this needs {claim.needs}, and the flight came without"
     return "nothing of the kind happened on this flight"
 

@@ -111,16 +111,18 @@ def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     values = record.values
     mosaic = values["mosaic"]
-    text = (
-        f"A homography on the stitched map errs by {interval(mosaic['mean_cm'], 'cm')} and finds "
-        + (f"nothing in {mosaic['failures']} frames" if mosaic["failures"] else "every frame")
-    )
+    if "mean_cm" not in mosaic:
+        text = "A homography finds no frame on the stitched map"
+    else:
+        text = (
+            f"A homography on the stitched map errs by {interval(mosaic['mean_cm'], 'cm')} and "
+            "finds "
+            + (f"nothing in {mosaic['failures']} frames" if mosaic["failures"] else "every frame")
+        )
     if "tilt_offset_cm" in values and "map_residual_cm" in mosaic:
         tilt, bent = values["tilt_offset_cm"], mosaic["map_residual_cm"]
         weighs = "weighs more in that than" if tilt > bent else "weighs less in that than"
         text += f"; the camera's tilt ({number(tilt)} cm) {weighs} the map ({number(bent)} cm off)"
-    if "drifting" in values:
-        text += (
-            f"; on a map that drifts it errs by {number(middle(values['drifting']['mean_cm']))} cm"
-        )
+    if error := values.get("drifting", {}).get("mean_cm"):
+        text += f"; on a map that drifts it errs by {number(middle(error))} cm"
     return text + "."

@@ -6,6 +6,7 @@ comes out is plain data.
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import tempfile
@@ -130,6 +131,7 @@ def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: N
         text = cleaned(partial, job.parameters, str(out)).encode() if partial.exists() else None
         seconds = time.monotonic() - started
         if error:
+            error = error.replace(str(out), str(job.parameters["out"]))
             return Done(error=error, partial=text, seconds=seconds)
         files = {
             path.name: path.read_bytes()
@@ -184,9 +186,13 @@ def cleaned(path: Path, parameters: Mapping[str, Any], work: str) -> str:
     """
     from trexton.workflow.formats import nbformat
 
-    notebook = nbformat.reads(
-        path.read_text("utf-8").replace(work, str(parameters["out"])), as_version=4
-    )
+    from papermill.translators import PythonTranslator  # isort: skip
+
+    text, told = path.read_text("utf-8"), str(parameters["out"])
+    for written in (str, PythonTranslator.translate):  # by a cell, and by papermill into one
+        old, new = (json.dumps(written(each), ensure_ascii=False)[1:-1] for each in (work, told))
+        text = text.replace(old, new)
+    notebook = nbformat.reads(text, as_version=4)
     tags: list[str] = next(
         (
             cell.metadata.tags
