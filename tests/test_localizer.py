@@ -9,6 +9,7 @@ from conftest import small_flight
 
 from trexton.camera import Camera
 from trexton.errors import ImageError, MapError, ParameterError
+from trexton.experiments.choices import with_trace
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.localizer import Localizer, TextonMap
@@ -197,6 +198,14 @@ def test_counts_are_not_taken_for_shares(scale):
     other = replace(flight, features="brightness", histograms=100 * flight.histograms)
     texton_map = TextonMap.train(other, neighbors=3, rng=np.random.default_rng(0))
     assert Localizer(texton_map, rng=np.random.default_rng(0)).step(other.histograms[0]).observed
+
+
+@pytest.mark.parametrize("samples", [1, 50, 400])
+def test_shares_with_a_trace_of_the_last_frame_are_taken(samples):
+    flight = small_flight()
+    texton_map = TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(0))
+    traced = with_trace(flight.histograms, samples)
+    assert Localizer(texton_map, rng=np.random.default_rng(0)).step(traced[1]).observed
 
 
 def test_words_are_no_histogram():

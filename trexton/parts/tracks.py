@@ -196,7 +196,7 @@ class TrackFilter:
         if velocity is not None and self.doubts[0]:
             self._off = self.states[0, 8:].copy()
         elif told is not None and velocity is None:
-            self._off = np.asarray(told, dtype=float) - self.states[0, 2:4]
+            self._off = told - self.states[0, 2:4]
 
     def _plausible(self, told: np.ndarray, sigma: float) -> np.ndarray | None:
         """A velocity that this vehicle might have, or be told wrongly; None where it is neither."""
