@@ -201,7 +201,8 @@ def cleaned(path: Path, parameters: Mapping[str, Any], work: str) -> str:
         ),
         [],
     )
-    for cell in notebook.cells:
+    for number, cell in enumerate(notebook.cells):
+        cell["id"] = f"cell-{number}"  # else drawn anew at each run
         cell.metadata.pop("papermill", None)
         cell.metadata.pop("execution", None)
         if "injected-parameters" in cell.metadata.get("tags", []):
