@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +33,7 @@ def flights(tmp_path_factory):
     common = {"camera": CAMERA, "floor": floor}
     return (
         record_flight(folder / "train", frames=110, speed=1.0, every=3, **common),
-        record_flight(folder / "test", pattern="waypoints", frames=40, **common),
+        record_flight(folder / "test", pattern="waypoints", frames=80, **common),
     )
 
 
@@ -51,22 +52,41 @@ def aids(wanted: str, *known: Aiding) -> Aids:
     return Aids(wanted, [Guard(Autopilot(each), Tally()) for each in known])
 
 
-def test_a_replay_is_better_for_what_was_recorded_beside_it(flights):
-    train, test = flights
-    texton_map = TextonMap.train(train, method="fine", n_textons=6, rng=np.random.default_rng(1))
+@pytest.fixture(scope="module")
+def fine(flights) -> TextonMap:
+    return TextonMap.train(flights[0], method="fine", n_textons=6, rng=np.random.default_rng(1))
+
+
+def test_a_replay_is_better_for_what_was_recorded_beside_it(fine, flights):
+    texton_map, test = fine, flights[1]
     part, rng = texton_map.parts["filter"], np.random.default_rng(3)
     test = replace(  # as far off as an autopilot may be
-        test.select(slice(40)),
-        attitude=test.attitude[:40] + part.attitude_sigma * rng.standard_normal((40, 3)),
-        height=test.height[:40] + part.height_sigma * rng.standard_normal(40),
+        test,
+        attitude=test.attitude + part.attitude_sigma * rng.standard_normal((80, 3)),
+        height=test.height + part.height_sigma * rng.standard_normal(80),
     )
     errors = {}
     for wanted in ("none", "tilt"):
         localizer = Localizer(texton_map, rng=np.random.default_rng(2))
         fixes, _, _ = run(localizer, FlightSource(test), aiding=wanted)
         error = np.array([fix.position for fix in fixes]) - test.position
-        errors[wanted] = float(np.hypot(*error[10:].T).mean())
+        errors[wanted] = float(np.hypot(*error[30:].T).mean())
     assert errors["tilt"] < 0.85 * errors["none"]
+
+
+@pytest.mark.parametrize("degrees", [0.0, 4.0])
+def test_a_camera_that_looks_askew_is_learned_counted_and_said_once(fine, flights, degrees, capsys):
+    test = flights[1]
+    askew = replace(test, attitude=test.attitude + np.radians([degrees, 0.0, 0.0]))
+    localizer = Localizer(fine, rng=np.random.default_rng(2))
+    fixes, tally, _ = run(localizer, FlightSource(askew), aiding="tilt")
+    error = np.array([fix.position for fix in fixes]) - test.position
+    assert np.hypot(*error[40:].T).mean() < 0.02
+    said = re.findall(
+        r"attitude contradicted by the frames, roll_off_deg (\S+),", capsys.readouterr().err
+    )
+    assert len(said) == (degrees > 0) and all(abs(float(each) - degrees) < 1.5 for each in said)
+    assert (tally["attitude"] > 30) if degrees else (tally["attitude"] == 0)
 
 
 def test_what_is_told_is_what_was_asked_for_and_only_if_it_is_of_that_moment():

@@ -273,6 +273,17 @@ def test_without_a_heading_roll_and_pitch_still_count():
     assert np.hypot(*(fix.position - flight(20)[-1][1][:2])) < 0.02
 
 
+@pytest.mark.parametrize("off", [(0.0, 0.0), (0.05, 0.0), (0.0, -0.17), (0.26, 0.1)])
+def test_a_tilt_that_is_told_askew_is_learned(off):
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    askew = [(frame, place, attitude + [*off, 0]) for frame, place, attitude in flight(60)]
+    error, _ = errors(tracker, askew, True)
+    assert error[25:].mean() < 0.012
+    assert np.abs(tracker.tilt.mean + off).max() < 0.009
+    said = tracker.tilt.askew
+    assert said is None if max(np.abs(off)) < 0.03 else np.abs(said - off).max() < 0.009
+
+
 @pytest.mark.parametrize("off", [0.35, 1.6])
 def test_a_wrong_heading_is_left_aside_once_nothing_is_found_with_it(off):
     tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
@@ -284,6 +295,16 @@ def test_a_wrong_heading_is_left_aside_once_nothing_is_found_with_it(off):
     assert not tracker._heeds
     assert max(error[-12:]) < 0.03 and not any(lost[-12:])
     assert np.mean(np.array(lost)[np.array(error) > 0.3]) > 0.6
+
+
+@pytest.mark.parametrize("heading", [0.0, np.nan])
+def test_a_height_of_half_is_left_aside_once_nothing_is_found_with_it(heading):
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    for frame, position, attitude in flight(60):
+        fix = tracker.step(frame, attitude=attitude + [0, 0, heading], height=0.5 * position[2])
+    assert not tracker._heeds and not fix.lost
+    assert np.hypot(*(fix.position - position[:2])) < 0.03
+    assert abs(fix.pose[2] - position[2]) < 0.05
 
 
 def test_a_heading_that_is_right_again_is_gone_by_again():

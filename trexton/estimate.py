@@ -78,6 +78,9 @@ class Estimate:
     contradicted : (2,) array or None
         Metres a second by which the velocity that was told seems to be off, where the frames
         contradict it or no vehicle flies so; None where they do not, or none was told.
+    askew : (2,) array or None
+        Radians by which the roll and pitch that are told are off, where the frames leave no doubt
+        and it is worth a word; None where it is not, or nobody tells them.
     """
 
     position: np.ndarray
@@ -93,6 +96,7 @@ class Estimate:
     velocity: np.ndarray | None = None
     joint: np.ndarray | None = None
     contradicted: np.ndarray | None = None
+    askew: np.ndarray | None = None
 
     def ahead(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
         """``(2,)`` position and ``(2, 2)`` covariance in metres if the velocity lasts so long.

@@ -156,7 +156,13 @@ class Onboard:
             self._observed_at = stamp
             self.tally.count("observed")
         if estimate.contradicted is not None:
-            self._contradicted(float(np.hypot(*estimate.contradicted)))
+            off = round(float(np.hypot(*estimate.contradicted)), 2)
+            causes = "heading, compass, height, and the odometry's camera"
+            self._contradicted("velocity", causes, off_m_s=off)
+        if estimate.askew is not None:
+            roll, pitch = np.degrees(estimate.askew).round(1).tolist()
+            causes = "the camera's mount, the autopilot's level"
+            self._contradicted("attitude", causes, roll_off_deg=roll, pitch_off_deg=pitch)
         self._pass_on(estimate, stamp, fault, captured)
         total = self._clock() - captured
         self._latencies.add(total)
@@ -182,17 +188,11 @@ class Onboard:
         self.tally.fault(fault)
         return self.localizer.step(None), fault
 
-    def _contradicted(self, off: float) -> None:
-        """Count a velocity that is taken for wrong; once it was a second long, say it."""
-        self.tally.fault("velocity")
-        if self.tally["velocity"] == np.ceil(1.0 / self._model_period):
-            self.report(
-                {
-                    "event": "velocity contradicted by the frames",
-                    "off_m_s": round(off, 2),
-                    "look at": "heading, compass, height, and the odometry's camera",
-                }
-            )
+    def _contradicted(self, what: str, causes: str, **off: float) -> None:
+        """Count what the frames take for wrong; once it was a second long, say it."""
+        self.tally.fault(what)
+        if self.tally[what] == np.ceil(1.0 / self._model_period):
+            self.report({"event": f"{what} contradicted by the frames", **off, "look at": causes})
 
     def _catch_up(self, stamp: float) -> None:
         """Advance the filter to the frame before this one of a live camera.

@@ -18,6 +18,7 @@ from trexton.registration.belief import CellBelief, Window
 from trexton.registration.calibration import FloorFix, Trust
 from trexton.registration.correlation import CoarseMatcher
 from trexton.registration.ground import Ground
+from trexton.registration.tilt import TiltOffset
 
 Array = NDArray[Any]
 
@@ -38,18 +39,13 @@ _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a
 _HELD = 0.9  # belief from which a place is the place
 _NEAR_HEADINGS = np.radians([-10.0, 0.0, 10.0])
 _PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
-_IN_VAIN = 25  # frames lost, after which the heading that is told is left aside, or tried again
-_AGREES = np.radians(5.0)  # of a heading that was found and the one that is told
+_IN_VAIN = 25  # frames lost, after which a told heading and height are left aside, or tried again
+_AGREES, _ABOUT = np.radians(5.0), 0.1  # heading and height, a share, as found and as told
 _DRIFT = 0.15  # cells a frame: odometry's error
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
-_TILT, _HEIGHT = (
-    0.07,
-    0.1,
-)  # rad, share: what is known of an unmeasured tilt, of an unmeasured height
+_TILT, _HEIGHT = 0.07, 0.1  # rad, share: what is known of a tilt, of a height, unmeasured
 _FARTHEST = 10.0  # times the usual height, or a part of it: beyond, the sensor errs
-_BETWEEN = np.array(
-    [0.03, 0.03]
-)  # share of the height, rad: height and heading from frame to frame
+_BETWEEN = np.array([0.03, 0.03])  # from frame to frame: height, a share of it; heading, rad
 
 
 def fine_cell(camera: Camera, height: float) -> float:
@@ -103,14 +99,13 @@ class FloorTracker:
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.odometry.reset()
+        self.tilt = TiltOffset()
         self._pose: Array | None = None  # of the last frame, if it was found
-        self._aimed = self._before = np.zeros(
-            2
-        )  # floor points in the image centre, then and before
+        self._aimed = self._before = np.zeros(2)  # floor points in the image centre, and before
         self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
         self._missed = _PATIENCE  # frames since the floor was last seen where it should be
-        self._heeds = True  # the heading that is told; not once it finds nothing
-        self._in_vain = 0  # frames that it found nothing, or none did
+        self._heeds = True  # the heading and height that are told; not once they find nothing
+        self._in_vain = 0  # frames that they found nothing, or none did
         self._last: FloorFix | None = None
 
     def step(
@@ -144,14 +139,11 @@ class FloorTracker:
             return self._without_frame()
         frame = self.odometry.shrunken(image)
         told = np.full(3, np.nan) if attitude is None else np.array(attitude, dtype=float)
-        heading = told[2]
+        heading, above = told[2], height
         if not self._heeds:
-            told[2] = np.nan
+            told[2], height = np.nan, None
         seen = _Seen(
-            frame,
-            *self._prior(told, height),
-            *self.odometry.shift(frame),
-            bool(np.isfinite(told[2])),
+            frame, *self._prior(told, height), *self.odometry.shift(frame), np.isfinite(told)
         )
         if self._last is None:
             self.belief.reset(self._headings(seen))
@@ -159,17 +151,19 @@ class FloorTracker:
             self.belief.headings[:] = seen.prior[5]
         moved = self._predict(seen)
         self._weigh(seen, self._region(places) if self._missed else self.belief.support(_MARGIN))
-        fix = self._settle(seen, self._candidates(seen, moved))
+        fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least and self._missed == 0:
             self.belief.reset(self._headings(seen), kept=_KEPT)
             self._weigh(seen, self._region(places))
-            fix = self._settle(seen, self._candidates(seen, moved))
+            fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least:
             fix = self._coast(fix, moved, seen)
         else:
             self._remember(fix)
-        if np.isfinite(heading):
-            self._reconsider(fix, heading)
+            if seen.tilted and not fix.lost:
+                left = best.covariance.diagonal()[3:5]
+                self.tilt.learn(seen.prior[3:5], best.pose[3:5], self.attitude_sigma**2, left)
+        self._reconsider(fix, heading, above)
         return fix
 
     # -- parts of a step ---------------------------------------------------------------------------
@@ -184,6 +178,9 @@ class FloorTracker:
             deviation[[2, 5]] = _BETWEEN * (self._pose[2], 1)
         known = np.isfinite(measured)
         prior[3:][known], deviation[3:][known] = measured[known], self.attitude_sigma
+        tilt = known[:2]
+        prior[3:5][tilt] += self.tilt.mean[tilt]
+        deviation[3:5][tilt] = np.sqrt(self.attitude_sigma**2 + self.tilt.variance[tilt])
         if height is not None and 1 / _FARTHEST < height / self.height < _FARTHEST:
             prior[2], deviation[2] = height, self.height_sigma
         return prior, deviation
@@ -270,7 +267,7 @@ class FloorTracker:
             found.append(_Candidate(place, held, aligned))
         return found
 
-    def _settle(self, seen: _Seen, found: list[_Candidate]) -> FloorFix:
+    def _settle(self, seen: _Seen, found: list[_Candidate]) -> tuple[FloorFix, Alignment]:
         """Weigh the candidates by how well they fit once aligned, and take the best."""
         gains = self.trust.gain(np.array([each.aligned.score for each in found]), self.trust.fine)
         factors = np.exp(gains - gains.max())
@@ -290,7 +287,8 @@ class FloorTracker:
                 nearest = int(np.argmin(abs(_wrapped(self.belief.headings - best.pose[5]))))
                 self.belief.headings[nearest] = best.pose[5]
         lost = held < _HELD or best.score < self.trust.least
-        return FloorFix(best.pose, self._covariance(best, lost), best.score, held, lost, True)
+        fix = FloorFix(best.pose, self._covariance(best, lost), best.score, held, lost, True)
+        return fix, best
 
     def _coast(self, fix: FloorFix, moved: Array, seen: _Seen) -> FloorFix:
         """The floor was not recognized: move the last pose on by odometry for a while."""
@@ -308,17 +306,22 @@ class FloorTracker:
         self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
         return self._last
 
-    def _reconsider(self, fix: FloorFix, heading: float) -> None:
-        """Whether to go by the heading that is told: as long as the floor is found with it. Else it
-        is looked for with any, by turns."""
+    def _reconsider(self, fix: FloorFix, heading: float, height: float | None) -> None:
+        """Whether to go by the heading and height that are told: as long as the floor is found with
+        them. Else it is looked for without, by turns."""
+        known = bool(np.isfinite(heading))
+        if not known and height is None:
+            return
         if not fix.lost:
             self._in_vain = max(0, self._in_vain - 2)
-            self._heeds = self._heeds or abs(_wrapped(fix.pose[5] - heading)) < _AGREES
+            agrees = not known or abs(_wrapped(fix.pose[5] - heading)) < _AGREES
+            agrees &= height is None or abs(height / fix.pose[2] - 1) < _ABOUT
+            self._heeds |= bool(agrees)
             return
-        self._in_vain += 1
+        self._in_vain += int(fix.score < self.trust.least)
         if self._in_vain == _IN_VAIN:
             self._heeds, self._in_vain = not self._heeds, 0
-            self.belief.reset(np.array([heading]) if self._heeds else _ALL_HEADINGS)
+            self.belief.reset(np.array([heading]) if self._heeds and known else _ALL_HEADINGS)
             self._pose = self._velocity = None
 
     def _remember(self, fix: FloorFix) -> None:
@@ -364,14 +367,24 @@ class FloorTracker:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """A shrunken frame, the prior of its pose, the view's motion, and whether attitude is known."""
+    """A shrunken frame, the prior of its pose, the view's motion, and what attitude is known."""
 
     frame: Array
     prior: Array
     deviation: Array
     moved: Array
     sure: float
-    turned: bool
+    known: Array
+
+    @property
+    def tilted(self) -> bool:
+        """Whether roll and pitch were told."""
+        return bool(self.known[:2].all())
+
+    @property
+    def turned(self) -> bool:
+        """Whether the heading was."""
+        return bool(self.known[2])
 
 
 @dataclass(frozen=True, eq=False)
