@@ -144,6 +144,28 @@ def test_intervals_of_success_rates_hold_what_they_say(rate):
     assert 0.93 <= np.mean(coverage) <= 0.97
 
 
+@pytest.mark.parametrize(
+    ("alike", "rate", "plain"),
+    [(0, 0.5, 0.97), (0.05, 0.8, 0.9), (0.2, 0.5, 0.7), (0.2, 0.9, 0.7), (0.95, 0.9, 0.4)],
+)
+def test_intervals_of_clustered_rates_hold_what_they_say(alike, rate, plain):
+    """Of 20 flights over each of 10 floors, whose own rates are beta-distributed: `alike` is the
+    correlation of two flights over one floor. Wilson's interval of 200 flights holds far less.
+    """
+    rng, trials = np.random.default_rng(5), 2000
+    own = np.full((trials, 10), rate)
+    if alike:
+        shape = (1 - alike) / alike
+        own = rng.beta(rate * shape, (1 - rate) * shape, own.shape)
+    counts = rng.binomial(20, own)
+
+    def held(intervals):
+        return np.mean([low <= rate <= high for low, high in intervals])
+
+    assert held(wilson_interval(good, [20] * 10) for good in counts) >= 0.91
+    assert held(wilson_interval(int(good.sum()), 200) for good in counts) <= plain
+
+
 @few
 @given(seeds, st.integers(2, 60), st.sampled_from(sorted(ROLES["resampling"])))
 def test_resamplers_draw_as_many_as_they_had_and_nobody_without_weight(seed, count, name):
