@@ -162,7 +162,7 @@ def test_intervals_of_clustered_rates_hold_what_they_say(alike, rate, plain):
     def held(intervals):
         return np.mean([low <= rate <= high for low, high in intervals])
 
-    assert held(wilson_interval(good, [20] * 10) for good in counts) >= 0.91
+    assert held(wilson_interval(good, [20] * 10) for good in counts) >= 0.93
     assert held(wilson_interval(int(good.sum()), 200) for good in counts) <= plain
 
 
