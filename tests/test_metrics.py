@@ -147,6 +147,7 @@ def test_mean_over_groups_is_students():
     assert found["median"] == 2
     assert found["high"] == pytest.approx(2 + 4.302653 / 3**0.5)  # t of two degrees, tabled
     assert found["low"] == 0  # what cannot be negative
+    assert mean_over_groups([0.8, 1.0], highest=1)["high"] == 1
     assert mean_over_groups([1.5]) == {"median": 1.5, "low": None, "high": None}
 
 

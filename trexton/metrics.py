@@ -292,11 +292,14 @@ def _independent(successes: np.ndarray, trials: np.ndarray) -> float:
     return float(count / effect * few**2)
 
 
-def mean_over_groups(values: Sequence[float] | np.ndarray) -> dict[str, float | None]:
-    """Mean of quantities that cannot be negative, one a group, with its 95 % interval over groups.
+def mean_over_groups(
+    values: Sequence[float] | np.ndarray, highest: float = np.inf
+) -> dict[str, float | None]:
+    """Mean of one value a group, none below 0 or above `highest`, with its 95 % interval over
+    groups, as records hold it.
 
-    Student's, since there are few: of two floors the percentiles of a bootstrap would be the two.
-    A single group has none, and leaves ``low`` and ``high`` None.
+    Student's, since groups are few: of two floors a bootstrap could only draw the two. Of a single
+    group nothing is known about others, and ``low`` and ``high`` are None.
     """
     from scipy.stats import sem, t
 
@@ -304,4 +307,4 @@ def mean_over_groups(values: Sequence[float] | np.ndarray) -> dict[str, float | 
     if count < 2:
         return {"median": mean, "low": None, "high": None}
     reach = float(t.isf(0.025, count - 1) * sem(values))
-    return {"median": mean, "low": max(0.0, mean - reach), "high": mean + reach}
+    return {"median": mean, "low": max(0.0, mean - reach), "high": min(highest, mean + reach)}
