@@ -214,6 +214,7 @@ def test_numbers_as_words():
     )
     assert percent(entry(0.05, 0.018, 0.5)) == "5 % [1.8, 50]"
     assert percent(entry(0.0, 0.0, 0.0)) == "0 %"
+    assert percent(entry(0.9, None, None)) == "90 %"  # of a single floor
     assert number(None) == fixed(None, 2) == "–"
     said = ["62 % of", "about as much as", "1.2 times as much as", "twice as much as"]
     assert [beside(v) for v in (0.62, 1.04, 1.2, 2.0)] == said
