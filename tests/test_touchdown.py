@@ -55,6 +55,16 @@ def test_flights_over_one_floor_are_alike():
     assert landed["high"] - landed["low"] > 0.3
 
 
+def test_landers_are_compared_floor_by_floor(record):
+    kept = notebook.reference("touchdown")
+    landers = kept.values["landers"]
+    gain = touchdown.gain(kept, "fine", "field")
+    apart = landers["fine"]["inside"] - landers["field"]["inside"]
+    assert gain["median"] == pytest.approx(apart / landers["field"]["attempts"])
+    assert 0 < gain["low"] < gain["median"] < gain["high"] < 1
+    assert touchdown.gain(record, "fine", "field")["low"] is None  # over one floor
+
+
 def test_who_asks_for_more_lands_less_often(record):
     bounds = record.values["bounds"]
     assert [(each["confidence"], each["least"]) for each in bounds] == list(touchdown.CHANCES)

@@ -293,10 +293,10 @@ def _independent(successes: np.ndarray, trials: np.ndarray) -> float:
 
 
 def mean_over_groups(
-    values: Sequence[float] | np.ndarray, highest: float = np.inf
+    values: Sequence[float] | np.ndarray, lowest: float = 0.0, highest: float = np.inf
 ) -> dict[str, float | None]:
-    """Mean of one value a group, none below 0 or above `highest`, with its 95 % interval over
-    groups, as records hold it.
+    """Mean of one value a group, which cannot lie below `lowest` or above `highest`, with its 95 %
+    interval over groups, as records hold it.
 
     Student's, since groups are few: of two floors a bootstrap could only draw the two. Of a single
     group nothing is known about others, and ``low`` and ``high`` are None.
@@ -307,4 +307,4 @@ def mean_over_groups(
     if count < 2:
         return {"median": mean, "low": None, "high": None}
     reach = float(t.isf(0.025, count - 1) * sem(values))
-    return {"median": mean, "low": max(0.0, mean - reach), "high": min(highest, mean + reach)}
+    return {"median": mean, "low": max(lowest, mean - reach), "high": min(highest, mean + reach)}

@@ -377,7 +377,7 @@ def over_floors(
     over one floor share its print, and what was learnt over it.
     """
     values = [floor[name][quantity] for floor in record.values["floors"].values()]
-    return mean_over_groups(values, highest)
+    return mean_over_groups(values, highest=highest)
 
 
 def finding(record: Record) -> str:

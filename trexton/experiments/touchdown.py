@@ -31,14 +31,14 @@ from trexton.experiments.triggered_landing import mission_over
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone, TouchdownZone
 from trexton.localizer import TextonMap
-from trexton.metrics import success_rate
+from trexton.metrics import mean_over_groups, success_rate
 from trexton.parts import make
 from trexton.records import Record
 from trexton.simulator import record_flight
 from trexton.streams import stream
 from trexton.wording import percent
 
-__all__ = ["LANDERS", "Parameters", "finding", "rates", "run"]
+__all__ = ["LANDERS", "Parameters", "finding", "gain", "rates", "run"]
 
 
 @dataclass(frozen=True)
@@ -260,6 +260,17 @@ def rates(floors: Sequence[Mapping[str, int]]) -> dict[str, Any]:
         "inside_rate": success_rate(inside, landings),
         "inside_of_flights": success_rate(inside, attempts),
     }
+
+
+def gain(record: Record, name: str, than: str) -> dict[str, float | None]:
+    """By how much more of its flights one lander comes down inside than another, floor by floor,
+    with its 95 % interval over floors.
+    """
+    gains = []
+    for floor in record.values["floors"].values():
+        share, other = (floor[who]["inside"] / floor[who]["attempts"] for who in (name, than))
+        gains.append(share - other)
+    return mean_over_groups(gains, lowest=-1.0, highest=1.0)
 
 
 def _summary(trials: Sequence[list[Attempt]], radius: float) -> dict[str, Any]:
