@@ -13,7 +13,7 @@ from trexton.errors import MapError
 from trexton.experiments import fine
 from trexton.experiments.peers import PEERS, OrbLocalizer, make_peer
 from trexton.figures import fine as figures
-from trexton.metrics import wilson_interval
+from trexton.metrics import success_rate, wilson_interval
 from trexton.simulator import Floor, Simulator, record_flight
 
 
@@ -86,6 +86,15 @@ def test_kidnappings_over_one_floor_count_together():
         assert rate["trials"] == 40 * frames and rate["clusters"] == 4
         alone = wilson_interval(round(4 * rate["median"]), 4)  # all alike: a floor counts once
         assert (rate["low"], rate["high"]) == alone
+
+
+def test_the_kept_rates_are_those_of_floors_over_which_all_came_out_alike():
+    kept = notebook.reference("fine")
+    floors, rates = kept.parameters["floors"], kept.values["kidnapped"]
+    for key in ("found_rate", "right_lost"):
+        trials, all_of_them = rates[key]["trials"] // floors, int(rates[key]["median"])
+        found = success_rate([all_of_them * trials] * floors, [trials] * floors)
+        assert rates[key] == pytest.approx(found)
 
 
 def test_means_over_floors_are_those_of_all_frames():
