@@ -35,10 +35,13 @@ def entry(middle, low=None, high=None):
 
 
 def mocap(axis, error, knn, within, wide):
-    one = {"axis_mean_cm": entry(axis, axis - 9, axis + 9), "mean_cm": entry(error)}
+    one = {
+        "axis_mean_cm": entry(axis, axis - 9, axis + 9),
+        "mean_cm": entry(error, error - 5, error + 5),
+    }
     return {
         "filter": one,
-        "knn": {"mean_cm": entry(knn)},
+        "knn": {"mean_cm": entry(knn, knn - 3, knn + 3)},
         "lag": {"s": 1.5},
         "spread": {"within_two": entry(within), "frames_wider_than_landing": wide},
         "counts": {"test": 300},
@@ -78,7 +81,9 @@ def test_the_first_page_says_what_the_records_say():
         ": 57 [48, 66] cm on"
     )
     assert "errs more than" in filtered.text
-    assert numbers(filtered.text) == [87, 33, 1.5, 102, 48, 1.5]
+    assert numbers(filtered.text) == [
+        87, 82, 92, 33, 30, 36, 1.5, 102, 97, 107, 48, 45, 51, 1.5,
+    ]  # fmt: skip
     assert noise.page == "cyberzoo/choices" and numbers(noise.text) == [25, 58, 87, 46, 99]
     assert "too sure" in spread.text and numbers(spread.text) == [57, 22, 60, 2, 600]
     assert landing.page == "sim-survey/triggered_landing"

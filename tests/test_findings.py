@@ -8,6 +8,7 @@ from conftest import ROOT
 from jinja2 import UndefinedError
 
 from trexton.experiments import EXPERIMENTS, LEDGER
+from trexton.metrics import wilson_interval
 from trexton.notebook import Given, Page
 from trexton.records import Record
 from trexton.wording import apart, beside, fixed, interval, number, percent, times
@@ -119,12 +120,13 @@ def test_kidnapping():
     def one(rate, after, wrong):
         when = {"median": after} if after else None
         lost = {"wrong_frames_rate": wrong}
-        return {"recovered_rate": entry(rate, 0, 1), "recovery_s": when, "lost": lost}
+        low, high = wilson_interval(round(3 * rate), 3)
+        return {"recovered_rate": entry(rate, low, high), "recovery_s": when, "lost": lost}
 
     plain, augmented, field = one(0.0, None, 0.0), one(1.0, 0.24, 0.32), one(1.0, 0.08, 0.97)
     text = found("kidnapping", {"plain": plain, "augmented": augmented, "field": field})
-    assert "filter finds the vehicle again in 0 % of the kidnappings, and calls 0 %" in text
-    assert "100 % of the kidnappings after 0.24 s" in text and "calls 32 %" in text
+    assert "filter finds the vehicle again in 0 % [0, 56] of the kidnappings, and calls 0 %" in text
+    assert "100 % [44, 100] of the kidnappings after 0.24 s" in text and "calls 32 %" in text
     assert "the field finds the vehicle again in 100 %" in text and "calls 97 %" in text
     always = one(1.0, 0.08, None)  # found in the first frame, each time
     text = found("kidnapping", {"plain": plain, "augmented": augmented, "field": always})
@@ -212,6 +214,7 @@ def test_numbers_as_words():
     )
     assert percent(entry(0.05, 0.018, 0.5)) == "5 % [1.8, 50]"
     assert percent(entry(0.0, 0.0, 0.0)) == "0 %"
+    assert percent(entry(0.9, None, None)) == "90 %"  # of a single floor
     assert number(None) == fixed(None, 2) == "–"
     said = ["62 % of", "about as much as", "1.2 times as much as", "twice as much as"]
     assert [beside(v) for v in (0.62, 1.04, 1.2, 2.0)] == said

@@ -7,11 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from trexton import notebook
 from trexton.camera import Camera, MapImage
 from trexton.errors import MapError
 from trexton.experiments import fine
 from trexton.experiments.peers import PEERS, OrbLocalizer, make_peer
 from trexton.figures import fine as figures
+from trexton.metrics import success_rate, wilson_interval
 from trexton.simulator import Floor, Simulator, record_flight
 
 
@@ -31,7 +33,10 @@ def record(tmp_path_factory):
 def test_errors_are_centimetres_everywhere(record):
     for where in ("surveyed", "stitched"):
         for name in fine.KNOWN:
-            assert record.values["flight"][where][name]["max_cm"] < 10
+            entry = record.values["flight"][where][name]
+            assert entry["max_cm"] < 10
+            mean = entry["mean_cm"]
+            assert 0 < mean["low"] < mean["median"] < mean["high"]
     for name in fine.KNOWN:
         entry = record.values["all"][name]
         assert entry["frames"] == 25 and entry["gross"] == 0 and entry["mean_cm"] < 2
@@ -62,11 +67,43 @@ def test_figures_draw_the_record(record):
 def test_lost_and_wrong_are_counted_apart():
     right = np.array([True] * 25 + [False, False, True, True])
     lost = np.array([False] * 10 + [True] + [False] * 14 + [True, False, False, False])
-    counted = fine.kidnapping_summary([{"found": 2, "right": right, "lost": lost}])
+    trial = {"floor": 0, "found": 2, "right": right, "lost": lost}
+    counted = fine.kidnapping_summary([trial])
     assert counted["wrong_not_lost"]["median"] == 0.5
     assert counted["right_lost"]["median"] == pytest.approx(1 / 20)
-    never = fine.kidnapping_summary([{"found": None, "right": right, "lost": lost}])
+    never = fine.kidnapping_summary([trial | {"found": None}])
     assert never["found_rate"]["median"] == 0 and never["frames"] is None
+
+
+def test_kidnappings_over_one_floor_count_together():
+    right = np.array([True] * 25 + [False, True, True, True])
+    trials = [
+        {"floor": index % 4, "found": 1, "right": right, "lost": ~right} for index in range(40)
+    ]
+    counted = fine.kidnapping_summary(trials)
+    for key, frames in (("found_rate", 1), ("wrong_not_lost", 1), ("right_lost", 20)):
+        rate = counted[key]
+        assert rate["trials"] == 40 * frames and rate["clusters"] == 4
+        alone = wilson_interval(round(4 * rate["median"]), 4)  # all alike: a floor counts once
+        assert (rate["low"], rate["high"]) == alone
+
+
+def test_the_kept_rates_are_those_of_floors_over_which_all_came_out_alike():
+    kept = notebook.reference("fine")
+    floors, rates = kept.parameters["floors"], kept.values["kidnapped"]
+    for key in ("found_rate", "right_lost"):
+        trials, all_of_them = rates[key]["trials"] // floors, int(rates[key]["median"])
+        found = success_rate([all_of_them * trials] * floors, [trials] * floors)
+        assert rates[key] == pytest.approx(found)
+
+
+def test_means_over_floors_are_those_of_all_frames():
+    kept = notebook.reference("fine")
+    for name in fine.KNOWN:
+        for quantity, highest in (("mean_cm", np.inf), ("region_90", 1)):
+            found, pooled = fine.over_floors(kept, name, quantity, highest), kept.values["all"]
+            assert found["median"] == pytest.approx(pooled[name][quantity])
+            assert found["low"] < found["median"] < found["high"]
 
 
 @pytest.fixture(scope="module")

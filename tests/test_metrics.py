@@ -8,7 +8,9 @@ from trexton.metrics import (
     absolute_errors,
     block_rows,
     constant_guess,
+    mean_over_groups,
     shuffled_neighbors,
+    success_rate,
     summarize,
     wilson_interval,
 )
@@ -102,6 +104,51 @@ def test_wilson_interval_of_four_in_six():
     assert (round(low, 3), round(high, 3)) == (0.300, 0.903)  # published tables
     with pytest.raises(ParameterError):
         wilson_interval(3, 2)
+
+
+@pytest.mark.parametrize(("good", "trials"), [(0, 1), (0, 9), (9, 9), (4, 6), (31, 200)])
+def test_wilson_interval_is_scipys_and_that_of_clusters_of_one(good, trials):
+    from scipy.stats import binomtest
+
+    scipy = tuple(binomtest(good, trials).proportion_ci(method="wilson"))
+    assert wilson_interval(good, trials) == pytest.approx(scipy, rel=1e-12, abs=0)
+    if trials > 1:
+        alone = wilson_interval(np.arange(trials) < good, np.ones(trials, int))
+        assert alone == pytest.approx(scipy, rel=1e-12, abs=0)
+
+
+def test_trials_that_are_alike_in_a_cluster_count_as_fewer():
+    together = wilson_interval(20, 40)
+    half = wilson_interval([20, 0, 20, 0] * 5, [20] * 20)
+    assert half[0] < wilson_interval(10, 20)[0] and half[1] > wilson_interval(10, 20)[1]
+    for even in ([5] * 4, [6, 4, 5, 5]):  # less unlike than by chance: no surer for that
+        low, high = wilson_interval(even, [10] * 4)
+        assert low < together[0] and together[1] < high
+    many = wilson_interval([5] * 400, [10] * 400)
+    assert many == pytest.approx(wilson_interval(2000, 4000), abs=1e-4)
+
+
+def test_few_clusters_do_not_pretend_to_know():
+    assert wilson_interval([19], [20]) == (0, 1)
+    assert wilson_interval([20, 20, 20], [20, 20, 20]) == wilson_interval(3, 3)
+    assert wilson_interval([20, 0, 20], [20, 0, 20]) == wilson_interval(2, 2)
+    low, high = wilson_interval([19, 18], [20, 20])
+    assert low < 0.3 and high > 0.99
+    assert success_rate([19, 18, 0], [20, 20, 0]) == {
+        "median": 0.925, "low": low, "high": high, "trials": 40, "clusters": 2,
+    }  # fmt: skip
+    assert success_rate([0, 0], [0, 0]) is None
+    with pytest.raises(ParameterError):
+        wilson_interval([3, 1], [2, 4])
+
+
+def test_mean_over_groups_is_students():
+    found = mean_over_groups([1.0, 2.0, 3.0])
+    assert found["median"] == 2
+    assert found["high"] == pytest.approx(2 + 4.302653 / 3**0.5)  # t of two degrees, tabled
+    assert found["low"] == 0  # what cannot be negative
+    assert mean_over_groups([0.8, 1.0], highest=1)["high"] == 1
+    assert mean_over_groups([1.5]) == {"median": 1.5, "low": None, "high": None}
 
 
 @pytest.mark.parametrize("shapes", [((3, 2), (4, 2)), ((3,), (3,)), ((3, 3), (3, 3))])

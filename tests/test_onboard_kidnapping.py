@@ -12,6 +12,7 @@ from trexton.experiments import kidnapping
 from trexton.experiments.kidnapping import Trial
 from trexton.figures import kidnapping as figures
 from trexton.flights import Flight
+from trexton.metrics import wilson_interval
 from trexton.streams import stream
 
 
@@ -93,6 +94,16 @@ def test_random_particles_find_the_vehicle_at_least_as_often_and_sooner(record):
     assert augmented["lost"]["wrong_frames_rate"] > augmented["lost"]["calm_frames_rate"]
 
 
+def test_kidnappings_of_one_stretch_count_together(record):
+    """They share frames: however many there are, one flight has few stretches."""
+    rate = record.values["field"]["recovered_rate"]
+    assert rate["trials"] == 30 and 2 <= rate["clusters"] <= 240 // 37
+    alone = wilson_interval(round(30 * rate["median"]), 30)
+    assert rate["low"] < alone[0] and alone[1] <= rate["high"]
+    undisturbed = record.values["plain"]["control_rate"]
+    assert undisturbed["trials"] == 30 and undisturbed["clusters"] >= 2
+
+
 def test_the_field_is_found_at_once_and_knows_it_was_lost(record):
     field, augmented = record.values["field"], record.values["augmented"]
     assert field["in_time_rate"]["median"] >= 0.95
@@ -133,6 +144,7 @@ def test_trials_are_what_the_localizer_gives(flights):
         np.hypot(*(localizer.step(flights[1].histograms[row]).position - flights[1].position[row]))
         for row in rows
     ]
+    assert (found.taken, found.carried) == (1, 5)  # stretches of 30 frames, from 30 and from 150
     np.testing.assert_allclose(found.error, errors)
     assert found.cut == 30
 

@@ -144,6 +144,33 @@ def test_intervals_of_success_rates_hold_what_they_say(rate):
     assert 0.93 <= np.mean(coverage) <= 0.97
 
 
+@pytest.mark.parametrize(
+    ("floors", "alike", "rate", "least", "plain"),
+    [
+        (10, 0, 0.5, 0.95, 0.97), (10, 0.05, 0.8, 0.94, 0.9), (10, 0.2, 0.5, 0.94, 0.7),
+        (10, 0.7, 0.5, 0.94, 0.5), (10, 0.95, 0.5, 0.94, 0.3), (10, 0.2, 0.9, 0.93, 0.7),
+        (10, 0.7, 0.9, 0.86, 0.5),  # the worst
+        (3, 0.2, 0.8, 0.95, 0.7), (3, 0.95, 0.8, 0.95, 0.3), (2, 0.2, 0.8, 0.99, 0.7),
+    ],
+)  # fmt: skip
+def test_intervals_of_clustered_rates_hold_what_they_say(floors, alike, rate, least, plain):
+    """Of 20 flights over each floor, whose own rates are beta-distributed: `alike` is the
+    correlation of two flights over one floor. Wilson's interval of all flights holds far less.
+    """
+    rng, trials = np.random.default_rng(5), 2000
+    own = np.full((trials, floors), rate)
+    if alike:
+        shape = (1 - alike) / alike
+        own = rng.beta(rate * shape, (1 - rate) * shape, own.shape)
+    counts = rng.binomial(20, own)
+
+    def held(intervals):
+        return np.mean([low <= rate <= high for low, high in intervals])
+
+    assert held(wilson_interval(good, [20] * floors) for good in counts) >= least
+    assert held(wilson_interval(int(good.sum()), 20 * floors) for good in counts) <= plain
+
+
 @few
 @given(seeds, st.integers(2, 60), st.sampled_from(sorted(ROLES["resampling"])))
 def test_resamplers_draw_as_many_as_they_had_and_nobody_without_weight(seed, count, name):

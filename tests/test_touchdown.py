@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from trexton import notebook
 from trexton.camera import Camera
 from trexton.experiments import touchdown
 from trexton.figures import touchdown as figures
@@ -38,6 +39,30 @@ def test_counts_and_rates_agree_with_the_series(record):
         assert values["landed_rate"]["median"] == len(places) / 2
         assert values["inside_of_flights"]["median"] == values["inside"] / 2
         assert all(1.0 < wait <= 12.08 for wait in series["wait_s"])
+
+
+def test_flights_over_one_floor_are_alike():
+    """The kept record: where it is not so, `rates` of its counts are to be put into it again."""
+    kept = notebook.reference("touchdown")
+    for name, lander in kept.values["landers"].items():
+        floors = [floor[name] for floor in kept.values["floors"].values()]
+        for key, rate in touchdown.rates(floors).items():
+            assert lander[key] == pytest.approx(rate)
+            together = touchdown.rates([lander])[key]
+            assert rate["median"] == together["median"]
+            assert rate["low"] <= together["low"] and together["high"] <= rate["high"]
+    landed = kept.values["landers"]["field"]["landed_rate"]  # from none to 17 of 20, by the floor
+    assert landed["high"] - landed["low"] > 0.3
+
+
+def test_landers_are_compared_floor_by_floor(record):
+    kept = notebook.reference("touchdown")
+    landers = kept.values["landers"]
+    gain = touchdown.gain(kept, "fine", "field")
+    apart = landers["fine"]["inside"] - landers["field"]["inside"]
+    assert gain["median"] == pytest.approx(apart / landers["field"]["attempts"])
+    assert 0 < gain["low"] < gain["median"] < gain["high"] < 1
+    assert touchdown.gain(record, "fine", "field")["low"] is None  # over one floor
 
 
 def test_who_asks_for_more_lands_less_often(record):

@@ -18,6 +18,7 @@ __all__ = [
     "block_rows",
     "bootstrap_interval",
     "constant_guess",
+    "mean_over_groups",
     "mean_with_interval",
     "shuffled_neighbors",
     "success_rate",
@@ -27,6 +28,7 @@ __all__ = [
 
 BLOCK = 12  # frames, about a second
 _FEWEST = 4  # blocks of a flight
+Counts = int | Sequence[int] | np.ndarray  # of trials, or of each cluster's
 _AT_ONCE = 100_000  # drawn frames whose statistics are computed together
 
 
@@ -215,22 +217,94 @@ def shuffled_neighbors(
     return positions[rng.integers(len(positions), size=(count, k))].mean(axis=1)
 
 
-def success_rate(successes: int, trials: int) -> dict[str, Any] | None:
-    """A rate with its 95 % Wilson interval, as records hold it; None without trials."""
-    if not trials:
+def success_rate(successes: Counts, trials: Counts) -> dict[str, Any] | None:
+    """A rate with its 95 % Wilson interval, as records hold it; None without trials.
+
+    Counts of clusters, as `wilson_interval` takes them, leave the number of ``clusters`` beside it.
+    """
+    total = int(np.sum(trials))
+    if not total:
         return None
-    low, high = wilson_interval(int(successes), trials)
-    return {"median": successes / trials, "low": low, "high": high, "trials": trials}
+    low, high = wilson_interval(successes, trials)
+    rate = {"median": int(np.sum(successes)) / total, "low": low, "high": high, "trials": total}
+    clusters = {"clusters": int(np.count_nonzero(trials))} if np.ndim(trials) else {}
+    return rate | clusters
 
 
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
-    """95 % Wilson interval of a success rate."""
-    from scipy.stats import binomtest
+def wilson_interval(successes: Counts, trials: Counts) -> tuple[float, float]:
+    """95 % Wilson interval of a success rate; of trials in clusters that may be alike.
 
-    if trials < 1 or not 0 <= successes <= trials:
+    Flights over one floor share it: so many say less than as many over floors of their own. They
+    count as the number of independent trials that would leave the rate as uncertain as the clusters
+    show it to be, fewer again as Student's t is wider for so few clusters (Korn and Graubard,
+    Survey Methodology 24, 1998, with Wilson's interval as Dean and Pagano, Journal of Survey
+    Statistics and Methodology 3, 2015, have it). Where all trials came out alike nothing tells how
+    alike those of one cluster are: each cluster counts once. Of a single cluster nothing is known
+    about others: the interval is all of 0 to 1.
+
+    Parameters
+    ----------
+    successes, trials : int or (K,) array of int
+        Of independent trials, or of each of K clusters. Clusters of one trial each are independent.
+
+    Raises
+    ------
+    ParameterError
+        There are more successes than trials, or no trials.
+    """
+    from scipy.special import ndtri
+
+    good, tried = np.atleast_1d(successes), np.atleast_1d(trials)
+    if good.shape != tried.shape or tried.sum() < 1 or not ((0 <= good) & (good <= tried)).all():
         raise ParameterError(
             f"{successes} successes in {trials} trials: expected 0 <= successes <= trials, at "
             "least one trial"
         )
-    interval = binomtest(successes, trials).proportion_ci(method="wilson")
-    return float(interval.low), float(interval.high)
+    rate = good.sum() / tried.sum()
+    count = _independent(good, tried) if np.ndim(trials) else float(tried.sum())
+    if count == 0:
+        return 0.0, 1.0
+    squared = ndtri(0.975) ** 2
+    middle = (rate + squared / (2 * count)) / (1 + squared / count)
+    spread = rate * (1 - rate) * squared / count + (squared / (2 * count)) ** 2
+    reach = np.sqrt(spread) / (1 + squared / count)
+    # SciPy's interval, which takes whole trials only; its ends are met to the last bit.
+    low = 0.0 if rate == 0 else middle - reach
+    high = 1.0 if rate == 1 else middle + reach
+    return float(low), float(high)
+
+
+def _independent(successes: np.ndarray, trials: np.ndarray) -> float:
+    """How many independent trials tell as much as these, of which each cluster has so many."""
+    from scipy.stats import t
+
+    successes, trials = successes[trials > 0], trials[trials > 0]
+    clusters, count = len(trials), int(trials.sum())
+    if clusters == 1:
+        return 0.0
+    rate = successes.sum() / count
+    if rate in (0, 1):
+        return float(clusters)
+    off = successes - rate * trials
+    variance = clusters / (clusters - 1) * (off @ off) / count**2
+    effect = max(1.0, variance * (count - 1) / (rate * (1 - rate)))  # of clustering
+    few = t.isf(0.025, count - 1) / t.isf(0.025, clusters - 1)
+    return float(count / effect * few**2)
+
+
+def mean_over_groups(
+    values: Sequence[float] | np.ndarray, lowest: float = 0.0, highest: float = np.inf
+) -> dict[str, float | None]:
+    """Mean of one value a group, which cannot lie below `lowest` or above `highest`, with its 95 %
+    interval over groups, as records hold it.
+
+    Student's, since groups are few: of two floors a bootstrap could only draw the two. Of a single
+    group nothing is known about others, and ``low`` and ``high`` are None.
+    """
+    from scipy.stats import sem, t
+
+    mean, count = float(np.mean(values)), len(values)
+    if count < 2:
+        return {"median": mean, "low": None, "high": None}
+    reach = float(t.isf(0.025, count - 1) * sem(values))
+    return {"median": mean, "low": max(lowest, mean - reach), "high": min(highest, mean + reach)}

@@ -64,8 +64,10 @@ def distance(entry: Mapping[str, Any] | float) -> str:
     return interval(scaled, unit)
 
 
-def percent(share: Mapping[str, Any] | float) -> str:
+def percent(share: Mapping[str, Any] | float | None) -> str:
     """A share in per cent, with a decimal only below ten, and its interval if that has a width."""
+    if share is None:
+        return UNKNOWN
     if isinstance(share, Mapping):
         low, high = (percent(share[key]).removesuffix(" %") for key in ("low", "high"))
         if low == high:  # of draws that are all alike nothing is drawn but them

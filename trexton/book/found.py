@@ -83,9 +83,8 @@ def _accuracy(records: Records) -> Found | None:
 
 def _filter(records: Records) -> Found | None:
     def say(values: Mapping[str, Any]) -> str:
-        error, knn = middle(values["filter"]["mean_cm"]), middle(values["knn"]["mean_cm"])
-        lag = number(values["lag"]["s"])
-        return f"{number(error)} cm against {number(knn)} cm, {lag} s late,"
+        error, knn = (interval(values[name]["mean_cm"], "cm") for name in ("filter", "knn"))
+        return f"{error} against {knn}, {number(values['lag']['s'])} s late,"
 
     text, values, page = _on_each(records, "mocap_training", say)
     if not values:
@@ -138,7 +137,7 @@ def _noise(records: Records) -> Found | None:
 
 def _spread(records: Records) -> Found | None:
     text, values, page = _on_each(
-        records, "mocap_training", lambda v: percent(middle(v["spread"]["within_two"]))
+        records, "mocap_training", lambda v: percent(v["spread"]["within_two"])
     )
     if not values:
         return None

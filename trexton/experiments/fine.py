@@ -7,7 +7,7 @@ Times are those of the processor, whatever else it does.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from time import process_time
@@ -23,7 +23,7 @@ from trexton.experiments.floors import painted_floor
 from trexton.experiments.peers import PEERS, make_peer
 from trexton.experiments.stitched import stitched_map
 from trexton.flights.flight import Flight
-from trexton.metrics import success_rate
+from trexton.metrics import mean_over_groups, mean_with_interval, success_rate
 from trexton.records import Record
 from trexton.registration import FloorFix, FloorTracker, Trust
 from trexton.registration.calibration import learn_trust
@@ -31,7 +31,7 @@ from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_way
 from trexton.simulator.vehicle import VehicleState
 from trexton.streams import stream
 
-__all__ = ["Parameters", "finding", "kidnapping_summary", "run"]
+__all__ = ["Parameters", "finding", "kidnapping_summary", "over_floors", "run"]
 
 KNOWN = {"attitude": True, "free": False}  # whether the autopilot tells roll, pitch and yaw
 SETTLED = 25  # frames, two seconds, in which the vehicle may be found for the first time
@@ -263,10 +263,11 @@ def _recorded(
     values: dict[str, Any] = {where: {} for where in pictures}
     series: dict[str, Any] = {"time_s": test.time - test.time[0], "truth_m": test.position}
     for (where, name), positions in track.items():
+        drawing = stream(parameters.seed, f"intervals {where} {name}")
         error = np.hypot(*(np.array(positions) - test.position).T)
         settled = error[SETTLED:]
         values[where][name] = {
-            "mean_cm": 100 * settled.mean(),
+            "mean_cm": mean_with_interval(100 * settled[None], drawing),
             "p95_cm": 100 * np.percentile(settled, 95),
             "max_cm": 100 * settled.max(),
             "gross": int((settled > GROSS).sum()),
@@ -281,13 +282,14 @@ def _recorded(
 def _carried(parameters: Parameters, index: int) -> dict[str, Any]:
     """One kidnapping: frames until found; which frames are right, which called lost."""
     rng = stream(parameters.seed, "kidnapping", index)
-    _, floor = _floor(index % parameters.floors)
+    number = index % parameters.floors
+    _, floor = _floor(number)
     room = _room(floor, parameters, "kidnapping room", index)
     tracker = FloorTracker(floor.picture, room.camera, 1.0)
     x_min, x_max, y_min, y_max = floor.area
     error, lost = [], []
-    for number, state in enumerate(_frames(room, CARRIED, rng)):
-        if number == SETTLED:
+    for frame, state in enumerate(_frames(room, CARRIED, rng)):
+        if frame == SETTLED:
             place = state.position[:2]
             while np.hypot(*(place - state.position[:2])) < (x_max - x_min) / 2:
                 place = rng.uniform((x_min + 0.3, y_min + 0.3), (x_max - 0.3, y_max - 0.3))
@@ -299,20 +301,36 @@ def _carried(parameters: Parameters, index: int) -> dict[str, Any]:
     right = np.array(error) < GROSS
     after = right[SETTLED:]
     runs = [at for at in range(len(after) - FOUND + 1) if after[at : at + FOUND].all()]
-    return {"found": runs[0] if runs else None, "right": right, "lost": np.array(lost)}
+    return {
+        "floor": number,
+        "found": runs[0] if runs else None,
+        "right": right,
+        "lost": np.array(lost),
+    }
 
 
 def kidnapping_summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
-    """What many kidnappings say: how often found, and whether lost was said of the right frames."""
+    """What many kidnappings say: how often found, and whether lost was said of the right frames.
+
+    Kidnappings over one floor, and their frames, may be alike: rates are over floors.
+    """
+    floors = [trial["floor"] for trial in trials]
+    calm = slice(5, SETTLED)
+
+    def rate(happened: Sequence[Any], of: Sequence[Any]) -> dict[str, Any] | None:
+        counts = ([np.sum(each) for each in column] for column in (happened, of))
+        return success_rate(*(np.bincount(floors, each).astype(int) for each in counts))
+
     found = [trial["found"] for trial in trials if trial["found"] is not None]
-    right, lost = (np.concatenate([trial[key] for trial in trials]) for key in ("right", "lost"))
-    calm = np.concatenate([trial["right"][5:SETTLED] for trial in trials])
-    calm_lost = np.concatenate([trial["lost"][5:SETTLED] for trial in trials])
+    right, lost = ([trial[key] for trial in trials] for key in ("right", "lost"))
+    both = list(zip(right, lost, strict=True))
     return {
-        "found_rate": success_rate(len(found), len(trials)),
+        "found_rate": rate([trial["found"] is not None for trial in trials], [True] * len(trials)),
         "frames": {"median": float(np.median(found)), "longest": max(found)} if found else None,
-        "wrong_not_lost": success_rate(int((~right & ~lost).sum()), int((~right).sum())),
-        "right_lost": success_rate(int((calm & calm_lost).sum()), int(calm.sum())),
+        "wrong_not_lost": rate([~near & ~told for near, told in both], [~near for near in right]),
+        "right_lost": rate(
+            [(near & told)[calm] for near, told in both], [near[calm] for near in right]
+        ),
     }
 
 
@@ -352,20 +370,30 @@ def _peer_times(trials: list[dict[str, Any]]) -> dict[str, Any]:
     }
 
 
+def over_floors(
+    record: Record, name: str, quantity: str, highest: float = np.inf
+) -> dict[str, float | None]:
+    """Mean of what stands in the record for each floor, with its 95 % interval over floors: frames
+    over one floor share its print, and what was learnt over it.
+    """
+    values = [floor[name][quantity] for floor in record.values["floors"].values()]
+    return mean_over_groups(values, highest=highest)
+
+
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     everything, values = record.values["all"], record.values
     parts = [
-        f"{wording.number(everything[key]['mean_cm'])} cm {words} the autopilot's attitude"
+        f"{wording.interval(over_floors(record, key, 'mean_cm'), 'cm')} {words} the autopilot's "
+        "attitude"
         for key, words in (("attitude", "with"), ("free", "without"))
     ]
     frames = sum(everything[key]["frames"] for key in KNOWN)
     gross = sum(everything[key]["gross"] for key in KNOWN)
     stitched = [values["flight"]["stitched"][key]["mean_cm"] for key in ("attitude", "free")]
-    known, alone = map(wording.number, stitched)
+    known, alone = map(wording.distance, stitched)
     return (
         f"Over {len(values['floors'])} floors the image says where to {' and '.join(parts)}; "
         f"{gross} of {frames} frames are off by more than {100 * GROSS:.0f} cm. On the stitched "
-        f"map of the recorded flight the mean error is {known} cm with attitude and {alone} cm "
-        "without."
+        f"map of the recorded flight the mean error is {known} with attitude and {alone} without."
     )

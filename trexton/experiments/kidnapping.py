@@ -8,7 +8,7 @@ and how often does it say so for nothing?
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -50,13 +50,16 @@ class Trial:
     `lost`.
 
     The arrays start with the undisturbed part; the kidnapping lies between the frames `cut - 1` and
-    `cut`.
+    `cut`. `taken` and `carried` number the stretches of the flight, as long as the patience, that
+    the two parts begin in: trials of one stretch share frames.
     """
 
     error: np.ndarray
     width: np.ndarray
     lost: np.ndarray
     cut: int
+    taken: int = 0
+    carried: int = 0
 
     @property
     def calm(self) -> slice:
@@ -200,28 +203,37 @@ def _trial(
         np.sqrt([np.trace(estimate.about_position) for estimate in estimates]) / nothing,
         np.array([estimate.lost for estimate in estimates]),
         patience,
+        taken=int(rows[0]) // patience,
+        carried=int(rows[patience]) // patience,
     )
+
+
+def _rate(outcomes: Sequence[bool], stretches: Sequence[int]) -> dict[str, Any] | None:
+    """The share of trials that came out so, those of one stretch of the flight taken together."""
+    return success_rate(np.bincount(stretches, outcomes).astype(int), np.bincount(stretches))
 
 
 def _values(
     trials: list[Trial], tolerance: float, consecutive: int, period: float
 ) -> dict[str, Any]:
     found = [trial.found_after(tolerance, consecutive) for trial in trials]
-    times = [period * frames for frames in found if frames is not None]
+    after = [np.inf if frames is None else period * frames for frames in found]
+    times = [seconds for seconds in after if seconds < np.inf]
     undisturbed = [
         Trial(trial.error[: trial.cut], trial.width, trial.lost, trial.calm.start)
         for trial in trials
     ]
     control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
+    taken, carried = ([getattr(trial, end) for trial in trials] for end in ("taken", "carried"))
     return {
-        "recovered_rate": success_rate(len(times), len(trials)),
-        "in_time_rate": success_rate(sum(seconds <= IN_TIME_S for seconds in times), len(trials)),
+        "recovered_rate": _rate([seconds < np.inf for seconds in after], carried),
+        "in_time_rate": _rate([seconds <= IN_TIME_S for seconds in after], carried),
         "recovery_s": dict(
             zip(("median", "p90", "longest"), np.percentile(times, (50, 90, 100)), strict=False)
         )
         if times
         else None,
-        "control_rate": success_rate(sum(frames is not None for frames in control), len(trials)),
+        "control_rate": _rate([frames is not None for frames in control], taken),
         "undisturbed_error_cm": 100
         * np.concatenate([trial.error[trial.calm] for trial in trials]).mean(),
         "lost": _lost(
@@ -237,11 +249,12 @@ def _lost(
     """How well "lost" is told: in which share of kidnappings, of wrong frames until found, of those
     that are far off, of calm frames.
     """
-    declared, wrongs, fars, calms, errors = [], [], [], [], []
+    declared, stretches, wrongs, fars, calms, errors = [], [], [], [], [], []
     for trial, lost, frames in zip(trials, flags, found, strict=False):
         end = len(trial.error) if frames is None else trial.cut + frames
         if end > trial.cut:
             declared.append(bool(lost[trial.cut : end].any()))
+            stretches.append(trial.carried)
             error = trial.error[trial.cut : end]
             wrongs.append(lost[trial.cut : end][error >= tolerance])
             fars.append(lost[trial.cut : end][error >= FAR * tolerance])
@@ -251,7 +264,7 @@ def _lost(
     wrong, far = np.concatenate([[], *wrongs]), np.concatenate([[], *fars])
     right = calm_error < tolerance
     return {
-        "declared_rate": success_rate(sum(declared), len(declared)),
+        "declared_rate": _rate(declared, stretches),
         "wrong_frames_rate": wrong.mean() if len(wrong) else None,
         "wrong_frames": len(wrong),
         "far_frames_rate": far.mean() if len(far) else None,
@@ -293,7 +306,7 @@ def finding(record: Record) -> str:
     parts = []
     for key, name in names.items():
         values = record.values[key]
-        rate, after = wording.percent(values["recovered_rate"]["median"]), values["recovery_s"]
+        rate, after = wording.percent(values["recovered_rate"]), values["recovery_s"]
         when = f" after {wording.number(after['median'])} s in the median" if after else ""
         wrong = values["lost"]["wrong_frames_rate"]
         lost = (

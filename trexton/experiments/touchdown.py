@@ -6,7 +6,7 @@ filter with the paper's trigger, and the methods beside it with one that predict
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -31,14 +31,14 @@ from trexton.experiments.triggered_landing import mission_over
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone, TouchdownZone
 from trexton.localizer import TextonMap
-from trexton.metrics import success_rate
+from trexton.metrics import mean_over_groups, success_rate
 from trexton.parts import make
 from trexton.records import Record
 from trexton.simulator import record_flight
 from trexton.streams import stream
 from trexton.wording import percent
 
-__all__ = ["LANDERS", "Parameters", "finding", "run"]
+__all__ = ["LANDERS", "Parameters", "finding", "gain", "rates", "run"]
 
 
 @dataclass(frozen=True)
@@ -117,23 +117,19 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         over = spread(partial(_over_painted, parameters), range(parameters.floors), "floors")
     else:
         over = [(train.name, _over(train, parameters, parameters.seed, parameters.seed))]
-    flown = {name: [each for _, trial in over for each in trial[name]] for name in LANDERS}
+    flown = {name: [trial[name] for _, trial in over] for name in LANDERS}
     radius = parameters.radius
     return parameters.record(
         train,
         values={
-            "landers": {name: _summary(attempts, radius) for name, attempts in flown.items()},
+            "landers": {name: _summary(trials, radius) for name, trials in flown.items()},
             "floors": {
-                floor: {
-                    name: {key: summary[key] for key in ("attempts", "landings", "inside")}
-                    for name in LANDERS
-                    if (summary := _summary(trial[name], radius))
-                }
+                floor: {name: _counts(attempts, radius) for name, attempts in trial.items()}
                 for floor, trial in over
             },
             "bounds": _bounds(train, parameters),
         },
-        series={name: _series(attempts, radius) for name, attempts in flown.items()},
+        series={name: _series(_joined(trials), radius) for name, trials in flown.items()},
     )
 
 
@@ -193,7 +189,7 @@ def _bounds(train: Flight, parameters: Parameters) -> list[dict[str, Any]]:
     }
     flown = fly_all(mission, landers, parameters.bounds)
     return [
-        {"confidence": first, "least": last, **_summary(attempts, parameters.radius)}
+        {"confidence": first, "least": last, **_summary([attempts], parameters.radius)}
         for (first, last), attempts in zip(CHANCES, flown.values(), strict=True)
     ]
 
@@ -242,21 +238,56 @@ def _distances(attempts: list[Attempt], place: str) -> np.ndarray:
     return distance
 
 
-def _summary(attempts: list[Attempt], radius: float) -> dict[str, Any]:
-    """Landings and flights counted, both rates with 95 % intervals, how far it was off."""
-    landed = [attempt for attempt in attempts if attempt.triggered]
-    inside = int((_distances(attempts, "touchdown") <= radius).sum())
-    error = [100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in landed]
+def _counts(attempts: list[Attempt], radius: float) -> dict[str, int]:
+    """Flights, landings, and landings inside."""
     return {
         "attempts": len(attempts),
-        "landings": len(landed),
-        "inside": inside,
-        "landed_rate": success_rate(len(landed), len(attempts)),
-        "inside_rate": success_rate(inside, len(landed)),
-        "inside_of_flights": success_rate(inside, len(attempts)),
+        "landings": sum(attempt.triggered for attempt in attempts),
+        "inside": int((_distances(attempts, "touchdown") <= radius).sum()),
+    }
+
+
+def rates(floors: Sequence[Mapping[str, int]]) -> dict[str, Any]:
+    """Three rates with 95 % intervals, of the counts over each of the floors.
+
+    Flights over one floor are alike in what it is like, and stand together. Over a single floor
+    nothing is said about others, and its flights are independent.
+    """
+    counted = {key: [floor[key] for floor in floors] for key in ("attempts", "landings", "inside")}
+    attempts, landings, inside = (each if len(floors) > 1 else each[0] for each in counted.values())
+    return {
+        "landed_rate": success_rate(landings, attempts),
+        "inside_rate": success_rate(inside, landings),
+        "inside_of_flights": success_rate(inside, attempts),
+    }
+
+
+def gain(record: Record, name: str, than: str) -> dict[str, float | None]:
+    """By how much more of its flights one lander comes down inside than another, floor by floor,
+    with its 95 % interval over floors.
+    """
+    gains = []
+    for floor in record.values["floors"].values():
+        share, other = (floor[who]["inside"] / floor[who]["attempts"] for who in (name, than))
+        gains.append(share - other)
+    return mean_over_groups(gains, lowest=-1.0, highest=1.0)
+
+
+def _summary(trials: Sequence[list[Attempt]], radius: float) -> dict[str, Any]:
+    """Of one lander's attempts over each floor: counts, rates, when it fired and how far off."""
+    attempts = _joined(trials)
+    landed = [attempt for attempt in attempts if attempt.triggered]
+    error = [100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in landed]
+    return {
+        **_counts(attempts, radius),
+        **rates([_counts(trial, radius) for trial in trials]),
         "wait_s": float(np.median([attempt.wait_s for attempt in landed])) if landed else None,
         "trigger_error_cm": float(np.median(error)) if landed else None,
     }
+
+
+def _joined(trials: Sequence[list[Attempt]]) -> list[Attempt]:
+    return [attempt for trial in trials for attempt in trial]
 
 
 def _series(attempts: list[Attempt], radius: float) -> dict[str, Any]:
@@ -276,9 +307,7 @@ def finding(record: Record) -> str:
     for name in ("field", "odometry_longer", "fine", "paper"):
         label, values = LANDERS[name].label, record.values["landers"][name]
         inside = (
-            f"{percent(values['inside_rate']['median'])} inside"
-            if values["inside_rate"]
-            else "none inside"
+            f"{percent(values['inside_rate'])} inside" if values["inside_rate"] else "none inside"
         )
         parts.append(
             f"{label[0].lower()}{label[1:]}: {values['landings']} of {values['attempts']} flights "
