@@ -33,7 +33,8 @@ from trexton.streams import stream
 
 __all__ = ["Parameters", "finding", "kidnapping_summary", "over_floors", "run"]
 
-KNOWN = {"attitude": True, "free": False}  # whether the autopilot tells roll, pitch and yaw
+# The autopilot tells roll, pitch and yaw; tells them though the camera looks askew; tells nothing.
+KNOWN = {"attitude": "with attitude", "askew": "with attitude askew", "free": "without attitude"}
 SETTLED = 25  # frames, two seconds, in which the vehicle may be found for the first time
 GROSS = 0.3  # metres: further off is another place
 REGION = 4.605  # squared Mahalanobis distance within which 90 % should lie
@@ -53,6 +54,11 @@ class Parameters(SeedParameters):
     frames: int = option(100, "frames of each flight", low=50)
     training: int = option(60, "frames from which each floor's fits are calibrated", low=50)
     attitude_deg: float = option(0.3, "noise of the autopilot's attitude in degrees", low=0)
+    askew_deg: float = option(
+        3.0,
+        "degrees that the camera rolled in its mount since the survey, in one of the runs",
+        low=0,
+    )
     kidnappings: int = option(3, "times that the vehicle is carried away", low=1)
     drifts: int = option(2, "strengths of the light's drift, none and 5 % first", low=2, high=4)
     peer_frames: int = option(0, "frames a floor that keypoint methods try, too", low=0)
@@ -113,11 +119,13 @@ def _follow(
     return fix, process_time() - start
 
 
-def _noisy(
-    attitude: np.ndarray, known: bool, parameters: Parameters, rng: np.random.Generator
+def _told(
+    attitude: np.ndarray, known: str, parameters: Parameters, rng: np.random.Generator
 ) -> np.ndarray | None:
     noise = np.radians(parameters.attitude_deg) * rng.standard_normal(3)
-    return attitude + noise if known else None
+    if known == "askew":
+        noise[0] += np.radians(parameters.askew_deg)
+    return None if known == "free" else attitude + noise
 
 
 def _room(
@@ -136,23 +144,25 @@ def _trackers(
     floor: Floor, room: Simulator, parameters: Parameters, index: int
 ) -> dict[str, FloorTracker]:
     """Trackers that trust their fits as a flight of their own has taught them."""
-    trackers = {}
-    for name, known in KNOWN.items():
+    trusts = {}
+    for known in ("attitude", "free"):
         rng = stream(parameters.seed, "training", index)
         taught = _room(floor, parameters, "training room", index)
         tracker = FloorTracker(floor.picture, room.camera, 1.0)
         fixes, truth = [], []
         for state in _frames(taught, parameters.training, rng):
-            attitude = _noisy(state.attitude, known, parameters, rng)
+            attitude = _told(state.attitude, known, parameters, rng)
             fixes.append(tracker.step(taught.render(), attitude=attitude))
             truth.append(state.position[:2])
-        trust = learn_trust(fixes, np.array(truth), 1.0, Trust())
-        trackers[name] = FloorTracker(floor.picture, room.camera, 1.0, trust=trust)
-    return trackers
+        trusts[known] = learn_trust(fixes, np.array(truth), 1.0, Trust())
+    trusts["askew"] = trusts["attitude"]
+    return {
+        name: FloorTracker(floor.picture, room.camera, 1.0, trust=trusts[name]) for name in KNOWN
+    }
 
 
 def _over(parameters: Parameters, index: int) -> dict[str, Any]:
-    """One flight over one floor, with and without attitude, keypoint methods at some frames."""
+    """One flight over one floor, attitude known or not, keypoint methods at some frames."""
     name, floor = _floor(index)
     room = _room(floor, parameters, "room", index)
     trackers = _trackers(floor, room, parameters, index)
@@ -166,7 +176,7 @@ def _over(parameters: Parameters, index: int) -> dict[str, Any]:
     ):
         image = room.render()
         for key, tracker in trackers.items():
-            attitude = _noisy(state.attitude, KNOWN[key], parameters, rng)
+            attitude = _told(state.attitude, key, parameters, rng)
             fixes[key].append((*_swap(_follow(tracker, image, attitude), state),))
         if number % every == 0:
             for key, peer in peers.items():
@@ -256,7 +266,7 @@ def _recorded(
     seconds = []
     for row, image in enumerate(test.images()):
         for key, tracker in trackers.items():
-            attitude = _noisy(test.attitude[row], KNOWN[key[1]], parameters, rng)
+            attitude = _told(test.attitude[row], key[1], parameters, rng)
             fix, taken = _follow(tracker, image, attitude)
             track[key].append(fix.position)
             seconds.append(taken)
@@ -295,7 +305,7 @@ def _carried(parameters: Parameters, index: int) -> dict[str, Any]:
                 place = rng.uniform((x_min + 0.3, y_min + 0.3), (x_max - 0.3, y_max - 0.3))
             room.vehicle.teleport(place)
             state = room.state
-        fix, _ = _follow(tracker, room.render(), _noisy(state.attitude, True, parameters, rng))
+        fix, _ = _follow(tracker, room.render(), _told(state.attitude, "attitude", parameters, rng))
         error.append(float(np.hypot(*(fix.position - state.position[:2]))))
         lost.append(fix.lost)
     right = np.array(error) < GROSS
@@ -344,7 +354,7 @@ def _in_light(parameters: Parameters, drift: float) -> float:
     tracker = FloorTracker(floor.picture, room.camera, 1.0)
     rng, error = stream(parameters.seed, "light attitude"), []
     for state in _frames(room, parameters.frames, stream(parameters.seed, "light waypoints")):
-        fix, _ = _follow(tracker, room.render(), _noisy(state.attitude, True, parameters, rng))
+        fix, _ = _follow(tracker, room.render(), _told(state.attitude, "attitude", parameters, rng))
         error.append(np.hypot(*(fix.position - state.position[:2])))
     return 100 * float(np.mean(error[SETTLED:]))
 
@@ -383,17 +393,21 @@ def over_floors(
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     everything, values = record.values["all"], record.values
+    words = {
+        "attitude": "with the autopilot's attitude",
+        "askew": f"with one that is {record.parameters['askew_deg']:g} degrees off",
+        "free": "without",
+    }
     parts = [
-        f"{wording.interval(over_floors(record, key, 'mean_cm'), 'cm')} {words} the autopilot's "
-        "attitude"
-        for key, words in (("attitude", "with"), ("free", "without"))
+        f"{wording.interval(over_floors(record, key, 'mean_cm'), 'cm')} {words[key]}"
+        for key in KNOWN
     ]
     frames = sum(everything[key]["frames"] for key in KNOWN)
     gross = sum(everything[key]["gross"] for key in KNOWN)
     stitched = [values["flight"]["stitched"][key]["mean_cm"] for key in ("attitude", "free")]
     known, alone = map(wording.distance, stitched)
     return (
-        f"Over {len(values['floors'])} floors the image says where to {' and '.join(parts)}; "
-        f"{gross} of {frames} frames are off by more than {100 * GROSS:.0f} cm. On the stitched "
+        f"Over {len(values['floors'])} floors the image says where to {', '.join(parts[:-1])} and "
+        f"{parts[-1]}; {gross} of {frames} frames are off by more than {100 * GROSS:.0f} cm. On the stitched "
         f"map of the recorded flight the mean error is {known} with attitude and {alone} without."
     )

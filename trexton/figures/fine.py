@@ -14,6 +14,7 @@ __all__ = ["coverage", "over_floors", "over_time"]
 
 _KINDS = {
     "attitude": ("with attitude", COLORS["fine"], "-"),
+    "askew": ("with attitude askew", COLORS["field"], "-."),
     "free": ("without", COLORS["zone"], "--"),
 }
 
