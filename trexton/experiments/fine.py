@@ -408,6 +408,7 @@ def finding(record: Record) -> str:
     known, alone = map(wording.distance, stitched)
     return (
         f"Over {len(values['floors'])} floors the image says where to {', '.join(parts[:-1])} and "
-        f"{parts[-1]}; {gross} of {frames} frames are off by more than {100 * GROSS:.0f} cm. On the stitched "
+        f"{parts[-1]}; {gross} of {frames} frames are off by more than "
+        f"{100 * GROSS:.0f} cm. On the stitched "
         f"map of the recorded flight the mean error is {known} with attitude and {alone} without."
     )
