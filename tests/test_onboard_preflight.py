@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from onboard_tools import CAMERA, colourful_floor, mavlink, room_map
 
 from trexton.cli import main
-from trexton.flights import read_flight
+from trexton.flights import read_flight, write_flight
 from trexton.localizer import TextonMap
 from trexton.onboard import Settings
 from trexton.onboard import preflight as module
@@ -96,6 +97,22 @@ def test_frames_that_show_no_motion_are_told(place, tmp_path, sure):
     )
     found = {check.name: check for check in preflight(settings, 1.0)}["odometry"]
     assert found.holds == (sure < 0.5) and "frames show a velocity" in found.words
+
+
+@pytest.mark.parametrize("degrees", [0.0, 4.0])
+def test_a_camera_that_looks_askew_is_told(tmp_path, degrees):
+    flight = record_flight(
+        tmp_path / "flight", frames=60, speed=1.0, camera=CAMERA, floor=colourful_floor()
+    )
+    texton_map = TextonMap.train(
+        flight, method="fine", n_textons=6, rng=np.random.default_rng(1)
+    ).save(tmp_path / "fine.npz")
+    askew = replace(flight, attitude=flight.attitude + np.radians([0.0, degrees, 0.0]))
+    write_flight(askew, tmp_path / "askew")
+    flying = Flying(camera=str(tmp_path / "askew"))
+    found = preflight(Settings(str(texton_map), (), (), {Flying: flying}), 5.0)
+    told = [check.words for check in found if check.name == "attitude"]
+    assert len(told) == (degrees > 0) and all("camera's mount" in words for words in told)
 
 
 @pytest.mark.parametrize("aiding", ["tilt", "none"])

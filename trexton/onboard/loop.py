@@ -27,11 +27,15 @@ from trexton.onboard.status import Status
 from trexton.onboard.tally import Latencies, Tally
 from trexton.onboard.voice import flush, say
 
-__all__ = ["Onboard"]
+__all__ = ["CAUSES", "Onboard"]
 
 REOPEN_AFTER = 2.0  # seconds of a frozen picture after which the camera is opened again
 MOST_CATCHING_UP = 25  # predictions for missed frames; more would only spread the particles further
 NO_FRAME_FOR = 10.0  # seconds after which a run of a number of frames ends without the first
+CAUSES = {  # of what the frames may contradict
+    "velocity": "heading, compass, height, and the odometry's camera",
+    "attitude": "the camera's mount, the autopilot's level",
+}
 # Share of the period after which the next frame is looked for: cameras are not exact.
 EAGERNESS = 0.9
 
@@ -157,12 +161,10 @@ class Onboard:
             self.tally.count("observed")
         if estimate.contradicted is not None:
             off = round(float(np.hypot(*estimate.contradicted)), 2)
-            causes = "heading, compass, height, and the odometry's camera"
-            self._contradicted("velocity", causes, off_m_s=off)
+            self._contradicted("velocity", off_m_s=off)
         if estimate.askew is not None:
             roll, pitch = np.degrees(estimate.askew).round(1).tolist()
-            causes = "the camera's mount, the autopilot's level"
-            self._contradicted("attitude", causes, roll_off_deg=roll, pitch_off_deg=pitch)
+            self._contradicted("attitude", roll_off_deg=roll, pitch_off_deg=pitch)
         self._pass_on(estimate, stamp, fault, captured)
         total = self._clock() - captured
         self._latencies.add(total)
@@ -188,11 +190,12 @@ class Onboard:
         self.tally.fault(fault)
         return self.localizer.step(None), fault
 
-    def _contradicted(self, what: str, causes: str, **off: float) -> None:
+    def _contradicted(self, what: str, **off: float) -> None:
         """Count what the frames take for wrong; once it was a second long, say it."""
         self.tally.fault(what)
         if self.tally[what] == np.ceil(1.0 / self._model_period):
-            self.report({"event": f"{what} contradicted by the frames", **off, "look at": causes})
+            event = f"{what} contradicted by the frames"
+            self.report({"event": event, **off, "look at": CAUSES[what]})
 
     def _catch_up(self, stamp: float) -> None:
         """Advance the filter to the frame before this one of a live camera.

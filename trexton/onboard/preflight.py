@@ -19,7 +19,7 @@ from trexton.neighbors import neighbors_in_flight
 from trexton.onboard.aids import Aids
 from trexton.onboard.build import build
 from trexton.onboard.inspection import BLACK, WHITE
-from trexton.onboard.loop import Onboard
+from trexton.onboard.loop import CAUSES, Onboard
 from trexton.onboard.settings import Flying, Landing, Placement, Settings
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import Frame, Playback, Source
@@ -104,6 +104,7 @@ def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
         *_of_camera(settings.of(Flying).camera, onboard, pictures),
         *_of_view(onboard.localizer, frames),
         *_of_odometry(onboard.localizer, frames),
+        *_of_contradictions(onboard),
         *_of_map(onboard.localizer, frames),
         *_of_links(settings, onboard, ended),
     ]
@@ -170,6 +171,14 @@ def _of_odometry(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     holds = 2 * moved >= len(seen)
     advice = "" if holds else ": more texture, light or frames a second, or a map without odometry"
     yield Check("odometry", holds, f"{moved} of {len(seen)} frames show a velocity{advice}")
+
+
+def _of_contradictions(onboard: Onboard) -> Iterator[Check]:
+    """What the frames take for wrong of what they were told, if anything."""
+    for what, causes in CAUSES.items():
+        if many := onboard.tally[what]:
+            words = f"{many} of {onboard.tally['frames']} frames contradict it: look at {causes}"
+            yield Check(what, False, words)
 
 
 def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
