@@ -354,6 +354,8 @@ def test_a_test_of_one_frame_judges_nothing(tmp_path):
         ({"histograms": np.zeros(40)}, r"histograms of shape \(40,\): expected \(N, K\)"),
         ({"height": np.zeros((40, 1))}, r"height of shape \(40, 1\): expected \(N,\)"),
         ({"area": (0, 1, 5, 4)}, "the smaller of each first"),
+        ({"area": (0, 1, 5)}, "has the area .0, 1, 5.: expected x_min"),
+        ({"area": (0, np.nan, 4, 5)}, "has the area"),
         ({"time": np.r_[0:20, 19:39]}, "time 19.0 after 19.0 in row 20: they must increase"),
         ({"time": 0.0 - np.arange(40)}, "time -1.0 after 0.0 in row 1"),
         ({"time": np.r_[0:39, np.nan]}, "time nan after 38.0 in row 39"),

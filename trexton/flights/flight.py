@@ -94,8 +94,8 @@ class Flight:
                 )
         for key in ("time", "frame"):
             self._check_order(key, getattr(self, key))
-        x_min, x_max, y_min, y_max = self.area
-        if x_min > x_max or y_min > y_max:
+        area = np.asarray(self.area, dtype=float)
+        if area.shape != (4,) or not (area[0] <= area[1] and area[2] <= area[3]):
             raise FlightError(
                 f"flight {self.name!r} has the area {self.area}: expected x_min, x_max, y_min, "
                 "y_max, the smaller of each first"
