@@ -5,8 +5,12 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
+import tempfile
+import time
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
@@ -17,11 +21,13 @@ from dask_tools import Cluster
 from patience import eventually
 from tiny_notebooks import BODY, write_notebook
 
-from trexton.errors import ParameterError
-from trexton.executor import spread, working_on
+from trexton.errors import ParameterError, TrextonError
+from trexton.executor import connect, spread, working_on
 from trexton.experiments import EXPERIMENTS, Experiment
 from trexton.flights import write_flight
 from trexton.workflow import FlightPair, run_experiments
+from trexton.workflow.execution import Job, execute
+from trexton.workflow.workers import workers
 
 RECORDED = ("parameters", "values", "series", "images", "provenance")
 
@@ -85,6 +91,16 @@ def test_nothing_answers_or_nobody_works(flight, tmp_path):
     assert not (tmp_path / "out").exists()
 
 
+def test_what_is_no_scheduler_is_told_at_once(monkeypatch):
+    """The address of the dashboard, or of another server, was waited for without end."""
+    monkeypatch.setattr("trexton.executor._GREETING_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        port = silent.getsockname()[1]
+        for address in (f"tcp://127.0.0.1:{port}", f"http://127.0.0.1:{port}"):
+            with pytest.raises(ParameterError, match=f"no Dask scheduler answers at {address}"):
+                connect(address)
+
+
 def test_a_killed_worker_costs_only_its_task(cluster, tmp_path):
     """One of the workers is killed by a task; it alone is done again, by another."""
     before = cluster.alive
@@ -112,6 +128,66 @@ def test_a_killed_worker_costs_only_its_notebook(cluster, flight, tmp_path):
     assert cluster.alive == before - 1
     assert [outcome.status for outcome in outcomes] == ["ran", "ran"], outcomes
     assert mark.exists() and (notebooks / "first.runs").read_text() == "x"
+
+
+def begun(mark: str, wait_s: float) -> str:
+    """A task that leaves a mark when it begins."""
+    with open(mark, "a") as marks:
+        marks.write("x")
+    time.sleep(wait_s)
+    return "done"
+
+
+def test_a_cluster_without_workers_is_waited_for_with_a_word(tmp_path, monkeypatch, capsys):
+    """As at the end of a job's time."""
+    monkeypatch.setattr("trexton.workflow.workers._LOOK_S", 0.5)
+    mark, scheduler = tmp_path / "begun", ["--scheduler-file", tmp_path / "scheduler.json"]
+    with Cluster(tmp_path, workers=1) as own:
+        with workers(own.address, None) as crew, ThreadPoolExecutor() as pool:
+            task = pool.submit(crew.call, begun, str(mark), 5.0)
+            assert eventually(mark.exists)
+            own.processes[1].kill()
+            assert eventually(lambda: "no workers left" in capsys.readouterr().err)
+            own._start("worker", *scheduler, "--nthreads", "1", "--no-nanny")
+            assert task.result() == "done" and mark.read_text() == "xx"
+
+
+def lacking() -> str:
+    """What a worker answers who does not have the package."""
+    raise ImportError("none here")
+
+
+def test_a_worker_that_lacks_the_package_is_named(cluster, monkeypatch):
+    monkeypatch.setattr("trexton.workflow.workers._fingerprint", lacking)
+    with pytest.raises(ParameterError, match="worker of .* does not run this trexton .none here"):
+        with workers(cluster.address, None):
+            pass
+
+
+def test_a_scheduler_that_is_lost_is_named(tmp_path):
+    with Cluster(tmp_path, workers=1) as own, workers(own.address, None) as crew:
+        with ThreadPoolExecutor() as pool:
+            task = pool.submit(crew.call, begun, str(tmp_path / "begun"), 30.0)
+            assert eventually((tmp_path / "begun").exists)
+            own.processes[0].kill()
+            with pytest.raises(TrextonError, match="was lost: start it and its workers, and repea"):
+                task.result()
+
+
+def test_a_worker_that_may_not_write_into_the_results_works_elsewhere(
+    flight, tmp_path, monkeypatch
+):
+    (tmp_path / "its own").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "its own"))
+    results, access = str(tmp_path / "results"), os.access
+    monkeypatch.setattr(os, "access", lambda path, *how: path != results and access(path, *how))
+    note = f"open({str(tmp_path / 'place')!r}, 'w').write(out)\n"
+    path = write_notebook(tmp_path / "notebooks", "first", note + BODY)
+    given = {"flight": str(flight), "test_flight": None, "out": results}
+    os.mkdir(results)
+    done = execute(Job("first", path.read_text(), "", given, "small", {}, str(tmp_path), results))
+    assert "first.json" in done.files, done.error
+    assert "its own" in (tmp_path / "place").read_text()
 
 
 @pytest.mark.parametrize("where", ["here", "there"])

@@ -307,6 +307,15 @@ def test_splits_are_cut_where_three_fifths_of_the_positions_are_known():
     assert with_splits(replace(flight, split=own)).split == own
 
 
+def test_images_of_two_sizes_are_no_flight(image_folder):
+    """Training counted both alike, although textons are of a size in pixels."""
+    file = image_folder / "images" / "0004.jpg"
+    cv2.imwrite(str(file), cv2.resize(cv2.imread(str(file)), (64, 48)))
+    flight = read_flight(image_folder)
+    with pytest.raises(FlightError, match="frame 4 is 64x48 where another is 32x24: all images"):
+        list(flight.images())
+
+
 @pytest.mark.parametrize("key", ["position", "time", "histograms", "height"])
 def test_a_flight_has_one_of_each_for_every_frame(key):
     flight = small_flight()
@@ -345,6 +354,12 @@ def test_a_test_of_one_frame_judges_nothing(tmp_path):
         ({"histograms": np.zeros(40)}, r"histograms of shape \(40,\): expected \(N, K\)"),
         ({"height": np.zeros((40, 1))}, r"height of shape \(40, 1\): expected \(N,\)"),
         ({"area": (0, 1, 5, 4)}, "the smaller of each first"),
+        ({"area": (0, 1, 5)}, "has the area .0, 1, 5.: expected x_min"),
+        ({"area": (0, np.nan, 4, 5)}, "has the area"),
+        ({"time": np.r_[0:20, 19:39]}, "time 19.0 after 19.0 in row 20: they must increase"),
+        ({"time": 0.0 - np.arange(40)}, "time -1.0 after 0.0 in row 1"),
+        ({"time": np.r_[0:39, np.nan]}, "time nan after 38.0 in row 39"),
+        ({"frame": np.zeros(40, int)}, "frame 0 after 0 in row 1"),
     ],
 )
 def test_what_a_flight_is_made_of_has_its_shape(change, words):

@@ -11,7 +11,7 @@ from test_import import euroc, picture, write_bag
 
 from trexton import cli
 from trexton.errors import TrextonError
-from trexton.flights import importing
+from trexton.flights import importing, read_flight
 from trexton.flights.importers.recording import Track
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
@@ -216,3 +216,12 @@ def test_a_name_that_is_not_utf_8_is_told(tmp_path, capsys):
     error = capsys.readouterr().err
     assert "caf\\udce9" in error and "rename the file or folder" in error
     assert list(tmp_path.iterdir()) == [named]
+
+
+def test_rows_without_an_image_are_positions_between_the_frames(tmp_path):
+    """They were looked for in a file named nan."""
+    rows = [f"{i},{i * i},0,{f'{i // 2}.png' if i % 2 == 0 else ' '}" for i in range(11)]
+    import_flight(table(tmp_path / "some", rows), tmp_path / "flight")
+    assert read_flight(tmp_path / "flight").position[:, 0].tolist() == [0, 4, 16, 36, 64, 100]
+    with pytest.raises(TrextonError, match="no row of column 'image' names an image"):
+        import_flight(table(tmp_path / "none", ["1,0,0,", "2,0,1,"]), tmp_path / "other")

@@ -9,6 +9,7 @@ from trexton.metrics import (
     block_rows,
     constant_guess,
     mean_over_groups,
+    mean_with_interval,
     shuffled_neighbors,
     success_rate,
     summarize,
@@ -155,6 +156,16 @@ def test_mean_over_groups_is_students():
 def test_shapes_that_do_not_fit_are_refused(shapes):
     with pytest.raises(ParameterError, match="expected two"):
         absolute_errors(*(np.zeros(shape) for shape in shapes))
+
+
+def test_nothing_has_no_summary(rng):
+    truth = np.zeros((3, 2))
+    with pytest.raises(ParameterError, match="no runs"):
+        summarize([], truth, 5.0, rng=rng)
+    with pytest.raises(ParameterError, match="draws is 0"):
+        summarize([truth], truth, 5.0, rng=rng, draws=0)
+    with pytest.raises(ParameterError, match=r"shape \(0, 3\)"):
+        mean_with_interval(np.empty((0, 3)), rng)
 
 
 @pytest.mark.parametrize("count", [2, 5, 17, 25])

@@ -40,6 +40,15 @@ def test_defaults_come_from_the_declaration_and_names_replace_them(names):
         notebook.given(Parameters, names | {"trials": 0})
 
 
+@pytest.mark.parametrize(("wrong", "right"), [("trails", "trials"), ("test_fligth", "test_flight")])
+def test_a_misspelt_parameter_is_not_passed_over(names, wrong, right):
+    del names["test_flight"]
+    with pytest.raises(ParameterError, match=f"sets {wrong} = 9, .* write {right}, or"):
+        notebook.given(Parameters, names | {wrong: 9})
+    own = {"note": "mine", "pairs": 3, "trial": notebook}  # nothing that could be meant
+    assert notebook.given(Parameters, names | own).parameters == Parameters()
+
+
 def test_the_pair_is_the_splits_of_one_flight_or_two_flights(names):
     one = notebook.given(Parameters, names)
     assert len(one.train) + len(one.test) == len(small_flight())

@@ -129,7 +129,7 @@ def test_zero_histogram_is_named():
         cosine_similarity([[1, np.nan]])
 
 
-@pytest.mark.parametrize("sigma", [0, -1, np.nan, (0.8, 0), np.inf])
+@pytest.mark.parametrize("sigma", [0, -1, np.nan, (0.8, 0), np.inf, (1, 2, 3), None])
 def test_bad_sigma(sigma):
     with pytest.raises(ParameterError, match="sigma"):
         local_losses(np.eye(2), np.zeros((2, 2)), sigma)
@@ -152,3 +152,29 @@ def test_shapes_disagree(histograms, positions):
 def test_bad_cells(wrong):
     with pytest.raises(ParameterError, match="positive"):
         heat_map(np.ones(1), np.zeros((1, 2)), (0, 1, 0, 1), 0.8, **wrong)
+
+
+@pytest.mark.parametrize(
+    ("values", "positions", "words"),
+    [
+        (np.ones(0), np.zeros((0, 2)), "of one sample at least"),
+        (np.ones(3), np.zeros((2, 2)), r"values have shape \(3,\), positions \(2, 2\)"),
+        (np.ones(2), np.zeros((2, 3)), "positions"),
+        ([1.0, np.nan], np.zeros((2, 2)), "1 of 2 samples .* not finite: leave them out"),
+        (np.ones(2), [[0, 0], [np.nan, 0]], "1 of 2 samples"),
+    ],
+)
+def test_samples_that_nothing_can_be_drawn_from(values, positions, words):
+    """One that was not known made the whole floor empty, and the rest was NumPy's to tell."""
+    with pytest.raises(ParameterError, match=words):
+        heat_map(values, positions, (0, 1, 0, 1), 0.8)
+    with pytest.raises(ParameterError, match=words):
+        smooth(values, positions, np.zeros((1, 2)), 0.8)
+
+
+@pytest.mark.parametrize("area", [(0, 1, 0), (1, 0, 0, 1), (0, np.nan, 0, 1)])
+def test_areas_and_places_have_their_shape(area):
+    with pytest.raises(ParameterError, match="area"):
+        heat_map(np.ones(1), np.zeros((1, 2)), area, 0.8)
+    with pytest.raises(ParameterError, match="places"):
+        smooth(np.ones(1), np.zeros((1, 2)), np.zeros(2), 0.8)

@@ -220,7 +220,7 @@ def test_a_failing_notebook_names_its_cell_and_the_others_go_on(house):
         "first": "ran",
     }
     (reason,) = outcomes["broken"].reasons
-    assert "broken.md, cell 4" in reason and "ZeroDivisionError: division by zero" in reason
+    assert "broken.md, cell 3" in reason and "ZeroDivisionError: division by zero" in reason
     partial = house.out / "small" / "broken.failed.ipynb"
     assert "so far" in partial.read_text() and str(partial) in reason
     assert outcomes["heir"].reasons == ("broken, which it builds on, failed",)

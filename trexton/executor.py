@@ -42,6 +42,7 @@ THREAD_VARIABLES = (
     "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
     "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
 )  # fmt: skip
+_GREETING_S = 30.0
 _task: Callable[[Any], Any] | None = None
 
 
@@ -132,11 +133,18 @@ def connect(address: str) -> Any:
     """A client of the Dask scheduler at `address`; raises `ParameterError` if none answers."""
     from distributed import Client
     from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
 
     try:
         scheme, place = parse_address(address)
-        if scheme in ("tcp", "tls"):  # where nothing listens it is known at once
-            socket.create_connection(parse_host_port(place, 8786), timeout=10).close()
+        get_backend(scheme)  # a client of an unknown one takes minutes to close
+        # Where nothing listens it is known at once. A scheduler greets whoever comes: a client of
+        # something else, such as a web server, would wait for that for ever.
+        if scheme in ("tcp", "tls"):
+            with socket.create_connection(parse_host_port(place, 8786), timeout=10) as there:
+                there.settimeout(_GREETING_S)
+                if scheme == "tcp" and not there.recv(1):
+                    raise OSError("it hung up")
         return Client(address, timeout="60s", set_as_default=False)
     except (OSError, ValueError) as error:
         raise ParameterError(

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from trexton.errors import ParameterError
+from trexton.options import whole
 
 __all__ = [
     "absolute_errors",
@@ -98,7 +99,17 @@ def mean_with_interval(
 ) -> dict[str, float]:
     """Mean of ``(R, N)`` values with its 95 % interval over runs and stretches of the flight, as
     records hold it; NaN is left out.
+
+    Raises
+    ------
+    ParameterError
+        There are no runs of frames.
     """
+    if np.ndim(rows) != 2 or not np.size(rows):
+        raise ParameterError(
+            f"rows have shape {np.shape(rows)}: expected (R, N) values of runs and frames, "
+            "one of each at least"
+        )
     drawn = [
         np.nanmean(rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)])
         for _ in range(draws)
@@ -170,7 +181,15 @@ def summarize(
         axes ``axis_mean_cm`` and ``axis_std_cm``, and of the Euclidean error ``mean_cm``,
         ``median_cm``, ``p95_cm``, ``rmse_cm`` and ``relative`` (mean over diagonal). Further
         ``frames`` and ``missing``, counts a run on average.
+
+    Raises
+    ------
+    ParameterError
+        There are no runs, or the shapes differ.
     """
+    if not len(runs):
+        raise ParameterError("there are no runs to summarize: expected one (N, 2) array or more")
+    draws = whole(draws, "draws")
     absolute = 100 * np.stack([absolute_errors(run, truth) for run in runs])
     missing = float((~np.isfinite(absolute).all(axis=2)).sum(axis=1).mean())
     result: dict[str, Any] = {

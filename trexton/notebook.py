@@ -7,6 +7,7 @@ import json
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -19,6 +20,7 @@ from matplotlib.figure import Figure
 from trexton.cache import kept_results, repository_root
 from trexton.claims import judge_all, load_claims, write_ledger
 from trexton.claims.page import claims_html, counts_html, filters_html
+from trexton.errors import ParameterError
 from trexton.experiments import EXPERIMENTS
 from trexton.figures.drawing import to_png, to_svg
 from trexton.files import atomic_file
@@ -73,10 +75,19 @@ def given(parameters: type[Options], names: Mapping[str, object]) -> Given:
     Raises
     ------
     ParameterError
-        A value has the wrong type or is out of its range.
+        A value has the wrong type or is out of its range, or a name is nearly that of a parameter.
     """
+    mine = ("flight", "test_flight", "out")
+    free = {each.name for each in parameters.declared()}.union(mine) - names.keys()
+    for name, value in names.items():
+        near = get_close_matches(name, free, n=1, cutoff=0.75)
+        if near and isinstance(value, (int, float, str)):
+            raise ParameterError(
+                f"the notebook sets {name} = {value!r}, which is no parameter: write {near[0]}, or "
+                "give what is your own a name less like it"
+            )
     chosen = {each.name: names[each.name] for each in parameters.declared() if each.name in names}
-    flight, test_flight, out = (names.get(name) for name in ("flight", "test_flight", "out"))
+    flight, test_flight, out = (names.get(name) for name in mine)
     return Given(
         str(flight), None if test_flight is None else str(test_flight), str(out),
         parameters(**chosen),

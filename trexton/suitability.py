@@ -98,7 +98,16 @@ def smooth(
 ) -> np.ndarray:
     """``(M,)``: mean of the samples' `values` around `places` ``(M, 2)``, weighted by a
     Gaussian.
+
+    Raises
+    ------
+    ParameterError
+        `sigma` is not positive; a shape is another; a value or position is not finite.
     """
+    values, positions = _samples(values, positions)
+    places = np.asarray(places, dtype=float)
+    if places.ndim != 2 or places.shape[1] != 2:
+        raise ParameterError(f"places have shape {places.shape}: expected (M, 2) metres")
     smoothed = np.empty(len(places))
     for first in range(0, len(places), _ROWS):
         weights = ideal_similarity(places[first : first + _ROWS], positions, sigma)
@@ -158,15 +167,20 @@ def heat_map(
     Raises
     ------
     ParameterError
-        `sigma`, `cell` or `reach` is not positive.
+        `sigma`, `cell` or `reach` is not positive; `area` is none; a shape is another; a value or
+        position is not finite.
     """
     reach = _scale(sigma).max() if reach is None else reach
+    if np.shape(area) != (4,) or not (area[0] <= area[1] and area[2] <= area[3]):
+        raise ParameterError(
+            f"area is {area}: expected x_min, x_max, y_min, y_max, the smaller of each first"
+        )
     if cell is None:
         cell = max(_FINEST, (area[1] - area[0]) / _CELLS, (area[3] - area[2]) / _CELLS)
     for name, length in (("cell", cell), ("reach", reach)):
         if not length > 0:
             raise ParameterError(f"{name} is {length}: expected a positive length in metres")
-    values, positions = np.asarray(values, dtype=float), np.asarray(positions, dtype=float)
+    values, positions = _samples(values, positions)
     x, y = _centers(*area[:2], cell), _centers(*area[2:], cell)
     heat = np.empty((len(y), len(x)))
     for row, place in enumerate(y):
@@ -181,8 +195,25 @@ def _centers(start: float, end: float, cell: float) -> np.ndarray:
     return start + (np.arange(count) + 0.5) * (end - start) / count
 
 
+def _samples(values: np.ndarray, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values and where they were taken: one that is unknown would make all around it unknown."""
+    values, positions = np.asarray(values, dtype=float), np.asarray(positions, dtype=float)
+    if values.ndim != 1 or not len(values) or positions.shape != (len(values), 2):
+        raise ParameterError(
+            f"values have shape {values.shape}, positions {positions.shape}: expected (N,) and "
+            "(N, 2), of one sample at least"
+        )
+    if bad := int(np.sum(~np.isfinite(np.column_stack([values, positions])).all(axis=1))):
+        raise ParameterError(
+            f"{bad} of {len(values)} samples have a value or a position that is not finite: leave "
+            "them out"
+        )
+    return values, positions
+
+
 def _scale(sigma: Sigma) -> np.ndarray:
-    scale = np.broadcast_to(np.asarray(sigma, dtype=float), 2)
+    scale = np.asarray(sigma, dtype=float)
+    scale = np.broadcast_to(scale, 2) if scale.shape in ((), (1,), (2,)) else np.full(2, np.nan)
     if not (np.isfinite(scale).all() and (scale > 0).all()):
         raise ParameterError(
             f"sigma is {sigma}: expected a positive length in metres, or one for x and one for y"

@@ -27,11 +27,13 @@ _PER_FRAME = ("frame", "time", "position", "height", "attitude", "histograms")
 class Flight:
     """Frames in time order, with what was recorded beside each.
 
+    Raises `FlightError` where a column has another length or shape, or stamps do not increase.
+
     Attributes
     ----------
     name : str
     frame : (N,) int64 array
-        Frame numbers as the source counts them.
+        Frame numbers as the source counts them, strictly increasing.
     time : (N,) float64 array
         Stamps in seconds, strictly increasing.
     position : (N, 2) float64 array
@@ -90,8 +92,10 @@ class Flight:
                     f"flight {self.name!r} has {len(self.frame)} frame numbers and {len(value)} of "
                     f"{key}: give one for each frame"
                 )
-        x_min, x_max, y_min, y_max = self.area
-        if x_min > x_max or y_min > y_max:
+        for key in ("time", "frame"):
+            self._check_order(key, getattr(self, key))
+        area = np.asarray(self.area, dtype=float)
+        if area.shape != (4,) or not (area[0] <= area[1] and area[2] <= area[3]):
             raise FlightError(
                 f"flight {self.name!r} has the area {self.area}: expected x_min, x_max, y_min, "
                 "y_max, the smaller of each first"
@@ -107,6 +111,18 @@ class Flight:
             shape = "".join(f", {count or 'K'}" for count in expected) or ","
             raise FlightError(
                 f"flight {self.name!r} has {key} of shape {value.shape}: expected (N{shape})"
+            )
+
+    def _check_order(self, key: str, value: np.ndarray) -> None:
+        """Speeds, motion models and intervals are taken from one frame to the next."""
+        wrong = ~np.isfinite(value)
+        wrong[1:] |= np.diff(value) <= 0
+        if wrong.any():
+            row = int(wrong.argmax())
+            after = f" after {value[row - 1]}" if row else ""
+            raise FlightError(
+                f"flight {self.name!r} has {key} {value[row]}{after} in row {row}: they must "
+                "increase, sort the frames and drop those that come twice"
             )
 
     def __len__(self) -> int:
@@ -137,7 +153,17 @@ class Flight:
                 f"flight {self.name!r} has no images, but this step needs them: use a flight that "
                 "was recorded with images"
             )
-        return self.frames[index]
+        image = self.frames[index]
+        # The first that is read says the size: to look at row 0 would start a video anew.
+        usual = self.__dict__.setdefault("_size", image.shape[:2])
+        if image.shape[:2] != usual:
+            (height, width), (rows, columns) = image.shape[:2], usual
+            raise FlightError(
+                f"flight {self.name!r}: the image of frame {self.frame[index]} is {width}x{height} "
+                f"where another is {columns}x{rows}: all images of a flight have one size, drop "
+                "or scale those of another"
+            )
+        return image
 
     def images(self) -> Iterator[np.ndarray]:
         """All images in time order."""
@@ -153,7 +179,7 @@ class Flight:
         ).at(stamp)  # fmt: skip
 
     def select(self, rows: np.ndarray | slice, name: str | None = None) -> Flight:
-        """The flight at these rows only (a slice, indices or a mask), in time order."""
+        """The flight at these rows only: a slice, rising indices or a mask."""
         rows = np.arange(len(self))[rows]
         changes: dict[str, Any] = {
             key: value[rows] for key in _PER_FRAME if (value := getattr(self, key)) is not None

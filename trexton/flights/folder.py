@@ -265,8 +265,7 @@ def _check_order(path: Path, columns: Columns, rows: np.ndarray, reading: Readin
         for row in np.flatnonzero(np.diff(values) <= 0):
             kind = "duplicated" if values[row] == values[row + 1] else "unsorted"
             reading.faults.append(
-                f"{path}, row {rows[row + 1]}: {kind} {what} {values[row + 1]:g}: they must "
-                "increase"
+                f"{path}, row {rows[row + 1]}: {kind} {what} {values[row + 1]}: they must increase"
             )
 
 

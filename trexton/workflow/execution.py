@@ -119,7 +119,9 @@ def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: N
     """Run one notebook; ``report(done, total)`` is called before each cell."""
     from trexton.files import atomic_file
 
-    started, work = time.monotonic(), job.work if os.path.isdir(job.work) else None
+    # A worker may see the results as another user, or not at all: nothing of its own goes there.
+    work = job.work if os.access(job.work, os.W_OK) else None
+    started = time.monotonic()
     with tempfile.TemporaryDirectory(prefix=".work.", dir=work) as name:
         out = Path(name).resolve() / "out"
         (out / job.subfolder).mkdir(parents=True)
@@ -153,9 +155,12 @@ def _papermill(
     import papermill  # isort: skip
     from papermill.exceptions import PapermillExecutionError
 
-    original = partial.with_name("original.ipynb")
+    original, given = partial.with_name("original.ipynb"), -1
     try:
-        jupytext.write(jupytext.reads(job.text, fmt="md:myst"), original)
+        notebook = jupytext.reads(job.text, fmt="md:myst")
+        tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
+        given = next((at for at, each in enumerate(tags) if "parameters" in each), given)
+        jupytext.write(notebook, original)
         _register_engine()
         papermill.execute_notebook(
             original, partial, parameters={**job.parameters, "out": str(out)},
@@ -163,19 +168,21 @@ def _papermill(
             report=report, environment=job.environment(), folder=job.folder,
         )  # fmt: skip
     except PapermillExecutionError as fault:
-        return describe(job.source, fault)
+        return describe(job.source, fault, given)
     except Exception as fault:  # a kernel that died, a notebook that cannot be read: others go on
         return f"{job.source}: {type(fault).__name__}: {fault}"
     return None
 
 
-def describe(source: str, fault: Any) -> str:
-    """One sentence on a failing cell: which, where, and what it said."""
+def describe(source: str, fault: Any, given: int) -> str:
+    """One sentence on a failing cell: which, where, and what it said.
+
+    Counted as in the source: papermill put a cell of its own after number `given` (-1: first).
+    """
+    number = fault.cell_index + (fault.cell_index <= given)
     first = next((line for line in fault.source.splitlines() if line.strip()), "")
     message = _ANSI.sub("", fault.evalue).strip() or "no message"
-    return (
-        f"{source}, cell {fault.cell_index + 1} ({first.strip()!r} ...): {fault.ename}: {message}"
-    )
+    return f"{source}, cell {number} ({first.strip()!r} ...): {fault.ename}: {message}"
 
 
 def cleaned(path: Path, parameters: Mapping[str, Any], work: str) -> str:

@@ -16,7 +16,7 @@ from trexton.flights import Flight, read_flight
 from trexton.flights.pair import with_splits
 from trexton.progress import say
 
-__all__ = ["FlightPair", "check_names"]
+__all__ = ["FlightPair", "check_names", "check_out"]
 
 
 def check_names(names: Iterable[str]) -> None:
@@ -31,6 +31,23 @@ def check_names(names: Iterable[str]) -> None:
         raise ParameterError(
             f"two flights are named {twice[0]!r}: give each its own name in flight.toml"
         )
+
+
+def check_out(out: Path, pairs: Iterable[FlightPair]) -> None:
+    """Refuse results among the files of a flight: ``--out FLIGHT``, or ``--out .`` beside it.
+
+    Raises
+    ------
+    ParameterError
+        They would lie there.
+    """
+    for pair in pairs:
+        for flight in filter(None, (pair.flight, pair.test_flight)):
+            if Path(flight).resolve() in (out.resolve(), (out / pair.name).resolve()):
+                raise ParameterError(
+                    f"{out}: results would lie among the files of the flight {flight}: name "
+                    "another folder with --out"
+                )
 
 
 @dataclass(frozen=True)

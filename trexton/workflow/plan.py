@@ -13,7 +13,7 @@ from trexton.errors import ParameterError, TrextonError
 from trexton.experiments import EXPERIMENTS, Experiment
 from trexton.workflow.display import Display, Outcome
 from trexton.workflow.notebooks import GIVEN, Notebook, find_notebooks
-from trexton.workflow.pairs import FlightPair, check_names
+from trexton.workflow.pairs import FlightPair, check_names, check_out
 from trexton.workflow.steps import Run, Step
 from trexton.workflow.workers import default_jobs, workers
 
@@ -52,13 +52,14 @@ def run_experiments(
     Raises
     ------
     ParameterError
-        An experiment or a parameter is unknown, a value has the wrong type or is out of its range;
-        nothing has been touched then.
+        An experiment or a parameter is unknown, a value has the wrong type or is out of its range,
+        results would lie in a flight; nothing has been touched then.
     """
     out = Path(out)
     chosen = _choose(notebooks, experiments, only)
     parameters = _settings_of(chosen, experiments, settings or {})
     check_names(pair.name for pair in pairs)
+    check_out(out, pairs)
     everywhere = [n for n in chosen if experiments[n.name].every_flight]
     on_flights = [
         Step(notebook, experiments[notebook.name], pair, parameters[notebook.name])

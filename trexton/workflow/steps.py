@@ -212,6 +212,8 @@ class Run:
             )  # fmt: skip
             return Outcome(*step.key, "skipped", (f"{broken}, which it builds on, failed",))
         error = report.exc_info[1] if report.exc_info else "no reason given"
+        if isinstance(error, OSError) and error.filename:
+            error = f"{error.filename}: {error.strerror}: mend it, what was there before is kept"
         return Outcome(*step.key, "failed", (f"{step.name}: {error}",))
 
 

@@ -35,7 +35,7 @@ from trexton.simulator.layouts import LAYOUTS
 from trexton.workflow import engine
 from trexton.workflow.cells import measure, record
 from trexton.workflow.facts import Fact, fixed
-from trexton.workflow.pairs import FlightPair, check_names
+from trexton.workflow.pairs import FlightPair, check_names, check_out
 from trexton.workflow.plan import sole_writer
 from trexton.workflow.workers import Workers, workers
 
@@ -136,6 +136,7 @@ def sweep(
     chosen = _possible(_grid(plan, experiment), experiment.load(plan.experiment))
     floors = [f"{layout}-{seed}" for layout, seed in _floors(plan.floors)]
     check_names([pair.name for pair in plan.pairs] + floors)
+    check_out(out, plan.pairs)
     for pair in plan.pairs:
         if obstacle := pair.obstacle(experiment):
             raise ParameterError(f"{plan.experiment} cannot run: {obstacle}")

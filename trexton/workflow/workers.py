@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from trexton.cache import code_hashes
-from trexton.errors import ParameterError
+from trexton.errors import ParameterError, TrextonError
 from trexton.executor import connect
 from trexton.files import digest
 from trexton.kernels import usable_cores
 from trexton.options import whole
+from trexton.progress import say
 from trexton.records import software_versions
 from trexton.workflow import execution
 from trexton.workflow.execution import Done, Job
@@ -21,6 +24,7 @@ from trexton.workflow.execution import Done, Job
 __all__ = ["Workers", "default_jobs", "workers"]
 
 _MEMORY_PER_JOB = 2 * 2**30
+_LOOK_S = 30.0  # after so long it is looked whether anybody works
 Report = Callable[[int, int], None]
 
 
@@ -56,7 +60,13 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
         return
     client = connect(cluster)
     try:
-        found = client.run(_fingerprint)
+        try:
+            found = client.run(_fingerprint)
+        except Exception as error:  # what the worker says who lacks a module, as Dask wraps it
+            raise ParameterError(
+                f"a worker of {cluster} does not run this trexton ({error}): give all workers this "
+                "environment"
+            ) from None
         if not found:
             raise ParameterError(f"{cluster} has no workers: start some with dask worker {cluster}")
         if strange := [name for name, print_ in found.items() if print_ != _fingerprint()]:
@@ -65,18 +75,40 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
                 "its results would differ; give all workers this environment"
             )
 
+        told = threading.Event()
+
+        def call(function: Callable[..., Any], *words: object) -> Any:
+            try:
+                future = client.submit(function, *words, pure=False)
+                while True:
+                    try:
+                        return future.result(timeout=_LOOK_S)
+                    except TimeoutError:
+                        if future.done():  # its own
+                            raise
+                    if not client.scheduler_info()["workers"] and not told.is_set():
+                        told.set()
+                        say(
+                            f"{cluster} has no workers left: start some, or interrupt; what was "
+                            "finished is kept"
+                        )
+            except Exception as error:
+                if client.status == "running" and not isinstance(error, CancelledError):
+                    raise
+                raise TrextonError(
+                    f"the Dask scheduler at {cluster} was lost: start it and its workers, and "
+                    "repeat the command, what was finished is kept"
+                ) from error
+
         def run(job: Job, report: Report) -> Done:
             del report  # cells are counted where they run
-            done: Done = client.submit(_seceded, job, pure=False).result()
+            done: Done = call(_seceded, job)
             return done
 
         def stop() -> None:
             if client.status == "running":
                 client.run(execution.stop_all)
                 client.close()
-
-        def call(function: Callable[..., Any], *words: object) -> Any:
-            return client.submit(function, *words, pure=False).result()
 
         yield Workers(jobs or len(found), run, stop, cluster, call)
     finally:

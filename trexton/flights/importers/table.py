@@ -50,9 +50,16 @@ def read(source: Path, settings: Settings) -> Recording:
     if settings.image not in table.columns:
         there = ", ".join(str(name) for name in table.columns)
         raise FlightError(f"{source}: no column {settings.image!r}: it has {there}: name it")
-    files = [source.parent / str(name).strip() for name in table[settings.image]]
+    names = table[settings.image].astype(object).fillna("").astype(str).str.strip()
+    pictured = (names != "").to_numpy()  # the other rows are positions between the frames
+    if not pictured.any():
+        raise FlightError(
+            f"{source}: no row of column {settings.image!r} names an image: name them"
+        )
+    files = tuple(source.parent / name for name in names[pictured])
     track = read_track(source, settings)
-    return Recording(track.time_ns, track, ImageFiles(tuple(files)), source=f"table {source.name}")
+    stamps = track.time_ns[pictured]
+    return Recording(stamps, track, ImageFiles(files), source=f"table {source.name}")
 
 
 def read_track(source: Path, settings: Settings) -> Track:

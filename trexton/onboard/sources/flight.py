@@ -67,8 +67,10 @@ class FlightSource(Source):
         number = int(self.flight.frame[row]) + lap * (int(self.flight.frame[-1]) + 1)
         if self.flight.histograms is not None and not self.flight.has_images:
             return Frame(stamp, self.flight.histograms[row], number)
+        assert self.flight.frames is not None
         try:
             aiding = self.flight.aiding(row).shifted(lap * self._lap_s)
-            return Frame(stamp, self.flight.image(row), number, aiding)
+            # One of another size is told by the loop, as from a camera.
+            return Frame(stamp, self.flight.frames[row], number, aiding)
         except ImageError:
             return Frame(stamp, None, number)
