@@ -18,7 +18,7 @@ from trexton.registration.belief import CellBelief, Window
 from trexton.registration.calibration import FloorFix, Trust
 from trexton.registration.correlation import CoarseMatcher
 from trexton.registration.ground import Ground
-from trexton.registration.tilt import TiltOffset
+from trexton.registration.tilt import TiltError
 
 Array = NDArray[Any]
 
@@ -99,7 +99,7 @@ class FloorTracker:
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.odometry.reset()
-        self.tilt = TiltOffset()
+        self.tilt = TiltError(self.attitude_sigma)
         self._pose: Array | None = None  # of the last frame, if it was found
         self._aimed = self._before = np.zeros(2)  # floor points in the image centre, and before
         self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
@@ -162,7 +162,7 @@ class FloorTracker:
             self._remember(fix)
             if seen.tilted and not fix.lost:
                 left = best.covariance.diagonal()[3:5]
-                self.tilt.learn(seen.prior[3:5], best.pose[3:5], self.attitude_sigma**2, left)
+                self.tilt.learn(seen.prior[3:5], best.pose[3:5], left)
         self._reconsider(fix, heading, above)
         return fix
 
@@ -180,7 +180,7 @@ class FloorTracker:
         prior[3:][known], deviation[3:][known] = measured[known], self.attitude_sigma
         tilt = known[:2]
         prior[3:5][tilt] += self.tilt.mean[tilt]
-        deviation[3:5][tilt] = np.sqrt(self.attitude_sigma**2 + self.tilt.variance[tilt])
+        deviation[3:5][tilt] = self.tilt.deviation[tilt]
         if height is not None and 1 / _FARTHEST < height / self.height < _FARTHEST:
             prior[2], deviation[2] = height, self.height_sigma
         return prior, deviation
