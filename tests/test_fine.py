@@ -13,7 +13,7 @@ from trexton.errors import MapError
 from trexton.experiments import fine
 from trexton.experiments.peers import PEERS, OrbLocalizer, make_peer
 from trexton.figures import fine as figures
-from trexton.metrics import success_rate, wilson_interval
+from trexton.metrics import wilson_interval
 from trexton.simulator import Floor, Simulator, record_flight
 
 

@@ -1,4 +1,4 @@
-"""How wrong a measured tilt is: the camera's mount, the autopilot's trim, an axis of another sign."""
+"""How wrong a told tilt is: the camera's mount, the autopilot's trim, an axis of another sign."""
 
 from __future__ import annotations
 
