@@ -49,6 +49,14 @@ def test_a_misspelt_parameter_is_not_passed_over(names, wrong, right):
     assert notebook.given(Parameters, names | own).parameters == Parameters()
 
 
+def test_a_parameter_that_is_nearly_another_is_no_mistake(names):
+    @dataclass(frozen=True)
+    class Landing(SeedParameters):
+        flights: int = option(2, "flights over each floor", low=1)
+
+    assert notebook.given(Landing, names).parameters == Landing()  # `flight` is set, `flights` not
+
+
 def test_the_pair_is_the_splits_of_one_flight_or_two_flights(names):
     one = notebook.given(Parameters, names)
     assert len(one.train) + len(one.test) == len(small_flight())

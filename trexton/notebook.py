@@ -78,10 +78,10 @@ def given(parameters: type[Options], names: Mapping[str, object]) -> Given:
         A value has the wrong type or is out of its range, or a name is nearly that of a parameter.
     """
     mine = ("flight", "test_flight", "out")
-    free = {each.name for each in parameters.declared()}.union(mine) - names.keys()
+    declared = {each.name for each in parameters.declared()}.union(mine)
     for name, value in names.items():
-        near = get_close_matches(name, free, n=1, cutoff=0.75)
-        if near and isinstance(value, (int, float, str)):
+        near = get_close_matches(name, declared - names.keys(), n=1, cutoff=0.75)
+        if near and name not in declared and isinstance(value, (int, float, str)):
             raise ParameterError(
                 f"the notebook sets {name} = {value!r}, which is no parameter: write {near[0]}, or "
                 "give what is your own a name less like it"
