@@ -24,7 +24,8 @@ def over_time(record: Record) -> Figure:
     time = np.array(record.series["time_s"])
     with canvas(2, 1, size=(7.2, 4.4), sharex=True, sharey=True) as (figure, axes):
         for plot, where in zip(axes[:, 0], ("surveyed", "stitched"), strict=True):
-            for name, (label, color, style) in _KINDS.items():
+            for name in ("attitude", "free"):  # askew would lie upon the first
+                label, color, style = _KINDS[name]
                 error = np.array(record.series[f"{where}_{name}_cm"], dtype=float)
                 plot.plot(time, error, color=color, linestyle=style, linewidth=1.0, label=label)
             plot.set(ylabel=f"{where} map:\nerror (cm)", ylim=(0, None))
@@ -68,5 +69,5 @@ def coverage(*records: Record) -> Figure:
             xlabel="claimed (%)", ylabel="holds the truth (%)", xlim=(0, 100), ylim=(0, 100),
             aspect="equal",
         )  # fmt: skip
-        legend_above(plot)
+        legend_above(plot, columns=2)
     return figure

@@ -14,7 +14,7 @@ from matplotlib.patches import Circle
 from trexton.experiments.touchdown import LANDERS
 from trexton.figures.style import COLORS, canvas, landed
 from trexton.records import Record
-from trexton.wording import span
+from trexton.wording import number, span
 
 __all__ = ["bounds", "table", "targets", "waiting"]
 
@@ -151,4 +151,4 @@ def _percent(rate: dict[str, float] | None) -> str:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.0f}"
+    return "" if value is None else number(value)
