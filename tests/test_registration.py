@@ -282,6 +282,9 @@ def test_a_tilt_that_is_told_askew_is_learned(off):
     assert np.abs(tracker.tilt.mean + off).max() < 0.009
     said = tracker.tilt.askew
     assert said is None if max(np.abs(off)) < 0.03 else np.abs(said - off).max() < 0.009
+    assert (tracker.askew is None) == (said is None)
+    tracker.step(flight(60)[-1][0])
+    assert tracker.askew is None  # nobody tells a tilt any more
 
 
 @pytest.mark.parametrize("off", [0.35, 1.6])

@@ -177,7 +177,8 @@ def _over(parameters: Parameters, index: int) -> dict[str, Any]:
         image = room.render()
         for key, tracker in trackers.items():
             attitude = _told(state.attitude, key, parameters, rng)
-            fixes[key].append((*_swap(_follow(tracker, image, attitude), state),))
+            fix, seconds = _follow(tracker, image, attitude)
+            fixes[key].append((fix, state, seconds))
         if number % every == 0:
             for key, peer in peers.items():
                 start = process_time()
@@ -192,10 +193,6 @@ def _over(parameters: Parameters, index: int) -> dict[str, Any]:
         "seconds": {key: np.array([row[2] for row in found]) for key, found in fixes.items()},
         "peers": {key: np.array(found) for key, found in tried.items()},
     }
-
-
-def _swap(followed: tuple[FloorFix, float], state: VehicleState) -> Row:
-    return followed[0], state, followed[1]
 
 
 def _rows(found: list[Row]) -> np.ndarray:

@@ -202,7 +202,7 @@ class RunningRegistration:
         velocity, joint = self._motion(fix.covariance)
         return Estimate(
             fix.position, fix.covariance, lost=fix.lost, observed=fix.observed, measurement=found,
-            velocity=velocity, joint=joint, askew=self.tracker.tilt.askew,
+            velocity=velocity, joint=joint, askew=self.tracker.askew,
         )  # fmt: skip
 
     def _motion(self, covariance: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:

@@ -31,8 +31,6 @@ class TiltError:
     ----------
     mean, variance : (2,) arrays
         Of what a measured roll and pitch lack, in radians and radians squared.
-    noise : (2,) array
-        Variance of what is told but for the offset.
     """
 
     def __init__(self, sigma: float) -> None:
@@ -42,6 +40,7 @@ class TiltError:
 
     @property
     def noise(self) -> np.ndarray:
+        """``(2,)`` variance of a measured roll and pitch but for the offset, radians squared."""
         return np.maximum(self._squares, self._least)
 
     @property

@@ -100,6 +100,7 @@ class FloorTracker:
         """Forget where the vehicle was."""
         self.odometry.reset()
         self.tilt = TiltError(self.attitude_sigma)
+        self.askew: Array | None = None  # of the tilt that the last frame was told; see `TiltError`
         self._pose: Array | None = None  # of the last frame, if it was found
         self._aimed = self._before = np.zeros(2)  # floor points in the image centre, and before
         self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
@@ -139,6 +140,8 @@ class FloorTracker:
             return self._without_frame()
         frame = self.odometry.shrunken(image)
         told = np.full(3, np.nan) if attitude is None else np.array(attitude, dtype=float)
+        if height is not None and not 1 / _FARTHEST < height / self.height < _FARTHEST:
+            height = None
         heading, above = told[2], height
         if not self._heeds:
             told[2], height = np.nan, None
@@ -163,6 +166,7 @@ class FloorTracker:
             if seen.tilted and not fix.lost:
                 left = best.covariance.diagonal()[3:5]
                 self.tilt.learn(seen.prior[3:5], best.pose[3:5], left)
+        self.askew = self.tilt.askew if seen.tilted else None
         self._reconsider(fix, heading, above)
         return fix
 
@@ -177,11 +181,10 @@ class FloorTracker:
             prior[[2, 5]] = self._pose[[2, 5]]
             deviation[[2, 5]] = _BETWEEN * (self._pose[2], 1)
         known = np.isfinite(measured)
-        prior[3:][known], deviation[3:][known] = measured[known], self.attitude_sigma
-        tilt = known[:2]
-        prior[3:5][tilt] += self.tilt.mean[tilt]
-        deviation[3:5][tilt] = self.tilt.deviation[tilt]
-        if height is not None and 1 / _FARTHEST < height / self.height < _FARTHEST:
+        trusted = np.array([*self.tilt.deviation, self.attitude_sigma])
+        prior[3:][known], deviation[3:][known] = measured[known], trusted[known]
+        prior[3:5][known[:2]] += self.tilt.mean[known[:2]]
+        if height is not None:
             prior[2], deviation[2] = height, self.height_sigma
         return prior, deviation
 
@@ -351,6 +354,7 @@ class FloorTracker:
     def _without_frame(self) -> FloorFix:
         """The belief moves on as it did, and widens."""
         self.odometry.reset()
+        self.askew = None
         last = self._last
         if last is None:
             self._last = FloorFix(np.full(6, np.nan), np.diag([np.inf, np.inf]), 0, 0, True, False)
