@@ -75,7 +75,7 @@ def small_flight(frames: int = 40, textons: int = 4, name: str = "small") -> Fli
 
 @pytest.fixture(scope="session")
 def field():
-    """A field that has learnt the small survey; the one it flies with is `motion`."""
+    """A field that has learned the small survey; the one it flies with is `motion`."""
     from small_survey import training
 
     from trexton.parts.field import Field

@@ -60,7 +60,13 @@ def test_a_flight_without_a_floor_is_told_so(flight):
 
 def test_an_interval_over_floors_is_as_wide_as_so_few_floors_ask():
     rng = np.random.default_rng(1)
-    alike = np.repeat(rng.normal(size=(4, 1)), 300, axis=1)  # floors differ, frames do not
+    alike = 5 + np.repeat(rng.normal(size=(4, 1)), 300, axis=1)  # floors differ, frames do not
     wide = aiding.mean_over_floors(alike, np.random.default_rng(2))
     error = alike[:, 0].std(ddof=1) / 2  # of the mean of four
     assert wide["high"] - wide["low"] > 2 * 1.96 * error
+
+
+def test_of_one_floor_the_interval_is_over_stretches_of_its_flight():
+    rows = np.random.default_rng(1).random((1, 300))
+    found = aiding.mean_over_floors(rows, np.random.default_rng(2))
+    assert found["low"] < found["median"] == rows.mean() < found["high"]

@@ -70,7 +70,7 @@ def test_the_error_to_expect_is_that_of_the_places_of_the_test():
     train = make_flight(1)
     near = run(train, make_flight(2).select(slice(0, 40)), Parameters()).values["expected"]
     again = run(train, train.select(slice(0, 40)), Parameters()).values["expected"]
-    assert again["error_cm"] < near["error_cm"]  # where it was learnt the field knows more
+    assert again["error_cm"] < near["error_cm"]  # where it was learned the field knows more
 
 
 def test_histograms_that_say_nothing_are_found_out():

@@ -55,6 +55,13 @@ def test_the_finding_says_what_the_record_holds(record):
     assert f"{record.values['all']['free']['gross']} of 75 frames" in text
 
 
+def test_floors_of_the_finding_are_the_long_run_s_and_the_flight_its_own(record):
+    kept = notebook.reference("fine")
+    text = fine.finding(record, kept)
+    own, long = fine.finding(record).split(". On the"), fine.finding(kept).split(". On the")
+    assert text == f"{long[0]}. On the{own[1]}" and own[0] != long[0]
+
+
 def test_figures_draw_the_record(record):
     for figure in (
         figures.over_time(record),

@@ -84,6 +84,8 @@ def test_parts_follow_frame_numbers_with_both_ends():
     assert flight.part("test").frame.tolist() == list(range(21, 41))
     with pytest.raises(FlightError, match="no split 'dawn' .known: train, test."):
         flight.part("dawn")
+    assert flight.part_or_all("dawn") is flight
+    assert flight.part_or_all("test").frame.tolist() == list(range(21, 41))
 
 
 @pytest.mark.parametrize(
@@ -153,6 +155,7 @@ def test_a_missing_position_is_reported_but_does_not_forbid_the_flight(flight_fo
     )
     flight = read_flight(flight_folder)
     assert not flight.has_positions and np.isnan(flight.position[4]).all()
+    assert np.flatnonzero(~flight.located).tolist() == [4]
     assert ("positions", "39 of 40") in report.facts
 
 

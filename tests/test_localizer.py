@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 import pytest
 from conftest import small_flight
+from small_room import histogram_flight
 
 from trexton.camera import Camera
 from trexton.errors import ImageError, MapError, ParameterError
@@ -188,7 +189,7 @@ def test_histograms_alone_make_a_map_and_refuse_images():
         localizer.step(np.zeros((80, 100, 3), np.uint8))
 
 
-@pytest.mark.parametrize("scale", [400, 0, -1])
+@pytest.mark.parametrize("scale", [400, 0.1, -1])
 def test_counts_are_not_taken_for_shares(scale):
     flight = small_flight()
     texton_map = TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(0))
@@ -198,6 +199,18 @@ def test_counts_are_not_taken_for_shares(scale):
     other = replace(flight, features="brightness", histograms=100 * flight.histograms)
     texton_map = TextonMap.train(other, neighbors=3, rng=np.random.default_rng(0))
     assert Localizer(texton_map, rng=np.random.default_rng(0)).step(other.histograms[0]).observed
+
+
+@pytest.mark.parametrize("method", ["paper", "field"])
+def test_a_frame_in_which_nothing_was_counted_is_taken(method):
+    """Bags of words: a floor without a corner has no keypoints."""
+    flight = histogram_flight("hall", frames=200)
+    texton_map = TextonMap.train(flight, method=method, rng=np.random.default_rng(0))
+    localizer = Localizer(texton_map, rng=np.random.default_rng(0))
+    nothing = np.zeros(flight.histograms.shape[1])
+    for histogram in [*flight.histograms[:20], nothing]:
+        estimate = localizer.step(histogram)
+    assert np.hypot(*(estimate.position - flight.position[20])) < 1
 
 
 @pytest.mark.parametrize("samples", [1, 50, 400])

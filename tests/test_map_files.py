@@ -126,6 +126,21 @@ def test_neighbours_are_no_more_than_frames(texton_map, tmp_path):
         TextonMap.load(path)
 
 
+def test_a_map_whose_calibration_trusts_its_filter_loads(tmp_path):
+    flight, choices = histogram_flight("hall", frames=80), {"calibration.trusting": True}
+    rng = np.random.default_rng(0)
+    stored = TextonMap.train(flight, method="guarded", rng=rng, **choices)
+    assert TextonMap.load(stored.save(tmp_path / "map.npz")).parts["calibration"].trusting
+
+
+def test_a_field_takes_as_many_features_as_its_map_has():
+    flight = histogram_flight("hall", frames=60)
+    arrays = TextonMap.train(flight, method="field", rng=np.random.default_rng(0)).to_arrays()
+    arrays["measurement.axes"] = arrays["measurement.axes"][:-1]
+    with pytest.raises(MapError, match="axes are those of 5 features"):
+        TextonMap.from_arrays(arrays)
+
+
 def test_a_file_does_not_decide_which_code_runs(texton_map, tmp_path):
     own = texton_map.changed({"distance": OWN})
     assert (

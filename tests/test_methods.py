@@ -118,6 +118,14 @@ def test_parts_that_stay_keep_what_they_learned():
     assert texton_map.for_method("paper") is texton_map
 
 
+def test_some_rows_of_a_training_set_with_the_parts_of_all():
+    texton_map = trained()
+    some = texton_map.select(np.arange(len(texton_map.time)) % 3 == 0)
+    for name in ("histograms", "positions", "time"):
+        np.testing.assert_array_equal(getattr(some, name), getattr(texton_map, name)[::3])
+    assert some.parts is texton_map.parts
+
+
 def test_a_localizer_may_fly_another_method(monkeypatch):
     monkeypatch.setitem(METHODS, "roots", METHODS["paper"] | {"distance": "hellinger"})
     here = flown(trained(), method="roots")

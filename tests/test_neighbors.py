@@ -7,6 +7,7 @@ import pytest
 
 from trexton.errors import MapError, ParameterError
 from trexton.neighbors import NearestHistograms, neighbors_in_flight
+from trexton.parts.distances import Hellinger
 
 
 def plain_neighbors(histograms, histogram, k):
@@ -123,3 +124,10 @@ def test_tree_and_brute_force_learn_the_same_neighbours(rng):
         for method in ("brute", "tree")
     ]  # fmt: skip
     np.testing.assert_array_equal(*found)
+
+
+def test_hellinger_tells_values_below_zero_apart():
+    below, above = np.array([-0.5, -0.125]), np.array([0.5, 0.125])
+    features = Hellinger().features
+    np.testing.assert_array_equal(features(above), [0.5, 0.25])
+    np.testing.assert_array_equal(features(below), [-0.5, -0.25])

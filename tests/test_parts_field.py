@@ -9,8 +9,9 @@ from small_survey import AREA, errors_of, look, observed, path, training
 from threadpoolctl import threadpool_limits
 
 from trexton.errors import MapError, ParameterError
+from trexton.field.error_model import ErrorModel
 from trexton.localizer import Localizer, TextonMap
-from trexton.parts.field import ErrorModel, Field, grid_cells
+from trexton.parts.field import Field, grid_cells
 from trexton.parts.singer import Singer
 from trexton.parts.tracks import TrackFilter
 
@@ -19,6 +20,11 @@ def test_cells_fill_the_area():
     centers, (nx, ny) = grid_cells(AREA, 1200)
     assert len(centers) == nx * ny and abs(len(centers) - 1200) < 100
     np.testing.assert_allclose(centers.mean(axis=0), [2, 1.5])
+
+
+def test_a_strip_has_no_more_cells_than_asked_for():
+    centers, (nx, ny) = grid_cells((0.0, 100.0, 0.0, 0.001), 1200)
+    assert len(centers) == nx * ny <= 1200 and ny == 2
 
 
 def test_the_likeliest_cell_is_where_the_frame_was_taken(field, later):
@@ -35,6 +41,13 @@ def test_likelihood_at_places_is_that_of_the_cells_between(field, later):
     assert field.log_likelihood(between[None], seen) == pytest.approx(grid[10:12].mean())
 
 
+@pytest.mark.parametrize("value", [1e12, 1e45, 1e300])
+def test_a_value_that_no_frame_has_rules_out_no_place(field, later, value):
+    odd = later[1][0].copy()
+    odd[3] = value
+    assert np.isfinite(field.over_cells(observed(odd))).all()
+
+
 def test_few_samples_are_believed_less(field, later):
     every, few = (field.over_cells(observed(later[1][0], n)) for n in (None, 50))
     assert np.ptp(few) < np.ptp(every)
@@ -45,7 +58,7 @@ def test_expected_error_grows_where_nothing_was_flown(field):
     assert 0 < field.expected_error(flown)[0] < field.expected_error(corner)[0]
 
 
-def test_lasting_errors_grow_where_less_is_known_than_where_they_were_learnt(field):
+def test_lasting_errors_grow_where_less_is_known_than_where_they_were_learned(field):
     flown, corner = path(500)[0][100:101], np.array([[0.0, 3.0]])
     assert field.lasting_growth(flown)[0] == 1 < field.lasting_growth(corner)[0]
     known, unknown = field.expected_error(np.concatenate([flown, corner]))
@@ -93,7 +106,7 @@ def test_equal_training_gives_equal_bytes(field):
         np.testing.assert_array_equal(array, field.arrays()[name])
 
 
-@pytest.mark.parametrize("name", ["noise", "mean", "prior", "used", "learnt_at"])
+@pytest.mark.parametrize("name", ["noise", "mean", "prior", "signed", "learnt_at"])
 def test_arrays_that_do_not_fit_are_refused(field, name):
     arrays = field.arrays()
     arrays[name] = arrays[name][:-1] if arrays[name].ndim else arrays[name][None]
@@ -142,6 +155,25 @@ def test_any_features_of_any_flight_will_do(change, rng):
     errors = errors_of(tracker, given.positions[:40], given.histograms[:40])
     assert np.isfinite(errors).all()
     assert np.median(errors) < scale * (0.8 if change == "few" else 0.3)
+
+
+def test_coordinates_far_from_zero_change_nothing(later):
+    """UTM: squares of distances from the equator hold no centimetres."""
+    east, north = 500_000.0, 5_800_000.0
+    given, (places, histograms) = training(), later
+    x_min, x_max, y_min, y_max = given.area
+    far = replace(
+        given,
+        positions=given.positions + [east, north],
+        area=(x_min + east, x_max + east, y_min + north, y_max + north),
+    )
+    here, there = Field().fit(given), Field().fit(far)
+    np.testing.assert_allclose(
+        there.expected_error(places + [east, north]), here.expected_error(places), rtol=1e-3
+    )
+    for histogram in histograms[:5]:
+        seen = observed(histogram)
+        np.testing.assert_allclose(there.over_cells(seen), here.over_cells(seen), atol=0.05)
 
 
 def test_a_longer_flight_than_it_can_hold_is_thinned_and_merged():

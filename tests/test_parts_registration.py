@@ -128,14 +128,14 @@ def test_a_heading_alone_is_no_attitude_to_learn_from(flights):
     train = flights[0].select(slice(0, 40))
     heading = train.attitude.copy()
     heading[:, :2] = np.nan
-    learnt = [
+    learned = [
         TextonMap.train(
             replace(train, attitude=attitude), method="fine", n_textons=6,
             rng=np.random.default_rng(1),
         ).parts["filter"].trust.tolist()
         for attitude in (heading, None)
     ]  # fmt: skip
-    assert learnt[0] == learnt[1]
+    assert learned[0] == learned[1]
 
 
 def test_what_it_lacks_is_named(fine, flights):

@@ -22,6 +22,15 @@ def test_before_the_first_frame_it_may_be_anywhere(field, motion):
     assert estimate.lost and estimate.spread[0] > 1
 
 
+def test_a_first_frame_that_speaks_for_no_place_leaves_it_lost(field, motion, monkeypatch):
+    tracker = TrackFilter(motion, field, AREA)
+    monkeypatch.setattr(field, "over_cells", lambda seen: np.zeros(len(field.centers)))
+    for _ in range(2):
+        tracker.step(observed(np.zeros(12)))
+        estimate = tracker.estimate()
+        assert estimate.lost and estimate.spread[0] > 1
+
+
 def test_unseen_frames_widen_the_covariance(field, motion, later):
     tracker = TrackFilter(motion, field, AREA)
     errors_of(tracker, *later)

@@ -13,7 +13,7 @@ from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.homography import HomographyLocalizer
 from trexton.mosaic import stitch
-from trexton.mosaic.stitching import camera_of
+from trexton.mosaic.stitching import flight_camera
 from trexton.registration import FloorTracker, Trust
 
 FOLDER = Path(os.environ.get("TREXTON_DATA", "../shared/data")) / "seneca"
@@ -43,7 +43,7 @@ def test_each_by_itself_as_many_are_right_as_with_sift(photographs):
     mosaic = stitch(odd, anchors=40, neighbors=10, keypoints=1200, scale=1.0)
     height = float(np.median(mosaic.poses[mosaic.used, 2]))
     sift = HomographyLocalizer(mosaic.map)
-    tracker = FloorTracker(mosaic.map, camera_of(odd), height, trust=Trust(least=0.2))
+    tracker = FloorTracker(mosaic.map, flight_camera(odd), height, trust=Trust(least=0.2))
     errors = []
     for row, place in enumerate(even.position):
         image = even.image(row)

@@ -94,7 +94,7 @@ def test_a_survey_of_the_usual_length_covers_the_area():
     places = np.stack(np.meshgrid(*[np.linspace(0.3, 4.7, 23)] * 2), axis=-1).reshape(-1, 2)
     distance = np.hypot(*(places[:, None] - flown[None]).transpose(2, 0, 1)).min(axis=1)
     assert distance.max() < 0.75
-    # The first hundred frames, from which the dictionary is learnt, cross the area from corner to
+    # The first hundred frames, from which the dictionary is learned, cross the area from corner to
     # corner.
     assert np.hypot(*np.ptp(flown[:100], axis=0)) > 5.5
     # Both axes are flown alike, so that the motion model sees both.

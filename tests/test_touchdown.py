@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from trexton import notebook
 from trexton.camera import Camera
 from trexton.experiments import touchdown
+from trexton.experiments.closed_loop import Lander, fly_together
+from trexton.experiments.triggered_landing import mission_over
 from trexton.figures import touchdown as figures
 from trexton.flights.flight import Flight
+from trexton.landing import LandingZone, TouchdownZone
 from trexton.records import Record
-from trexton.simulator import record_flight
+from trexton.simulator import PERIOD, record_flight
 
 OPTIONS = {
     "flights": 2, "time_limit": 4.0, "armed_after": 1.0, "samples": 100, "textons": 8, "seed": 5,
@@ -70,6 +75,30 @@ def test_who_asks_for_more_lands_less_often(record):
     assert [(each["confidence"], each["least"]) for each in bounds] == list(touchdown.CHANCES)
     assert all(each["attempts"] == 3 for each in bounds)
     assert bounds[0]["landings"] >= bounds[-1]["landings"]
+
+
+def test_what_a_flight_passes_does_not_depend_on_who_lands(train):
+    parameters = touchdown.Parameters(**OPTIONS | {"time_limit": 20.0})
+    mission = mission_over(train, parameters, seed=5)
+    landers = {
+        "never": Lander(None, partial(TouchdownZone, gust=10.0)),
+        "at once": Lander(None, partial(LandingZone, radius=100.0)),
+    }
+    passed = []
+    for number in range(4):
+        never, at_once = fly_together(mission, landers, number).values()
+        assert at_once.triggered and not never.triggered and len(at_once.path) < len(never.path)
+        armed = never.path[round(mission.armed_after / PERIOD) :]
+        nearest = np.hypot(*(armed - never.zone).T).min()
+        assert never.passed == at_once.passed == (nearest < mission.radius)
+        passed.append(never.passed)
+    assert len(set(passed)) == 2
+
+
+def test_nobody_lands_inside_more_often_than_flights_pass():
+    kept = notebook.reference("touchdown").values
+    for lander in kept["landers"].values():
+        assert lander["inside_of_flights"]["median"] <= kept["passed"]["median"] < 1
 
 
 def test_coarse_to_fine_knows_where_it_is_when_it_lands(record):

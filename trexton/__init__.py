@@ -12,8 +12,7 @@ from typing import Any
 __version__ = "0.1.0"
 
 # OpenCV reads these once, when it is loaded: no picture may declare more pixels than a camera has
-# (every format),
-# and what it would print about a damaged one is said by an error of ours.
+# (every format), and what it would print about a damaged one is said by an error of ours.
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", "50000000")
 os.environ.setdefault("OPENCV_LOG_LEVEL", "SILENT")
 

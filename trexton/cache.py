@@ -71,8 +71,8 @@ def cache_folder() -> Path:
 def code_hashes(module: str) -> dict[str, str]:
     """SHA-256 of the source of `module` and of all of this package it imports, however deep.
 
-    To a package belong the pages, styles and scripts beside its modules.
-    What tables name as ``"trexton.module:name"`` counts as imported.
+    To a package belong the pages, styles and scripts beside its modules. What tables name as
+    ``"trexton.module:name"`` counts as imported.
     """
     hashes: dict[str, str] = {}
     waiting = [module]

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from trexton.errors import ParameterError
 
-__all__ = ["Camera", "MapImage", "rotation_matrix", "transform_points"]
+__all__ = ["Camera", "MapImage", "rotation_matrix", "transform_points", "wrapped"]
 
 
 def rotation_matrix(roll: float, pitch: float, yaw: float) -> np.ndarray:
@@ -26,6 +26,11 @@ def rotation_matrix(roll: float, pitch: float, yaw: float) -> np.ndarray:
     about_x = np.array([[1, 0, 0], [0, cp, -sp], [0, sp, cp]])
     about_y = np.array([[cr, 0, sr], [0, 1, 0], [-sr, 0, cr]])
     return about_z @ about_x @ about_y
+
+
+def wrapped(angle: ArrayLike) -> np.ndarray:
+    """The angles in radians within [-pi, pi)."""
+    return np.asarray((np.asarray(angle) + np.pi) % (2 * np.pi) - np.pi)
 
 
 def transform_points(homography: np.ndarray, points: ArrayLike) -> np.ndarray:

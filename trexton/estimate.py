@@ -10,9 +10,8 @@ from trexton.neighbors import Neighbors
 
 __all__ = ["LOST_SHARE", "Estimate", "Measurement", "ignorance"]
 
-# A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen
-# by the
-# kidnapping experiment, which shows what other shares would miss and what they would refuse.
+# A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by
+# the kidnapping experiment, which shows what other shares would miss and what they would refuse.
 LOST_SHARE = 0.5
 
 
@@ -136,8 +135,7 @@ class Estimate:
         """``(2, 2)`` second moment of the belief about `position`, square metres.
 
         A point estimate that is a particle is not the mean: a receiver that takes it for the centre
-        must be
-        told the spread about it, which is larger by the outer product of their difference.
+        must be told the spread about it, which is larger by the outer product of their difference.
         """
         if self.mean is None:
             return self.covariance

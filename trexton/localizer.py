@@ -223,8 +223,9 @@ class Localizer:
                     f"a histogram of {frame.dtype} of shape {frame.shape} was given: "
                     f"this map takes {width} finite frequencies"
                 )
-            # Counts, that is: shares to which a trace of the last frame was added are let pass.
-            if self._shares and not 0.5 <= frame.sum() <= 2:
+            # Counts, that is: shares to which a trace of the last frame was added are let pass, and
+            # so is a frame in which nothing was found to count.
+            if self._shares and frame.any() and not 0.5 <= frame.sum() <= 2:
                 raise MapError(
                     f"a histogram that sums to {frame.sum():.4g} was given: this map takes "
                     "relative frequencies, which sum to 1, divide counts by their sum"

@@ -55,9 +55,8 @@ def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
             # Maps are stored as they are; what unpacks to more was not written by this library.
             if member.compress_type != zipfile.ZIP_STORED or member.file_size > size:
                 raise MapError(
-                    f"{member.filename} would unpack to {member.file_size} bytes "
-                    f"in a file of {size}: "
-                    "expected a map as trexton train writes it"
+                    f"{member.filename} would unpack to {member.file_size} bytes in a file of "
+                    f"{size}: expected a map as trexton train writes it"
                 )
             with archive.open(member) as stream:
                 _check_header(stream, member)
@@ -143,6 +142,9 @@ def check_map(texton_map: TextonMap) -> None:
     neighbors = texton_map.neighbors
     if "measurement" in texton_map.parts:
         _expect(neighbors <= count, f"neighbours are at most {count}", neighbors)
+    for role, part in texton_map.parts.items():
+        fits = part.width in (None, width)
+        _expect(fits, f"a {role}'s axes are those of {width} features", part.width)
 
 
 def _real(array: np.ndarray) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 from trexton.errors import ParameterError
 from trexton.options import assignments
-from trexton.parts import ROLES, check_role, make, name_of
+from trexton.parts import check_known, check_role, make, name_of
 from trexton.parts.base import Part
 
 __all__ = ["METHODS", "changed", "compose", "parse_choices"]
@@ -81,7 +81,7 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
     result: dict[str, Part] = {}
     for key, choice in choices.items():
         role, dot, _ = key.partition(".")
-        _check_known(role)
+        check_known(role)
         if dot:
             continue
         if isinstance(choice, Part):
@@ -104,11 +104,6 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
     return result
 
 
-def _check_known(role: str) -> None:
-    if role not in ROLES:
-        raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
-
-
 def parse_choices(words: Iterable[str]) -> dict[str, str]:
     """Choices from ``role=part`` and ``role.option=value`` words of a command line.
 
@@ -122,5 +117,5 @@ def parse_choices(words: Iterable[str]) -> dict[str, str]:
     for key, value in choices.items():
         if not value:
             raise ParameterError(f"--set '{key}=': expected {form}")
-        _check_known(key.partition(".")[0])
+        check_known(key.partition(".")[0])
     return choices

@@ -2,12 +2,9 @@
 Neighbors").
 
 Exact; equal distances rank by index. Euclidean distance, between the histograms or what another
-distance makes of
-them. Few histograms are searched by brute force in
-NumPy, many through a tree of bounding boxes, with the same arithmetic in the end and therefore the
-same bits.
-(SciPy's k-d tree spends more on a call than a whole search takes here, and leaves the order of
-equals open.)
+distance makes of them. Few histograms are searched by brute force in NumPy, many through a tree of
+bounding boxes, with the same arithmetic in the end and therefore the same bits. (SciPy's k-d tree
+spends more on a call than a whole search takes here, and leaves the order of equals open.)
 """
 
 from __future__ import annotations
@@ -29,9 +26,8 @@ __all__ = ["BoxTree", "NearestHistograms", "Neighbors", "neighbors_in_flight"]
 
 METHODS = ("brute", "tree")
 # Histograms from which the tree is worth it: where numba is loaded already, and where it is not.
-# The onboard
-# program with the paper's 800 starts without numba, at ten microseconds more a frame; the bits are
-# equal.
+# The onboard program with the paper's 800 starts without numba, at ten microseconds more a frame;
+# the bits are equal.
 TREE_FROM, TREE_FROM_COLD = 100, 1000
 LEAF = 32  # rows in a leaf, at most
 SPREAD = 64  # rows that show how wide a node is
@@ -217,9 +213,8 @@ class _Columns:
         difference = self.columns.take(candidates, axis=1)
         difference -= query[:, None]
         difference *= difference
-        squared = np.add.reduce(
-            difference, axis=0
-        )  # texton after texton, as the compiled kernel does
+        # Texton after texton, as the compiled kernel does.
+        squared = np.add.reduce(difference, axis=0)
         order = squared.argsort(kind="stable")
         return candidates.take(order), squared.take(order)
 
@@ -233,8 +228,7 @@ class BoxTree:
     ----------
     low, high : (2 L - 1, K) arrays
         Corners of the box of each node; node i has the children 2 i + 1 and 2 i + 2, the last L
-        nodes are
-        leaves.
+        nodes are leaves.
     leaves : (L, K, S) array
         The S rows of each leaf, transposed; infinite where there is none.
     rows : (L, S) int64 array

@@ -18,11 +18,14 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from types import NoneType
-from typing import Any, Self, SupportsIndex, TypeVar, get_args, get_type_hints
+from typing import TYPE_CHECKING, Any, Self, SupportsIndex, TypeVar, get_args, get_type_hints
 
 from trexton.errors import ParameterError
 
-__all__ = ["Option", "Options", "assignments", "option", "whole"]
+if TYPE_CHECKING:
+    import argparse
+
+__all__ = ["Option", "Options", "add_assignments", "assignments", "option", "whole"]
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
@@ -75,6 +78,20 @@ def whole(value: object, what: str, low: int = 1, high: int | None = None) -> in
             return number
     span = f"of at least {low}" if high is None else f"from {low} to {high}"
     raise ParameterError(f"{what} is {value!r}: expected a whole number {span}")
+
+
+def add_assignments(parser: argparse.ArgumentParser, metavar: str, words: str) -> None:
+    """Give the parser ``--set``, repeatable; see `assignments`.
+
+    Parameters
+    ----------
+    metavar, words : str
+        How a word should look, and the option's help.
+    """
+    parser.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar=metavar, dest="settings",
+        help=words,
+    )  # fmt: skip
 
 
 def assignments(words: Iterable[str], form: str) -> dict[str, str]:

@@ -122,13 +122,7 @@ def replay(
 def _without(texton_map: TextonMap, rows: np.ndarray) -> TextonMap:
     time = texton_map.time
     near = np.searchsorted(time[np.sort(rows)], [time - EXCLUDED_SECONDS, time + EXCLUDED_SECONDS])
-    kept = np.flatnonzero(near[0] == near[1])
-    return replace(
-        texton_map,
-        histograms=texton_map.histograms[kept],
-        positions=texton_map.positions[kept],
-        time=time[kept],
-    )
+    return texton_map.select(np.flatnonzero(near[0] == near[1]))
 
 
 def _fly(

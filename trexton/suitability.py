@@ -233,7 +233,6 @@ def _units(histograms: np.ndarray) -> np.ndarray:
     if len(bad):
         raise MapError(
             f"{len(bad)} of {len(histograms)} histograms are zero or not finite, row {bad[0]} the "
-            "first: "
-            "they have no direction to compare, leave these frames out"
+            "first: they have no direction to compare, leave these frames out"
         )
     return histograms / length[:, None]

@@ -275,6 +275,17 @@ class TextonMap:
         parts = compose(method)
         return replace(self, method=method).with_parts(parts, flight=flight, rng=rng)
 
+    def select(self, rows: np.ndarray) -> TextonMap:
+        """The map of these rows of the training set only, a mask or indices; its parts stay as they
+        learned from all: see `with_parts`.
+        """
+        return replace(
+            self,
+            histograms=self.histograms[rows],
+            positions=self.positions[rows],
+            time=self.time[rows],
+        )
+
     def to_arrays(self) -> dict[str, np.ndarray]:
         """The map as named arrays, the form in which it is stored."""
         header = {

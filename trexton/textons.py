@@ -73,8 +73,7 @@ class TextonDictionary:
         ):
             raise MapError(
                 f"textons are a (K, P, P, 3) uint8 array with K up to {MAX_TEXTONS} and P up to "
-                f"{MAX_PATCH}, "
-                f"found {textons.dtype} {textons.shape}: learn the dictionary again"
+                f"{MAX_PATCH}, found {textons.dtype} {textons.shape}: learn the dictionary again"
             )
         textons = np.array(textons, order="C")
         textons.flags.writeable = False
@@ -336,7 +335,6 @@ def _check_patches(patches: np.ndarray, patch: int | None = None) -> np.ndarray:
         side = "P" if patch is None else patch
         raise ImageError(
             f"patches are an (N, {side}, {side}, 3) uint8 array, found {patches.dtype} "
-            f"{patches.shape}: "
-            "cut them from images"
+            f"{patches.shape}: cut them from images"
         )
     return patches

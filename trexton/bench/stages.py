@@ -9,7 +9,7 @@ import numpy as np
 
 from trexton.localizer import Estimate, Localizer, TextonMap
 
-__all__ = ["StageClock"]
+__all__ = ["STAGES", "StageClock"]
 
 STAGES = ("histogram", "neighbors", "filter", "estimate")
 

@@ -31,7 +31,7 @@ _SERVES = {
 _SENTENCE = 8  # words
 _COLUMNS = 6  # of numbers, that a phone may scroll
 _DESCRIPTION = 155  # characters of a description that search engines show
-_FORMATS = {".ipynb": "notebook", ".md": "notebook as text", ".json": "record", ".csv": "table"}
+_FORMATS = {"ipynb": "notebook", "md": "notebook as text", "json": "record"}
 
 
 def finish_book(html: Path) -> None:
@@ -231,13 +231,10 @@ def _downloads(article: Tag, path: Path) -> None:
     for index, file in enumerate(files):
         link = _new("a", href=file.name, download="")
         name = file.name.removeprefix(path.stem).strip("-.")
-        link.string = _FORMATS.get(file.suffix, name) if name in _ENDINGS else name
+        link.string = _FORMATS.get(name, name)
         place.append(link)
         if index + 1 < len(files):
             place.append(" · ")
-
-
-_ENDINGS = {"ipynb", "md", "json"}
 
 
 def _images(article: Tag, path: Path) -> None:

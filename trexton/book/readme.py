@@ -17,6 +17,7 @@ from trexton.book.found import PLACES
 from trexton.cache import repository_root
 from trexton.errors import TrextonError
 from trexton.files import atomic_file, canonical_json
+from trexton.paper import look_up
 from trexton.records import Record
 from trexton.wording import middle, number, percent
 
@@ -83,10 +84,7 @@ def _row(
 
 
 def _value(records: Mapping[str, Record], experiment: str, place: str) -> Any:
-    value: Any = records[experiment].values if experiment in records else None
-    for key in place.split("."):
-        value = value.get(key) if isinstance(value, dict) else None
-    return value
+    return look_up(records[experiment].values, place) if experiment in records else None
 
 
 def results_table(flights: Mapping[str, Any]) -> str:

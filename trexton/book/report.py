@@ -42,14 +42,6 @@ iframe { width: 100%; height: 46rem; border: 1px solid #ddd }
   body { max-width: none; margin: 0; font-size: 11pt; color-scheme: light } iframe { display: none }
 }
 """
-_ROWS = {
-    "paper": "the paper's filter",
-    "field": "field",
-    "fine": "fine",
-    "knn": "neighbours alone",
-    "centre": "always the centre",
-    "shuffled": "shuffled neighbours",
-}
 
 
 def write_report(record: Record, path: Path, player: str = "") -> Path:
@@ -119,7 +111,7 @@ def _table(record: Record) -> str:
     names = {"mean_cm": "mean", "median_cm": "median", "p95_cm": "95 % below"}
     head = "".join(f"<th>{name}</th>" for name in ("", *names.values()))
     rows = "".join(
-        f"<tr><td>{escape(_ROWS.get(name, name))}</td>"
+        f"<tr><td>{escape(figures.LABELS[name][0])}</td>"
         + "".join(f"<td>{distance(entry[key])}</td>" for key in names)
         + "</tr>"
         for name, entry in sorted(errors.items(), key=lambda one: middle(one[1]["mean_cm"]))

@@ -9,7 +9,7 @@ from pathlib import Path
 from trexton.claims import rules
 from trexton.claims.rules import Quantity
 from trexton.errors import ParameterError, TrextonError
-from trexton.experiments import EXPERIMENTS
+from trexton.experiments import EXPERIMENTS, NEEDS
 from trexton.files import atomic_file, canonical_json
 from trexton.paper import look_up, paper_file, published
 from trexton.records import Record, plain
@@ -26,12 +26,6 @@ __all__ = [
 ]
 
 SCHEMA = 2
-NEEDED = {
-    "images": "camera images",
-    "positions": "a position for every frame",
-    "floor": "a picture of the true floor",
-    "camera": "a calibrated camera",
-}
 Records = dict[str, Record]
 Rows = list[tuple["Claim", list["Finding"]]]
 
@@ -266,9 +260,12 @@ def _absence(claim: Claim, records: Records) -> str:
     missing = [name for name in names if name not in records]
     if missing:
         title = EXPERIMENTS[missing[0]].title
-        needs = claim.needs or " and ".join(NEEDED[key] for key in EXPERIMENTS[missing[0]].needs)
+        needs = claim.needs or " and ".join(
+            NEEDS[key].words for key in EXPERIMENTS[missing[0]].needs
+        )
         return f"“{title}” was not run on this flight" + (f"; it needs {needs}" if needs else "")
-    had = {NEEDED[key] for name in names for key in EXPERIMENTS[name].needs}  # or it had not run
+    # All that its experiments need the flight had, or they had not run.
+    had = {NEEDS[key].words for name in names for key in EXPERIMENTS[name].needs}
     if claim.needs and claim.needs not in had:
         return f"this needs {claim.needs}, and the flight came without"
     return "nothing of the kind happened on this flight"

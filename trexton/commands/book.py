@@ -7,7 +7,7 @@ import time
 
 from trexton.book import make_book
 from trexton.commands.run import print_outcomes
-from trexton.options import assignments
+from trexton.options import add_assignments, assignments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -20,15 +20,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="notebooks at once (default: as many as fit this machine)",
     )
-    parser.add_argument(
-        "--set",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="KEY=VALUE",
-        dest="settings",
-        help="parameters of the notebooks",
-    )
+    add_assignments(parser, "KEY=VALUE", "parameters of the notebooks")
 
 
 def run(arguments: argparse.Namespace) -> int:

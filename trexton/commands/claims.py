@@ -1,4 +1,4 @@
-"""``trexton claims``"""
+"""``trexton claims``: judge every claim of the paper by the results at hand."""
 
 from __future__ import annotations
 

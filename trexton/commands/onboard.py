@@ -5,6 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from trexton.options import add_assignments
+
 if TYPE_CHECKING:
     from trexton.onboard.edges import Edge
 
@@ -25,15 +27,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SINK",
         help=f"KIND or KIND:ADDRESS, repeatable; kinds: {', '.join(SINKS)} (default json)",
     )
-    parser.add_argument(
-        "--set",
-        dest="choices",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="ROLE[.OPTION]=VALUE",
-        help="another part, or an option of one, repeatable: recovery=augmented",
-    )
+    words = "another part, or an option of one, repeatable: recovery=augmented"
+    add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
     parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {', '.join(SOURCES)}."
     parser.add_argument(
         "--preflight", action="store_true",
@@ -55,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
     settings = Settings(
         arguments.map,
         tuple(arguments.outputs or ["json"]),
-        tuple(arguments.choices),
+        tuple(arguments.settings),
         chosen_options(arguments, _edges()),
     )
     if arguments.preflight:

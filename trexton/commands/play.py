@@ -1,4 +1,4 @@
-"""``trexton play FLIGHT --map MAP``"""
+"""``trexton play FLIGHT --map MAP``: a flight frame by frame in a browser."""
 
 from __future__ import annotations
 
@@ -49,8 +49,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.out:
         check_not_read(arguments.out, arguments.map, arguments.flight)
     texton_map = TextonMap.load(arguments.map)
-    flight = read_flight(arguments.flight)
-    flight = flight.part("test") if "test" in flight.split else flight
+    flight = read_flight(arguments.flight).part_or_all("test")
     localizers = {
         name or texton_map.method: Localizer(
             texton_map,

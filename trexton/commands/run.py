@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from trexton.errors import ParameterError
-from trexton.options import assignments
+from trexton.options import add_assignments, assignments
 from trexton.workflow import FlightPair, Outcome, run_experiments
 
 
@@ -21,10 +21,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--test-flight", metavar="FLIGHT", help="another Flight folder to test on")
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these experiments only")
-    parser.add_argument(
-        "--set", nargs="+", action="extend", default=[], metavar="KEY=VALUE", dest="settings",
-        help="a parameter of the notebooks, or of one: mocap_training.samples=200",
-    )  # fmt: skip
+    words = "a parameter of the notebooks, or of one: mocap_training.samples=200"
+    add_assignments(parser, "KEY=VALUE", words)
     parser.add_argument(
         "--explain", action="store_true", help="say why each experiment was reused or run"
     )

@@ -6,7 +6,7 @@ import argparse
 from typing import Any
 
 from trexton.errors import ParameterError
-from trexton.options import assignments
+from trexton.options import add_assignments, assignments
 from trexton.progress import say
 
 
@@ -47,14 +47,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--height", type=float, default=1.0, metavar="M", help="flying height in metres (1)"
     )
-    parser.add_argument(
-        "--set",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="EFFECT=VALUE",
-        help=f"strength of an effect; the defaults are {effects}",
-    )
+    words = f"strength of an effect; the defaults are {effects}"
+    add_assignments(parser, "EFFECT=VALUE", words)
     parser.add_argument(
         "--off",
         action="append",
@@ -85,7 +79,7 @@ def run(arguments: argparse.Namespace) -> int:
         frames=arguments.frames,
         seed=arguments.seed,
         floor=floor,
-        effects=_effects(arguments.set, arguments.off),
+        effects=_effects(arguments.settings, arguments.off),
         height=arguments.height,
         every=arguments.every,
         replace=arguments.replace,

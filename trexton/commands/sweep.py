@@ -10,7 +10,7 @@ from typing import Any
 
 from trexton.errors import ParameterError
 from trexton.files import atomic_file, check_not_read
-from trexton.options import assignments
+from trexton.options import add_assignments, assignments
 from trexton.workflow import FlightPair
 from trexton.workflow.sweep import Floors, Plan, sweep
 
@@ -27,10 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--test-flight", metavar="FLIGHT", help="test on this one instead")
     parser.add_argument("--plan", metavar="TOML", help=f"a file with any of {', '.join(_KEYS)}")
     parser.add_argument("--experiment", metavar="NAME", help="what is run in every cell")
-    parser.add_argument(
-        "--set", nargs="+", action="extend", default=[], metavar="KEY=A,B,C", dest="settings",
-        help="values of a parameter; all combinations are run",
-    )  # fmt: skip
+    add_assignments(parser, "KEY=A,B,C", "values of a parameter; all combinations are run")
     parser.add_argument("--floors", type=int, metavar="N", help="simulate so many floors")
     parser.add_argument("--layouts", nargs="+", metavar="NAME", help="layouts of the floors (hall)")
     parser.add_argument("--every", type=int, metavar="N", help="keep every N-th simulated frame")

@@ -1,10 +1,11 @@
-"""``trexton train FLIGHT -o MAP``"""
+"""``trexton train FLIGHT -o MAP``: the texton map of a flight."""
 
 from __future__ import annotations
 
 import argparse
 from typing import Any
 
+from trexton.options import add_assignments
 from trexton.progress import say
 
 __all__ = ["add_arguments", "run"]
@@ -33,15 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--neighbors", type=int, help="short for --set measurement.neighbors (default 5)"
     )
-    parser.add_argument(
-        "--set",
-        dest="choices",
-        nargs="+",
-        action="extend",
-        default=[],
-        metavar="ROLE[.OPTION]=VALUE",
-        help="another part, or an option of one, repeatable: distance=hellinger, motion.sigma=0.2",
-    )
+    words = "another part, or an option of one, repeatable: distance=hellinger, motion.sigma=0.2"
+    add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
     parser.add_argument(
         "--seed", type=int, default=1, help="of the random patches (default %(default)s)"
     )
@@ -55,9 +49,8 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.streams import stream
 
     check_not_read(arguments.output, arguments.flight)
-    flight = read_flight(arguments.flight)
-    flight = flight.part("train") if "train" in flight.split else flight
-    choices: dict[str, Any] = {**parse_choices(arguments.choices)}
+    flight = read_flight(arguments.flight).part_or_all("train")
+    choices: dict[str, Any] = {**parse_choices(arguments.settings)}
     texton_map = TextonMap.train(
         flight,
         method=arguments.method,

@@ -38,8 +38,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.study is not None:
         check_not_read(arguments.study, arguments.flight)
     budget_s = _budget(arguments.rate, arguments.headroom)
-    flight = read_flight(arguments.flight)
-    flight = flight.part("train") if "train" in flight.split else flight
+    flight = read_flight(arguments.flight).part_or_all("train")
     tried = search(
         flight, methods=arguments.methods, trials=arguments.trials, seconds=arguments.seconds,
         seed=arguments.seed, study=arguments.study,

@@ -1,4 +1,4 @@
-"""``trexton verify [RECORD ...]``"""
+"""``trexton verify [RECORD ...]``: run experiments again and say what changed."""
 
 from __future__ import annotations
 

@@ -32,12 +32,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
-from typing import cast
+from typing import NamedTuple, cast
 
 from trexton.flights.flight import Flight
 from trexton.options import Options
 
-__all__ = ["EXPERIMENTS", "LEDGER", "NEEDS", "Experiment"]
+__all__ = ["EXPERIMENTS", "LEDGER", "NEEDS", "Experiment", "Need"]
 
 LEDGER = "claims"
 
@@ -85,13 +85,28 @@ class Experiment:
         return cast(type[Options], self.load(name).Parameters)
 
 
-# need: (does the flight have it, the reason for a skip where it does not)
-NEEDS: dict[str, tuple[Callable[[Flight], bool], str]] = {
-    "images": (lambda flight: flight.has_images, "has no images"),
-    "positions": (lambda flight: flight.has_positions, "lacks positions in some frames"),
-    "floor": (lambda flight: flight.floor_file is not None, "has no picture of its true floor"),
-    "camera": (lambda flight: flight.camera is not None, "has no calibrated camera"),
-}
+class Need(NamedTuple):
+    """What a flight may have: how to see it, what it is, the reason for a skip without it."""
+
+    has: Callable[[Flight], bool]
+    words: str
+    lacking: str
+
+
+NEEDS = {
+    "images": Need(lambda flight: flight.has_images, "camera images", "has no images"),
+    "positions": Need(
+        lambda flight: flight.has_positions, "a position for every frame",
+        "lacks positions in some frames",
+    ),
+    "floor": Need(
+        lambda flight: flight.floor_file is not None, "a picture of the true floor",
+        "has no picture of its true floor",
+    ),
+    "camera": Need(
+        lambda flight: flight.camera is not None, "a calibrated camera", "has no calibrated camera"
+    ),
+}  # fmt: skip
 
 _IMAGES = ("positions", "images")
 _SURVEYED = ("positions", "images", "floor", "camera")

@@ -6,6 +6,7 @@ later one is localized with ever more of what an autopilot measures beside its f
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -23,7 +24,7 @@ from trexton.experiments.evaluation import frames_of
 from trexton.experiments.floors import FloorParameters, lent_floor, painted_floor
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import block_rows, bootstrap_interval
+from trexton.metrics import mean_over_groups, mean_with_interval
 from trexton.records import Record
 from trexton.simulator import Effects, Floor, record_flight
 from trexton.streams import stream
@@ -116,7 +117,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         # frame by frame: the two share what is hard about a place
         "gain_cm": {
             method: {
-                known: mean_over_floors(100 * (found["nothing"] - rows), rng)
+                known: mean_over_floors(100 * (found["nothing"] - rows), rng, -np.inf)
                 for known, rows in found.items()
                 if known != "nothing"
             }
@@ -124,12 +125,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         },
         # of the field, where a velocity was told: shares of frames
         "contradicted": {
-            known: mean_over_floors(np.stack([each.contradicted for each in runs]), rng)
+            known: mean_over_floors(
+                np.stack([each.contradicted for each in runs]), rng, highest=1.0
+            )
             for known, runs in velocities.items()
         },
         "held": {
             known: mean_over_floors(
-                np.stack([run.held(each.truth) for run, each in zip(runs, over, strict=True)]), rng
+                np.stack([run.held(each.truth) for run, each in zip(runs, over, strict=True)]),
+                rng,
+                highest=1.0,
             )
             for known, runs in velocities.items()
         },
@@ -234,19 +239,18 @@ def _told(later: Flight, parameters: Parameters, seed: int, off: float) -> list[
     ]
 
 
-def mean_over_floors(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
-    """Mean of ``(F, N)`` values with its 95 % interval over floors and stretches of their flights,
-    as records hold it.
+def mean_over_floors(
+    rows: np.ndarray,
+    rng: np.random.Generator,
+    lowest: float = 0.0,
+    highest: float = np.inf,
+) -> Mapping[str, float | None]:
+    """Mean of ``(F, N)`` values with its 95 % interval over floors, as records hold it; over one
+    floor, that over stretches of its flight.
     """
-    floors, frames = rows.shape
-    drawn = []
-    for _ in range(400):
-        again = rng.integers(floors, size=floors)
-        drawn.append(np.mean([row[block_rows(frames, rng)].mean() for row in rows[again]]))
-    # so few floors say as little as so few blocks; over one floor stretches of its flight are drawn
-    count = (floors, 1) if floors > 1 else (frames,)
-    low, high = bootstrap_interval(drawn, *count)
-    return {"median": float(rows.mean()), "low": low, "high": high}
+    if len(rows) == 1:
+        return mean_with_interval(rows, rng)
+    return mean_over_groups(rows.mean(axis=1), lowest, highest)
 
 
 def finding(record: Record) -> str:

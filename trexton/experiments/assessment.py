@@ -4,8 +4,8 @@ it.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
@@ -13,13 +13,18 @@ import cv2
 import numpy as np
 
 from trexton.errors import ParameterError, TrextonError
-from trexton.experiments.declaration import FilterParameters, option
-from trexton.experiments.evaluation import floor_picture, frames_of, whereabouts
+from trexton.experiments.declaration import MapParameters, option
+from trexton.experiments.evaluation import (
+    evenly_spread,
+    floor_picture,
+    frames_of,
+    neighbor_means,
+    whereabouts,
+)
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import compose
 from trexton.metrics import constant_guess, mean_with_interval, shuffled_neighbors, summarize
-from trexton.neighbors import NearestHistograms
 from trexton.parts import make
 from trexton.parts.field import grid_cells
 from trexton.parts.measurement import EXCLUDED_SECONDS
@@ -39,11 +44,10 @@ HELPS = 0.8  # of the error with half of the survey: where the whole errs less, 
 
 
 @dataclass(frozen=True)
-class Parameters(FilterParameters):
+class Parameters(MapParameters):
     """What can be chosen."""
 
     methods: str = option("paper field", "methods to compare, separated by blanks")
-    textons: int = option(20, "textons in the dictionary, K", low=2)
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -62,12 +66,12 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         With images, or with histograms; test frames without a position are flown and not judged.
     """
     frames = frames_of(test)
-    known = np.isfinite(test.position).all(axis=1)
+    known = test.located
     runs, timings, field_map, halves = {}, {}, None, []
     base = TextonMap.train(
         train, n_textons=parameters.textons, rng=stream(parameters.seed, "training")
     )
-    located = train.select(np.isfinite(train.position).all(axis=1))
+    located = train.select(train.located)
     for method in parameters.methods.split():
         rng = stream(parameters.seed, f"map {method}")
         texton_map = base.for_method(method, flight=located, rng=rng)
@@ -77,10 +81,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             halves = _with_half(base, method, frames, parameters)
     rng = stream(parameters.seed, "intervals")
     k = min(parameters.neighbors, len(base.positions))
-    nearest = NearestHistograms(base.histograms, base.positions, k)
-    looked = Localizer(base, samples=parameters.samples, rng=stream(parameters.seed, "neighbours"))
-    runs["knn"] = np.array(
-        [nearest.query(looked.observe(frame)).position.mean(axis=0) for frame in frames]
+    runs["knn"] = neighbor_means(
+        base, frames, k=k, samples=parameters.samples, seed=parameters.seed
     )
     runs["centre"] = constant_guess(base.positions, len(test))
     runs["shuffled"] = shuffled_neighbors(base.positions, len(test), k, rng=rng)
@@ -144,15 +146,10 @@ def _with_half(
         return []
     tracks = []
     for rows in (~odd, odd):
-        half = replace(
-            base,
-            histograms=base.histograms[rows],
-            positions=base.positions[rows],
-            time=base.time[rows],
-        )
         try:
             rng = stream(parameters.seed, f"map {method}")
-            localizer = _localizer(half.for_method(method, rng=rng), parameters)
+            half = base.select(rows).for_method(method, rng=rng)
+            localizer = _localizer(half, parameters)
             tracks.append(np.array([localizer.step(frame).position for frame in frames]))
         except TrextonError:
             return []
@@ -185,7 +182,7 @@ def _flown(
 
 def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]:
     """What may be wrong with the flights, as shares of their frames."""
-    known = np.isfinite(test.position).all(axis=1)
+    known = test.located
     positions, diagonal = texton_map.positions, train.diagonal
     gaps = np.array([np.hypot(*(positions - place).T).min() for place in test.position[known]])
     limits: dict[str, Any] = {"gap_m": float(np.percentile(gaps, 95))}
@@ -196,9 +193,7 @@ def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any
     except TrextonError:  # too short a flight to leave neighbours in time out
         limits["repeated"] = None
     if test.has_images:
-        chosen = np.unique(
-            np.linspace(0, len(test) - 1, min(len(test), SHARPNESS_FRAMES)).astype(int)
-        )
+        chosen = evenly_spread(len(test), SHARPNESS_FRAMES)
         sharp = np.array(
             [cv2.Laplacian(test.image(row)[..., 0], cv2.CV_64F).var() for row in chosen]
         )
@@ -211,7 +206,7 @@ def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[
     sides = np.diff(np.reshape(flight.area, (2, 2)), axis=1)
     places, shape = grid_cells(flight.area, round(sides.prod() / (flight.diagonal / 70) ** 2))
     error = expected(places)
-    known = flight.position[np.isfinite(flight.position).all(axis=1)]
+    known = flight.position[flight.located]
     apart = np.array([np.hypot(*(known - place).T).min() for place in places])
     near = apart < flight.diagonal / 10
     flown = apart < flight.diagonal / 40
@@ -266,25 +261,35 @@ def _best(record: Record) -> tuple[str, dict[str, float]]:
 
 def advice(record: Record) -> list[str]:
     """What limits it and what to do, a sentence each."""
-    limits, counts, best = record.values["limits"], record.values["counts"], _best(record)[0]
-    said = []
-    scale = np.hypot(*np.ptp(np.reshape(record.series["area_m"], (2, 2)), axis=1))
-    if limits["gap_m"] > 0.1 * scale:
-        said.append(
-            f"Too few frames: one test frame in twenty is more than {limits['gap_m']:.2g} m from "
-            "any of the "
-            f"{counts['train']} training frames. Fly closer lanes."
+    makers = (
+        _of_gaps, _of_expectation, _of_half, _of_odometry, _of_texture, _of_blur, _of_hard_places,
+        _of_methods, _of_commands,
+    )  # fmt: skip
+    return [sentence for make in makers for sentence in make(record)]
+
+
+def _of_gaps(record: Record) -> Iterator[str]:
+    gap_m, area = record.values["limits"]["gap_m"], record.series["area_m"]
+    if gap_m > 0.1 * np.hypot(*np.ptp(np.reshape(area, (2, 2)), axis=1)):
+        yield (
+            f"Too few frames: one test frame in twenty is more than {gap_m:.2g} m from any of the "
+            f"{record.values['counts']['train']} training frames. Fly closer lanes."
         )
-    errors = record.values["errors"]
+
+
+def _of_expectation(record: Record) -> Iterator[str]:
     if foretold := record.values.get("expected"):
-        measured = errors[foretold["method"]]["mean_cm"]
-        said.append(
+        measured = record.values["errors"][foretold["method"]]["mean_cm"]
+        yield (
             f"From the training frames alone {distance(foretold['error_cm'])} were foretold for "
             f"the places of the test; measured were {distance(measured)}."
         )
+
+
+def _of_half(record: Record) -> Iterator[str]:
     if half := record.values.get("half"):
-        whole = middle(errors[half["method"]]["mean_cm"])
-        said.append(
+        whole = middle(record.values["errors"][half["method"]]["mean_cm"])
+        yield (
             f"With every other {STRETCH_S:.0f} s of the survey the method `{half['method']}` errs "
             f"by {distance(half['error_cm'])}, with all of it by {distance(whole)}: "
             + (
@@ -293,9 +298,12 @@ def advice(record: Record) -> list[str]:
                 else "a denser survey would bring little."
             )
         )
+
+
+def _of_odometry(record: Record) -> Iterator[str]:
     if moving := record.values.get("odometry"):
-        alone = middle(errors[moving["method"]]["mean_cm"])
-        said.append(
+        alone = middle(record.values["errors"][moving["method"]]["mean_cm"])
+        yield (
             f"With a velocity from the motion of the frames themselves the method "
             f"`{moving['method']}` errs by {distance(moving['error_cm'])}"
             + (
@@ -304,54 +312,69 @@ def advice(record: Record) -> list[str]:
                 else f", which is no gain over {distance(alone)} that can be told from chance."
             )
         )
-    if limits["repeated"] is None:
-        said.append("The training flight is too short to tell whether its texture repeats.")
-    elif limits["repeated"] > 0.1:
-        said.append(
-            f"Repeated texture: for {percent(limits['repeated'])} of the training frames the frame "
-            "that looks "
-            "most alike lies more than a quarter of the area away. Add something distinct there."
+
+
+def _of_texture(record: Record) -> Iterator[str]:
+    repeated = record.values["limits"]["repeated"]
+    if repeated is None:
+        yield "The training flight is too short to tell whether its texture repeats."
+    elif repeated > 0.1:
+        yield (
+            f"Repeated texture: for {percent(repeated)} of the training frames the frame that "
+            "looks most alike lies more than a quarter of the area away. Add something distinct "
+            "there."
         )
-    if (limits.get("blurred") or 0) > 0.1:
-        said.append(
-            f"Blur: {percent(limits['blurred'])} of the frames are less than half as sharp as "
-            "usual. "
+
+
+def _of_blur(record: Record) -> Iterator[str]:
+    blurred = record.values["limits"].get("blurred") or 0
+    if blurred > 0.1:
+        yield (
+            f"Blur: {percent(blurred)} of the frames are less than half as sharp as usual. "
             "Shorten the exposure or fly slower."
         )
+
+
+def _of_hard_places(record: Record) -> Iterator[str]:
     for place in record.values.get("hardest", []):
-        said.append(
+        yield (
             f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m expect to be off "
-            "by "
-            f"{distance(place['expected_cm'])}."
+            f"by {distance(place['expected_cm'])}."
         )
+
+
+def _of_methods(record: Record) -> Iterator[str]:
+    errors = record.values["errors"]
     centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
     for method in record.parameters["methods"].split():
         error = middle(errors[method]["mean_cm"])
         if error >= centre:
-            said.append(
+            yield (
                 f"The method `{method}` is worse here than always guessing the centre: do not fly "
                 "it."
             )
         elif error > knn:
-            said.append(
+            yield (
                 f"The method `{method}` is worse here than the plain mean of its neighbours, by "
                 f"{distance(error - knn)}: its filter brings nothing on this flight."
             )
-    seconds = record.timings.get(best, {}).get("median_s")
-    if seconds:
+
+
+def _of_commands(record: Record) -> Iterator[str]:
+    best = _best(record)[0]
+    if seconds := record.timings.get(best, {}).get("median_s"):
         drawn, learned, flown = _settings(record, best)
-        said.append(
+        yield (
             f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{drawn}: "
             f"`trexton train FLIGHT -o MAP --method {best}{learned}`"
             + (
                 f", then `trexton onboard MAP{flown}`. "
-                if "blurred" in limits
+                if "blurred" in record.values["limits"]
                 else " makes its map, for histograms alone; a camera needs a training flight of "
                 "pictures. "
             )
             + "`trexton tune FLIGHT` looks for better settings."
         )
-    return said
 
 
 def _settings(record: Record, method: str) -> tuple[str, str, str]:

@@ -13,7 +13,7 @@ import numpy as np
 from trexton.aiding import Aiding
 from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import floor_picture, frames_of, map_of
+from trexton.experiments.evaluation import floor_picture, frames_of, map_of, neighbor_means
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import mean_with_interval
@@ -141,18 +141,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         if not _possible(variant, train, told):
             continue
         started = perf_counter()
-        odometry: dict[str, Any] = {"odometry": "visual"} if variant.odometry else {}
-        if variant.cells == 1:
-            changed[name] = texton_map.for_method(variant.method).changed(variant.choices)
-        else:
-            changed[name] = TextonMap.train(
-                train,
-                method=variant.method,
-                cells=variant.cells,
-                dictionary=texton_map.dictionary,
-                rng=stream(parameters.seed, "training"),
-                **odometry,
-            )
+        changed[name] = _map_for(variant, texton_map, train, parameters.seed)
         timings[name] = {"learn_s": perf_counter() - started}
         runs = []
         for repeat in range(parameters.repeats if variant.draws else 1):
@@ -165,15 +154,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         name: _summary(runs, truth, test.diagonal, stream(parameters.seed, f"intervals {name}"))
         for name, runs in flown.items()
     }
-    looked = Localizer(
-        texton_map, samples=parameters.samples, rng=stream(parameters.seed, "neighbours")
-    )
-    neighbors = [
-        looked.nearest.query(looked.observe(frame)).position.mean(axis=0) for frame in frames
-    ]
+    neighbors = neighbor_means(
+        texton_map, frames, k=texton_map.neighbors, samples=parameters.samples,
+        seed=parameters.seed,
+    )  # fmt: skip
     errors = {
         "field": flown["field"][0].errors(truth),
-        "knn": np.hypot(*(np.array(neighbors) - truth).T),
+        "knn": np.hypot(*(neighbors - truth).T),
     }
     sigma = parameters.sigma or usual_sigma(train.diagonal, SIGMA)
     lag = _lag(flown["paper"], truth, float(np.median(np.diff(test.time))))
@@ -217,6 +204,17 @@ def _possible(variant: Variant, train: Flight, told: list[Aiding] | None) -> boo
         and (not variant.odometry or seen)
         and (not variant.told or told is not None)
     )
+
+
+def _map_for(variant: Variant, base: TextonMap, train: Flight, seed: int) -> TextonMap:
+    """The map that a variant flies with: the paper's with other parts, or one of smaller cells."""
+    if variant.cells == 1:
+        return base.for_method(variant.method).changed(variant.choices)
+    odometry: dict[str, Any] = {"odometry": "visual"} if variant.odometry else {}
+    return TextonMap.train(
+        train, method=variant.method, cells=variant.cells, dictionary=base.dictionary,
+        rng=stream(seed, "training"), **odometry,
+    )  # fmt: skip
 
 
 def _told(flight: Flight, seed: int) -> list[Aiding] | None:
@@ -307,7 +305,7 @@ def _predictor(
 
 def _protocol() -> dict[str, Any]:
     """How the method was chosen, and every look at a test part so far."""
-    written = tomllib.loads(paper_file("protocol.toml").read_text())
+    written = tomllib.loads(paper_file("protocol.toml").read_text(encoding="utf-8"))
     looks = [
         {key: value for key, value in look.items() if key != "date"} for look in written["looks"]
     ]

@@ -13,13 +13,14 @@ from trexton.estimate import Estimate
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, flown_estimates, map_of
+from trexton.experiments.mocap_training import LANDING_SPREAD_M
 from trexton.flights.flight import Flight
 from trexton.metrics import mean_with_interval
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
 
-__all__ = ["Parameters", "finding", "run"]
+__all__ = ["METHODS", "REGION", "Parameters", "finding", "run"]
 
 METHODS = {
     "paper": "the paper's filter",
@@ -30,7 +31,6 @@ SETTLED_S = 2.0
 REGION = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
 WRONG = 16.0  # squared deviations: four
 QUARTERS, GROUPS = 4, 10
-LANDING_SPREAD_M = 0.6  # the paper's threshold: no landing where the spread is wider
 
 
 @dataclass(frozen=True)

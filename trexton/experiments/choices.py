@@ -14,9 +14,8 @@ import numpy as np
 
 from trexton.cache import cached
 from trexton.experiments.declaration import FilterParameters, option
-from trexton.experiments.evaluation import frames_of, tracks, trained_map
+from trexton.experiments.evaluation import drawn_histograms, frames_of, tracks, trained_map
 from trexton.flights.flight import Flight
-from trexton.histograms import sampled_histogram
 from trexton.localizer import TextonMap
 from trexton.metrics import summarize
 from trexton.records import Record
@@ -31,6 +30,29 @@ FLIGHT_CODE = frozenset(
     ("sigma_70", "sigma_200", "motion_8", "motion_25", "particles_140", "particles_1000")
     + ("trace", "winner")
 )
+# key: (group, how it reads in a table, what the localizer is told)
+_CHANGES: dict[str, tuple[str, str, dict[str, Any]]] = {
+    "paper": ("paper", "as the paper says", {}),
+    "sigma_70": (
+        "measurement", "one hand-set sigma of 70 cm for all ranks", {"measurement.sigma": 0.7}
+    ),
+    "sigma_200": (
+        "measurement", "one hand-set sigma of 200 cm for all ranks", {"measurement.sigma": 2.0}
+    ),
+    "near_in_time": (
+        "measurement", "ranks learned with all other frames allowed as neighbours",
+        {"measurement.excluded_s": 0.0},
+    ),
+    "motion_8": ("motion", "hand-set motion noise of 8 cm a frame", {"motion.sigma": 0.08}),
+    "motion_25": ("motion", "hand-set motion noise of 25 cm a frame", {"motion.sigma": 0.25}),
+    "particles_140": ("particles", "140 particles", {"particles": 140}),
+    "particles_1000": ("particles", "1000 particles", {"particles": 1000}),
+    "systematic": ("resampling", "systematic resampling", {"resampling": "systematic"}),
+    "mean": ("estimate", "weighted mean as the estimate", {"estimation": "mean"}),
+    "highest_weight": (
+        "estimate", "heaviest particle as the estimate", {"estimation": "highest-weight"}
+    ),
+}  # fmt: skip
 _STATISTICS = ("mean_cm", "error_cm_x", "error_cm_y")
 # The published histograms: about so many random patches an image.
 _PUBLISHED_SAMPLES = 5000
@@ -85,9 +107,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     texton_map = trained_map(train, neighbors=parameters.neighbors, seed=parameters.seed)
     common = {"samples": parameters.samples, "particles": parameters.particles}
     variants = {}
-    for variant in _variants(
-        texton_map, train, test, parameters.samples, parameters.neighbors, parameters.seed
-    ):
+    for variant in _variants(texton_map, train, test, parameters):
         runs = tracks(
             variant.texton_map,
             variant.frames,
@@ -110,97 +130,26 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def _variants(
-    texton_map: TextonMap, train: Flight, test: Flight, samples: int, neighbors: int, seed: int
+    texton_map: TextonMap, train: Flight, test: Flight, parameters: Parameters
 ) -> Iterator[_Variant]:
     frames = frames_of(test)
-    yield _Variant("paper", "paper", "as the paper says", texton_map, frames)
-    for sigma_cm in (70, 200):
-        changed = texton_map.changed({"measurement.sigma": sigma_cm / 100})
-        yield _Variant(
-            f"sigma_{sigma_cm}",
-            "measurement",
-            f"one hand-set sigma of {sigma_cm} cm for all ranks",
-            changed,
-            frames,
-        )
-    changed = texton_map.changed({"measurement.excluded_s": 0.0})
-    yield _Variant(
-        "near_in_time",
-        "measurement",
-        "ranks learned with all other frames allowed as neighbours",
-        changed,
-        frames,
-    )
-    for sigma_cm in (8, 25):
-        changed = texton_map.changed({"motion.sigma": sigma_cm / 100})
-        yield _Variant(
-            f"motion_{sigma_cm}",
-            "motion",
-            f"hand-set motion noise of {sigma_cm} cm a frame",
-            changed,
-            frames,
-        )
-    for count in (140, 1000):
-        yield _Variant(
-            f"particles_{count}",
-            "particles",
-            f"{count} particles",
-            texton_map,
-            frames,
-            {"particles": count},
-        )
-    yield _Variant(
-        "systematic",
-        "resampling",
-        "systematic resampling",
-        texton_map,
-        frames,
-        {"resampling": "systematic"},
-    )
-    yield _Variant(
-        "mean",
-        "estimate",
-        "weighted mean as the estimate",
-        texton_map,
-        frames,
-        {"estimation": "mean"},
-    )
-    yield _Variant(
-        "highest_weight",
-        "estimate",
-        "heaviest particle as the estimate",
-        texton_map,
-        frames,
-        {"estimation": "highest-weight"},
-    )
+    for key, (group, label, options) in _CHANGES.items():
+        yield _Variant(key, group, label, texton_map, frames, options)
     if test.has_images and train.has_images:
-        rng = stream(seed, "samples")
-        drawn = np.array(
-            [sampled_histogram(frame, texton_map.alphabet, samples, rng=rng) for frame in frames]
-        )
-        yield _Variant(
-            "trace",
-            "histogram",
-            "counts never cleared between frames",
-            texton_map,
-            list(with_trace(drawn, samples)),
-        )
-        yield _Variant(
-            "winner",
-            "dictionary",
-            "winner-take-all dictionary",
-            _winner_take_all(train, neighbors, seed),
-            frames,
-        )
+        histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
+        traced = list(with_trace(histograms, parameters.samples))
+        label = "counts never cleared between frames"
+        yield _Variant("trace", "histogram", label, texton_map, traced)
+        learned = _winner_take_all(train, parameters.neighbors, parameters.seed)
+        yield _Variant("winner", "dictionary", "winner-take-all dictionary", learned, frames)
     else:
         cleared = replace(
             texton_map, histograms=without_trace(texton_map.histograms, _PUBLISHED_SAMPLES)
         )
         assert test.histograms is not None  # a flight without images
         frames = list(without_trace(test.histograms, _PUBLISHED_SAMPLES))
-        yield _Variant(
-            "trace_removed", "histogram", "the trace of the frame before removed", cleared, frames
-        )
+        label = "the trace of the frame before removed"
+        yield _Variant("trace_removed", "histogram", label, cleared, frames)
 
 
 def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:

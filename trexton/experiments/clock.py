@@ -1,6 +1,4 @@
-"""Times as records carry them: a median, and the 95 % range of the medians of stretches of
-frames.
-"""
+"""Times as records carry them: a median, and how far they reach."""
 
 from __future__ import annotations
 
@@ -9,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["frequency", "milliseconds"]
+__all__ = ["frequency", "milliseconds", "of_frames"]
 
 _STRETCH = 20  # measurements
 
@@ -28,6 +26,11 @@ def milliseconds(runs: Sequence[np.ndarray], stretch: int = _STRETCH) -> dict[st
         "low": 1000 * min(low, median),
         "high": 1000 * max(high, median),
     }
+
+
+def of_frames(seconds: np.ndarray) -> dict[str, Any]:
+    """``median`` and ``p99`` of the seconds that single frames took."""
+    return {"median": np.median(seconds), "p99": np.percentile(seconds, 99)}
 
 
 def frequency(time_ms: dict[str, Any]) -> dict[str, Any]:

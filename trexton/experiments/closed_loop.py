@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -123,6 +123,8 @@ class Attempt:
         From the start to the trigger, or to the time limit.
     frame_s : (M,) array
         Wall-clock time of rendering and localizing each frame.
+    passed : bool
+        Whether the flight came over the zone while a trigger counts, had nobody landed.
     """
 
     zone: np.ndarray
@@ -134,6 +136,7 @@ class Attempt:
     touchdown: np.ndarray
     path: np.ndarray
     frame_s: np.ndarray
+    passed: bool = False
 
 
 def fly_together(
@@ -163,21 +166,25 @@ def fly_together(
         name: _Flying(lander, center, deepcopy(localizer_rng)) for name, lander in landers.items()
     }
     attempts: dict[str, Attempt] = {}
-    state, path = simulator.state, []
-    while flying and state.time < mission.time_limit:
+    state, path, passed = simulator.state, [], False
+    while state.time < mission.time_limit:
         state = simulator.step(plan.goal(state.position))
         path.append(state.position[:2])
+        armed = state.time > mission.armed_after
+        passed |= armed and bool(np.hypot(*(path[-1] - center)) < mission.radius)
+        if not flying:
+            continue
         start = perf_counter()
         looking = any(each.localizer for each in flying.values())
         frame = simulator.render() if looking else None
         told = autopilot.tell(state)
         rendered_s = perf_counter() - start
         for name, each in list(flying.items()):
-            if each.decides(frame, told, state, rendered_s) and state.time > mission.armed_after:
+            if each.decides(frame, told, state, rendered_s) and armed:
                 attempts[name] = each.land(simulator, path)
                 del flying[name]
     attempts |= {name: each.give_up(state, path) for name, each in flying.items()}
-    return {name: attempts[name] for name in landers}
+    return {name: replace(attempts[name], passed=passed) for name in landers}
 
 
 class _Autopilot:

@@ -1,6 +1,4 @@
-"""What several experiments share: a trained map, tracks of the localizer over a test flight,
-provenance.
-"""
+"""What several experiments share: a trained map, tracks of the localizer over a test flight."""
 
 from __future__ import annotations
 
@@ -28,8 +26,8 @@ from trexton.metrics import (
     shuffled_neighbors,
     summarize,
 )
+from trexton.neighbors import NearestHistograms
 from trexton.progress import progress
-from trexton.records import software_versions
 from trexton.streams import stream
 
 __all__ = [
@@ -37,23 +35,17 @@ __all__ = [
     "drawn_histograms",
     "drift",
     "evaluate",
+    "evenly_spread",
     "floor_picture",
     "flown_estimates",
     "fly",
     "frames_of",
     "map_of",
-    "provenance",
+    "neighbor_means",
     "trained_map",
     "tracks",
+    "whereabouts",
 ]
-
-
-def provenance(*flights: Flight) -> dict[str, Any]:
-    """Data hashes of the flights and the versions of the software."""
-    return {
-        "flights": {flight.name: flight.data_hash for flight in flights},
-        "versions": software_versions(),
-    }
 
 
 def trained_map(
@@ -112,6 +104,11 @@ def frames_of(flight: Flight) -> Sequence[np.ndarray]:
     return list(flight.histograms)
 
 
+def evenly_spread(count: int, most: int) -> np.ndarray:
+    """Rows of at most `most` of `count` frames, evenly spread from the first to the last."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
+
+
 def drawn_histograms(test: Flight, texton_map: TextonMap, samples: int, seed: int) -> np.ndarray:
     """``(N, K)`` one drawn for each frame, so that several runs see the same; as they are where the
     flight came as histograms.
@@ -136,6 +133,19 @@ def flown_estimates(
         localizer.advance(localizer.observation(histogram, samples=samples))
         for histogram in histograms
     ]
+
+
+def neighbor_means(
+    texton_map: TextonMap, frames: Sequence[np.ndarray], *, k: int, samples: int, seed: int
+) -> np.ndarray:
+    """``(N, 2)`` plain means of the k neighbours of each frame, the paper's method without its
+    filter.
+    """
+    nearest = NearestHistograms(texton_map.histograms, texton_map.positions, k)
+    looking = Localizer(texton_map, samples=samples, rng=stream(seed, "neighbours"))
+    return np.array(
+        [nearest.query(looking.observe(frame)).position.mean(axis=0) for frame in frames]
+    )
 
 
 @dataclass(frozen=True, eq=False)

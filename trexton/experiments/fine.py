@@ -381,31 +381,33 @@ def over_floors(
     record: Record, name: str, quantity: str, highest: float = np.inf
 ) -> dict[str, float | None]:
     """Mean of what stands in the record for each floor, with its 95 % interval over floors: frames
-    over one floor share its print, and what was learnt over it.
+    over one floor share its print, and what was learned over it.
     """
     values = [floor[name][quantity] for floor in record.values["floors"].values()]
     return mean_over_groups(values, highest=highest)
 
 
-def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
-    everything, values = record.values["all"], record.values
+def finding(record: Record, long: Record | None = None) -> str:
+    """What the experiment found, in two sentences; over floors in the longer run, if there is
+    one.
+    """
+    over = long or record
+    everything = over.values["all"]
     words = {
         "attitude": "with the autopilot's attitude",
-        "askew": f"with one that is {record.parameters['askew_deg']:g} degrees off",
+        "askew": f"with one that is {over.parameters['askew_deg']:g} degrees off",
         "free": "without",
     }
     parts = [
-        f"{wording.interval(over_floors(record, key, 'mean_cm'), 'cm')} {words[key]}"
-        for key in KNOWN
+        f"{wording.interval(over_floors(over, key, 'mean_cm'), 'cm')} {words[key]}" for key in KNOWN
     ]
     frames = sum(everything[key]["frames"] for key in KNOWN)
     gross = sum(everything[key]["gross"] for key in KNOWN)
-    stitched = [values["flight"]["stitched"][key]["mean_cm"] for key in ("attitude", "free")]
+    stitched = [record.values["flight"]["stitched"][key]["mean_cm"] for key in ("attitude", "free")]
     known, alone = map(wording.distance, stitched)
     return (
-        f"Over {len(values['floors'])} floors the image says where to {', '.join(parts[:-1])} and "
-        f"{parts[-1]}; {gross} of {frames} frames are off by more than "
-        f"{100 * GROSS:.0f} cm. On the stitched "
-        f"map of the recorded flight the mean error is {known} with attitude and {alone} without."
+        f"Over {len(over.values['floors'])} floors the image says where to "
+        f"{', '.join(parts[:-1])} and {parts[-1]}; {gross} of {frames} frames are off by more than "
+        f"{100 * GROSS:.0f} cm. On the stitched map of the recorded flight the mean error is "
+        f"{known} with attitude and {alone} without."
     )

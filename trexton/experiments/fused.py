@@ -11,6 +11,7 @@ import numpy as np
 from trexton.errors import ParameterError
 from trexton.estimate import Estimate
 from trexton.executor import spread
+from trexton.experiments.calibration import METHODS, REGION
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, flown_estimates, map_of
 from trexton.experiments.receivers import RECEIVERS, Receiver, Settings, readings
@@ -22,15 +23,9 @@ from trexton.wording import number, percent
 
 __all__ = ["METHODS", "SENT", "Parameters", "finding", "run"]
 
-METHODS = {
-    "paper": "the paper's filter",
-    "guarded": "the guarded filter",
-    "field": "the field",
-}
 SENT = {"sent": "as it is sent", "plain": "as if each were news"}
 BAND = {"low": 0.8, "high": 0.97}  # of the truth in the fused 90 % region: that is honest
 SETTLED_S = 4.0  # receivers begin with no idea of the velocity
-REGION = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ import numpy as np
 
 from trexton.errors import ParameterError
 from trexton.experiments.declaration import SeedParameters, option
+from trexton.experiments.evaluation import evenly_spread
 from trexton.flights.flight import Flight
 from trexton.histograms import texton_histogram
 from trexton.metrics import constant_guess, mean_with_interval
@@ -68,8 +69,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         Fewer pictures with a position than neighbours and those left out.
     """
-    rows = np.flatnonzero(np.isfinite(train.position).all(axis=1))
-    rows = rows[np.linspace(0, len(rows) - 1, min(parameters.frames, len(rows))).astype(int)]
+    rows = np.flatnonzero(train.located)
+    rows = rows[evenly_spread(len(rows), parameters.frames)]
     flight = train.select(rows)
     if len(flight) < parameters.neighbors + 2 * parameters.left_out + 1:
         raise ParameterError(

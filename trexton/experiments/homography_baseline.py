@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from trexton.experiments.clock import of_frames
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.evaluation import floor_picture
 from trexton.experiments.stitched import (
@@ -80,7 +81,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     series |= {f"{name}_inliers": each.inliers for name, each in located.items()}
     series |= {"time_s": test.time - test.time[0], "truth_m": test.position}
     series |= {"area_m": test.area, "map": extent}
-    seconds = {name: each.seconds for name, each in located.items()}
     return parameters.record(
         train,
         test,
@@ -88,7 +88,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         series=series | floor,
         images={"map": picture} | floor_image,
         timings={
-            name: {"median": np.median(seconds[key]), "p99": np.percentile(seconds[key], 99)}
+            name: of_frames(located[key].seconds)
             for name, key in (("locate_s", "mosaic"), ("locate_half_s", "half"))
         },
     )

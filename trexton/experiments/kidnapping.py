@@ -15,7 +15,6 @@ from typing import Any
 
 import numpy as np
 
-from trexton import wording
 from trexton.errors import FlightError
 from trexton.estimate import LOST_SHARE, ignorance
 from trexton.executor import spread
@@ -26,6 +25,7 @@ from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import success_rate
 from trexton.records import Record
 from trexton.streams import stream
+from trexton.wording import number, percent
 
 __all__ = ["filter_trials", "finding", "Parameters", "run", "Trial"]
 
@@ -38,16 +38,14 @@ FILTERS: dict[str, tuple[str, dict[str, object]]] = {
 IN_TIME_S = 3.0
 SETTLED = 25  # frames, two seconds, in which the filter finds the vehicle for the first time
 FAR = 2.0  # tolerances: a frame so far off is elsewhere, and not beside its place
-SHARES = np.round(
-    np.arange(0.1, 1.51, 0.05), 2
-)  # of ignorance, at which the vehicle could be called lost
+# Of ignorance, at which the vehicle could be called lost.
+SHARES = np.round(np.arange(0.1, 1.51, 0.05), 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Trial:
     """One kidnapping: errors in metres, the cloud's width as a share of knowing nothing, and the
-    filter's own
-    `lost`.
+    filter's own `lost`.
 
     The arrays start with the undisturbed part; the kidnapping lies between the frames `cut - 1` and
     `cut`. `taken` and `carried` number the stretches of the flight, as long as the patience, that
@@ -306,13 +304,13 @@ def finding(record: Record) -> str:
     parts = []
     for key, name in names.items():
         values = record.values[key]
-        rate, after = wording.percent(values["recovered_rate"]), values["recovery_s"]
-        when = f" after {wording.number(after['median'])} s in the median" if after else ""
+        rate, after = percent(values["recovered_rate"]), values["recovery_s"]
+        when = f" after {number(after['median'])} s in the median" if after else ""
         wrong = values["lost"]["wrong_frames_rate"]
         lost = (
             "has no wrong frame to call lost"
             if wrong is None
-            else f"calls {wording.percent(wrong)} of its wrong frames lost"
+            else f"calls {percent(wrong)} of its wrong frames lost"
         )
         parts.append(
             f"{name} finds the vehicle again in {rate} of the kidnappings{when}, and {lost}"

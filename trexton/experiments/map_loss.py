@@ -11,7 +11,13 @@ import numpy as np
 
 from trexton.experiments.correlation import pair_correlation, pearson, rank_correlation
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import floor_picture, fly, frames_of, map_of
+from trexton.experiments.evaluation import (
+    evenly_spread,
+    floor_picture,
+    fly,
+    frames_of,
+    map_of,
+)
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import absolute_errors, block_rows, bootstrap_interval
@@ -114,7 +120,7 @@ def _similarity(
     histograms: np.ndarray, positions: np.ndarray, seed: int
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Actual similarity of all pairs of frames against their distance."""
-    rows = _evenly(len(histograms))
+    rows = evenly_spread(len(histograms), PAIRED_FRAMES)
     alike, place = cosine_similarity(histograms[rows]), positions[rows]
     distance = np.hypot(*(place[:, None] - place).transpose(2, 0, 1))
     rng = stream(seed, "similarity")
@@ -148,7 +154,7 @@ def _sweep(
     seed: int,
 ) -> tuple[list[Any], dict[str, Any]]:
     """What another sigma would have given."""
-    frames = _evenly(len(histograms))
+    frames = evenly_spread(len(histograms), PAIRED_FRAMES)
     alike, place = cosine_similarity(histograms[frames]), positions[frames]
     upper = np.triu_indices(len(frames), 1)
     default = local_losses(histograms, positions, sigma)
@@ -238,11 +244,6 @@ def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict[str
         {"loss": loss[i], "error_cm": {"value": error[i], "low": low[i], "high": high[i]}}
         for i in range(GROUPS)
     ]
-
-
-def _evenly(count: int) -> np.ndarray:
-    """Rows of at most `PAIRED_FRAMES` frames, evenly spaced."""
-    return np.unique(np.linspace(0, count - 1, min(count, PAIRED_FRAMES)).astype(int))
 
 
 def finding(record: Record) -> str:

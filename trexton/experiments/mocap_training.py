@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trexton.experiments.clock import of_frames
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import (
     Track,
@@ -96,7 +97,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         values=values,
         series=series | floor,
         images=pictures,
-        timings={"step_s": {"median": np.median(step_s), "p99": np.percentile(step_s, 99)}},
+        timings={"step_s": of_frames(step_s)},
     )
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from trexton.errors import MapError
 from trexton.experiments.declaration import MapParameters
 from trexton.experiments.evaluation import floor_picture, map_of
@@ -30,7 +28,7 @@ def replay(train: Flight, test: Flight, parameters: MapParameters) -> Recording:
         The map's, and the seed.
     """
     texton_map = map_of(train, parameters)
-    frames = train.select(np.isfinite(train.position).all(axis=1))
+    frames = train.select(train.located)
     known = (train.floor, train.camera, train.height)
     laid = test.has_images and all(each is not None for each in known)
     localizers = {}

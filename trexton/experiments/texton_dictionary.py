@@ -110,7 +110,7 @@ def place_frequencies(
 
 
 def _summary(learned: Learning, patches: np.ndarray) -> dict[str, Any]:
-    """How well a dictionary fits the patches it was learnt from."""
+    """How well a dictionary fits the patches it was learned from."""
     labels = learned.dictionary.label(patches)
     difference = patches.astype(np.float32) - learned.dictionary.textons[labels]
     share = np.bincount(labels, minlength=learned.dictionary.n_textons) / len(labels)

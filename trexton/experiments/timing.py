@@ -12,7 +12,7 @@ import numpy as np
 
 from trexton.bench import machine
 from trexton.bench.clock import limited_threads
-from trexton.bench.stages import StageClock
+from trexton.bench.stages import STAGES, StageClock
 from trexton.experiments.clock import frequency, milliseconds
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import fly, frames_of, map_of
@@ -26,8 +26,6 @@ from trexton.streams import stream
 from trexton.wording import number, percent, times
 
 __all__ = ["finding", "Parameters", "run"]
-
-STAGES = ("histogram", "neighbors", "filter", "estimate")
 
 
 @dataclass(frozen=True)

@@ -127,6 +127,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 floor: {name: _counts(attempts, radius) for name, attempts in trial.items()}
                 for floor, trial in over
             },
+            "passed": _passed(flown["truth"]),
             "bounds": _bounds(train, parameters),
         },
         series={name: _series(_joined(trials), radius) for name, trials in flown.items()},
@@ -247,19 +248,31 @@ def _counts(attempts: list[Attempt], radius: float) -> dict[str, int]:
     }
 
 
+def _passed(trials: Sequence[list[Attempt]]) -> dict[str, Any] | None:
+    """Share of the flights, the same for all landers, that come over their zone at all."""
+    passed = [sum(each.passed for each in trial) for trial in trials]
+    return _rate(passed, [len(trial) for trial in trials])
+
+
 def rates(floors: Sequence[Mapping[str, int]]) -> dict[str, Any]:
     """Three rates with 95 % intervals, of the counts over each of the floors.
 
     Flights over one floor are alike in what it is like, and stand together. Over a single floor
     nothing is said about others, and its flights are independent.
     """
-    counted = {key: [floor[key] for floor in floors] for key in ("attempts", "landings", "inside")}
-    attempts, landings, inside = (each if len(floors) > 1 else each[0] for each in counted.values())
+    attempts, landings, inside = (
+        [floor[name] for floor in floors] for name in ("attempts", "landings", "inside")
+    )
     return {
-        "landed_rate": success_rate(landings, attempts),
-        "inside_rate": success_rate(inside, landings),
-        "inside_of_flights": success_rate(inside, attempts),
+        "landed_rate": _rate(landings, attempts),
+        "inside_rate": _rate(inside, landings),
+        "inside_of_flights": _rate(inside, attempts),
     }
+
+
+def _rate(successes: list[int], trials: list[int]) -> dict[str, Any] | None:
+    """Of counts by floor; flights over a single one are independent."""
+    return success_rate(successes, trials) if len(trials) > 1 else success_rate(*successes, *trials)
 
 
 def gain(record: Record, name: str, than: str) -> dict[str, float | None]:

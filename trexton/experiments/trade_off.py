@@ -5,7 +5,7 @@ Discussion).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -122,20 +122,17 @@ def retrained(
 ) -> TextonMap:
     """The map of some of its training frames only, or for another number of neighbours.
 
+    The motion model stays: the vehicle moves no faster because fewer of its frames are kept.
+
     Parameters
     ----------
     rows : (M,) int array, optional
         Frames to keep.
-
-    The motion model stays: the vehicle moves no faster because fewer of its frames are kept.
+    neighbors : int, optional
+        k.
     """
     if rows is not None:
-        texton_map = replace(
-            texton_map,
-            histograms=texton_map.histograms[rows],
-            positions=texton_map.positions[rows],
-            time=texton_map.time[rows],
-        )
+        texton_map = texton_map.select(rows)
     measurement = texton_map.parts["measurement"]
     if neighbors is not None:
         measurement = measurement.with_options(neighbors=neighbors)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from trexton.errors import ParameterError
+from trexton.experiments.clock import of_frames
 from trexton.experiments.closed_loop import Attempt, Lander, LandingParameters, Mission, fly_all
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, map_of
@@ -76,7 +77,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         | {"perfect": summarize_attempts(perfect, mission)},
         series=_series(attempts, mission) | {"area_m": train.area} | floor,
         images=pictures,
-        timings={"frame_s": {"median": np.median(frame_s), "p99": np.percentile(frame_s, 99)}},
+        timings={"frame_s": of_frames(frame_s)},
     )
 
 
@@ -114,8 +115,7 @@ def _zone_places(train: Flight, radius: float) -> np.ndarray:
     if (low >= high).any():
         raise ParameterError(
             f"a zone of radius {radius} m does not fit into the area that flight {train.name!r} "
-            "covers: "
-            "choose a smaller one"
+            "covers: choose a smaller one"
         )
     return np.array([low, high])
 

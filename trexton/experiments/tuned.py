@@ -49,8 +49,7 @@ def search_settings(
         The test frames, and their histograms of full sampling.
     samples : int
         Tried beside full sampling, on flights with images. Runs of different particles and
-        neighbours share
-        their random samples, which are drawn once for each run.
+        neighbours share their random samples, which are drawn once for each run.
 
     Returns
     -------

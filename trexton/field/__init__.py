@@ -1,4 +1,4 @@
-"""The field: what histogram the floor shows at each place, learnt as a process, and a tracker on
+"""The field: what histogram the floor shows at each place, learned as a process, and a tracker on
 top of it.
 
 A k-NN asks which training frame looks like this one; a field asks at which place this histogram

@@ -15,8 +15,9 @@ from trexton.figures.style import (
 )
 from trexton.records import Record
 
-__all__ = ["error_shares", "over_the_floor"]
+__all__ = ["LABELS", "error_shares", "over_the_floor"]
 
+# name: what it is called, and its colour
 LABELS = {
     "paper": ("the paper's filter", "paper"),
     "guarded": ("guarded", "guarded"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas, floor_axes, legend_above, show_floor
+from trexton.figures.style import COLORS, canvas, floor_axes, legend_above, legend_below, show_floor
 from trexton.records import Record
 
 __all__ = ["MAPS", "error_distribution", "fixes"]
@@ -35,7 +35,7 @@ def fixes(record: Record) -> Figure:
         if lost.any():
             label = f"no homography ({lost.sum()})"
             plan.plot(*truth[lost].T, "x", color=color, label=label)
-        plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=3)
+        legend_below(plan, 0.11, columns=3)
     return figure
 
 

@@ -7,7 +7,15 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, SERIES, canvas, floor_axes, length_unit, show_floor
+from trexton.figures.style import (
+    COLORS,
+    SERIES,
+    canvas,
+    floor_axes,
+    legend_below,
+    length_unit,
+    show_floor,
+)
 from trexton.records import Record
 
 __all__ = ["errors_by_loss", "heat_maps", "sigma_sweep", "similarity_by_distance"]
@@ -62,7 +70,7 @@ def errors_by_loss(record: Record) -> Figure:
             ylabel=f"Euclidean error ({unit})",
             ylim=(0, None),
         )
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=1)
+        legend_below(plot, 0.2)
     return figure
 
 
@@ -82,7 +90,7 @@ def similarity_by_distance(record: Record) -> Figure:
         ideal = np.exp(-(curve**2) / (2 * sigma**2))
         plot.plot(curve, ideal, color=SERIES[1], linestyle="--", label=f"ideal, σ = {sigma:g} m")
         plot.set(xlabel="distance (m)", ylabel="cosine similarity", xlim=(0, None), ylim=(0, 1.02))
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
+        legend_below(plot, 0.2, columns=3)
     return figure
 
 
@@ -116,5 +124,5 @@ def sigma_sweep(record: Record) -> Figure:
         for axis in (loss, plot):
             axis.axvline(default, color=COLORS["truth"], linestyle=":", linewidth=1.2)
             axis.axhline(0, color="#999999", linewidth=0.8)
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=1)
+        legend_below(plot, 0.2)
     return figure

@@ -12,6 +12,7 @@ from trexton.figures.style import (
     canvas,
     floor_axes,
     legend_above,
+    legend_below,
     length_unit,
     mean_line,
     show_floor,
@@ -31,9 +32,8 @@ def floor_plan(record: Record) -> Figure:
         plan = axes[0, 0]
         floor_axes(plan, series["area_m"])
         show_floor(plan, series.get("floor"), record.images.get("floor"))
-        for start in range(
-            0, len(truth), 5
-        ):  # every fifth frame: where the estimate was against the truth
+        # Every fifth frame: where the estimate was against the truth.
+        for start in range(0, len(truth), 5):
             plan.plot(
                 *zip(truth[start], estimate[start], strict=True),
                 color=COLORS["paper"],
@@ -48,7 +48,7 @@ def floor_plan(record: Record) -> Figure:
             markersize=3,
             label="estimate (every 5th frame)",
         )
-        plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2)
+        legend_below(plan, 0.12, columns=2)
     return figure
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import SERIES, canvas, floor_axes, show_floor
+from trexton.figures.style import SERIES, canvas, floor_axes, legend_below, show_floor
 from trexton.records import Record
 
 __all__ = ["deviation", "stitched"]
@@ -28,7 +28,7 @@ def stitched(record: Record) -> Figure:
             "markersize": 6,
         }
         plan.plot(*anchors.T, "o", **dots, label="frames that place it")
-        plan.legend(loc="upper center", bbox_to_anchor=(0.5, -0.1))
+        legend_below(plan, 0.1)
     return figure
 
 

@@ -149,9 +149,8 @@ def _neighbors(axes: Axes, record: Record) -> None:
     _plan(axes, record)
     _truth(axes, record)
     places = record.series["neighbors_m"]
-    for rank, place in enumerate(
-        places, start=1
-    ):  # the nearest on top, each number with its own disc
+    # The nearest on top, each number with its own disc.
+    for rank, place in enumerate(places, start=1):
         label = "neighbours" if rank == 1 else None
         axes.plot(
             *place,

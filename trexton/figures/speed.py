@@ -12,7 +12,7 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import NullFormatter
 
 from trexton.bench.clock import duration
-from trexton.figures.style import COLORS, SERIES, canvas
+from trexton.figures.style import COLORS, SERIES, canvas, legend_below
 from trexton.records import Record
 
 __all__ = ["growth", "limits", "roofline", "rows"]
@@ -66,7 +66,7 @@ def roofline(record: Record) -> Figure:
         plot.set(xlabel="operations a byte", ylabel="thousand million operations a second")
         plot.set(xscale="log", yscale="log")
         _plain_numbers(plot)
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
+        legend_below(plot, 0.16, columns=2)
     return figure
 
 
@@ -79,9 +79,8 @@ def growth(record: Record) -> Figure:
     columns = 3
     lines = -(-len(families) // columns)
     with canvas(lines, columns, size=(7.6, 2.6 * lines)) as (figure, axes):
-        cast(ConstrainedLayoutEngine, figure.get_layout_engine()).set(
-            h_pad=0.14
-        )  # labels apart from the titles below
+        # Labels apart from the titles below.
+        cast(ConstrainedLayoutEngine, figure.get_layout_engine()).set(h_pad=0.14)
         for axis in axes.flat[len(families) :]:
             axis.set_axis_off()
         for axis, (name, rows) in zip(axes.flat, families.items(), strict=False):

@@ -23,6 +23,7 @@ __all__ = [
     "floor_axes",
     "landed",
     "legend_above",
+    "legend_below",
     "length_unit",
     "mean_line",
     "show_floor",
@@ -133,6 +134,11 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
         borderaxespad=0.2,
         columnspacing=1.4,
     )
+
+
+def legend_below(axes: Axes, drop: float, columns: int = 1) -> None:
+    """A legend below the axes, by a share of their height that clears the label of x."""
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -drop), ncols=columns)
 
 
 def mean_line(axes: Axes, values: np.ndarray, color: str, unit: str) -> None:

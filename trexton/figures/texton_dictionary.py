@@ -1,4 +1,4 @@
-"""Figures of the dictionary: the textons, how they were learnt, where each occurs."""
+"""Figures of the dictionary: the textons, how they were learned, where each occurs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trexton.figures.style import SERIES, canvas
+from trexton.figures.style import SERIES, canvas, legend_below
 from trexton.records import Record
 
 __all__ = ["convergence", "labelled", "places", "textons"]
@@ -34,7 +34,7 @@ def textons(record: Record) -> Figure:
 
 
 def convergence(record: Record) -> Figure:
-    """Distance of patches to their nearest texton while the dictionary is learnt."""
+    """Distance of patches to their nearest texton while the dictionary is learned."""
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
         for (method, errors), color in zip(
@@ -48,7 +48,7 @@ def convergence(record: Record) -> Figure:
         plot.set(xlabel="patches seen (thousands)")
         plot.set(ylabel="RMS distance to the nearest\ntexton (grey levels)")
         plot.set(xlim=(0, record.values["patches"] / 1000), ylim=(0, None))
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2))
+        legend_below(plot, 0.2)
     return figure
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, canvas
+from trexton.figures.style import COLORS, canvas, legend_below
 from trexton.paper import published
 from trexton.records import Record
 
@@ -101,5 +101,5 @@ def frames(record: Record) -> Figure:
         plot.set(
             xlabel="frame", ylabel="time (ms)", xlim=(0, count - 1), ylim=(0, 1.6 * total["p99"])
         )
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=3)
+        legend_below(plot, 0.22, columns=3)
     return figure

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trexton.figures.style import COLORS, SERIES, canvas
+from trexton.figures.style import COLORS, SERIES, canvas, legend_below
 from trexton.records import Record
 
 __all__ = ["error_by_frequency", "grid", "neighbors", "particles", "samples", "stored", "training"]
@@ -70,7 +70,7 @@ def error_by_frequency(record: Record) -> Figure:
         _camera(plot, record, vertical=True)
         plot.margins(x=0.08)
         _plain_ticks(plot, "x")
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=1)
+        legend_below(plot, 0.18)
     return figure
 
 
@@ -93,7 +93,7 @@ def stored(record: Record) -> Figure:
         _camera(plot, record)
         _plain_ticks(plot, "x")
         _plain_ticks(plot, "y")
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=3)
+        legend_below(plot, 0.18, columns=3)
     return figure
 
 
@@ -131,7 +131,7 @@ def grid(record: Record) -> Figure:
         ticks = sorted({row["neighbors"] for row in rows})
         plot.set_xticks(ticks, labels=ticks)
         plot.minorticks_off()
-        plot.legend(loc="upper center", bbox_to_anchor=(0.5, -0.18), ncols=2)
+        legend_below(plot, 0.18, columns=2)
     return figure
 
 
@@ -144,34 +144,18 @@ def _error_and_rate(record: Record, name: str) -> Figure:
     swept = slice(None, -1 if full else None)
     with canvas(2, 1, size=(6.4, 5.4), sharex=True, height_ratios=(3, 2)) as (figure, axes):
         error, rate = axes[:, 0]
+        knn = [row["knn"] for row in rows]
         lines = (
             ("filter, x", rows, "error_cm_x", COLORS["paper"], "-", "o"),
             ("filter, y", rows, "error_cm_y", COLORS["paper"], ":", "s"),
-            (
-                "k-NN alone, x",
-                [row["knn"] for row in rows],
-                "error_cm_x",
-                COLORS["neighbors"],
-                "-",
-                None,
-            ),
-            (
-                "k-NN alone, y",
-                [row["knn"] for row in rows],
-                "error_cm_y",
-                COLORS["neighbors"],
-                ":",
-                None,
-            ),
+            ("k-NN alone, x", knn, "error_cm_x", COLORS["neighbors"], "-", None),
+            ("k-NN alone, y", knn, "error_cm_y", COLORS["neighbors"], ":", None),
         )
         for label, table, key, color, style, marker in lines:
-            look: dict[str, Any] = {
-                "color": color,
-                "linestyle": style,
-                "marker": marker,
-                "label": label,
-            }
-            _band(error, value, _column(table, key), swept, **look)
+            _band(
+                error, value, _column(table, key), swept, label=label, color=color,
+                linestyle=style, marker=marker,
+            )  # fmt: skip
         _band(
             rate, value, _column(clocks, "frequency_hz"), swept, color=COLORS["truth"], marker="o"
         )

@@ -12,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
-from trexton.figures.style import COLORS, canvas, floor_axes, landed, show_floor
+from trexton.figures.style import COLORS, canvas, floor_axes, landed, legend_below, show_floor
 from trexton.paper import published
 from trexton.records import Record
 
@@ -122,7 +122,7 @@ def targets(record: Record) -> Figure:
                 share = f"{where}: {rows.sum()} of {np.isfinite(beyond).sum()}"
                 landed(axes, place[rows], COLORS["paper"], share, inside=inside)
             axes.set(title=title, xlabel="x from the zone's centre (m)", aspect="equal")
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=2)
+            legend_below(axes, 0.2, columns=2)
         limits = (-1.08 * reach, 1.08 * reach)
         grid[0, 0].set(ylabel="y from the zone's centre (m)", xlim=limits, ylim=limits)
     return figure

@@ -122,7 +122,7 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
 
 def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str, str]]:
     duration = flight.time[-1] - flight.time[0]
-    known = np.isfinite(flight.position).all(axis=1)
+    known = flight.located
     facts = [
         ("flight", flight.name),
         ("frames", f"{len(flight)} ({flight.frame[0]} to {flight.frame[-1]})"),

@@ -14,25 +14,19 @@ from trexton.flights.flight import Flight
 __all__ = ["read_cyberzoo"]
 
 PERIOD_S = 0.08  # Sec. Speed Versus Accuracy: the autopilot software received 12.5 images a second
-FIRST, LAST = (
-    1,
-    624,
-)  # frame 0 has no histogram, and the last row of the histogram table has no frame
+# Frame 0 has no histogram, and the last row of the histogram table has no frame.
+FIRST, LAST = 1, 624
 _TEXTONS = 20
 
 NOTES = (
     "The authors' program never cleared its histogram: each row carries a trace (1/n) of the row "
-    "before, "
-    "and rows sum to about 1.0002.",
+    "before, and rows sum to about 1.0002.",
     "Positions are taken as centimetres, as the authors did (6.1 m x 6.8 m were flown). Their "
-    "logger wrote "
-    "integers that the autopilot defines as 1/256 m, so 2.4 m x 2.7 m cannot be excluded: read "
-    "errors relative "
-    "to the area too.",
+    "logger wrote integers that the autopilot defines as 1/256 m, so 2.4 m x 2.7 m cannot be "
+    "excluded: read errors relative to the area too.",
     "The source has no time stamps: 12.5 frames a second, as the paper states, are assumed.",
     "About 5000 random patches an image went into a histogram; the images and the texton "
-    "dictionary were not "
-    "published.",
+    "dictionary were not published.",
 )
 
 

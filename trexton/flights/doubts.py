@@ -27,7 +27,7 @@ def doubts(flight: Flight) -> list[str]:
 
 
 def _known(flight: Flight) -> np.ndarray:
-    return np.flatnonzero(np.isfinite(flight.position).all(axis=1))
+    return np.flatnonzero(flight.located)
 
 
 def _outside(flight: Flight) -> Iterator[str]:
@@ -70,9 +70,8 @@ def _wild(flight: Flight) -> Iterator[str]:
     if far.any():
         yield (
             f"{_count(int(far.sum()), 'position')} lie up to {distance.max():.4g} m from the "
-            "middle, where "
-            f"nine tenths are within {np.quantile(distance, 0.9):.3g} m (first: frame "
-            f"{_first(flight, rows, far)}): leave x_m and y_m of these frames empty"
+            f"middle, where nine tenths are within {np.quantile(distance, 0.9):.3g} m (first: "
+            f"frame {_first(flight, rows, far)}): leave x_m and y_m of these frames empty"
         )
 
 
@@ -135,8 +134,7 @@ def _small(flight: Flight) -> Iterator[str]:
     if extent.max() == 0:
         yield (
             f"all {len(rows)} positions are the same place: nothing can be learned or judged from "
-            "them, "
-            "check what was recorded"
+            "them, check what was recorded"
         )
     elif extent.max() < SMALLEST:
         yield (
@@ -157,7 +155,7 @@ def _stamps(flight: Flight) -> Iterator[str]:
 
 
 def _splits(flight: Flight) -> Iterator[str]:
-    known = np.isfinite(flight.position).all(axis=1)
+    known = flight.located
     for name, (first, last) in flight.split.items():
         count = int(known[(flight.frame >= first) & (flight.frame <= last)].sum())
         if count < 3:
@@ -171,8 +169,7 @@ def _splits(flight: Flight) -> Iterator[str]:
         if common > 0:
             yield (
                 f"splits train and test share {_count(common, 'frame')}: what was trained on "
-                "proves "
-                "nothing, part them"
+                "proves nothing, part them"
             )
 
 

@@ -137,8 +137,14 @@ class Flight:
         return self.histograms is not None
 
     @property
+    def located(self) -> np.ndarray:
+        """``(N,) bool``: the frames with a position."""
+        found: np.ndarray = np.isfinite(self.position).all(axis=1)
+        return found
+
+    @property
     def has_positions(self) -> bool:
-        return bool(np.isfinite(self.position).all())
+        return bool(self.located.all())
 
     @property
     def diagonal(self) -> float:
@@ -188,8 +194,12 @@ class Flight:
             changes["frames"] = select_frames(self.frames, rows)
         return replace(self, name=name or self.name, **changes)
 
+    def part_or_all(self, name: str) -> Flight:
+        """The frames of the split `name`; all of them where there is none of that name."""
+        return self.part(name) if name in self.split else self
+
     def part(self, name: str) -> Flight:
-        """The frames of the split `name`."""
+        """The frames of the split `name`; raises `FlightError` where there is none."""
         if name not in self.split:
             known = ", ".join(self.split) or "none"
             raise FlightError(

@@ -102,8 +102,7 @@ def load_folder(path: Path) -> Reading:
         if path.resolve() not in floor.parents:
             reading.faults.append(
                 f"{path / 'flight.toml'}: [floor] image {header['floor']['image']!r} leads out of "
-                "the "
-                "flight's folder: copy the picture into it"
+                "the flight's folder: copy the picture into it"
             )
     if not reading.faults and header is not None:
         reading.flight = _assemble(path, header, columns, files, histograms)
@@ -246,15 +245,13 @@ def _read_frames(path: Path, reading: Reading) -> Columns | None:
     for row in np.flatnonzero(np.isnan(columns["x_m"]) | np.isnan(columns["y_m"])):
         reading.warnings.append(
             f"{path}, row {rows[row]}: the position is missing or NaN: the frame cannot train and "
-            "has "
-            "no ground truth"
+            "has no ground truth"
         )
     place = np.abs(np.column_stack([columns["x_m"], columns["y_m"]])).max(axis=1)
     for row in np.flatnonzero(place > FARTHEST):
         reading.faults.append(
             f"{path}, row {rows[row]}: the position is {place[row]:g} m from the origin: no such "
-            "place "
-            "on Earth, leave it empty or give metres"
+            "place on Earth, leave it empty or give metres"
         )
     return columns
 
@@ -291,9 +288,8 @@ def _read_histograms(
         )
         reading.faults.append(
             f"{path}, row {rows[odd] if odd < len(rows) else rows[-1] + 1}: its frames differ from "
-            "those of frames.csv "
-            f"({len(values)} rows against {len(frames)}): "
-            "list the same frames in the same order"
+            f"those of frames.csv ({len(values)} rows against {len(frames)}): list the same frames "
+            "in the same order"
         )
         return None
     histograms = values[:, 1:]

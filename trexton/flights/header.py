@@ -92,8 +92,7 @@ def _fault_values(header: dict[str, Any]) -> list[str]:
     elif min(area[1] - area[0], area[3] - area[2]) < SMALLEST_AREA or max(map(abs, area)) > 2e7:
         faults.append(
             f"area_m is {area}: sides of {area[1] - area[0]:g} m and {area[3] - area[2]:g} m are "
-            "no place "
-            "to fly in: give metres"
+            "no place to fly in: give metres"
         )
     for name, limits in header.get("split", {}).items():
         if not (

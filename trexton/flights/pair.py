@@ -36,9 +36,9 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
         train, test = first.part("train"), first.part("test")
     else:
         second = read_flight(test_flight)
-        train = first.part("train") if "train" in first.split else first
-        test = second.part("test") if "test" in second.split else second
-    known = int(np.isfinite(test.position).all(axis=1).sum())
+        train = first.part_or_all("train")
+        test = second.part_or_all("test")
+    known = int(test.located.sum())
     if known < 3:
         raise FlightError(
             f"flight {test.name!r} has {known} frames with a position to test on: "
@@ -55,7 +55,7 @@ def with_splits(flight: Flight) -> Flight:
     """
     if {"train", "test"} <= set(flight.split) or len(flight) < 2:
         return flight
-    known = np.flatnonzero(np.isfinite(flight.position).all(axis=1))
+    known = np.flatnonzero(flight.located)
     rows = known if len(known) > 1 else np.arange(len(flight))
     last = int(rows[min(max(1, round(_SHARE * len(rows))), len(rows) - 1) - 1])
     numbers = flight.frame

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from trexton.errors import ParameterError
 
-if (
-    TYPE_CHECKING
-):  # names them for the cache too, which follows imports to know what code a result depends on
+# Names them for the cache too, which follows imports to know what code a result depends on.
+if TYPE_CHECKING:
     from trexton.kernels import kohonen_steps, label_rows, nearest_in_tree  # noqa: F401
 
 __all__ = ["BACKENDS", "compiled", "in_strips", "thread_count", "usable_cores"]

@@ -6,8 +6,7 @@ import numpy as np
 from numba import njit
 
 # Sums of multiples of 2**-24 below 2**29 are exact in float64, so the order of additions is free
-# for
-# vectorization.
+# for vectorization.
 _EXACT = {"reassoc", "contract"}
 
 

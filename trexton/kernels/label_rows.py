@@ -43,10 +43,8 @@ def _dot(builder, vnni, total, pixels, weight):
     odd = builder.lshr(pixels, eight), builder.ashr(weight, eight)
     for factors in (even, odd):
         product = builder.mul(*(builder.sext(half, _PRODUCTS) for half in factors))
-        for first in (
-            0,
-            1,
-        ):  # neighbours added: on most processors one instruction with the product
+        # Neighbours added: on most processors one instruction with the product.
+        for first in (0, 1):
             lanes = ir.Constant(_WORDS, list(range(first, 2 * LANES, 2)))
             total = builder.add(total, builder.shuffle_vector(product, product, lanes))
     return total
@@ -146,9 +144,8 @@ def label_rows(image, weights, bias, labels, counts):  # pragma: no cover - comp
     patch = height - rows + 1
     words = weights.shape[1] // patch
     padded = (columns + BLOCK - 1) // BLOCK * BLOCK + 4 * patch
-    planes = np.zeros(
-        (patch, 3, padded), np.int32
-    )  # a ring of image rows; beyond a row the weights are 0
+    # A ring of image rows; beyond a row the weights are 0.
+    planes = np.zeros((patch, 3, padded), np.int32)
     offsets, out = np.empty(patch * words, np.int64), np.empty(padded, np.uint8)
     line = np.zeros(n_bytes + 16, np.uint8)
     for row in range(height):

@@ -9,9 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-_SLACK = (
-    1 - 1e-12
-)  # bounds are added in another order than distances: never prune by a rounding error
+# Bounds are added in another order than distances: never prune by a rounding error.
+_SLACK = 1 - 1e-12
 
 
 @njit(cache=True, nogil=True)

@@ -20,8 +20,8 @@ __all__ = ["adjust", "link_errors"]
 _SIZE = len(PARAMETERS)
 _HEIGHT = PARAMETERS.index("z")
 # In typical heights: how well an anchor is known, how far a frame may stray from steady motion; in
-# radians:
-# how far the heading may turn between frames. The last two are weak holds for frames without links.
+# radians: how far the heading may turn between frames. The last two are weak holds for frames
+# without links.
 _ANCHOR, _MOTION, _TURN = 0.005, 0.3, 0.3
 _ITERATIONS = 10  # at each width of the loss
 _GAIN = 1e-3  # share of the cost; a smaller gain ends a width

@@ -64,8 +64,7 @@ def blend(
     weights = np.zeros((lines, columns), np.float32)
     with threads() as pool:
         # Placed in parallel, added in order, a few at a time so that the waiting ones do not fill
-        # the
-        # memory.
+        # the memory.
         jobs = iter(zip(rows, matrices, outlines, strict=False))
         bar = progress(range(len(rows)), "blending", len(rows))
         while batch := list(islice(jobs, 16)):
@@ -94,9 +93,8 @@ def _feather(camera: Camera) -> np.ndarray:
 def _sharpness(image: np.ndarray) -> np.float32:
     """Mean squared Laplacian of the luma: small in a frame blurred by motion."""
     edges = cv2.Laplacian(image[..., 0], cv2.CV_16S, ksize=1)
-    return np.float32(
-        np.square(edges, dtype=np.float32).mean() + 1e-3
-    )  # never 0: a blank frame counts too
+    # Never 0: a blank frame counts too.
+    return np.float32(np.square(edges, dtype=np.float32).mean() + 1e-3)
 
 
 def _window(

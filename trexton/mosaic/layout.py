@@ -17,8 +17,7 @@ _REWEIGHTED = 10  # rounds in which links that disagree with the others lose wei
 _EXACT = 0.1  # pixels: a smaller disagreement is none
 _LEAST_SPREAD = 0.25  # of half a frame: how far from their middle the anchors must reach
 # Weak holds for frames without links, beside a weight of 1 for a link: neighbours in time are equal
-# in scale
-# and heading, they move steadily, and all fly at a common height.
+# in scale and heading, they move steadily, and all fly at a common height.
 _EQUAL, _STEADY, _COMMON = 1e-4, 1e-6, 1e-3
 
 

@@ -33,8 +33,7 @@ _APART = (
 )
 _STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside successive ones
 # Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the
-# motion is
-# steady over some frames before and after, and if a chain of links predicts it.
+# motion is steady over some frames before and after, and if a chain of links predicts it.
 _STILL, _STEADY, _CHAINED = 0.12, 0.06, 0.06
 _WINDOW = 8
 

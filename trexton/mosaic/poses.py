@@ -19,8 +19,7 @@ __all__ = ["PARAMETERS", "TYPICAL", "floor_points", "floor_jacobian", "world_fro
 
 PARAMETERS = ("x", "y", "z", "roll", "pitch", "yaw", "shear", "stretch")
 # Standard deviations that hold frames near level flight at the common height; positions and heading
-# are
-# free.
+# are free.
 TYPICAL = {"z": 0.05, "roll": 0.06, "pitch": 0.06, "shear": 0.02, "stretch": 0.02}
 
 

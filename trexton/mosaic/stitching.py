@@ -15,7 +15,7 @@ from trexton.mosaic.layout import layout
 from trexton.mosaic.links import Anchors, Links, flight_keypoints, spatial_links, successive_links
 from trexton.mosaic.sparse import connected
 
-__all__ = ["Mosaic", "camera_of", "map_from_links", "stitch"]
+__all__ = ["Mosaic", "flight_camera", "map_from_links", "stitch"]
 
 # Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked
 # for.
@@ -108,7 +108,7 @@ def stitch(
     _check_least(anchors=(anchors, 3), neighbors=(neighbors, 0), keypoints=(searches[0][1], 12))
     if not 0 < searches[0][0] <= 1:
         raise ParameterError(f"scale is {scale}: expected a number above 0 and up to 1")
-    camera = camera_of(flight, camera)
+    camera = flight_camera(flight, camera)
     found: list[Mosaic] = []
     for search in searches:
         try:
@@ -157,7 +157,7 @@ def map_from_links(
     place again.
     """
     _check_least(anchors=(anchors, 3))
-    camera = camera_of(flight, camera)
+    camera = flight_camera(flight, camera)
     known = _choose_anchors(flight, links, anchors)
     poses = adjust(layout(len(flight), links, known, camera.focal), links, known, camera.focal)
     return _finished(flight, poses, links, known, camera, pixels_per_metre)
@@ -194,7 +194,7 @@ def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarra
     return np.median(link_errors(poses, links, camera.focal), axis=1)
 
 
-def camera_of(flight: Flight, camera: Camera | None = None) -> Camera:
+def flight_camera(flight: Flight, camera: Camera | None = None) -> Camera:
     """The camera of a flight, or one of usual focal length; `FlightError` if it takes other
     images.
     """
@@ -212,7 +212,7 @@ def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
     """`count` frames evenly spread in time among those that have a position and a link."""
     linked = np.zeros(len(flight), bool)
     linked[links.pairs.ravel()] = True
-    rows = np.flatnonzero(linked & np.isfinite(flight.position).all(axis=1))
+    rows = np.flatnonzero(linked & flight.located)
     if not linked.any():
         raise MapError(
             f"no two successive frames of flight {flight.name!r} could be matched: "
@@ -221,8 +221,7 @@ def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
     if len(rows) < 3:
         raise FlightError(
             f"flight {flight.name!r} has {len(rows)} linked frames with a position, a mosaic needs "
-            "3: "
-            "record more of them"
+            "3: record more of them"
         )
     rows = np.unique(rows[np.linspace(0, len(rows) - 1, count).round().astype(int)])
     return Anchors(rows, flight.position[rows])

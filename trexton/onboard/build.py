@@ -61,8 +61,8 @@ def build(settings: Settings) -> Onboard:
         )
     _warm_up(localizer)
     tally = Tally()
-    view = View(texton_map.image_shape, texton_map.period_s, flying.seed)
-    source = open_source(flying.camera, view, settings.options)
+    expected = View(texton_map.image_shape, texton_map.period_s, flying.seed)
+    source = open_source(flying.camera, expected, settings.options)
     _check_fit(flying.camera, source, texton_map)
     _check_files([settings.map, *source.files], settings.outputs, flying.log)
     around = Surroundings(

@@ -36,8 +36,8 @@ class StampKeeper:
         self._offset = calendar() - steady()
 
     def keep(self, stamp: float) -> float:
-        """`stamp`, or the nearest believable one: after the last, not in the
-        future. A frame that is merely old keeps its stamp."""
+        """`stamp`, or the nearest believable one: after the last, not in the future. A frame that
+        is merely old keeps its stamp."""
         now = self._steady()
         offset = self._calendar() - now
         if abs(offset - self._offset) > TOLERANCE:  # stamps are not of this clock: only said

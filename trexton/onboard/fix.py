@@ -126,8 +126,7 @@ class JumpCounter:
     """Counts the reports that cannot continue the ones before: what MAVLink calls `reset_counter`.
 
     Being lost for a while and found again where the motion model expects it is no jump: a reset
-    makes the
-    autopilot drop what it knows.
+    makes the autopilot drop what it knows.
 
     Parameters
     ----------

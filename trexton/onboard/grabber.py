@@ -38,8 +38,7 @@ class Grabber:
     """Reads a live source in a thread of its own and keeps its newest frame.
 
     A frame that a newer one replaced before it was asked for counts as dropped. A source that fails
-    is closed
-    and opened again after a pause that doubles up to `LONGEST_PAUSE`.
+    is closed and opened again after a pause that doubles up to `LONGEST_PAUSE`.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ MOST_CATCHING_UP = 25  # predictions for missed frames; more would only spread t
 NO_FRAME_FOR = 10.0  # seconds after which a run of a number of frames ends without the first
 CAUSES = {  # of what the frames may contradict
     "velocity": "heading, compass, height, and the odometry's camera",
-    "attitude": "the camera's mount, the autopilot's level",
+    "attitude": "the camera's mount, the autopilot's level, signs and order",
 }
 # Share of the period after which the next frame is looked for: cameras are not exact.
 EAGERNESS = 0.9
@@ -50,8 +50,7 @@ class Onboard:
     sinks : list of Guard
     rate : float, optional
         Frames a second that are localized at most from a live source, and the deadline of each; the
-        map's own
-        rate unless given.
+        map's own rate unless given.
     zone : LandingZone, optional
         Where to land.
     landers : sequence of Lander

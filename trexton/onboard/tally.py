@@ -23,8 +23,8 @@ FAULTS = {
     "frozen": "the same frame again: predict only, open the camera again if it stays",
     "misfit": "a frame the map cannot use: predict only",
     "velocity": "a velocity that the frames contradict, the camera's or the autopilot's: "
-    "it is taken for wrong, its error learnt",
-    "attitude": "a roll or pitch that the frames contradict: how far it is off is learnt",
+    "it is taken for wrong, its error learned",
+    "attitude": "a roll or pitch that the frames contradict: how far it is off is learned",
     "late": "a report later than the rate allows: sent with its own stamp, older frames dropped",
     "clock": "a clock that jumped: the stamp is replaced, and stamps go on increasing",
     "output": "an output failed (disk full, pipe closed): the rest goes on, "

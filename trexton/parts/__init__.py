@@ -11,7 +11,7 @@ from importlib import import_module
 from trexton.errors import ParameterError
 from trexton.parts.base import Part
 
-__all__ = ["ROLES", "check_role", "make", "name_of"]
+__all__ = ["ROLES", "check_known", "check_role", "make", "name_of", "part_class"]
 
 # role: {name: where the class is}. Loaded when asked for, so that a heavy part costs nothing where
 # it does not fly.
@@ -63,6 +63,12 @@ ROLES: dict[str, dict[str, str]] = {
 }
 
 
+def check_known(role: str) -> None:
+    """Raise `ParameterError` unless there is such a role."""
+    if role not in ROLES:
+        raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
+
+
 def check_role(role: str, kind: type[Part]) -> None:
     """Raise `ParameterError` unless a part of this class fills the role."""
     module, _, attribute = next(iter(ROLES[role].values())).partition(":")
@@ -86,8 +92,7 @@ def part_class(role: str, name: str, *, imports: bool = True) -> type[Part]:
     ParameterError
         There is no such role or part.
     """
-    if role not in ROLES:
-        raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
+    check_known(role)
     module, colon, attribute = ROLES[role].get(name, name).partition(":")
     if not imports and name not in ROLES[role] and module not in sys.modules:
         raise ParameterError(f"{role} {name!r} is not in the library: import {module!r} first")

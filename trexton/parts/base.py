@@ -92,8 +92,7 @@ class Part:
     """One part of a method. Its fields are its options; those made by `learned` are what it learns.
 
     A subclass is a dataclass that overrides `fit` if it learns, `prepare` if it makes something of
-    what it
-    learned, and `check` for the ranges of its options.
+    what it learned, and `check` for the ranges of its options.
     """
 
     def __post_init__(self) -> None:
@@ -104,6 +103,11 @@ class Part:
 
     def prepare(self) -> None:
         """Make what flight needs of the learned arrays, and refuse arrays that fit no flight."""
+
+    @property
+    def width(self) -> int | None:
+        """Features that a histogram has, of those it learned from; None: any number will do."""
+        return None
 
     def fit(self, training: Training) -> Self:
         """The part as it learned from a training set; itself where there is nothing to learn."""

@@ -76,7 +76,7 @@ class Replay(Calibration):
 
     samples: int = 400
     trusting: bool = False
-    of_estimate: np.ndarray = learned()
+    of_estimate: np.ndarray = learned()  # empty where the filter's own word is trusted
     of_measurement: np.ndarray = learned()
     independent_s: np.ndarray = learned()
     usual: np.ndarray = learned()  # () metres: the median claim along an axis in training
@@ -90,6 +90,7 @@ class Replay(Calibration):
         measurement = ErrorScale.fit(alone.features, alone.errors, alone.claimed)
         frames = independent_after(alone.white(measurement), alone.runs)
         found = {
+            "of_estimate": np.empty(0),
             "of_measurement": measurement.to_array(),
             "independent_s": np.asarray(frames * training.period_s),
         }
@@ -119,7 +120,7 @@ class Replay(Calibration):
             raise ParameterError(f"errors last {self.independent_s} s: expected 0 or more")
         if not (self.usual.shape == () and 0 < self.usual < np.inf):
             raise ParameterError(f"the usual claim is {self.usual} m: expected a positive length")
-        trusting = self.of_estimate is None
+        trusting = not self.of_estimate.size
         self._estimate = None if trusting else ErrorScale.from_array(self.of_estimate)
         self._measurement = ErrorScale.from_array(self.of_measurement)
 

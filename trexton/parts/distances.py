@@ -34,8 +34,11 @@ class Euclidean(Distance):
 
 @dataclass(eq=False)
 class Hellinger(Distance):
-    """Between square roots of the frequencies: counting noise becomes alike in all textons."""
+    """Between square roots of the frequencies: counting noise becomes alike in all textons.
+
+    Values below zero, of other features, keep their sign (Perronnin, Sanchez & Mensink 2010).
+    """
 
     def features(self, histograms: np.ndarray) -> np.ndarray:
-        roots: np.ndarray = np.sqrt(np.maximum(histograms, 0) / 2)
+        roots: np.ndarray = np.copysign(np.sqrt(np.abs(histograms) / 2), histograms)
         return roots

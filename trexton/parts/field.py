@@ -1,11 +1,10 @@
 """Measurement by a field: at which places this histogram would be seen, and how sure the field
 is there.
 
-The roots of the frequencies are taken, which makes the noise of counting alike for rare and
-frequent textons (Bartlett 1936) and distances those of Hellinger; features need not sum to one.
-Their field is learnt as Gaussian processes (`trexton.field.process`), their noise from blocks of
-the training flight that were left out. What is left of a frame at a place follows a Student
-distribution, so that one odd feature rules out no place for good.
+Of histograms the features of `trexton.field.features` are taken: roots of frequencies, or what
+other values ask for. Their field is learned as Gaussian processes (`trexton.field.process`), their
+noise from blocks of the training flight that were left out. What is left of a frame at a place
+follows a Student distribution, so that one odd feature rules out no place for good.
 """
 
 from __future__ import annotations
@@ -17,6 +16,8 @@ from typing import Self
 import numpy as np
 
 from trexton.errors import MapError, ParameterError
+from trexton.field.error_model import ErrorModel
+from trexton.field.features import Features
 from trexton.field.process import (
     Process,
     blocks_in_time,
@@ -27,14 +28,15 @@ from trexton.observation import Observation
 from trexton.parts.base import Area, Training, learned
 from trexton.parts.measurement import MeasurementModel
 
-__all__ = ["ErrorModel", "Field", "grid_cells"]
+__all__ = ["Field", "grid_cells"]
 
 DEGREES = 6.0  # of freedom of the Student distribution
-STUDIED = 800  # frames that noise, length and errors are learnt from; longer flights are thinned
+STUDIED = 800  # frames that noise, length and errors are learned from; longer flights are thinned
 COARSE = 1200  # cells of the grid on which left-out frames are located
 # Cells times features: what a frame may cost, and how much of the processor's cache it may fill.
 LARGEST_TABLE = 600_000
 LEAST = 1e-3  # variance, as a share of the signal: no place is taken to be known better
+FARTHEST = 1e6  # deviations of a feature: beyond, squares would overflow
 UNFLOWN = 0.1  # share of the prior that does not expect the vehicle where it was in training
 
 
@@ -42,61 +44,14 @@ def grid_cells(area: Area, cells: int) -> tuple[np.ndarray, tuple[int, int]]:
     """``(M, 2)`` centres of about `cells` squares, x slowest, and how many along x and y."""
     x_min, x_max, y_min, y_max = area
     side = np.sqrt((x_max - x_min) * (y_max - y_min) / cells)
-    nx, ny = (max(2, round((high - low) / side)) for low, high in ((x_min, x_max), (y_min, y_max)))
+    most = max(2, cells // 2)  # of a strip: two beside another
+    nx, ny = (
+        min(max(2, round((high - low) / side)), most)
+        for low, high in ((x_min, x_max), (y_min, y_max))
+    )
     x = x_min + (np.arange(nx) + 0.5) * (x_max - x_min) / nx
     y = y_min + (np.arange(ny) + 0.5) * (y_max - y_min) / ny
     return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), (nx, ny)
-
-
-@dataclass(frozen=True, eq=False)
-class ErrorModel:
-    """How single frames err: a part that stays for a while, and a part that is new in each.
-
-    Attributes
-    ----------
-    lasting, fresh : float
-        Standard deviations along one axis, metres.
-    lasts_s : float
-        Time in seconds after which the lasting part is down to 1/e.
-    """
-
-    lasting: float
-    fresh: float
-    lasts_s: float
-
-    def independent_s(self, period_s: float) -> float:
-        """Seconds between frames whose errors are as good as independent: 1 + 2 sum of the
-        autocorrelations, in frames of that period.
-        """
-        memory = np.exp(-period_s / self.lasts_s)
-        share = self.lasting**2 / (self.lasting**2 + self.fresh**2)
-        return float(period_s * (1 + 2 * share * memory / (1 - memory)))
-
-    @classmethod
-    def of(cls, errors: np.ndarray, time: np.ndarray, finest: float) -> ErrorModel:
-        """From ``(N, 2)`` errors of frames; `finest` is the least that `fresh` may be.
-
-        Outliers are shortened to three median lengths: they are the likelihood's affair.
-        """
-        length = np.hypot(*errors.T)
-        limit = max(3 * float(np.median(length)), finest)
-        errors = errors * np.minimum(1, limit / np.maximum(length, 1e-12))[:, None]
-        period = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
-        variance = float(np.square(errors).mean())
-
-        def correlation(lag: int) -> float:
-            regular = np.abs(time[lag:] - time[:-lag] - lag * period) < 0.5 * period
-            if regular.sum() < 4 or variance <= 0:
-                return 0.0
-            return float((errors[lag:] * errors[:-lag])[regular].mean() / variance)
-
-        first, second = correlation(1), correlation(2)
-        if first < 0.05 or second <= 0:
-            return cls(np.sqrt(variance / 2), max(np.sqrt(variance / 2), finest), period)
-        memory = float(np.clip(second / first, 0.2, 0.98))
-        share = float(np.clip(first / memory, 0.25, 1.0))
-        fresh = max(np.sqrt(variance * (1 - share)), finest)
-        return cls(np.sqrt(variance * share), fresh, -period / np.log(memory))
 
 
 @dataclass(eq=False)
@@ -110,7 +65,8 @@ class Field(MeasurementModel):
     """
 
     cells: int = 4800
-    used: np.ndarray = learned()  # (K,) features that vary
+    axes: np.ndarray = learned()  # (K, d) of `Features`, and
+    signed: np.ndarray = learned()  # () whether they are those of values
     center: np.ndarray = learned()  # (d,) their means
     signal: np.ndarray = learned()  # (d,) their variances over the floor
     noise: np.ndarray = learned()  # (d, d) their covariance from frame to frame
@@ -136,29 +92,33 @@ class Field(MeasurementModel):
         """
         from threadpoolctl import threadpool_limits
 
-        roots = np.sqrt(np.maximum(training.histograms, 0))
-        used = np.ptp(roots, axis=0) > 1e-6
-        if not used.any():
+        with threadpool_limits(1, user_api="blas"):  # sums are rounded alike on any machine
+            taken = Features.of(training.histograms)
+            features = np.asfortranarray(taken(training.histograms))  # for sums of columns
+        if not features.shape[1]:
             raise MapError(
-                f"all {len(roots)} training histograms are alike: no place can be told from "
+                f"all {len(features)} training histograms are alike: no place can be told from "
                 "another, record a flight over a floor with some pattern"
             )
-        features, places = roots[:, used], training.positions
+        # Far from where x and y are zero distances would be rounded: that moves by kilometres.
+        origin = training.positions.mean(axis=0).round(-3)
+        places, area = training.positions - origin, _moved(training.area, -origin)
         if not np.ptp(places, axis=0).any():
             raise MapError(
                 f"all {len(places)} training positions are one place: fly over the floor"
             )
         center = features.mean(axis=0)
         cells = min(self.cells, max(16, LARGEST_TABLE // features.shape[1]))
-        centers, _ = grid_cells(training.area, cells)
-        with threadpool_limits(1, user_api="blas"):  # sums are rounded alike on any machine
-            study = _Study.of(places, features - center, training.time, training.area)
+        centers, _ = grid_cells(area, cells)
+        with threadpool_limits(1, user_api="blas"):
+            study = _Study.of(places, features - center, training.time, area)
             merged, values, counts = merge_places(places, features - center)
             process = Process.fit(merged, values, study.length, counts)
             mean, variance = process.predict(centers)
             prior = _relative(_bumps(centers, merged, process.length) @ counts)
         return self.with_learned(
-            used=used,
+            axes=taken.axes,
+            signed=np.array(taken.signed),
             center=center,
             signal=study.signal,
             noise=study.noise,
@@ -171,12 +131,17 @@ class Field(MeasurementModel):
             expected=study.expected,
         )
 
+    @property
+    def width(self) -> int:
+        return len(self.axes)
+
     def prepare(self) -> None:
         """Raise `MapError` for arrays that do not fit each other."""
         d, count = len(self.center), len(self.variance)
         shapes = {
-            "signal": (d,), "noise": (d, d), "mean": (count, d), "prior": (count,),
-            "area": (4,), "errors": (3,), "learnt_at": (), "expected": (2,),
+            "axes": (len(self.axes), d), "signed": (), "signal": (d,), "noise": (d, d),
+            "mean": (count, d), "prior": (count,), "area": (4,), "errors": (3,), "learnt_at": (),
+            "expected": (2,),
         }  # fmt: skip
         for name, shape in shapes.items():
             array = getattr(self, name)
@@ -184,8 +149,9 @@ class Field(MeasurementModel):
                 raise MapError(f"the field's {name} has shape {array.shape}: expected {shape}")
         wanted = min(self.cells, max(16, LARGEST_TABLE // d))
         self.centers, self.shape = grid_cells(tuple(self.area.tolist()), wanted)
-        if len(self.centers) != count or self.used.sum() != d:
+        if len(self.centers) != count:
             raise MapError(f"the field has {count} cells and {d} features that fit no grid")
+        self.features = Features(self.axes, bool(self.signed))
         self._tables: dict[int | None, tuple[np.ndarray, _Table]] = {}
 
     @cached_property
@@ -210,8 +176,9 @@ class Field(MeasurementModel):
             table = _Table.of(self.mean @ basis.whiten, self.variance, basis.strength)
             self._tables[samples] = basis.whiten, table
         whiten, table = self._tables[samples]
-        roots = np.sqrt(np.maximum(observation.histogram[self.used], 0)) - self.center
-        found: np.ndarray = table.log_likelihood(roots @ whiten) + self.prior
+        limit = FARTHEST * np.sqrt(self.signal)
+        features = np.clip(self.features(observation.histogram) - self.center, -limit, limit)
+        found: np.ndarray = table.log_likelihood(features @ whiten) + self.prior
         return found
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
@@ -223,7 +190,7 @@ class Field(MeasurementModel):
 
         Errors grow with the root of the field's variance (see `expected_error`). Between the
         passes of a survey, above all of one that repeats its own, it is larger than where the
-        errors were learnt.
+        errors were learned.
         """
         return np.maximum(1.0, self._variance_at(places) / max(float(self.learnt_at), LEAST))
 
@@ -355,6 +322,11 @@ def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
     floor = 1e-3 * diagonal.mean() + 1e-12  # a feature that never erred here will elsewhere
     shrunk: np.ndarray = (1 - shrink) * covariance + np.diag(shrink * diagonal + floor)
     return shrunk
+
+
+def _moved(area: Area, by: np.ndarray) -> Area:
+    (x, y), (x_min, x_max, y_min, y_max) = by.tolist(), area
+    return x_min + x, x_max + x, y_min + y, y_max + y
 
 
 def _bumps(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:

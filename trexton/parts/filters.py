@@ -25,7 +25,7 @@ from trexton.parts.recovery import NoRecovery, Recovery
 from trexton.parts.resampling import Resampling, Wheel
 
 if TYPE_CHECKING:
-    from trexton.localizer import TextonMap
+    from trexton.texton_map import TextonMap
 
 __all__ = ["Filter", "ParticleFilter", "Particles", "RunningFilter"]
 

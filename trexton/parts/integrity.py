@@ -1,6 +1,6 @@
 """Lost or not: a test of its own, whatever the filter thinks of itself.
 
-A field of the floor, learnt beside the method, says of every frame how much better it fits where
+A field of the floor, learned beside the method, says of every frame how much better it fits where
 the estimate is than a place drawn from the whole area. A chain of two states, here and elsewhere,
 adds that up over the frames.
 """

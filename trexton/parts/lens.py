@@ -8,7 +8,14 @@ from trexton.camera import Camera
 from trexton.errors import MapError
 from trexton.flights.flight import Flight
 
-__all__ = ["FARTHEST", "STEEPEST", "camera_of", "check_lens", "learned_lens", "usual_height"]
+__all__ = [
+    "believable",
+    "camera_of",
+    "check_lens",
+    "known_or",
+    "learned_lens",
+    "usual_height",
+]
 
 STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
 FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
@@ -62,6 +69,20 @@ def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.
         )
     lens = (camera.width, camera.height, camera.focal, *camera.principal_point)
     return np.array([*lens, usual], dtype=float)
+
+
+def known_or(value: float | None, usual: float) -> float:
+    """A number that was told, or the usual one; what is not finite was not told.
+
+    OpenCV does not come back from a homography of NaN.
+    """
+    return usual if value is None or not np.isfinite(value) else value
+
+
+def believable(tilt: np.ndarray, height: float, usual: float) -> bool:
+    """Whether from such a tilt, radians, and height, metres, a camera sees what it usually sees."""
+    steep = np.abs(tilt).max() > STEEPEST
+    return not steep and bool(1 / FARTHEST < height / usual < FARTHEST)
 
 
 def usual_height(heights: np.ndarray) -> float | None:

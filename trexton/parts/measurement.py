@@ -15,9 +15,8 @@ from trexton.parts.motion import whitener
 __all__ = ["EXCLUDED_SECONDS", "MeasurementModel", "RankMixture", "rank_covariances"]
 
 # Frames closer in time than this see nearly the same floor: as neighbours they would flatter the
-# map. With half a
-# second the k-NN errs on the training flight about as much as on a fresh flight of the virtual
-# room.
+# map. With half a second the k-NN errs on the training flight about as much as on a fresh flight of
+# the virtual room.
 EXCLUDED_SECONDS = 0.5
 # A centimetre: keeps a covariance of identical deviations invertible without mattering for any
 # other.

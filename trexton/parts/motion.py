@@ -243,8 +243,7 @@ def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:
     Filtering).
 
     Pairs with a gap of more than one and a half periods between them say nothing about one step and
-    are left
-    out.
+    are left out.
 
     Raises
     ------

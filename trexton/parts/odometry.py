@@ -18,16 +18,16 @@ from trexton.errors import MapError, ParameterError
 from trexton.flights.flight import Flight
 from trexton.odometry import Motion, VisualOdometry
 from trexton.parts.base import Part, Training, learned
-from trexton.parts.lens import FARTHEST, STEEPEST, camera_of, check_lens, learned_lens
+from trexton.parts.lens import believable, camera_of, check_lens, known_or, learned_lens
 
 __all__ = ["Odometry", "RunningOdometry", "Visual"]
 
 LEAST = 0.1  # metres a second along an axis: no velocity is believed more, attitude errs in flight
 WIDTH = 160  # pixels of a shrunken frame, about; a small camera's frames are taken as they are
 LONGEST_S = 0.5  # between two frames; after it hardly anything in them is the same
-STUDIED = 400  # frames from the beginning of the training flight, from which errors are learnt
+STUDIED = 400  # frames from the beginning of the training flight, from which errors are learned
 MEMORY = 0.95  # the most that errors of one frame are taken to be alike those of the last
-UNLEARNT = 0.2  # metres a second, where the training flight has no two frames in a row
+UNLEARNED = 0.2  # metres a second, where the training flight has no two frames in a row
 
 
 class RunningOdometry(Protocol):
@@ -58,8 +58,8 @@ class Visual(Odometry):
 
     The heading is that of the training flight unless a yaw comes with the frame; without roll and
     pitch, tilting looks like motion, and without a height the usual one is taken. How far its
-    velocities are off is learnt from the training flight, told the attitude and not. An autopilot's
-    velocity is taken where the frame shows none.
+    velocities are off is learned from the training flight, told the attitude and not. An
+    autopilot's velocity is taken where the frame shows none.
 
     Parameters
     ----------
@@ -98,7 +98,7 @@ class Visual(Odometry):
                 "trexton train FLIGHT --set odometry=visual"
             )
         lens = learned_lens(flight, "train without odometry")
-        seeing = self.with_learned(camera=lens, sigma=np.full(2, UNLEARNT))
+        seeing = self.with_learned(camera=lens, sigma=np.full(2, UNLEARNED))
         aidings = [flight.aiding(row) for row in range(min(STUDIED, len(flight)))]
         places = training.positions
         told = [
@@ -163,17 +163,9 @@ class RunningVisual:
         return self._time + (1 + self._missed) * self._period_s if np.isfinite(self._time) else 0.0
 
     def _look(self, frame: np.ndarray, known: Aiding, now: float) -> Motion | None:
-        height, *angles = (
-            usual if value is None or not np.isfinite(value) else value
-            for value, usual in (
-                (known.height, self._height), (known.roll, 0.0), (known.pitch, 0.0),
-                (known.yaw, 0.0),
-            )
-        )  # fmt: skip
-        if (
-            max(np.abs(angles[:2])) > STEEPEST
-            or not 1 / FARTHEST < height / self._height < FARTHEST
-        ):
+        height = known_or(known.height, self._height)
+        angles = [known_or(angle, 0.0) for angle in (known.roll, known.pitch, known.yaw)]
+        if not believable(np.array(angles[:2]), height, self._height):
             height, angles = self._height, [0.0, 0.0, angles[2]]
         return self._odometry.step(frame, now, height=height, attitude=angles)
 
@@ -196,7 +188,7 @@ def _deviation(
             moved = places[row] - places[row - 1]
             errors.append(seen.velocity - moved / (flight.time[row] - flight.time[row - 1]))
     if len(errors) < 3:
-        return UNLEARNT
+        return UNLEARNED
     off = np.array(errors)
     variance = max(float(np.square(off).mean()), LEAST**2)
     alike = float(np.clip((off[1:] * off[:-1]).mean() / variance, 0, MEMORY))

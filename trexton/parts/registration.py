@@ -23,7 +23,7 @@ from trexton.registration.tracker import FloorTracker, fine_cell
 
 if TYPE_CHECKING:
     from trexton.flights.flight import Flight
-    from trexton.localizer import TextonMap
+    from trexton.texton_map import TextonMap
 
 __all__ = ["Registration", "RunningRegistration"]
 
@@ -52,9 +52,8 @@ class Registration(Filter):
     floor: Any = learned()  # (H, W) uint8 luma, north up
     mapped: Any = learned()  # (H, W) uint8, 1 where the floor is mapped
     place: Any = learned()  # x, y of the top left cell's centre, side of a cell
-    camera: Any = (
-        learned()
-    )  # width, height, focal length, principal point, usual height above the floor
+    # Width, height, focal length, principal point, usual height above the floor.
+    camera: Any = learned()
     trust: Any = learned()  # the fields of `Trust`
 
     def check(self) -> None:
@@ -252,8 +251,8 @@ def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, Camera, float]
                 "floor, or stitch the picture"
             )
         return flight.floor, flight.camera, above
-    from trexton.mosaic.stitching import camera_of, stitch  # SciPy: on the ground only
+    from trexton.mosaic.stitching import flight_camera, stitch  # SciPy: on the ground only
 
     mosaic = stitch(flight)
     height = float(np.median(mosaic.poses[mosaic.used, 2]))
-    return mosaic.map, camera_of(flight), height
+    return mosaic.map, flight_camera(flight), height

@@ -25,8 +25,8 @@ class Wheel(Resampling):
     """The resampling wheel the paper cites.
 
     The wheel starts at a random particle and advances by U(0, 2 max w) between draws. Walking it
-    costs
-    max w / mean w steps a particle; a search in the cumulated weights finds the same particles.
+    costs max w / mean w steps a particle; a search in the cumulated weights finds the same
+    particles.
     """
 
     def indices(self, weights: np.ndarray, rng: np.random.Generator) -> np.ndarray:

@@ -30,7 +30,7 @@ from trexton.parts.gaussians import Glimpse
 from trexton.parts.singer import Singer
 
 if TYPE_CHECKING:
-    from trexton.localizer import TextonMap
+    from trexton.texton_map import TextonMap
 
 __all__ = ["TrackFilter", "Tracks"]
 
@@ -192,6 +192,8 @@ class TrackFilter:
             states, covariances, masses = (np.array(column) for column in zip(*places, strict=True))
             self._begin(states, covariances, np.zeros(len(masses)))
             log_weights = np.concatenate([log_weights, np.log(masses) + chance])
+        if not len(log_weights):  # the frame speaks for no place, nor did one before
+            return
         self._keep(log_weights)
         if velocity is not None and self.doubts[0]:
             self._off = self.states[0, 8:].copy()
@@ -355,7 +357,7 @@ class TrackFilter:
 
     def estimate(self) -> Estimate:
         """Position of the best track, and the covariance of all about it, larger where the field
-        knows less than where its errors were learnt.
+        knows less than where its errors were learned.
 
         It is lost while tracks that are elsewhere may be right, or no frame speaks for it.
         """

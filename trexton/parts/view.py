@@ -24,7 +24,7 @@ from trexton.files import digest
 from trexton.flights.flight import Flight
 from trexton.flights.frames import Frames
 from trexton.parts.base import Part, learned
-from trexton.parts.lens import FARTHEST, STEEPEST, camera_of, check_lens, learned_lens
+from trexton.parts.lens import believable, camera_of, check_lens, known_or, learned_lens
 
 __all__ = ["Nadir", "View"]
 
@@ -97,10 +97,10 @@ class Nadir(View):
     def frame(self, image: np.ndarray, aiding: Aiding) -> np.ndarray:
         """``(H, W, 3) uint8``: a frame from straight above, as far as `aiding` knows."""
         camera, usual = camera_of(self.camera)
-        tilt = np.array([_known(aiding.roll, 0.0), _known(aiding.pitch, 0.0)])
-        yaw = _known(aiding.yaw, 0.0) if self.turn else 0.0
-        above = _known(aiding.height, usual)
-        if np.abs(tilt).max() > STEEPEST or not 1 / FARTHEST < above / usual < FARTHEST:
+        tilt = np.array([known_or(aiding.roll, 0.0), known_or(aiding.pitch, 0.0)])
+        yaw = known_or(aiding.yaw, 0.0) if self.turn else 0.0
+        above = known_or(aiding.height, usual)
+        if not believable(tilt, above, usual):
             return image
         if not (tilt.any() or yaw or above != usual):
             return image
@@ -110,11 +110,6 @@ class Nadir(View):
             image, np.linalg.solve(seen, level), image.shape[1::-1],
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_REFLECT_101,
         )  # fmt: skip
-
-
-def _known(value: float | None, usual: float) -> float:
-    # OpenCV does not come back from a homography of NaN
-    return usual if value is None or not np.isfinite(value) else value
 
 
 @dataclass(frozen=True, eq=False)

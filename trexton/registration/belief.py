@@ -22,7 +22,6 @@ class CellBelief:
 
     Parameters
     ----------
-    shape : (rows, columns)
     allowed : (rows, columns) bool array
         Cells on which the centre of a frame can lie.
     """

@@ -103,9 +103,8 @@ class CoarseMatcher:
         safe = np.maximum(n, 1)
         shared = crossed - map_sum * own_sum / safe
         map_variance = np.maximum(map_squares - map_sum**2 / safe, safe)
-        own_variance = np.maximum(
-            own_squares - own_sum**2 / safe, safe
-        )  # a grey level squared a pixel
+        # A grey level squared a pixel.
+        own_variance = np.maximum(own_squares - own_sum**2 / safe, safe)
         overlap = n / shape.sum()
         correlation = shared / np.sqrt(map_variance * own_variance)
         return np.where(overlap < _FEWEST, 0, correlation), overlap

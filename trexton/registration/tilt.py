@@ -1,6 +1,8 @@
-"""How wrong a told tilt is: the camera's mount, the autopilot's trim, an axis of another sign."""
+"""How wrong a told tilt is: the camera's mount, the autopilot's trim, another convention."""
 
 from __future__ import annotations
+
+from itertools import product
 
 import numpy as np
 
@@ -11,16 +13,23 @@ _USUAL = np.radians(1.0)  # standard deviation of an offset before anything was 
 _DRIFT = np.radians(0.03)  # of its change from frame to frame
 _ALIKE = 20.0  # frames whose errors are alike: each counts so much less
 _MEMORY = 50.0  # frames over which the noise is taken
-_LITTLE = 0.02  # share of what was found that the frame, not the prior, must have said
+_MUTE = 50.0  # times as uncertain as what is told: such a frame says nothing
 _ASKEW, _BEYOND = np.radians(2.0), 5.0  # worth telling a person: so much, and so many deviations
+# Roll and pitch as they are told, and every other way to give them signs and order.
+_ORDERS = (np.eye(2), np.eye(2)[::-1])
+_CONVENTIONS = np.array(
+    [np.diag(s) @ order for order in _ORDERS for s in product((1, -1), (1, -1))]
+)
+_SELDOM = 7.0  # log odds against another convention than what is told
+_DOUBT = 15.0  # log odds beyond which nothing is believed of one
 
 
 class TiltError:
     """Learns from frame after frame how far the tilt that is told is off, and how noisy it is.
 
     The offset is that of a Kalman filter of a random walk, for roll and pitch apart; the noise is
-    what is left, a mean of squares that forgets. Both hear what a frame says alone: what the
-    alignment found, without what was expected of the tilt.
+    what is left, a mean of squares that forgets. Every convention of signs and order has both of
+    its own, and the one that foretells the frames best is gone by.
 
     Parameters
     ----------
@@ -29,56 +38,68 @@ class TiltError:
 
     Attributes
     ----------
-    mean, variance : (2,) arrays
-        Of what a measured roll and pitch lack, in radians and radians squared.
+    best : int
+        The convention gone by; 0 is roll and pitch as they are told.
     """
 
     def __init__(self, sigma: float) -> None:
-        self.mean, self.variance = np.zeros(2), np.full(2, _USUAL**2)
+        count = len(_CONVENTIONS)
         self._least = sigma**2
-        self._squares = np.full(2, self._least)
+        self._mean, self._variance = np.zeros((count, 2)), np.full((count, 2), _USUAL**2)
+        self._squares = np.full((count, 2), self._least)
+        self._evidence = np.array([0.0] + [-_SELDOM] * (count - 1))
+        self.best = 0
 
     @property
-    def noise(self) -> np.ndarray:
-        """``(2,)`` variance of a measured roll and pitch but for the offset, radians squared."""
-        return np.maximum(self._squares, self._least)
+    def mean(self) -> np.ndarray:
+        """``(2,)`` radians that a measured roll and pitch lack, in the convention gone by."""
+        return np.asarray(self._mean[self.best])
 
     @property
     def deviation(self) -> np.ndarray:
-        """``(2,)``: of a measured roll and pitch once the offset is taken off."""
-        return np.asarray(np.sqrt(self.noise + self.variance))
+        """``(2,)`` radians: of what `corrected` gives."""
+        noise = np.maximum(self._squares[self.best], self._least)
+        return np.asarray(np.sqrt(noise + self._variance[self.best]))
+
+    def corrected(self, told: np.ndarray) -> np.ndarray:
+        """``(2,)`` roll and pitch, from what was told; radians."""
+        return np.asarray(_CONVENTIONS[self.best] @ told + self.mean)
 
     @property
     def askew(self) -> np.ndarray | None:
         """``(2,)`` radians by which what is told is off, root mean square, with the sign of the
         offset; None unless that is certain and worth a word.
         """
-        off = np.abs(self.mean) > np.maximum(_ASKEW, _BEYOND * np.sqrt(self.variance))
-        if not (off.any() or (self.noise > _ASKEW**2).any()):
+        mean, variance, squares = self._mean[0], self._variance[0], self._squares[0]
+        off = np.abs(mean) > np.maximum(_ASKEW, _BEYOND * np.sqrt(variance))
+        if not (off.any() or (squares > _ASKEW**2).any()):
             return None
-        rough = np.maximum(self.noise - self._least, 0)
-        return np.copysign(np.sqrt(self.mean**2 + rough), -self.mean)
+        rough = np.maximum(squares - self._least, 0)
+        return np.copysign(np.sqrt(mean**2 + rough), -mean)
 
-    def learn(self, expected: np.ndarray, found: np.ndarray, left: np.ndarray) -> None:
+    def learn(self, told: np.ndarray, found: np.ndarray, variance: np.ndarray) -> None:
         """Learn from a frame that was found.
 
         Parameters
         ----------
-        expected, found : (2,) arrays
-            Roll and pitch as told plus `mean`, and those at which the frame fits best, what was
-            expected counted in, in radians.
-        left : (2,) array
-            Variances of what was found.
+        told, found : (2,) arrays
+            Roll and pitch as told, and as the frame alone has them, in radians.
+        variance : (2,) array
+            Of what was found.
         """
-        said = 1 - left / self.deviation**2
-        heard = said > _LITTLE
-        said = np.where(heard, said, 1.0)
-        apart, alone = (found - expected) / said, left / said
-        self.variance = self.variance + _DRIFT**2
-        rest = apart**2 - self.variance - alone
+        heard = variance < _MUTE * self.deviation**2
+        apart = found - _CONVENTIONS @ told - self._mean
+        self._variance = self._variance + _DRIFT**2
+        rest = apart**2 - self._variance - variance
         self._squares = self._squares + np.where(heard, (rest - self._squares) / _MEMORY, 0.0)
-        # Without the noise that was learnt: an offset looks like noise until it is learnt itself.
-        total = self.variance + _ALIKE * alone + self._least
-        gain = np.where(heard, self.variance / total, 0.0)
-        self.mean = self.mean + gain * apart
-        self.variance = (1 - gain) * self.variance
+        # Without the noise that was learned: an offset looks like noise until it is learned itself.
+        total = self._variance + _ALIKE * variance + self._least
+        gain = np.where(heard, self._variance / total, 0.0)
+        # With the noise that even the best convention leaves: such frames tell less.
+        doubt = total + _ALIKE * np.maximum(self._squares, 0).min(axis=0)
+        surprise = np.where(heard, apart**2 / doubt + np.log(doubt), 0.0).sum(axis=1)
+        evidence = self._evidence - surprise / 2
+        self._evidence = np.maximum(evidence - evidence.max(), -_DOUBT)
+        self.best = int(np.argmax(self._evidence))
+        self._mean = self._mean + gain * apart
+        self._variance = (1 - gain) * self._variance

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.camera import Camera, MapImage, transform_points
+from trexton.camera import Camera, MapImage, transform_points, wrapped
 from trexton.errors import ParameterError
 from trexton.odometry import VisualOdometry
 from trexton.registration.alignment import Aligner, Alignment
@@ -18,7 +18,7 @@ from trexton.registration.belief import CellBelief, Window
 from trexton.registration.calibration import FloorFix, Trust
 from trexton.registration.correlation import CoarseMatcher
 from trexton.registration.ground import Ground
-from trexton.registration.tilt import TiltError
+from trexton.registration.prior import Prior, Told
 
 Array = NDArray[Any]
 
@@ -32,6 +32,7 @@ _ALL_HEADINGS.setflags(write=False)
 _MARGIN = 3  # cells searched around what is believed
 _SURE = 0.15  # certainty of the odometry from which it is believed
 _CERTAIN = 0.3  # from which it alone may carry the position on
+_PLAIN = 0.5  # from which it is heard against the motion before; prints that repeat reach less
 _JUMP = 2.0  # cells a frame by which a motion may differ from the one before
 _KNOWN, _ROUGH, _UNKNOWN = 0.4, 0.5, 2.0  # cells: what a step adds to the belief's width
 _MODE = 2  # cells around a peak that count as one place
@@ -39,13 +40,9 @@ _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a
 _HELD = 0.9  # belief from which a place is the place
 _NEAR_HEADINGS = np.radians([-10.0, 0.0, 10.0])
 _PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
-_IN_VAIN = 25  # frames lost, after which a told heading and height are left aside, or tried again
-_AGREES, _ABOUT = np.radians(5.0), 0.1  # heading and height, a share, as found and as told
 _DRIFT = 0.15  # cells a frame: odometry's error
+_MEMORY = 10.0  # frames over which it is taken how far the view moves
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
-_TILT, _HEIGHT = 0.07, 0.1  # rad, share: what is known of a tilt, of a height, unmeasured
-_FARTHEST = 10.0  # times the usual height, or a part of it: beyond, the sensor errs
-_BETWEEN = np.array([0.03, 0.03])  # from frame to frame: height, a share of it; heading, rad
 
 
 def fine_cell(camera: Camera, height: float) -> float:
@@ -99,14 +96,13 @@ class FloorTracker:
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.odometry.reset()
-        self.tilt = TiltError(self.attitude_sigma)
+        self.told = Told(self.height, self.attitude_sigma, self.height_sigma)
         self.askew: Array | None = None  # of the tilt that the last frame was told; see `TiltError`
         self._pose: Array | None = None  # of the last frame, if it was found
         self._aimed = self._before = np.zeros(2)  # floor points in the image centre, and before
         self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
+        self._reach = 0.0  # cells: how far it moves from frame to frame
         self._missed = _PATIENCE  # frames since the floor was last seen where it should be
-        self._heeds = True  # the heading and height that are told; not once they find nothing
-        self._in_vain = 0  # frames that they found nothing, or none did
         self._last: FloorFix | None = None
 
     def step(
@@ -124,7 +120,8 @@ class FloorTracker:
         image : (H, W, 3) or (H, W) uint8 array or None
             Y, U, V, or luma alone; None for a frame that did not come.
         attitude : (3,) array, optional
-            Roll, pitch, yaw in radians as the autopilot measured them; NaN for what it cannot.
+            Roll, pitch, yaw in radians as the autopilot measured them; NaN for what it cannot. Roll
+            and pitch count together only.
         height : float, optional
             Metres above the floor, measured; one of another order than usual is not believed.
         places : callable, optional
@@ -139,59 +136,36 @@ class FloorTracker:
         if image is None:
             return self._without_frame()
         frame = self.odometry.shrunken(image)
-        told = np.full(3, np.nan) if attitude is None else np.array(attitude, dtype=float)
-        if height is not None and not 1 / _FARTHEST < height / self.height < _FARTHEST:
-            height = None
-        heading, above = told[2], height
-        if not self._heeds:
-            told[2], height = np.nan, None
-        seen = _Seen(
-            frame, *self._prior(told, height), *self.odometry.shift(frame), np.isfinite(told)
-        )
+        prior = self.told.prior(attitude, height, self._pose)
+        seen = _Seen(frame, prior, *self.odometry.shift(frame))
         if self._last is None:
-            self.belief.reset(self._headings(seen))
-        elif seen.turned:
-            self.belief.headings[:] = seen.prior[5]
+            self.belief.reset(self._headings(prior))
+        elif prior.turned:
+            self.belief.headings[:] = prior.mean[5]
         moved = self._predict(seen)
         self._weigh(seen, self._region(places) if self._missed else self.belief.support(_MARGIN))
         fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least and self._missed == 0:
-            self.belief.reset(self._headings(seen), kept=_KEPT)
+            self.belief.reset(self._headings(prior), kept=_KEPT)
             self._weigh(seen, self._region(places))
             fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least:
             fix = self._coast(fix, moved, seen)
         else:
             self._remember(fix)
-            if seen.tilted and not fix.lost:
-                left = best.covariance.diagonal()[3:5]
-                self.tilt.learn(seen.prior[3:5], best.pose[3:5], left)
-        self.askew = self.tilt.askew if seen.tilted else None
-        self._reconsider(fix, heading, above)
+            if not fix.lost:
+                self.told.learn(prior, best)
+        self.askew = None if prior.tilt is None else self.told.tilt.askew
+        if self.told.gives_way(prior, fix, fix.score >= self.trust.least):
+            self._begin_again(prior.heading if self.told.heeds else None)
         return fix
 
     # -- parts of a step ---------------------------------------------------------------------------
 
-    def _prior(self, measured: Array, height: float | None) -> tuple[Array, Array]:
-        """The pose expected at x = y = 0, and its standard deviations."""
-        prior = np.array([0, 0, self.height, 0, 0, 0.0])
-        rough = (np.inf, np.inf, _HEIGHT * self.height, _TILT, _TILT, np.pi / len(_ALL_HEADINGS))
-        deviation = np.array(rough)
-        if self._pose is not None:
-            prior[[2, 5]] = self._pose[[2, 5]]
-            deviation[[2, 5]] = _BETWEEN * (self._pose[2], 1)
-        known = np.isfinite(measured)
-        trusted = np.array([*self.tilt.deviation, self.attitude_sigma])
-        prior[3:][known], deviation[3:][known] = measured[known], trusted[known]
-        prior[3:5][known[:2]] += self.tilt.mean[known[:2]]
-        if height is not None:
-            prior[2], deviation[2] = height, self.height_sigma
-        return prior, deviation
-
-    def _headings(self, seen: _Seen) -> Array:
+    def _headings(self, prior: Prior) -> Array:
         """Headings to search: the measured one, those near the last one, or all."""
-        if seen.turned:
-            return seen.prior[5:].copy()
+        if prior.turned:
+            return prior.mean[5:].copy()
         if self._pose is not None:
             return np.asarray(self._pose[5] + _NEAR_HEADINGS)
         return _ALL_HEADINGS
@@ -199,7 +173,7 @@ class FloorTracker:
     def _predict(self, seen: _Seen) -> Array:
         """Move the belief; returns the ``(2,)`` cells (column, row) that the last pose moved by."""
         cell = self.coarse.ground.cell
-        right, up = seen.moved * seen.prior[2] / self.camera.focal / cell
+        right, up = seen.moved * seen.prior.mean[2] / self.camera.focal / cell
 
         def turned(heading: Array) -> Array:
             sine, cosine = np.sin(heading), np.cos(heading)
@@ -207,11 +181,13 @@ class FloorTracker:
 
         shift, sigma = turned(self.belief.headings), _KNOWN
         if self._velocity is not None and self._pose is not None:
-            step = turned(self._pose[5])
-            if seen.sure < _SURE or np.hypot(*(step - self._velocity)) > _JUMP:
+            jump = float(np.hypot(*(turned(self._pose[5]) - self._velocity)))
+            if seen.sure < (_PLAIN if jump > _JUMP else _SURE):
                 shift, sigma = np.tile(self._velocity, (len(shift), 1)), _ROUGH
+            elif jump > _JUMP:
+                sigma = jump  # one of the two is wrong: the floor says which
         elif seen.sure < _SURE:
-            sigma = _UNKNOWN
+            shift, sigma = np.zeros_like(shift), max(_UNKNOWN, self._reach)
         self.belief.move(shift, sigma)
         return np.asarray(shift[0])
 
@@ -235,7 +211,7 @@ class FloorTracker:
         """Multiply the belief by how well the frame fits inside a window."""
         fits = []
         for heading in self.belief.headings:
-            pose = np.array([*seen.prior[:5], heading])
+            pose = np.array([*seen.prior.mean[:5], heading])
             correlation, overlap = self.coarse.response(seen.frame, pose, window)
             fits.append(self.trust.gain(correlation, self.trust.coarse * overlap))
         self.belief.weigh(np.array(fits), window)
@@ -253,19 +229,21 @@ class FloorTracker:
             apart = [np.hypot(*(place - followed)) for place, _, _ in starts]
             nearest = int(np.argmin(apart))
             if apart[nearest] < _MODE + 0.5:
-                starts[nearest] = (followed, seen.prior[5], starts[nearest][2])
+                starts[nearest] = (followed, seen.prior.mean[5], starts[nearest][2])
             else:
                 nearest = len(starts)
-                starts.append((followed, seen.prior[5], self.belief.around(followed, _MODE)))
+                starts.append((followed, seen.prior.mean[5], self.belief.around(followed, _MODE)))
             continued = nearest
         found = []
         for index, (place, heading, held) in enumerate(starts):
-            start = np.array([*seen.prior[:5], heading])
+            start = np.array([*seen.prior.mean[:5], heading])
             start[:2] = self.coarse.ground.to_world(place) - self._center(start)
-            expected = np.array([*start[:3], *seen.prior[3:5], start[5]])
-            deviation = seen.deviation
+            expected = np.array([*start[:3], *seen.prior.mean[3:5], start[5]])
+            deviation = seen.prior.deviation
             if index == continued:
-                deviation = np.array([*[_KNOWN * self.coarse.ground.cell] * 2, *seen.deviation[2:]])
+                deviation = np.array(
+                    [*[_KNOWN * self.coarse.ground.cell] * 2, *seen.prior.deviation[2:]]
+                )
             aligned = self.aligner.align(seen.frame, start, expected, deviation)
             found.append(_Candidate(place, held, aligned))
         return found
@@ -286,8 +264,8 @@ class FloorTracker:
             self._before, self._aimed = self._aimed, self._center(best.pose)
             place = self.coarse.ground.to_cells(self._aimed)
             self.belief.sharpen(place, found[int(np.argmax(weights))].place, _MODE)
-            if not seen.turned:
-                nearest = int(np.argmin(abs(_wrapped(self.belief.headings - best.pose[5]))))
+            if not seen.prior.turned:
+                nearest = int(np.argmin(abs(wrapped(self.belief.headings - best.pose[5]))))
                 self.belief.headings[nearest] = best.pose[5]
         lost = held < _HELD or best.score < self.trust.least
         fix = FloorFix(best.pose, self._covariance(best, lost), best.score, held, lost, True)
@@ -297,7 +275,7 @@ class FloorTracker:
         """The floor was not recognized: move the last pose on by odometry for a while."""
         self._missed = min(self._missed + 1, _PATIENCE)
         if self._pose is None or self._missed == _PATIENCE or self._last is None:
-            if self._pose is not None and not seen.turned:
+            if self._pose is not None and not seen.prior.turned:
                 self.belief.reset(_ALL_HEADINGS)
             self._pose = self._velocity = None
             self._last = replace(fix, lost=True)
@@ -309,30 +287,19 @@ class FloorTracker:
         self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
         return self._last
 
-    def _reconsider(self, fix: FloorFix, heading: float, height: float | None) -> None:
-        """Whether to go by the heading and height that are told: as long as the floor is found with
-        them. Else it is looked for without, by turns."""
-        known = bool(np.isfinite(heading))
-        if not known and height is None:
-            return
-        if not fix.lost:
-            self._in_vain = max(0, self._in_vain - 2)
-            agrees = not known or abs(_wrapped(fix.pose[5] - heading)) < _AGREES
-            agrees &= height is None or abs(height / fix.pose[2] - 1) < _ABOUT
-            self._heeds |= bool(agrees)
-            return
-        self._in_vain += int(fix.score < self.trust.least)
-        if self._in_vain == _IN_VAIN:
-            self._heeds, self._in_vain = not self._heeds, 0
-            self.belief.reset(np.array([heading]) if self._heeds and known else _ALL_HEADINGS)
-            self._pose = self._velocity = None
+    def _begin_again(self, heading: float | None) -> None:
+        """Look everywhere, with this heading or with all."""
+        self.belief.reset(_ALL_HEADINGS if heading is None else np.array([heading]))
+        self._pose = self._velocity = None
 
     def _remember(self, fix: FloorFix) -> None:
         last, self._last = self._pose, fix
         self._velocity = None
         if last is not None and self._missed == 0:
             cells = (self._aimed - self._before) / self.coarse.ground.cell * (1, -1)
-            self._velocity = cells if np.hypot(*cells) < _COARSE / 4 else None
+            length = float(np.hypot(*cells))
+            self._velocity = cells if length < _COARSE / 4 else None
+            self._reach += (min(length, _COARSE) - self._reach) / _MEMORY
         self._pose, self._missed = fix.pose, 0
 
     def _move(self, metres: Array) -> None:
@@ -371,24 +338,12 @@ class FloorTracker:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """A shrunken frame, the prior of its pose, the view's motion, and what attitude is known."""
+    """A shrunken frame, what is expected of its pose, and the view's motion."""
 
     frame: Array
-    prior: Array
-    deviation: Array
+    prior: Prior
     moved: Array
     sure: float
-    known: Array
-
-    @property
-    def tilted(self) -> bool:
-        """Whether roll and pitch were told."""
-        return bool(self.known[:2].all())
-
-    @property
-    def turned(self) -> bool:
-        """Whether the heading was."""
-        return bool(self.known[2])
 
 
 @dataclass(frozen=True, eq=False)
@@ -404,7 +359,3 @@ def _near(ground: Ground, reach: float) -> np.ndarray:
     """Cells on the map or within `reach` metres of it: a tilted camera looks beyond its edge."""
     radius = int(np.ceil(reach / ground.cell))
     return cv2.dilate(ground.mask, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)) > 0
-
-
-def _wrapped(angle: np.ndarray) -> np.ndarray:
-    return (angle + np.pi) % (2 * np.pi) - np.pi

@@ -107,8 +107,7 @@ class Floor:
         if not (turns > 0).all():
             raise ParameterError(
                 f"corners {np.array(corners).tolist()}: expected upper left, upper right, lower "
-                "right "
-                "and lower left of the floor"
+                "right and lower left of the floor"
             )
         scale = min(PIXELS_PER_METRE, float(np.hypot(*sides.T).max()) / min(width, length))
         columns, rows = round(width * scale), round(length * scale)
@@ -187,9 +186,8 @@ class Floor:
         """Resample the picture into `target`, which shows the ground."""
         image, extent = self.picture.image, target.shape[1::-1]
         coarser = 1 / np.sqrt(abs(np.linalg.det(target_from_pixel[:2, :2])))
-        if (
-            coarser > 1.2
-        ):  # the picture is finer than the texture: what cannot be shown is filtered out first
+        # The picture is finer than the texture: what cannot be shown is filtered out first.
+        if coarser > 1.2:
             image = cv2.GaussianBlur(image, (0, 0), 0.5 * coarser)
         if self.picture.mask is None:
             target[:] = cv2.warpPerspective(

@@ -31,9 +31,8 @@ def paint_hall(rng: np.random.Generator, placements: Sequence[Placement] = HALL)
         hall.scatter_objects,
     ):
         draw()
-    picture = cv2.GaussianBlur(
-        hall.picture, (0, 0), 0.6
-    )  # ink spreads and edges are soft, which also prevents aliasing
+    # Ink spreads and edges are soft, which also prevents aliasing.
+    picture = cv2.GaussianBlur(hall.picture, (0, 0), 0.6)
     return MapImage.from_extent(picture, 0.0, SIDE, PIXELS_PER_METRE)
 
 

@@ -29,9 +29,8 @@ class Plan:
         vehicle.
         """
         leg = self._next - self._last
-        while (
-            np.hypot(*(self._next - position[:2])) < REACHED or not leg.any()
-        ):  # two rows of lanes may share a corner
+        # Two rows of lanes may share a corner.
+        while np.hypot(*(self._next - position[:2])) < REACHED or not leg.any():
             self._last, self._next = self._next, next(self._waypoints)
             leg = self._next - self._last
         length = np.hypot(*leg)
@@ -52,7 +51,7 @@ def survey(area: Area, seconds: float, speed: float) -> Iterator[np.ndarray]:
     """A diagonal, then lanes along x and along y that cover the area in about `seconds`, without
     end.
 
-    The diagonal comes first because the dictionary is learnt from the first frames (the first 100
+    The diagonal comes first because the dictionary is learned from the first frames (the first 100
     in the paper): they should see more than one edge of the room. Lanes both ways show the motion
     model both axes.
 

@@ -16,9 +16,8 @@ from trexton.simulator.vehicle import Vehicle, VehicleState
 __all__ = ["Simulator", "PERIOD"]
 
 PERIOD = 0.08  # seconds between frames: the 12.5 Hz of the paper's camera
-TRUTH_NOISE = np.array(
-    [0.001, 0.001, 0.001, 0.002, 0.002, 0.002]
-)  # of the motion capture, in metres and radians
+# Of the motion capture, in metres and radians.
+TRUTH_NOISE = np.array([0.001, 0.001, 0.001, 0.002, 0.002, 0.002])
 # pixels between the nodes at which the geometry is computed; between them it is linear to 0.02 px
 _NODE = 8
 _EXPOSURE_TIME = 3.0  # seconds over which the camera's gain changes

@@ -97,8 +97,7 @@ class FlightPair:
     def obstacle(self, experiment: Experiment) -> str | None:
         """Why the flights cannot serve the experiment; None if they can."""
         for need in experiment.needs:
-            has, reason = NEEDS[need]
             for flight in (self.train, self.test):
-                if not has(flight):
-                    return f"{flight.name} {reason}"
+                if not NEEDS[need].has(flight):
+                    return f"{flight.name} {NEEDS[need].lacking}"
         return None

@@ -11,7 +11,7 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from difflib import get_close_matches
 from functools import partial
 from multiprocessing import get_context
@@ -328,14 +328,10 @@ def _numbers(prefix: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
 def _write(plan: Plan, out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     import pandas as pd
 
-    floors = plan.floors and {
-        "count": plan.floors.count, "layouts": list(plan.floors.layouts),
-        "every": plan.floors.every, "frames": plan.floors.frames,
-    }  # fmt: skip
     content = {
         "experiment": plan.experiment,
         "settings": {name: list(values) for name, values in plan.settings.items()},
-        "floors": floors,
+        "floors": plan.floors and asdict(plan.floors),
         "flights": {pair.name: pair.hashes for pair in plan.pairs},
         "versions": software_versions(),
         "rows": list(rows),

@@ -65,8 +65,7 @@ def read(source: Path, settings: Settings) -> Recording:
     if len(numbers) != len(places) or not numbers.shape[1] or not np.isfinite(numbers).all():
         raise FlightError(
             f"{source}: {numbers.shape[0]} rows of {numbers.shape[1]} values, {len(places)} "
-            "positions: "
-            "expected a row of finite numbers for each position"
+            "positions: expected a row of finite numbers for each position"
         )
     height = np.full((len(place), 1), np.nan)
     return Recording(

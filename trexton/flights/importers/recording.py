@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.camera import Camera
+from trexton.camera import Camera, wrapped
 from trexton.errors import FlightError, ParameterError
 from trexton.flights.frames import Frames
 from trexton.options import option
@@ -159,16 +159,12 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
     attitude = None
     if track.attitude is not None:
         low = track.attitude[before]
-        turned = _wrapped(track.attitude[following] - low)
+        turned = wrapped(track.attitude[following] - low)
         attitude = _between(low, low + turned, share)
         attitude[~good] = np.nan
-        attitude = _wrapped(attitude)
+        attitude = wrapped(attitude)
     used = gap[good & ~exact]
     return Matched(position, attitude, int(good.sum()), float(used.max()) if len(used) else 0.0)
-
-
-def _wrapped(angle: np.ndarray) -> np.ndarray:
-    return (angle + np.pi) % (2 * np.pi) - np.pi
 
 
 def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:

@@ -107,8 +107,7 @@ def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tup
     if len(time) < 10 or time[-1] < 2 or len(stamps) < 10:
         raise FlightError(
             f"{len(stamps)} frames and positions over {time[-1]:.1f} s are too few to find the "
-            "time "
-            "offset: give it, --offset SECONDS"
+            "time offset: give it, --offset SECONDS"
         )
     grid = np.arange(0, time[-1], _STEP)
     path = np.column_stack([np.interp(grid, time, track.position[:, i]) for i in (0, 1)])

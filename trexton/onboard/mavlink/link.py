@@ -1,8 +1,7 @@
 """The wire under MAVLink: UDP, TCP or a serial line, none of which ever blocks or prints.
 
 pymavlink's own connections retry with sleeps, print to standard output, and hide that a peer has
-gone; its
-coding and parsing of messages is used as it is.
+gone; its coding and parsing of messages is used as it is.
 """
 
 from __future__ import annotations

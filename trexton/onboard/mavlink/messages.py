@@ -31,11 +31,8 @@ UNKNOWN_HEIGHT = (
     100.0  # square metres: a height nobody measured must weigh nothing even if it is fused
 )
 UNKNOWN_ANGLE = math.pi**2  # square radians
-_ANGLES = (
-    15,
-    18,
-    20,
-)  # variances of roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row
+# Variances of roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row.
+_ANGLES = (15, 18, 20)
 
 
 def rounded_up(value: float) -> float:
@@ -53,8 +50,7 @@ def pose_covariance(
     ----------
     covariance : (2, 2) array
         Of north and east, square metres; its correlation is added to both variances, for receivers
-        fuse those
-        alone.
+        fuse those alone.
     height, angle : float
         Variances of z and of each angle; NaN for unknown.
     cross : float
@@ -84,8 +80,7 @@ def vision_position(
     """VISION_POSITION_ESTIMATE in local NED, the form in which PX4 takes a position as it is.
 
     `attitude` is roll, pitch, yaw as the autopilot itself reports them; NaN goes out where there is
-    none. The
-    variance of z is finite: PX4 uses no variance of ours unless all three are.
+    none. The variance of z is finite: PX4 uses no variance of ours unless all three are.
     """
     north, east, down = local.ned(position)
     roll, pitch, yaw = attitude or (NAN, NAN, NAN)
@@ -107,10 +102,8 @@ def odometry(
     """ODOMETRY in MAV_FRAME_LOCAL_FRD with a BODY_FRD child, the only form that ArduPilot takes.
 
     FRD is aligned with north: the map's heading is known. Velocities are NaN, for nothing measures
-    them.
-    ArduPilot makes one number of the three variances, and a NaN among the six would void the
-    message, so all
-    are finite.
+    them. ArduPilot makes one number of the three variances, and a NaN among the six would void the
+    message, so all are finite.
     """
     north, east, down = local.ned(position)
     ned = local.ned_covariance(covariance)
@@ -127,8 +120,7 @@ def _folded_height(covariance: np.ndarray) -> float:
     """A variance for z with which ArduPilot's position error is not less than the larger of ours.
 
     It is the root of the sum of the three variances now; in older firmware, the cube root of the
-    sum of their
-    squares.
+    sum of their squares.
     """
     variances = np.diagonal(covariance)
     return math.sqrt(max(0.0, variances.max() ** 1.5 - float(variances @ variances)))
@@ -174,8 +166,7 @@ def origin(target: int, latitude: float, longitude: float, altitude: float, stam
 
 def land(target: tuple[int, int], confirmation: int, unset: float) -> Any:
     """COMMAND_LONG with MAV_CMD_NAV_LAND, here and now; `unset` stands for what the autopilot shall
-    choose
-    itself.
+    choose itself.
 
     PX4 takes NaN for that, ArduPilot zero.
     """

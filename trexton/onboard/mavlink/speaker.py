@@ -37,8 +37,7 @@ class Speaker:
         Knows to whom, and what was answered.
     origin : (latitude, longitude, altitude) or None
         Set as the autopilot's global origin until it confirms it; after `ORIGIN_ATTEMPTS` in vain
-        it
-        is said, and given up. An autopilot that has started anew is told again.
+        it is said, and given up. An autopilot that has started anew is told again.
     aiding : {"tilt", "all", "none"}
         What it is asked for beside its attitude: height, and for all its velocity too.
     """

@@ -1,11 +1,9 @@
 """Paparazzi, the paper's own autopilot: REMOTE_GPS_LOCAL on its Ivy bus.
 
 The fields are those of the datalink message in Paparazzi's message definitions: aircraft, padding,
-east,
-north, up in metres, their speeds, time of week in milliseconds, course in degrees. Speeds and
-course are
-zero: nothing measures them, and the message knows no "unknown", so the aircraft must not be set to
-use them.
+east, north, up in metres, their speeds, time of week in milliseconds, course in degrees. Speeds and
+course are zero: nothing measures them, and the message knows no "unknown", so the aircraft must not
+be set to use them.
 """
 
 from __future__ import annotations

@@ -76,8 +76,7 @@ class Source(Edge, ABC):
     """A camera, or something that stands for one.
 
     A live source makes its own time: it is read in a thread, and only its newest frame counts. Any
-    other is
-    read frame by frame by whoever works on them, so that nothing is left out.
+    other is read frame by frame by whoever works on them, so that nothing is left out.
     """
 
     live = True

@@ -1,0 +1,52 @@
+"""Short virtual flights over one painted floor, and how far a tracker is off on them."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from trexton.camera import Camera
+from trexton.registration import FloorFix, FloorTracker
+from trexton.simulator import Effects, Floor, Plan, Simulator, random_waypoints
+
+CAMERA = Camera(320, 240, 260.0)
+
+
+@cache
+def flight(frames: int = 40, layout: str = "hall"):
+    """Frames, true positions and attitudes of a short flight."""
+    effects = Effects().without("jpeg")
+    room = Simulator(
+        Floor.painted(layout, 4), camera=CAMERA, effects=effects, rng=np.random.default_rng(5)
+    )
+    rows = []
+    for _ in range(frames):
+        state = room.step(np.array([4.0, 3.4]))
+        rows.append((room.render(), state.position, state.attitude))
+    return rows
+
+
+@cache
+def waypoints(frames: int = 160):
+    """As `flight`, there and back between places, so that it brakes and turns."""
+    room = Simulator(
+        Floor.painted("hall", 4), camera=CAMERA, effects=Effects().without("jpeg"),
+        speed=0.6, rng=np.random.default_rng(6),
+    )  # fmt: skip
+    plan = Plan(random_waypoints(room.floor.area, np.random.default_rng(7)))
+    rows = []
+    for _ in range(frames):
+        state = room.step(plan.goal(room.state.position))
+        rows.append((room.render(), state.position, state.attitude))
+    return rows
+
+
+def errors(tracker: FloorTracker, rows, known: bool) -> tuple[np.ndarray, list[FloorFix]]:
+    rng = np.random.default_rng(1)
+    fixes = []
+    for frame, _, attitude in rows:
+        measured = attitude + 0.005 * rng.standard_normal(3) if known else None
+        fixes.append(tracker.step(frame, attitude=measured))
+    truth = np.array([position[:2] for _, position, _ in rows])
+    return np.hypot(*(np.array([fix.position for fix in fixes]) - truth).T), fixes

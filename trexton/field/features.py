@@ -1,0 +1,78 @@
+"""What of a histogram a field follows: roots or values, as they are or along axes of their own.
+
+Roots of counts and frequencies have noise alike for rare and frequent bins (Bartlett 1936), and
+distances of Hellinger. Values of which some are negative count nothing: they are taken as they are,
+in units of their deviations. Features other than the bins of a histogram may say nearly the same;
+those, and any that are very many, are taken along their principal axes (Jolliffe, "Principal
+Component Analysis", 2002), in units of the deviation along each.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trexton.histograms import SUM_TOLERANCE
+
+__all__ = ["Features"]
+
+MANY = 400  # features: more are taken along their axes, of which the strongest are kept
+KEPT = 125
+APART = -2.0  # by `_apart`: features that are nearer to each other are taken along their axes
+LEAST = 1e-6  # variance along an axis, as a share of the largest: below that it says nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """How features are taken from histograms.
+
+    Attributes
+    ----------
+    axes : (K, d) array
+        Directions in the space of roots or values.
+    signed : bool
+        Whether they are those of values, not of roots.
+    """
+
+    axes: np.ndarray
+    signed: bool
+
+    @classmethod
+    def of(cls, histograms: np.ndarray) -> Features:
+        """As a training flight's ``(N, K)`` histograms ask for; no axes where all are alike."""
+        signed = bool((histograms < 0).any())
+        values = _values(histograms, signed)
+        varying = np.flatnonzero(np.ptp(values, axis=0) > 1e-9 * np.abs(values).max(axis=0))
+        _, first = np.unique(values[:, varying], axis=1, return_index=True)
+        used = varying[np.sort(first)]  # what comes twice says nothing the second time
+        alone = np.eye(values.shape[1])[:, used]
+        if not len(used):
+            return cls(alone, signed)
+        if signed:
+            alone = alone / values[:, used].std(axis=0)
+        covariance = np.cov((values @ alone).T).reshape(len(used), len(used))
+        sums = histograms.sum(axis=1)
+        bins = not signed and np.ptp(sums) <= SUM_TOLERANCE * sums.max()
+        if len(used) <= MANY and (bins or _apart(covariance) >= APART):
+            return cls(alone, signed)
+        variances, turn = np.linalg.eigh(covariance)
+        kept = variances > LEAST * variances[-1]
+        kept[:-KEPT] = False
+        return cls(alone @ (turn[:, kept] / np.sqrt(variances[kept])), signed)
+
+    def __call__(self, histograms: np.ndarray) -> np.ndarray:
+        """``(..., d)`` features of ``(..., K)`` histograms."""
+        found: np.ndarray = _values(histograms, self.signed) @ self.axes
+        return found
+
+
+def _values(histograms: np.ndarray, signed: bool) -> np.ndarray:
+    return histograms.astype(float) if signed else np.sqrt(np.maximum(histograms, 0))
+
+
+def _apart(covariance: np.ndarray) -> float:
+    """Mean log of the variances along the principal axes of the correlations; 0 without any."""
+    deviations = np.sqrt(np.diag(covariance))
+    variances = np.linalg.eigvalsh(covariance / np.outer(deviations, deviations))
+    return float(np.log(np.maximum(variances, LEAST)).mean())

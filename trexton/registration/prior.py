@@ -1,0 +1,146 @@
+"""What is expected of a frame's pose before it is looked at: what the autopilot tells, as far as it
+deserves belief, and else what the frame before had.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trexton.camera import wrapped
+from trexton.registration.alignment import Alignment
+from trexton.registration.calibration import FloorFix
+from trexton.registration.tilt import TiltError
+
+Array = NDArray[Any]
+
+__all__ = ["Prior", "Told"]
+
+_TILT, _HEIGHT, _HEADING = 0.07, 0.1, np.pi / 36  # known of them unmeasured: rad, share, rad
+_BETWEEN = np.array([0.03, 0.03])  # from frame to frame: height, a share of it; heading, rad
+_LITTLE = 0.02  # share of a tilt that was found which the frame, not the prior, must have said
+_MEMORY = 20.0  # frames over which the change of the tilt is taken
+_FARTHEST = 10.0  # times the usual height, or a part of it: beyond, the sensor errs
+_IN_VAIN = 25  # frames lost, after which a told heading and height are left aside, or tried again
+_AGREES, _ABOUT = np.radians(5.0), 0.1  # heading and height, a share, as found and as told
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """The pose expected of a frame.
+
+    Attributes
+    ----------
+    mean, deviation : (6,) arrays
+        Of x, y, z, roll, pitch and yaw, as if it were at x = y = 0; metres and radians.
+    turned : bool
+        Whether the heading is the one that was told.
+    tilt : (2,) array or None
+        Roll and pitch as they were told.
+    heading, height : float or None
+        As they were told, believed or not.
+    last : (6,) array or None
+        The pose of the frame before, if it was found.
+    """
+
+    mean: Array
+    deviation: Array
+    turned: bool
+    tilt: Array | None
+    heading: float | None
+    height: float | None
+    last: Array | None
+
+
+class Told:
+    """How much to believe of the attitude and the height that an autopilot tells.
+
+    Of roll and pitch it is learned how far they are off. Heading and height are gone by as long as
+    the floor is found with them; else it is looked for without, by turns.
+
+    Parameters
+    ----------
+    usual : float
+        Height of the camera in metres while none is told.
+    attitude_sigma, height_sigma : float
+        Standard deviations of what is told, radians and metres.
+
+    Attributes
+    ----------
+    tilt : TiltError
+    heeds : bool
+        Whether heading and height are gone by.
+    """
+
+    def __init__(self, usual: float, attitude_sigma: float, height_sigma: float):
+        self.usual, self.attitude_sigma, self.height_sigma = usual, attitude_sigma, height_sigma
+        self.tilt = TiltError(attitude_sigma)
+        self._change = _BETWEEN[1] ** 2  # of the tilt from frame to frame, radians squared
+        self.heeds = True
+        self._in_vain = 0  # frames that heading and height found nothing, or none did
+
+    def prior(self, attitude: ArrayLike | None, height: float | None, last: Array | None) -> Prior:
+        """From what is told of a frame, and the ``(6,)`` pose of the one before, if it was found.
+
+        NaN is what nobody knows; a height of another order than usual is not believed.
+        """
+        told = np.full(3, np.nan) if attitude is None else np.array(attitude, dtype=float)
+        if height is not None and not 1 / _FARTHEST < height / self.usual < _FARTHEST:
+            height = None
+        mean = np.array([0, 0, self.usual, 0, 0, 0.0])
+        deviation = np.array([np.inf, np.inf, _HEIGHT * self.usual, _TILT, _TILT, _HEADING])
+        if last is not None:
+            mean[[2, 5]] = last[[2, 5]]
+            deviation[[2, 5]] = _BETWEEN * (last[2], 1)
+            share = _TILT**2 / (_TILT**2 + self._change)  # of a tilt that stays within its bounds
+            mean[3:5], deviation[3:5] = share * last[3:5], np.sqrt(share * self._change)
+        known = np.isfinite(told)
+        heading = float(told[2]) if known[2] else None
+        known[2] &= self.heeds
+        tilt = told[:2] if known[:2].all() else None
+        if tilt is not None:
+            better = self.tilt.deviation < deviation[3:5]
+            mean[3:5] = np.where(better, self.tilt.corrected(tilt), mean[3:5])
+            deviation[3:5] = np.where(better, self.tilt.deviation, deviation[3:5])
+        if known[2]:
+            mean[5], deviation[5] = told[2], self.attitude_sigma
+        if height is not None and self.heeds:
+            mean[2], deviation[2] = height, self.height_sigma
+        return Prior(mean, deviation, bool(known[2]), tilt, heading, height, last)
+
+    def learn(self, prior: Prior, aligned: Alignment) -> None:
+        """From a frame that was found where `aligned` says, its `prior` counted in."""
+        expected, sigma = prior.mean[3:5], prior.deviation[3:5]
+        left = aligned.covariance.diagonal()[3:5]
+        said = np.maximum(1 - left / sigma**2, _LITTLE)
+        # What the frame says alone, without what was expected of it.
+        tilt, left = expected + (aligned.pose[3:5] - expected) / said, left / said
+        if prior.last is not None:
+            change = np.square(tilt - prior.last[3:5]).mean()
+            self._change = max(_BETWEEN[1] ** 2, self._change + (change - self._change) / _MEMORY)
+        if prior.tilt is not None:
+            self.tilt.learn(prior.tilt, tilt, left)
+
+    def gives_way(self, prior: Prior, fix: FloorFix, recognized: bool) -> bool:
+        """Whether from now on heading and height are left aside, or gone by again."""
+        if prior.heading is None and prior.height is None:
+            return False
+        if not fix.lost:
+            self._in_vain = max(0, self._in_vain - 2)
+            self.heeds |= _agree(prior, fix.pose)
+            return False
+        self._in_vain += not recognized
+        if self._in_vain < _IN_VAIN:
+            return False
+        self.heeds, self._in_vain = not self.heeds, 0
+        return True
+
+
+def _agree(prior: Prior, pose: Array) -> bool:
+    """Whether heading and height are about what was told."""
+    heading, height = prior.heading, prior.height
+    turned = heading is not None and abs(wrapped(pose[5] - heading)) >= _AGREES
+    return not turned and (height is None or abs(height / pose[2] - 1) < _ABOUT)
