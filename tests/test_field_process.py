@@ -3,14 +3,8 @@
 import numpy as np
 import pytest
 
-from trexton.field.process import (
-    NOISE,
-    Process,
-    blocks_in_time,
-    choose_length,
-    matern,
-    merge_places,
-)
+from trexton.field.blocks import blocks_in_time
+from trexton.field.process import NOISE, Process, choose_length, matern, merge_places
 
 
 def waves(places: np.ndarray) -> np.ndarray:
@@ -59,24 +53,6 @@ def test_left_out_blocks_are_those_of_a_fit_without_them(flown):
         np.testing.assert_allclose(variances[block.rows], doubt + NOISE, atol=1e-8)
         np.testing.assert_allclose(mean, without.predict(asked)[0], atol=1e-8)
         np.testing.assert_allclose(variance, without.predict(asked)[1], atol=1e-8)
-
-
-@pytest.mark.parametrize("count", [3, 18, 75])
-def test_blocks_cover_a_flight_once_and_leave_something_to_learn_from(count):
-    blocks = blocks_in_time(np.arange(count) * 0.08)
-    np.testing.assert_array_equal(
-        np.concatenate([block.rows for block in blocks]), np.arange(count)
-    )
-    for block in blocks:
-        assert np.isin(block.rows, block.left_out).all()
-        assert len(block.left_out) < count
-
-
-def test_neighbours_in_time_are_left_out_with_a_block():
-    time = np.arange(100) * 0.1
-    block = blocks_in_time(time, 1.0, 0.5)[5]
-    assert time[block.left_out].min() == pytest.approx(time[block.rows].min() - 0.5)
-    assert time[block.left_out].max() == pytest.approx(time[block.rows].max() + 0.5)
 
 
 def test_the_length_of_the_floor_is_found(rng):

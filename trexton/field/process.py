@@ -1,5 +1,4 @@
-"""Gaussian processes from places to features, one a feature, with one kernel, and their left-out
-blocks.
+"""Gaussian processes from places to features, one a feature, with one kernel.
 
 Equations after Rasmussen & Williams, "Gaussian Processes for Machine Learning" (2006): (2.25) and
 (2.26) for mean and variance, Sec. 5.4.2 for predictions with a part left out. Shapes, throughout:
@@ -14,7 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Block", "Process", "blocks_in_time", "choose_length", "matern", "merge_places"]
+from trexton.field.blocks import Block
+
+__all__ = ["Process", "choose_length", "matern", "merge_places"]
 
 # Noise of a frame as a share of the signal variance: what the field must not try to follow.
 NOISE = 0.03
@@ -62,34 +63,6 @@ def merge_places(
     mean_places = np.add.reduceat(places[order], starts) / counts[:, None]
     mean_features = np.add.reduceat(features[order], starts) / counts[:, None]
     return mean_places, mean_features, counts
-
-
-@dataclass(frozen=True, eq=False)
-class Block:
-    """Rows that are predicted, and those left out for it: they, and their neighbours in time."""
-
-    rows: np.ndarray
-    left_out: np.ndarray
-
-
-def blocks_in_time(time: np.ndarray, block_s: float = 1.0, margin_s: float = 0.5) -> list[Block]:
-    """Cut a flight into blocks of about `block_s`, at most a hundred of them.
-
-    Frames within `margin_s` of a block are left out with it: neighbouring frames are
-    near-duplicates, and a block that kept them would flatter every model.
-    """
-    size = len(time)
-    wanted = np.ceil((time[-1] - time[0]) / block_s)
-    edges = np.linspace(0, size, int(np.clip(wanted, 2, min(100, size))) + 1).round().astype(int)
-    blocks = []
-    for first, last in zip(edges[:-1], edges[1:], strict=True):
-        near = (time >= time[first] - margin_s) & (time <= time[last - 1] + margin_s)
-        near[first:last] = True
-        if near.sum() > size // 2:  # a short flight cannot spare its neighbours in time
-            near[:] = False
-            near[first:last] = True
-        blocks.append(Block(np.arange(first, last), np.flatnonzero(near)))
-    return blocks
 
 
 @dataclass(frozen=True, eq=False)

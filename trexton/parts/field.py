@@ -14,16 +14,13 @@ from functools import cached_property
 from typing import Self
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from trexton.errors import MapError, ParameterError
+from trexton.field.blocks import blocks_in_space, blocks_in_time
 from trexton.field.error_model import ErrorModel
 from trexton.field.features import Features
-from trexton.field.process import (
-    Process,
-    blocks_in_time,
-    choose_length,
-    merge_places,
-)
+from trexton.field.process import Process, choose_length, merge_places
 from trexton.observation import Observation
 from trexton.parts.base import Area, Training, learned
 from trexton.parts.measurement import MeasurementModel
@@ -288,12 +285,16 @@ class _Study:
         diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
         blocks = blocks_in_time(time)
         process, residuals, uncertain = choose_length(places, features, blocks, diagonal)
+        centers, _ = grid_cells(area, COARSE)
+        apart = blocks_in_space(blocks, places, time, _strays(centers, places, process.length))
+        if apart != blocks:
+            blocks = apart
+            process, residuals, uncertain = choose_length(places, features, blocks, diagonal)
         signal = (np.square(residuals) / uncertain[:, None]).mean(axis=0)
         noise = _noise(residuals, uncertain)
         basis = _Basis.of(signal, noise, None)
         process = replace(process, weights=process.weights @ basis.whiten)
         features = features @ basis.whiten
-        centers, _ = grid_cells(area, COARSE)
         errors, variances = np.empty_like(places), np.empty(len(places))
         density = _bumps(centers, places, process.length)
         for block, mean, variance in process.predict_without(blocks, centers):
@@ -334,6 +335,15 @@ def _bumps(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray
     squared = np.square(centers).sum(axis=1)[:, None] + np.square(places).sum(axis=1)
     bumps: np.ndarray = np.exp(-4.5 / length**2 * (squared - 2 * centers @ places.T))
     return bumps
+
+
+def _strays(centers: np.ndarray, places: np.ndarray, length: float) -> float:
+    """Metres from where a later flight is expected to the nearest of the places, on average.
+
+    It is expected half as far from them as the prior allows.
+    """
+    expected = np.exp(_relative(_bumps(centers, places, length / 2).sum(axis=1)))
+    return float(np.average(cKDTree(places).query(centers)[0], weights=expected))
 
 
 def _relative(density: np.ndarray) -> np.ndarray:

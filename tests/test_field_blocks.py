@@ -1,0 +1,102 @@
+"""Left-out blocks: they cover a flight once, and leave out what is near in time and in space."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.spatial import cKDTree
+
+from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
+from trexton.flights.flight import Flight
+from trexton.localizer import TextonMap
+
+
+@pytest.mark.parametrize("count", [3, 18, 75])
+def test_blocks_cover_a_flight_once_and_leave_something_to_learn_from(count):
+    blocks = blocks_in_time(np.arange(count) * 0.08)
+    np.testing.assert_array_equal(
+        np.concatenate([block.rows for block in blocks]), np.arange(count)
+    )
+    for block in blocks:
+        assert np.isin(block.rows, block.left_out).all()
+        assert len(block.left_out) < count
+
+
+def test_neighbours_in_time_are_left_out_with_a_block():
+    time = np.arange(100) * 0.1
+    block = blocks_in_time(time, 1.0, 0.5)[5]
+    assert time[block.left_out].min() == pytest.approx(time[block.rows].min() - 0.5)
+    assert time[block.left_out].max() == pytest.approx(time[block.rows].max() + 0.5)
+
+
+def lanes(
+    passes: int, apart: float, rng: np.random.Generator, gap: float = 0.5
+) -> tuple[np.ndarray, np.ndarray]:
+    """Six lanes with a gap in metres, flown over and over at half a metre a second."""
+    along = np.arange(0, 4, 0.05)
+    once = np.concatenate(
+        [np.column_stack([along[:: (-1) ** k], np.full(80, gap * k)]) for k in range(6)]
+    )
+    places = np.concatenate([once + rng.normal(0, apart, once.shape) for _ in range(passes)])
+    return places, 0.1 * np.arange(len(places))
+
+
+def distance_left(blocks: list[Block], places: np.ndarray) -> float:
+    """Metres from left-out rows to the nearest frame that was kept, on average."""
+    found = [
+        cKDTree(np.delete(places, block.left_out, axis=0)).query(places[block.rows])[0]
+        for block in blocks
+    ]
+    return float(np.concatenate(found).mean())
+
+
+def test_another_pass_over_the_same_lanes_is_left_out_as_far_as_asked_for(rng):
+    places, time = lanes(2, 0.01, rng)
+    blocks = blocks_in_time(time)
+    assert distance_left(blocks, places) < 0.03
+    apart = blocks_in_space(blocks, places, time, 0.15)
+    assert 0.15 <= distance_left(apart, places) < 0.3
+    for block, before in zip(apart, blocks, strict=True):
+        np.testing.assert_array_equal(block.rows, before.rows)
+        assert np.isin(before.left_out, block.left_out).all()
+        assert 2 * len(block.left_out) <= len(places)
+
+
+def test_blocks_of_a_survey_that_repeats_nothing_stay(rng):
+    places, time = lanes(1, 0.0, rng)
+    blocks = blocks_in_time(time)
+    assert blocks_in_space(blocks, places, time, 0.15) == blocks
+
+
+def test_no_more_is_left_out_than_is_flown_in_the_margin_of_time(rng):
+    places, time = lanes(3, 0.01, rng)
+    blocks = blocks_in_space(blocks_in_time(time), places, time, 100.0)
+    for block in blocks:
+        own = np.arange(block.rows[0] - 5, block.rows[-1] + 6)
+        others = np.setdiff1d(block.left_out, own)
+        if len(others):
+            far = cKDTree(places[block.rows]).query(places[others])[0].max()
+            assert far <= 0.25 + 0.05
+
+
+def test_a_flight_that_hovers_keeps_its_blocks(rng):
+    places, time = rng.normal(0, 1e-3, (60, 2)), 0.1 * np.arange(60)
+    for block in blocks_in_space(blocks_in_time(time), places, time, 1.0):
+        assert len(block.left_out) <= 30
+
+
+def test_a_survey_flown_twice_claims_what_it_errs(rng):
+    """With blocks in time alone two passes claimed half the error of one."""
+    waves = rng.normal(0, 2, (2, 12))
+
+    def claimed(passes: int) -> float:
+        places, time = lanes(passes, 0.001, rng, gap=0.3)
+        noise = 0.05 * rng.standard_normal((len(places), 12))
+        seen = np.exp(0.5 * np.sin(places @ waves) + noise)
+        area, frame = (-0.25, 4.25, -0.25, 1.75), np.arange(len(time))
+        survey = Flight("survey", frame, time, places, area, histograms=seen, features="waves")
+        field = TextonMap.train(survey, method="field", rng=rng).parts["measurement"]
+        return float(np.hypot(field.error_model.lasting, field.error_model.fresh))
+
+    once, twice = claimed(1), claimed(2)
+    assert twice > 0.75 * once
