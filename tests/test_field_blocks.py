@@ -87,7 +87,7 @@ def test_a_survey_flown_twice_claims_what_it_errs():
     """With blocks in time alone two passes claimed half the error of one."""
     waves = np.random.default_rng(3).normal(0, 1.5, (2, 12))
 
-    def claimed(passes: int) -> float:
+    def claimed(passes: int) -> tuple[float, float]:
         rng = np.random.default_rng(3)
         places, time = lanes(passes, 0.001, rng)
         noise = 0.05 * rng.standard_normal((len(places), 12))
@@ -95,6 +95,10 @@ def test_a_survey_flown_twice_claims_what_it_errs():
         area, frame = (-0.25, 4.25, -0.25, 2.75), np.arange(len(time))
         survey = Flight("survey", frame, time, places, area, histograms=seen, features="waves")
         field = TextonMap.train(survey, method="field", rng=rng).parts["measurement"]
-        return float(np.hypot(field.error_model.lasting, field.error_model.fresh))
+        growth = float(field.lasting_growth(np.array([[2.0, 1.0]]))[0])
+        return field.error_model.lasting, growth
 
-    assert claimed(2) > 0.6 * claimed(1)
+    once, grown = claimed(1)
+    assert grown == 1
+    twice, grown = claimed(2)
+    assert twice < 0.6 * once < np.sqrt(grown) * twice

@@ -9,6 +9,7 @@ follows a Student distribution, so that one odd feature rules out no place for g
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -17,7 +18,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from trexton.errors import MapError, ParameterError
-from trexton.field.blocks import blocks_in_space, blocks_in_time
+from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
 from trexton.field.error_model import ErrorModel
 from trexton.field.features import Features
 from trexton.field.process import Process, choose_length, merge_places
@@ -73,6 +74,7 @@ class Field(MeasurementModel):
     area: np.ndarray = learned()  # (4,)
     errors: np.ndarray = learned()  # (3,) an ErrorModel
     learnt_at: np.ndarray = learned()  # () the variance where the frames behind it were
+    repeated: np.ndarray = learned()  # () see `lasting_growth`
     expected: np.ndarray = learned()  # (2,) expected error: without variance, times its root
 
     def check(self) -> None:
@@ -125,6 +127,7 @@ class Field(MeasurementModel):
             area=np.array(training.area, dtype=float),
             errors=np.array([study.model.lasting, study.model.fresh, study.model.lasts_s]),
             learnt_at=np.array(study.learnt_at),
+            repeated=np.array(study.repeated),
             expected=study.expected,
         )
 
@@ -138,7 +141,7 @@ class Field(MeasurementModel):
         shapes = {
             "axes": (len(self.axes), d), "signed": (), "signal": (d,), "noise": (d, d),
             "mean": (count, d), "prior": (count,), "area": (4,), "errors": (3,), "learnt_at": (),
-            "expected": (2,),
+            "repeated": (), "expected": (2,),
         }  # fmt: skip
         for name, shape in shapes.items():
             array = getattr(self, name)
@@ -186,10 +189,11 @@ class Field(MeasurementModel):
         """``(M,)`` factors, one at least, on the variance of lasting errors at `places` ``(M, 2)``.
 
         Errors grow with the root of the field's variance (see `expected_error`). Between the
-        passes of a survey, above all of one that repeats its own, it is larger than where the
-        errors were learned.
+        passes of a survey it is larger than where the errors were learned; and where a survey
+        repeats its passes, they were learned nearer to it than a later flight will be.
         """
-        return np.maximum(1.0, self._variance_at(places) / max(float(self.learnt_at), LEAST))
+        between = self._variance_at(places) / max(float(self.learnt_at), LEAST)
+        return float(self.repeated) * np.maximum(1.0, between)
 
     def expected_error(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` metres by which a single frame is expected to err at `places` ``(M, 2)``."""
@@ -268,6 +272,8 @@ class _Study:
         See `Field.expected_error`.
     learnt_at : float
         Median of the field's variance where the left-out frames were.
+    repeated : float
+        See `Field.lasting_growth`.
     """
 
     length: float
@@ -276,6 +282,7 @@ class _Study:
     model: ErrorModel
     expected: np.ndarray
     learnt_at: float
+    repeated: float
 
     @classmethod
     def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area) -> _Study:
@@ -285,32 +292,48 @@ class _Study:
         diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
         blocks = blocks_in_time(time)
         process, residuals, uncertain = choose_length(places, features, blocks, diagonal)
-        centers, _ = grid_cells(area, COARSE)
-        apart = blocks_in_space(blocks, places, time, _strays(centers, places, process.length))
-        if apart != blocks:
-            blocks = apart
-            process, residuals, uncertain = choose_length(places, features, blocks, diagonal)
         signal = (np.square(residuals) / uncertain[:, None]).mean(axis=0)
         noise = _noise(residuals, uncertain)
         basis = _Basis.of(signal, noise, None)
         process = replace(process, weights=process.weights @ basis.whiten)
         features = features @ basis.whiten
-        errors, variances = np.empty_like(places), np.empty(len(places))
-        density = _bumps(centers, places, process.length)
-        for block, mean, variance in process.predict_without(blocks, centers):
-            rows, out = block.rows, block.left_out
-            prior = _relative(density.sum(axis=1) - density[:, out].sum(axis=1))
-            table = _Table.of(mean, variance, basis.strength)
-            found = table.log_likelihood(features[rows]) + prior
-            found = np.exp(found - found.max(axis=1, keepdims=True))
-            found /= found.sum(axis=1, keepdims=True)
-            errors[rows] = found @ centers - places[rows]
-            near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
-            variances[rows] = variance[near]
+        centers, _ = grid_cells(area, COARSE)
         finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
+        errors, variances = _errors(process, features, basis.strength, blocks, centers)
         model = ErrorModel.of(errors, time, finest)
+        apart = blocks_in_space(blocks, places, time, _strays(centers, places, process.length))
+        repeated = 1.0
+        if apart != blocks:
+            there, _ = _errors(process, features, basis.strength, apart, centers)
+            repeated = max(1.0, (ErrorModel.of(there, time, finest).lasting / model.lasting) ** 2)
         growth, learnt_at = _growth(errors, variances), float(np.median(variances))
-        return cls(process.length, signal, noise, model, growth, learnt_at)
+        return cls(process.length, signal, noise, model, growth, learnt_at, repeated)
+
+
+def _errors(
+    process: Process,
+    features: np.ndarray,
+    strength: np.ndarray,
+    blocks: Sequence[Block],
+    centers: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """``(N, 2)`` metres by which frames are misplaced without their block, each by itself, and
+    ``(N,)`` the field's variance at their places then.
+    """
+    places = process.places
+    errors, variances = np.empty_like(places), np.empty(len(places))
+    density = _bumps(centers, places, process.length)
+    for block, mean, variance in process.predict_without(blocks, centers):
+        rows, out = block.rows, block.left_out
+        prior = _relative(density.sum(axis=1) - density[:, out].sum(axis=1))
+        table = _Table.of(mean, variance, strength)
+        found = table.log_likelihood(features[rows]) + prior
+        found = np.exp(found - found.max(axis=1, keepdims=True))
+        found /= found.sum(axis=1, keepdims=True)
+        errors[rows] = found @ centers - places[rows]
+        near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
+        variances[rows] = variance[near]
+    return errors, variances
 
 
 def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
