@@ -7,8 +7,8 @@ import pytest
 from small_room import histogram_flight, picture_flight
 
 from trexton.claims import judge_all, load_claims
+from trexton.clock import frequency, milliseconds
 from trexton.experiments import stored, trade_off, tuned
-from trexton.experiments.clock import frequency, milliseconds
 from trexton.experiments.evaluation import frames_of, tracks, trained_map
 from trexton.figures import trade_off as figures
 from trexton.files import canonical_json

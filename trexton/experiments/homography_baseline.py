@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.experiments.clock import of_frames
+from trexton.clock import of_frames
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.evaluation import floor_picture
 from trexton.experiments.stitched import (

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from trexton.experiments.clock import of_frames
+from trexton.clock import of_frames
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import (
     evaluate,

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.experiments.clock import of_frames
+from trexton.clock import of_frames
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import (
     Track,

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.experiments.clock import frequency, milliseconds
+from trexton.clock import frequency, milliseconds
 from trexton.experiments.evaluation import fly
 from trexton.localizer import Localizer, TextonMap
 from trexton.neighbors import NearestHistograms

@@ -11,9 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from trexton.bench.clock import limited_threads
-from trexton.executor import working_on
-from trexton.experiments.clock import frequency, milliseconds
+from trexton.clock import frequency, milliseconds
+from trexton.executor import limited_threads, working_on
 from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import Track, fly, frames_of, map_of, tracks
