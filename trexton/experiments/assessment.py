@@ -6,12 +6,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any
 
 import cv2
 import numpy as np
 
+from trexton.clock import of_frames
 from trexton.errors import ParameterError, TrextonError
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import (
@@ -21,10 +21,17 @@ from trexton.experiments.evaluation import (
     neighbor_means,
     whereabouts,
 )
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import compose
-from trexton.metrics import constant_guess, mean_with_interval, shuffled_neighbors, summarize
+from trexton.metrics import (
+    constant_guess,
+    euclidean,
+    mean_with_interval,
+    shuffled_neighbors,
+    summarize,
+)
 from trexton.parts import make
 from trexton.parts.field import grid_cells
 from trexton.parts.measurement import EXCLUDED_SECONDS
@@ -75,7 +82,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     for method in parameters.methods.split():
         rng = stream(parameters.seed, f"map {method}")
         texton_map = base.for_method(method, flight=located, rng=rng)
-        runs[method], timings[method] = _flown(_localizer(texton_map, parameters), frames)
+        track = fly(_localizer(texton_map, parameters), frames)
+        runs[method], timings[method] = track.position, of_frames(track.step_s, "_s")
         if hasattr(texton_map.parts["measurement"], "expected_error"):
             field_map = texton_map
             halves = _with_half(base, method, frames, parameters)
@@ -110,12 +118,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         values["expected"] = {"method": field_map.method, "error_cm": foretold}
         series["expected"], values["hardest"] = _expected(expected, train)
         if halves:
-            off = np.array(halves)[:, known] - test.position[known]
-            error = 100 * float(np.hypot(off[..., 0], off[..., 1]).mean())
+            off = euclidean(np.array(halves)[:, known], test.position[known])
+            error = 100 * float(off.mean())
             values["half"] = {"method": field_map.method, "error_cm": error}
         if moving := _with_odometry(field_map, located, parameters):
-            track, timings["odometry"] = _flown(moving, frames)
-            off = 100 * np.hypot(*(track[known] - test.position[known]).T)
+            track = fly(moving, frames)
+            timings["odometry"] = of_frames(track.step_s, "_s")
+            off = 100 * track.errors(test.position)[known]
             error_cm = mean_with_interval(off[None], rng)
             values["odometry"] = {"method": field_map.method, "error_cm": error_cm}
     floor, pictures = floor_picture(train)
@@ -150,7 +159,7 @@ def _with_half(
             rng = stream(parameters.seed, f"map {method}")
             half = base.select(rows).for_method(method, rng=rng)
             localizer = _localizer(half, parameters)
-            tracks.append(np.array([localizer.step(frame).position for frame in frames]))
+            tracks.append(fly(localizer, frames).position)
         except TrextonError:
             return []
     return tracks
@@ -165,30 +174,15 @@ def _localizer(texton_map: TextonMap, parameters: Parameters) -> Localizer:
     )
 
 
-def _flown(
-    localizer: Localizer, frames: Sequence[np.ndarray]
-) -> tuple[np.ndarray, dict[str, float]]:
-    """``(N, 2)`` estimates, and median and 99th percentile of the seconds a frame takes."""
-    estimates, seconds = [], []
-    for frame in frames:
-        start = perf_counter()
-        estimates.append(localizer.step(frame).position)
-        seconds.append(perf_counter() - start)
-    return np.array(estimates), {
-        "median_s": float(np.median(seconds)),
-        "p99_s": float(np.percentile(seconds, 99)),
-    }
-
-
 def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]:
     """What may be wrong with the flights, as shares of their frames."""
     known = test.located
     positions, diagonal = texton_map.positions, train.diagonal
-    gaps = np.array([np.hypot(*(positions - place).T).min() for place in test.position[known]])
+    gaps = np.array([euclidean(positions, place).min() for place in test.position[known]])
     limits: dict[str, Any] = {"gap_m": float(np.percentile(gaps, 95))}
     try:
         rows = texton_map.training().neighbors(1, EXCLUDED_SECONDS)[:, 0]
-        far = np.hypot(*(positions[rows] - positions).T) > diagonal / 4
+        far = euclidean(positions[rows], positions) > diagonal / 4
         limits["repeated"] = float(far.mean())
     except TrextonError:  # too short a flight to leave neighbours in time out
         limits["repeated"] = None
@@ -207,7 +201,7 @@ def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[
     places, shape = grid_cells(flight.area, round(sides.prod() / (flight.diagonal / 70) ** 2))
     error = expected(places)
     known = flight.position[flight.located]
-    apart = np.array([np.hypot(*(known - place).T).min() for place in places])
+    apart = np.array([euclidean(known, place).min() for place in places])
     near = apart < flight.diagonal / 10
     flown = apart < flight.diagonal / 40
     hardest: list[dict[str, float]] = []

@@ -23,7 +23,7 @@ from trexton.experiments.floors import painted_floor
 from trexton.experiments.peers import PEERS, make_peer
 from trexton.experiments.stitched import stitched_map
 from trexton.flights.flight import Flight
-from trexton.metrics import mean_over_groups, mean_with_interval, success_rate
+from trexton.metrics import euclidean, mean_over_groups, mean_with_interval, success_rate
 from trexton.records import Record
 from trexton.registration import FloorFix, FloorTracker, Trust
 from trexton.registration.calibration import learn_trust
@@ -184,7 +184,7 @@ def _over(parameters: Parameters, index: int) -> dict[str, Any]:
                 start = process_time()
                 found = peer.locate(image).position
                 seconds = process_time() - start
-                tried[key].append((float(np.hypot(*(found - state.position[:2]))), seconds))
+                tried[key].append((float(euclidean(found, state.position[:2])), seconds))
     rows = {key: _rows(found) for key, found in fixes.items()}
     return {
         "name": name,
@@ -271,7 +271,7 @@ def _recorded(
     series: dict[str, Any] = {"time_s": test.time - test.time[0], "truth_m": test.position}
     for (where, name), positions in track.items():
         drawing = stream(parameters.seed, f"intervals {where} {name}")
-        error = np.hypot(*(np.array(positions) - test.position).T)
+        error = euclidean(np.array(positions), test.position)
         settled = error[SETTLED:]
         values[where][name] = {
             "mean_cm": mean_with_interval(100 * settled[None], drawing),
@@ -298,12 +298,12 @@ def _carried(parameters: Parameters, index: int) -> dict[str, Any]:
     for frame, state in enumerate(_frames(room, CARRIED, rng)):
         if frame == SETTLED:
             place = state.position[:2]
-            while np.hypot(*(place - state.position[:2])) < (x_max - x_min) / 2:
+            while euclidean(place, state.position[:2]) < (x_max - x_min) / 2:
                 place = rng.uniform((x_min + 0.3, y_min + 0.3), (x_max - 0.3, y_max - 0.3))
             room.vehicle.teleport(place)
             state = room.state
         fix, _ = _follow(tracker, room.render(), _told(state.attitude, "attitude", parameters, rng))
-        error.append(float(np.hypot(*(fix.position - state.position[:2]))))
+        error.append(float(euclidean(fix.position, state.position[:2])))
         lost.append(fix.lost)
     right = np.array(error) < GROSS
     after = right[SETTLED:]
@@ -352,7 +352,7 @@ def _in_light(parameters: Parameters, drift: float) -> float:
     rng, error = stream(parameters.seed, "light attitude"), []
     for state in _frames(room, parameters.frames, stream(parameters.seed, "light waypoints")):
         fix, _ = _follow(tracker, room.render(), _told(state.attitude, "attitude", parameters, rng))
-        error.append(np.hypot(*(fix.position - state.position[:2])))
+        error.append(euclidean(fix.position, state.position[:2]))
     return 100 * float(np.mean(error[SETTLED:]))
 
 

@@ -13,7 +13,8 @@ import numpy as np
 from trexton.clock import STAGES, StageClock, frequency, milliseconds
 from trexton.executor import limited_threads
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import fly, frames_of, map_of
+from trexton.experiments.evaluation import frames_of, map_of
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.homography import HomographyLocalizer
 from trexton.localizer import Localizer
