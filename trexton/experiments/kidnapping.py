@@ -28,7 +28,7 @@ from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
 
-__all__ = ["filter_trials", "finding", "Parameters", "run", "Trial"]
+__all__ = ["filter_trials", "finding", "found_after", "Parameters", "run", "Trial"]
 
 # name: method, choices
 FILTERS: dict[str, tuple[str, dict[str, object]]] = {
@@ -67,11 +67,15 @@ class Trial:
 
     def found_after(self, tolerance: float, consecutive: int) -> int | None:
         """Frames to the first of `consecutive` in a row within `tolerance` metres, or None."""
-        good = self.error[self.cut :] < tolerance
-        for frame in range(len(good) - consecutive + 1):
-            if good[frame : frame + consecutive].all():
-                return frame
-        return None
+        return found_after(self.error[self.cut :] < tolerance, consecutive)
+
+
+def found_after(right: np.ndarray, consecutive: int) -> int | None:
+    """Frames to the first of `consecutive` in a row that are right, or None."""
+    for frame in range(len(right) - consecutive + 1):
+        if right[frame : frame + consecutive].all():
+            return frame
+    return None
 
 
 @dataclass(frozen=True)
