@@ -32,6 +32,7 @@ from trexton.experiments.followed import (
     told,
 )
 from trexton.experiments.stitched import stitched_map
+from trexton.experiments.track import HELD
 from trexton.flights.flight import Flight
 from trexton.metrics import euclidean, mean_over_groups, mean_with_interval, success_rate
 from trexton.records import Record
@@ -39,8 +40,6 @@ from trexton.registration import FloorTracker
 from trexton.streams import stream
 
 __all__ = ["KNOWN", "Parameters", "finding", "kidnapping_summary", "over_floors", "run"]
-
-REGION = 4.605  # squared Mahalanobis distance within which 90 % should lie
 
 
 @dataclass(frozen=True)
@@ -97,7 +96,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 def _summary(rows: np.ndarray) -> dict[str, Any]:
     error, distance, lost, quarter = rows.T
-    inside = distance < REGION
+    inside = distance < HELD
     return {
         "frames": len(rows),
         "mean_cm": 100 * error.mean(),

@@ -71,6 +71,7 @@ def _frames(room: Simulator, count: int, rng: np.random.Generator) -> Iterator[V
 def follow(
     tracker: FloorTracker, image: np.ndarray, attitude: np.ndarray | None
 ) -> tuple[FloorFix, float]:
+    """What the tracker says of an image, and the processor's seconds."""
     start = process_time()
     fix = tracker.step(image, attitude=attitude)
     return fix, process_time() - start
@@ -79,6 +80,7 @@ def follow(
 def told(
     attitude: np.ndarray, known: str, parameters: FollowedParameters, rng: np.random.Generator
 ) -> np.ndarray | None:
+    """``(3,)`` roll, pitch and yaw as the autopilot tells them, radians: see `KNOWN`."""
     noise = np.radians(parameters.attitude_deg) * rng.standard_normal(3)
     if known == "askew":
         noise[0] += np.radians(parameters.askew_deg)

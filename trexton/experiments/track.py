@@ -17,10 +17,10 @@ from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import euclidean
 from trexton.streams import stream
 
-__all__ = ["Track", "fly", "tracks"]
+__all__ = ["HELD", "Track", "fly", "tracks"]
 
 Frames = Sequence[np.ndarray] | np.ndarray
-HELD = 4.605  # squared distance within which 90 % of a normal distribution in a plane lie
+HELD = 4.605  # squared deviations within which 90 % of a normal distribution in a plane lie
 
 
 @dataclass(frozen=True, eq=False)

@@ -112,9 +112,8 @@ def import_flight(
     change = None
     if recording.frames is not None:
         change = Change.of(
-            recording, source,
-            undistort=common.undistort, mask=common.mask, scale=common.scale,
-        )  # fmt: skip
+            recording, source, undistort=common.undistort, mask=common.mask, scale=common.scale
+        )
     states = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in read]
     key = digest(
         kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns, states,
