@@ -10,7 +10,8 @@ import pytest
 
 from trexton.book.report import write_report
 from trexton.camera import Camera
-from trexton.experiments.assessment import Parameters, advice, finding, run
+from trexton.experiments.advice import advice
+from trexton.experiments.assessment import Parameters, finding, run
 from trexton.figures.assessment import error_shares, over_the_floor
 from trexton.figures.style import COLORS
 from trexton.flights import Flight

@@ -13,15 +13,16 @@ import numpy as np
 import pytest
 
 from trexton import cli
-from trexton.bench import STAGES, Row, estimation, growth, images, machine, measure, table
-from trexton.bench.clock import Times, duration, interleave, limited_threads
+from trexton.bench import STAGES, Row, estimation, growth, images, measure, table
+from trexton.bench.clock import Times, interleave
 from trexton.bench.estimation import _by_numpy, _map_by_einsum, _map_by_sums
 from trexton.bench.growth import exponent
 from trexton.bench.images import _by_cdist, operations
 from trexton.bench.onboard import onboard
 from trexton.bench.scene import Scene, crowd, observations
-from trexton.bench.stages import StageClock
+from trexton.clock import StageClock
 from trexton.errors import ParameterError
+from trexton.executor import limited_threads
 from trexton.histograms import texton_histogram
 from trexton.kernels import thread_count
 from trexton.neighbors import NearestHistograms
@@ -29,7 +30,9 @@ from trexton.parts.estimation import MaximumAPosteriori
 from trexton.parts.filters import ParticleFilter
 from trexton.parts.measurement import RankMixture
 from trexton.parts.motion import RandomWalk
+from trexton.records import machine
 from trexton.textons import TextonDictionary
+from trexton.wording import duration
 
 
 @pytest.fixture(scope="module")

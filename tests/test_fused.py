@@ -10,8 +10,8 @@ from small_room import histogram_flight
 from trexton.errors import ParameterError
 from trexton.estimate import Estimate
 from trexton.experiments import fused
-from trexton.experiments.evaluation import flown_estimates
 from trexton.experiments.receivers import RECEIVERS, Receiver, readings
+from trexton.experiments.track import Track, tracks
 from trexton.figures import fused as figures
 
 DT = 0.08
@@ -105,12 +105,14 @@ def test_figures_and_sentence_come_from_the_record(record):
 
 
 def test_a_method_that_is_lost_all_the_time_is_named_and_drawn_nowhere(monkeypatch):
-    def flown(method, *words):
-        estimates = flown_estimates(method, *words)
+    def flown(method, *words, **known):
         lost = method.parts["filter"].__class__.__name__ == "Tracks"
-        return [replace(estimate, lost=estimate.lost or lost) for estimate in estimates]
+        return [
+            Track([replace(said, lost=said.lost or lost) for said in run.estimates], run.step_s)
+            for run in tracks(method, *words, **known)
+        ]
 
-    monkeypatch.setattr(fused, "flown_estimates", flown)
+    monkeypatch.setattr(fused, "tracks", flown)
     train = histogram_flight("hall", frames=130, turns=5.0)
     test = histogram_flight("again", frames=110, turns=5.0, noise=5)
     record = fused.run(train, test, fused.Parameters(repeats=1, vehicles=2))
@@ -118,6 +120,7 @@ def test_a_method_that_is_lost_all_the_time_is_named_and_drawn_nowhere(monkeypat
     assert fused.finding(record).endswith("says of every frame that it is lost, and sends nothing.")
     assert len(figures.believed_over_time(record).axes) == len(record.values["order"])
     assert len(figures.truth_in_the_region(record).axes) == 2
-    monkeypatch.setattr(fused, "flown_estimates", lambda *words: [Estimate(*LOST, lost=True)] * 110)
+    unknown = Track([Estimate(*LOST, lost=True)] * 110, np.zeros(110))
+    monkeypatch.setattr(fused, "tracks", lambda *words, **known: [unknown])
     with pytest.raises(ParameterError, match="every method says of every frame of again"):
         fused.run(train, test, fused.Parameters(repeats=1, vehicles=2))

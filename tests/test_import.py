@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from trexton.errors import ParameterError, TrextonError
-from trexton.flights import importing, read_flight
+from trexton.flights import importing, read_flight, rewriting
 from trexton.flights.importers import IMPORTERS, describe, guess_kind, importer
 from trexton.flights.importers.recording import Track, match
 from trexton.flights.importers.video import estimate_offset
@@ -302,10 +302,9 @@ def test_kinds_are_guessed_and_described(tmp_path):
 
 
 def test_an_interrupted_import_goes_on(tmp_path, monkeypatch):
-    from trexton.flights import importing
 
     source, out = euroc(tmp_path / "e"), tmp_path / "out"
-    written, replace = [], importing.os.replace
+    written, replace = [], rewriting.os.replace
 
     def interrupt(first, second):
         if len(written) == 3:
@@ -313,11 +312,11 @@ def test_an_interrupted_import_goes_on(tmp_path, monkeypatch):
         written.append(second)
         replace(first, second)
 
-    monkeypatch.setattr(importing.os, "replace", interrupt)
+    monkeypatch.setattr(rewriting.os, "replace", interrupt)
     with pytest.raises(KeyboardInterrupt):
         import_flight(source, out)
     assert not out.exists()
-    monkeypatch.setattr(importing.os, "replace", replace)
+    monkeypatch.setattr(rewriting.os, "replace", replace)
     kept = {
         path.name: path.stat().st_mtime_ns
         for path in (tmp_path / ".out.importing/images").iterdir()
@@ -397,7 +396,7 @@ def test_what_cannot_be_read_replaces_no_flight(tmp_path):
 
 def test_positions_of_another_time_are_noticed_before_images_are_written(tmp_path, monkeypatch):
     euroc(tmp_path / "source")
-    monkeypatch.setattr(importing, "_write_images", lambda *_: pytest.fail("images were written"))
+    monkeypatch.setattr(importing, "write_images", lambda *_: pytest.fail("images were written"))
     with pytest.raises(TrextonError, match="position"):
         import_flight(tmp_path / "source", tmp_path / "out", settings={"offset": 1e6})
     assert [path.name for path in tmp_path.iterdir()] == ["source"]

@@ -11,7 +11,7 @@ from test_import import euroc, picture, write_bag
 
 from trexton import cli
 from trexton.errors import TrextonError
-from trexton.flights import importing, read_flight
+from trexton.flights import importing, read_flight, rewriting
 from trexton.flights.importers.recording import Track
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
@@ -113,7 +113,7 @@ def test_a_video_s_offset_is_found_over_gaps_in_its_positions():
 def test_places_beyond_the_earth_are_noticed_before_images_are_written(
     tmp_path, monkeypatch, place
 ):
-    monkeypatch.setattr(importing, "_write_images", lambda *_: pytest.fail("images were written"))
+    monkeypatch.setattr(importing, "write_images", lambda *_: pytest.fail("images were written"))
     rows = [f"{i},{place if i == 2 else i},1,{i}.png" for i in range(6)]
     with pytest.raises(TrextonError, match="no such place on Earth"):
         import_flight(table(tmp_path / "a", rows), tmp_path / "out")
@@ -184,14 +184,14 @@ def test_an_import_goes_on_only_with_what_it_began_with(tmp_path, monkeypatch, c
     free = np.full((48, 64), 255, np.uint8)
     free[40:] = 0
     cv2.imwrite(str(mask), free)
-    apply = importing._Change.apply
+    apply = rewriting.Change.apply
 
     def interrupt(change, frames, row):
         if row == 3:
             raise KeyboardInterrupt
         return apply(change, frames, row)
 
-    monkeypatch.setattr(importing._Change, "apply", interrupt)
+    monkeypatch.setattr(rewriting.Change, "apply", interrupt)
     settings = {"mask": str(mask)}
     with pytest.raises(KeyboardInterrupt):
         import_flight(source, tmp_path / "out", settings=settings)

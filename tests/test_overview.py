@@ -7,7 +7,8 @@ from small_room import histogram_flight, picture_flight
 
 from trexton.errors import FlightError
 from trexton.experiments import overview
-from trexton.experiments.evaluation import fly, frames_of, trained_map
+from trexton.experiments.evaluation import frames_of, trained_map
+from trexton.experiments.track import fly
 from trexton.figures import overview as figures
 from trexton.files import canonical_json
 from trexton.images import bgr_from_yuv
@@ -71,7 +72,7 @@ def test_typical_frame_has_the_median_error(record, pair):
         particles=15,
         rng=stream(1, "flight", 0),
     )
-    errors = 100 * np.linalg.norm(fly(localizer, frames_of(test)).estimate - test.position, axis=1)
+    errors = 100 * np.linalg.norm(fly(localizer, frames_of(test)).position - test.position, axis=1)
     assert (errors < record.values["error_cm"]).sum() == (len(errors) - 1) // 2
     assert record.values["median_error_cm"] == pytest.approx(np.median(errors))
 

@@ -7,9 +7,10 @@ import pytest
 from small_room import histogram_flight, picture_flight
 
 from trexton.claims import judge_all, load_claims
+from trexton.clock import frequency, milliseconds
 from trexton.experiments import stored, trade_off, tuned
-from trexton.experiments.clock import frequency, milliseconds
-from trexton.experiments.evaluation import frames_of, tracks, trained_map
+from trexton.experiments.evaluation import frames_of, trained_map
+from trexton.experiments.track import tracks
 from trexton.figures import trade_off as figures
 from trexton.files import canonical_json
 from trexton.histograms import texton_histogram
@@ -71,7 +72,7 @@ def test_errors_are_those_of_direct_runs(record, pair):
     train, test = pair
     texton_map = trained_map(train, textons=6, neighbors=4)
     runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=80, particles=20)
-    direct = [100 * absolute_errors(run.estimate, test.position)[:, 0].mean() for run in runs]
+    direct = [100 * absolute_errors(run.position, test.position)[:, 0].mean() for run in runs]
     knn = [100 * absolute_errors(run.knn, test.position)[:, 0].mean() for run in runs]
     row = record.series["samples"][2]
     assert row["error_cm_x"]["median"] == pytest.approx(np.median(direct))
@@ -82,7 +83,7 @@ def test_full_sampling_is_the_localizer_with_all_patches(record, pair):
     train, test = pair
     texton_map = trained_map(train, textons=6, neighbors=4)
     runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=None, particles=20)
-    direct = [100 * absolute_errors(run.estimate, test.position)[:, 0].mean() for run in runs]
+    direct = [100 * absolute_errors(run.position, test.position)[:, 0].mean() for run in runs]
     assert record.values["full_sampling_error_cm"]["median"] == pytest.approx(np.median(direct))
 
 

@@ -29,6 +29,7 @@ __all__ = [
     "connect",
     "end_with_parent",
     "limited",
+    "limited_threads",
     "spread",
     "working_on",
 ]
@@ -73,6 +74,25 @@ def limited(threads: int | None) -> Iterator[None]:
         for name in THREAD_VARIABLES:
             os.environ.pop(name, None)
         os.environ |= {name: before[name] for name in THREAD_VARIABLES if name in before}
+
+
+@contextmanager
+def limited_threads(count: int) -> Iterator[None]:
+    """BLAS, OpenCV and this package's kernels use `count` threads within the block."""
+    import cv2
+    from threadpoolctl import threadpool_limits
+
+    before, cv_before = os.environ.get("OMP_NUM_THREADS"), cv2.getNumThreads()
+    os.environ["OMP_NUM_THREADS"] = str(count)
+    cv2.setNumThreads(count)
+    try:
+        with threadpool_limits(count):
+            yield
+    finally:
+        cv2.setNumThreads(cv_before)
+        os.environ.pop("OMP_NUM_THREADS")
+        if before is not None:
+            os.environ["OMP_NUM_THREADS"] = before
 
 
 def end_with_parent() -> None:

@@ -141,7 +141,12 @@ class Localizer:
         return self._histogram(frame, aiding)
 
     def step(
-        self, frame: np.ndarray | None, *, aiding: Aiding | None = None, time: float | None = None
+        self,
+        frame: np.ndarray | None,
+        *,
+        aiding: Aiding | None = None,
+        time: float | None = None,
+        samples: int | None = None,
     ) -> Estimate:
         """Localize one frame; None stands for a frame that did not come, and only predicts.
 
@@ -153,6 +158,8 @@ class Localizer:
             What the autopilot knows at this frame.
         time : float, optional
             Seconds, of the frame.
+        samples : int, optional
+            Patches behind a histogram that is given; None if all were counted or nobody knows.
 
         Raises
         ------
@@ -161,7 +168,7 @@ class Localizer:
         """
         if frame is None:
             return self.advance(None)
-        samples = None if np.ndim(frame) == 1 else self.samples
+        samples = samples if np.ndim(frame) == 1 else self.samples
         return self.advance(self.observation(frame, aiding=aiding, time=time, samples=samples))
 
     def advance(self, observation: Observation | None) -> Estimate:

@@ -19,6 +19,7 @@ __all__ = [
     "block_rows",
     "bootstrap_interval",
     "constant_guess",
+    "euclidean",
     "mean_over_groups",
     "mean_with_interval",
     "shuffled_neighbors",
@@ -48,6 +49,11 @@ def absolute_errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
             "arrays"
         )
     return np.abs(estimates - truth)
+
+
+def euclidean(places: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Distances in metres between ``(..., 2)`` places, ``(...)`` as both broadcast."""
+    return np.hypot(*np.moveaxis(places - others, -1, 0))
 
 
 def block_rows(count: int, rng: np.random.Generator, block: int = BLOCK) -> np.ndarray:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import platform
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
@@ -18,7 +19,7 @@ import numpy as np
 from trexton.errors import TrextonError
 from trexton.files import atomic_file, canonical_json
 
-__all__ = ["Record", "plain", "software_versions"]
+__all__ = ["Record", "machine", "plain", "software_versions"]
 
 SCHEMA = 1
 _PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "matplotlib", "pandas")
@@ -50,6 +51,26 @@ def software_versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return versions
+
+
+def machine() -> dict[str, Any]:
+    """What the figures depend on: processor, how many of them, how busy they are."""
+    model = platform.processor() or platform.machine()
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as stream:
+            names = (
+                line.split(":", 1)[1].strip() for line in stream if line.startswith("model name")
+            )
+            model = next(names, model)
+    except OSError:
+        pass
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return {
+        "processor": model,
+        "processors": os.cpu_count(),
+        "load": load,
+        "system": platform.platform(),
+    }
 
 
 @dataclass(frozen=True, eq=False)

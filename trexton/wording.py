@@ -17,6 +17,7 @@ __all__ = [
     "as_html",
     "beside",
     "distance",
+    "duration",
     "fixed",
     "interval",
     "middle",
@@ -160,3 +161,11 @@ def template_environment() -> Environment:
     filters = {"fixed": fixed, "span": span, "text": text, "number": number, "percent": percent}
     environment.filters |= filters
     return environment
+
+
+def duration(seconds: float) -> str:
+    """A time with three digits and its unit."""
+    for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
+        if seconds * scale >= 1:
+            return f"{seconds * scale:.3g} {unit}"
+    return f"{seconds * 1e9:.3g} ns"

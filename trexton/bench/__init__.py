@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import platform
 from collections.abc import Iterable, Iterator
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from trexton.bench.clock import Row, table
 from trexton.errors import ParameterError
@@ -15,7 +13,7 @@ from trexton.progress import say
 if TYPE_CHECKING:  # loaded when measured; named here for whoever follows imports, as the cache does
     from trexton.bench import estimation, growth, images, onboard, start  # noqa: F401
 
-__all__ = ["Row", "STAGES", "machine", "measure", "table"]
+__all__ = ["Row", "STAGES", "measure", "table"]
 
 # name: (module, function(scene, quick) -> rows)
 STAGES = {
@@ -68,23 +66,3 @@ def measure(
                 f"stage {name!r} needs {error.name}, which is not installed: pip install "
                 "trexton[book]"
             ) from None
-
-
-def machine() -> dict[str, Any]:
-    """What the figures depend on: processor, how many of them, how busy they are."""
-    model = platform.processor() or platform.machine()
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as stream:
-            names = (
-                line.split(":", 1)[1].strip() for line in stream if line.startswith("model name")
-            )
-            model = next(names, model)
-    except OSError:
-        pass
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    return {
-        "processor": model,
-        "processors": os.cpu_count(),
-        "load": load,
-        "system": platform.platform(),
-    }

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
-import cv2
 import numpy as np
 
-__all__ = ["Row", "Times", "duration", "interleave", "limited_threads", "table"]
+from trexton.wording import duration
+
+__all__ = ["Row", "Times", "interleave", "table"]
 
 K = TypeVar("K", str, int)
 _PAUSE = 0.05  # seconds; threads of a BLAS spin for about as long after their last product
@@ -127,24 +126,6 @@ def interleave(
     return {name: Times.of(seconds) for name, seconds in taken.items()}
 
 
-@contextmanager
-def limited_threads(count: int) -> Iterator[None]:
-    """BLAS, OpenCV and this package's kernels use `count` threads within the block."""
-    from threadpoolctl import threadpool_limits
-
-    before, cv_before = os.environ.get("OMP_NUM_THREADS"), cv2.getNumThreads()
-    os.environ["OMP_NUM_THREADS"] = str(count)
-    cv2.setNumThreads(count)
-    try:
-        with threadpool_limits(count):
-            yield
-    finally:
-        cv2.setNumThreads(cv_before)
-        os.environ.pop("OMP_NUM_THREADS")
-        if before is not None:
-            os.environ["OMP_NUM_THREADS"] = before
-
-
 def table(rows: list[Row]) -> str:
     """Rows as a text table."""
     head = (
@@ -178,11 +159,3 @@ def table(rows: list[Row]) -> str:
     widths = [max(map(len, column)) for column in zip(*lines, strict=False)]
     cells = (map(str.ljust, line, widths) for line in lines)
     return "\n".join("  ".join(line).rstrip() for line in cells)
-
-
-def duration(seconds: float) -> str:
-    """A time with three digits and its unit."""
-    for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
-        if seconds * scale >= 1:
-            return f"{seconds * scale:.3g} {unit}"
-    return f"{seconds * 1e9:.3g} ns"

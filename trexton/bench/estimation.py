@@ -10,12 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from trexton.bench.clock import Row, Times, duration, interleave, limited_threads
+from trexton.bench.clock import Row, Times, interleave
 from trexton.bench.scene import Scene, crowd, observations
-from trexton.bench.stages import StageClock
+from trexton.clock import StageClock
+from trexton.executor import limited_threads
 from trexton.neighbors import NearestHistograms
 from trexton.parts.filters import ParticleFilter
 from trexton.progress import say
+from trexton.wording import duration
 
 __all__ = ["filter_step", "neighbors", "whole_frame"]
 

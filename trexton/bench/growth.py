@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from trexton.bench.clock import Row, Times, interleave, limited_threads
+from trexton.bench.clock import Row, Times, interleave
 from trexton.bench.scene import Scene, crowd, observations
+from trexton.executor import limited_threads
 from trexton.histograms import sampled_histogram, texton_histogram
 from trexton.neighbors import NearestHistograms
 from trexton.parts.filters import ParticleFilter

@@ -8,8 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.bench.clock import Row, interleave, limited_threads
+from trexton.bench.clock import Row, interleave
 from trexton.bench.scene import Scene
+from trexton.executor import limited_threads
 from trexton.histograms import sampled_histogram, texton_histogram
 from trexton.patches import gather_patches, position_grid, sample_positions
 

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from trexton.book.charts import inline_figure
 from trexton.cache import shipped
 from trexton.experiments import assessment
+from trexton.experiments.advice import advice
 from trexton.figures import assessment as figures
 from trexton.figures.drawing import to_svg
 from trexton.files import atomic_file
@@ -56,7 +57,7 @@ def write_report(record: Record, path: Path, player: str = "") -> Path:
 
 def _page(record: Record, player: str) -> str:
     counts = record.values["counts"]
-    advice = "".join(f"<li>{as_html(sentence)}</li>" for sentence in assessment.advice(record))
+    limits = "".join(f"<li>{as_html(sentence)}</li>" for sentence in advice(record))
     title = f"Will it work here? {record.flight}"
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8">'
@@ -64,7 +65,7 @@ def _page(record: Record, player: str) -> str:
         f"<title>{escape(title)}</title><style>{_style()}</style></head><body>\n"
         f"<h1>{escape(title)}</h1>\n"
         f'<p class="finding">{as_html(assessment.finding(record))}</p>\n'
-        f"<h2>What limits it, and what to do</h2><ul>{advice}</ul>\n"
+        f"<h2>What limits it, and what to do</h2><ul>{limits}</ul>\n"
         + _figure(
             figures.over_the_floor(record),
             "floor",

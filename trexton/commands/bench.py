@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from trexton.bench import STAGES, machine, measure, table
+from trexton.bench import STAGES, measure, table
 from trexton.files import atomic_file, canonical_json
+from trexton.records import machine
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

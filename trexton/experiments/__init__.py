@@ -12,8 +12,9 @@ A module ``trexton/experiments/<name>.py`` declares what can be chosen and what 
 
 and the line here says what the engine must know: a title, what the flights must have, what it waits
 for. Defaults, types and ranges stand in `Parameters` alone: the command line, the notebook, the
-checks and the record take them from there. Independent repeats and trials go through
-`trexton.executor.spread`. The notebook ``notebooks/<name>.md`` begins with::
+checks and the record take them from there. Frames are flown by `trexton.experiments.track.fly`;
+independent repeats and trials go through `trexton.executor.spread`. The notebook
+``notebooks/<name>.md`` begins with::
 
     given = notebook.given(name.Parameters, globals())
     record = name.run(given.train, given.test, given.parameters)

@@ -18,10 +18,10 @@ import numpy as np
 from trexton.aiding import Aiding
 from trexton.camera import Camera
 from trexton.executor import spread
-from trexton.experiments.beyond import Flown
 from trexton.experiments.declaration import option
 from trexton.experiments.evaluation import frames_of
 from trexton.experiments.floors import FloorParameters, lent_floor, painted_floor
+from trexton.experiments.track import Track, fly
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import mean_over_groups, mean_with_interval
@@ -74,7 +74,7 @@ class Parameters(FloorParameters):
 class _Over:
     """What was found over one floor."""
 
-    flown: dict[str, dict[str, Flown]]  # by method and what was known
+    flown: dict[str, dict[str, Track]]  # by method and what was known
     truth: np.ndarray  # (N, 2) metres
     beside: np.ndarray  # (N,) metres from below the vehicle to the middle of its picture
     ripple: float  # metres, of the height as it was flown
@@ -184,14 +184,14 @@ def _over(
         _told(later, parameters, seed, np.radians(off)) for off in (0.0, parameters.compass_deg)
     )
 
-    def flown(method: str, known: str) -> Flown:
+    def flown(method: str, known: str) -> Track:
         view, names = KNOWN[known]
         # Each draws the same patches: what differs between them is not chance.
         localizer = Localizer(
             maps[view, method], samples=parameters.samples, rng=stream(seed, f"aiding {method}")
         )
         aiding = [each.only(names) for each in (turned if known == "turned" else told)]
-        return Flown.of(localizer, frames, aiding)
+        return fly(localizer, frames, aiding=aiding)
 
     compared = {
         method: {known: flown(method, known) for known in asked}

@@ -4,14 +4,14 @@ it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from time import perf_counter
 from typing import Any
 
 import cv2
 import numpy as np
 
+from trexton.clock import of_frames
 from trexton.errors import ParameterError, TrextonError
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import (
@@ -21,18 +21,25 @@ from trexton.experiments.evaluation import (
     neighbor_means,
     whereabouts,
 )
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import compose
-from trexton.metrics import constant_guess, mean_with_interval, shuffled_neighbors, summarize
+from trexton.metrics import (
+    constant_guess,
+    euclidean,
+    mean_with_interval,
+    shuffled_neighbors,
+    summarize,
+)
 from trexton.parts import make
 from trexton.parts.field import grid_cells
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
 from trexton.streams import stream
-from trexton.wording import distance, middle, percent, times
+from trexton.wording import distance, middle, times
 
-__all__ = ["Parameters", "advice", "finding", "run"]
+__all__ = ["STRETCH_S", "Parameters", "best_method", "finding", "run"]
 
 BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
 SHARPNESS_FRAMES = 200  # are enough to tell
@@ -40,7 +47,6 @@ PLACES = 3  # hardest places that are named
 APART = 0.15  # of the area's diagonal, between hardest places
 STRETCH_S = 5.0  # of a survey: every other one makes half of it
 FEWEST = 20  # frames that make half a survey
-HELPS = 0.8  # of the error with half of the survey: where the whole errs less, more of it helps
 
 
 @dataclass(frozen=True)
@@ -75,7 +81,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     for method in parameters.methods.split():
         rng = stream(parameters.seed, f"map {method}")
         texton_map = base.for_method(method, flight=located, rng=rng)
-        runs[method], timings[method] = _flown(_localizer(texton_map, parameters), frames)
+        track = fly(_localizer(texton_map, parameters), frames)
+        runs[method], timings[method] = track.position, of_frames(track.step_s, "_s")
         if hasattr(texton_map.parts["measurement"], "expected_error"):
             field_map = texton_map
             halves = _with_half(base, method, frames, parameters)
@@ -110,12 +117,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         values["expected"] = {"method": field_map.method, "error_cm": foretold}
         series["expected"], values["hardest"] = _expected(expected, train)
         if halves:
-            off = np.array(halves)[:, known] - test.position[known]
-            error = 100 * float(np.hypot(off[..., 0], off[..., 1]).mean())
+            off = euclidean(np.array(halves)[:, known], test.position[known])
+            error = 100 * float(off.mean())
             values["half"] = {"method": field_map.method, "error_cm": error}
         if moving := _with_odometry(field_map, located, parameters):
-            track, timings["odometry"] = _flown(moving, frames)
-            off = 100 * np.hypot(*(track[known] - test.position[known]).T)
+            track = fly(moving, frames)
+            timings["odometry"] = of_frames(track.step_s, "_s")
+            off = 100 * track.errors(test.position)[known]
             error_cm = mean_with_interval(off[None], rng)
             values["odometry"] = {"method": field_map.method, "error_cm": error_cm}
     floor, pictures = floor_picture(train)
@@ -150,7 +158,7 @@ def _with_half(
             rng = stream(parameters.seed, f"map {method}")
             half = base.select(rows).for_method(method, rng=rng)
             localizer = _localizer(half, parameters)
-            tracks.append(np.array([localizer.step(frame).position for frame in frames]))
+            tracks.append(fly(localizer, frames).position)
         except TrextonError:
             return []
     return tracks
@@ -165,30 +173,15 @@ def _localizer(texton_map: TextonMap, parameters: Parameters) -> Localizer:
     )
 
 
-def _flown(
-    localizer: Localizer, frames: Sequence[np.ndarray]
-) -> tuple[np.ndarray, dict[str, float]]:
-    """``(N, 2)`` estimates, and median and 99th percentile of the seconds a frame takes."""
-    estimates, seconds = [], []
-    for frame in frames:
-        start = perf_counter()
-        estimates.append(localizer.step(frame).position)
-        seconds.append(perf_counter() - start)
-    return np.array(estimates), {
-        "median_s": float(np.median(seconds)),
-        "p99_s": float(np.percentile(seconds, 99)),
-    }
-
-
 def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]:
     """What may be wrong with the flights, as shares of their frames."""
     known = test.located
     positions, diagonal = texton_map.positions, train.diagonal
-    gaps = np.array([np.hypot(*(positions - place).T).min() for place in test.position[known]])
+    gaps = np.array([euclidean(positions, place).min() for place in test.position[known]])
     limits: dict[str, Any] = {"gap_m": float(np.percentile(gaps, 95))}
     try:
         rows = texton_map.training().neighbors(1, EXCLUDED_SECONDS)[:, 0]
-        far = np.hypot(*(positions[rows] - positions).T) > diagonal / 4
+        far = euclidean(positions[rows], positions) > diagonal / 4
         limits["repeated"] = float(far.mean())
     except TrextonError:  # too short a flight to leave neighbours in time out
         limits["repeated"] = None
@@ -207,7 +200,7 @@ def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[
     places, shape = grid_cells(flight.area, round(sides.prod() / (flight.diagonal / 70) ** 2))
     error = expected(places)
     known = flight.position[flight.located]
-    apart = np.array([np.hypot(*(known - place).T).min() for place in places])
+    apart = np.array([euclidean(known, place).min() for place in places])
     near = apart < flight.diagonal / 10
     flown = apart < flight.diagonal / 40
     hardest: list[dict[str, float]] = []
@@ -228,7 +221,7 @@ def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[
 
 def finding(record: Record) -> str:
     """One sentence: will it work here?"""
-    best, error = _best(record)
+    best, error = best_method(record)
     errors = record.values["errors"]
     centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
     if middle(error) >= centre:
@@ -251,139 +244,9 @@ def finding(record: Record) -> str:
     return words + "."
 
 
-def _best(record: Record) -> tuple[str, dict[str, float]]:
+def best_method(record: Record) -> tuple[str, dict[str, float]]:
     """The method of least mean error, and that error."""
     methods = record.parameters["methods"].split()
     errors = record.values["errors"]
     name = min(methods, key=lambda method: middle(errors[method]["mean_cm"]))
     return name, errors[name]["mean_cm"]
-
-
-def advice(record: Record) -> list[str]:
-    """What limits it and what to do, a sentence each."""
-    makers = (
-        _of_gaps, _of_expectation, _of_half, _of_odometry, _of_texture, _of_blur, _of_hard_places,
-        _of_methods, _of_commands,
-    )  # fmt: skip
-    return [sentence for make in makers for sentence in make(record)]
-
-
-def _of_gaps(record: Record) -> Iterator[str]:
-    gap_m, area = record.values["limits"]["gap_m"], record.series["area_m"]
-    if gap_m > 0.1 * np.hypot(*np.ptp(np.reshape(area, (2, 2)), axis=1)):
-        yield (
-            f"Too few frames: one test frame in twenty is more than {gap_m:.2g} m from any of the "
-            f"{record.values['counts']['train']} training frames. Fly closer lanes."
-        )
-
-
-def _of_expectation(record: Record) -> Iterator[str]:
-    if foretold := record.values.get("expected"):
-        measured = record.values["errors"][foretold["method"]]["mean_cm"]
-        yield (
-            f"From the training frames alone {distance(foretold['error_cm'])} were foretold for "
-            f"the places of the test; measured were {distance(measured)}."
-        )
-
-
-def _of_half(record: Record) -> Iterator[str]:
-    if half := record.values.get("half"):
-        whole = middle(record.values["errors"][half["method"]]["mean_cm"])
-        yield (
-            f"With every other {STRETCH_S:.0f} s of the survey the method `{half['method']}` errs "
-            f"by {distance(half['error_cm'])}, with all of it by {distance(whole)}: "
-            + (
-                "lanes between these should help again."
-                if whole < HELPS * half["error_cm"]
-                else "a denser survey would bring little."
-            )
-        )
-
-
-def _of_odometry(record: Record) -> Iterator[str]:
-    if moving := record.values.get("odometry"):
-        alone = middle(record.values["errors"][moving["method"]]["mean_cm"])
-        yield (
-            f"With a velocity from the motion of the frames themselves the method "
-            f"`{moving['method']}` errs by {distance(moving['error_cm'])}"
-            + (
-                ": train with `--set odometry=visual`."
-                if moving["error_cm"]["high"] < alone
-                else f", which is no gain over {distance(alone)} that can be told from chance."
-            )
-        )
-
-
-def _of_texture(record: Record) -> Iterator[str]:
-    repeated = record.values["limits"]["repeated"]
-    if repeated is None:
-        yield "The training flight is too short to tell whether its texture repeats."
-    elif repeated > 0.1:
-        yield (
-            f"Repeated texture: for {percent(repeated)} of the training frames the frame that "
-            "looks most alike lies more than a quarter of the area away. Add something distinct "
-            "there."
-        )
-
-
-def _of_blur(record: Record) -> Iterator[str]:
-    blurred = record.values["limits"].get("blurred") or 0
-    if blurred > 0.1:
-        yield (
-            f"Blur: {percent(blurred)} of the frames are less than half as sharp as usual. "
-            "Shorten the exposure or fly slower."
-        )
-
-
-def _of_hard_places(record: Record) -> Iterator[str]:
-    for place in record.values.get("hardest", []):
-        yield (
-            f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m expect to be off "
-            f"by {distance(place['expected_cm'])}."
-        )
-
-
-def _of_methods(record: Record) -> Iterator[str]:
-    errors = record.values["errors"]
-    centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
-    for method in record.parameters["methods"].split():
-        error = middle(errors[method]["mean_cm"])
-        if error >= centre:
-            yield (
-                f"The method `{method}` is worse here than always guessing the centre: do not fly "
-                "it."
-            )
-        elif error > knn:
-            yield (
-                f"The method `{method}` is worse here than the plain mean of its neighbours, by "
-                f"{distance(error - knn)}: its filter brings nothing on this flight."
-            )
-
-
-def _of_commands(record: Record) -> Iterator[str]:
-    best = _best(record)[0]
-    if seconds := record.timings.get(best, {}).get("median_s"):
-        drawn, learned, flown = _settings(record, best)
-        yield (
-            f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{drawn}: "
-            f"`trexton train FLIGHT -o MAP --method {best}{learned}`"
-            + (
-                f", then `trexton onboard MAP{flown}`. "
-                if "blurred" in record.values["limits"]
-                else " makes its map, for histograms alone; a camera needs a training flight of "
-                "pictures. "
-            )
-            + "`trexton tune FLIGHT` looks for better settings."
-        )
-
-
-def _settings(record: Record, method: str) -> tuple[str, str, str]:
-    """What the method flew with, in words, and as options of training and of flight."""
-    chosen, words, learned, flown = record.parameters, [], "", ""
-    if "blurred" in record.values["limits"]:  # it flew pictures, of which it drew patches
-        words = [f"{chosen['textons']} textons", f"{chosen['samples']} samples"]
-        learned, flown = f" --textons {chosen['textons']}", f" --samples {chosen['samples']}"
-    if method == "paper":
-        words.append(f"{chosen['particles']} particles")
-        flown += f" --particles {chosen['particles']}"
-    return f" with {', '.join(words)}" if words else "", learned, flown

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
@@ -14,18 +14,18 @@ from trexton.aiding import Aiding
 from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, frames_of, map_of, neighbor_means
+from trexton.experiments.track import Track, fly
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import mean_with_interval
+from trexton.metrics import euclidean, mean_with_interval
 from trexton.paper import paper_file
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.suitability import local_losses, smooth, usual_sigma
 from trexton.wording import beside, interval, middle, percent
 
-__all__ = ["VARIANTS", "Flown", "Parameters", "Variant", "finding", "run"]
+__all__ = ["VARIANTS", "Parameters", "Variant", "finding", "run"]
 
-HELD = 4.605  # squared distance within which 90 % of a normal distribution in a plane lie
 WIDE_M = 0.25  # process noise and rank widths of the ablations
 MOST_LAG = 36  # frames
 SIGMA = 0.5  # of the paper's loss, metres
@@ -82,49 +82,6 @@ class Parameters(MapParameters):
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Flown:
-    """One run over a flight: ``(N, 2)`` positions and ``(N, 2, 2)`` covariances in metres, and
-    ``(N,)`` whether the velocity that was told was contradicted by the frames.
-    """
-
-    position: np.ndarray
-    covariance: np.ndarray
-    contradicted: np.ndarray
-    step_s: np.ndarray
-
-    @classmethod
-    def of(
-        cls,
-        localizer: Localizer,
-        frames: Sequence[np.ndarray],
-        aiding: Sequence[Aiding] | None = None,
-    ) -> Flown:
-        """Step the localizer through all frames from a start that may be anywhere."""
-        rows, seconds = [], []
-        for row, frame in enumerate(frames):
-            start = perf_counter()
-            estimate = localizer.step(frame, aiding=None if aiding is None else aiding[row])
-            seconds.append(perf_counter() - start)
-            doubt = estimate.contradicted is not None
-            rows.append((estimate.position, estimate.covariance, doubt))
-        position, covariance, contradicted = (np.array(each) for each in zip(*rows, strict=True))
-        return cls(position, covariance, contradicted, np.array(seconds))
-
-    def errors(self, truth: np.ndarray) -> np.ndarray:
-        """``(N,)`` distances to the truth in metres."""
-        distance: np.ndarray = np.hypot(*(self.position - truth).T)
-        return distance
-
-    def held(self, truth: np.ndarray) -> np.ndarray:
-        """``(N,)`` whether the region that should hold 90 % held the truth."""
-        offset = (truth - self.position)[..., None]
-        covariance = self.covariance + 1e-12 * np.eye(2)
-        squared = (offset * np.linalg.solve(covariance, offset)).sum(axis=(1, 2))
-        held: np.ndarray = squared < HELD
-        return held
-
-
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Fly every variant over the test flight, from a uniform start, and see how it errs.
 
@@ -147,7 +104,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         for repeat in range(parameters.repeats if variant.draws else 1):
             rng = stream(parameters.seed, f"beyond {name}", repeat)
             localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
-            runs.append(Flown.of(localizer, frames, told if variant.told else None))
+            runs.append(fly(localizer, frames, aiding=told if variant.told else None))
         flown[name] = runs
         timings[name]["step_s"] = float(np.median(runs[0].step_s))
     values: dict[str, Any] = {
@@ -160,7 +117,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )  # fmt: skip
     errors = {
         "field": flown["field"][0].errors(truth),
-        "knn": np.hypot(*(neighbors - truth).T),
+        "knn": euclidean(neighbors, truth),
     }
     sigma = parameters.sigma or usual_sigma(train.diagonal, SIGMA)
     lag = _lag(flown["paper"], truth, float(np.median(np.diff(test.time))))
@@ -228,7 +185,7 @@ def _told(flight: Flight, seed: int) -> list[Aiding] | None:
 
 
 def _summary(
-    runs: list[Flown], truth: np.ndarray, diagonal: float, rng: np.random.Generator
+    runs: list[Track], truth: np.ndarray, diagonal: float, rng: np.random.Generator
 ) -> dict[str, Any]:
     """Errors in cm over all runs, and how often the claimed region held, in quarters too."""
     errors = 100 * np.stack([each.errors(truth) for each in runs])
@@ -245,16 +202,13 @@ def _summary(
     }
 
 
-def _lag(runs: list[Flown], truth: np.ndarray, period_s: float) -> dict[str, dict[str, Any]]:
+def _lag(runs: list[Track], truth: np.ndarray, period_s: float) -> dict[str, dict[str, Any]]:
     """Mean error if the estimates were so many frames late."""
     shifts = np.arange(min(MOST_LAG, len(truth) // 4) + 1)
     errors = [
         100
         * np.mean(
-            [
-                np.hypot(*(each.position[shift:] - truth[: len(truth) - shift]).T).mean()
-                for each in runs
-            ]
+            [euclidean(each.position[shift:], truth[: len(truth) - shift]).mean() for each in runs]
         )
         for shift in shifts
     ]

@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.stats import binom
 
 from trexton.estimate import Estimate
-from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import drawn_histograms, flown_estimates, map_of
+from trexton.experiments.evaluation import drawn_histograms, map_of
 from trexton.experiments.mocap_training import LANDING_SPREAD_M
+from trexton.experiments.track import Track, tracks
 from trexton.flights.flight import Flight
 from trexton.metrics import mean_with_interval
 from trexton.records import Record
@@ -54,11 +53,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     quarter_s = float(test.time[-1] - test.time[_settled(test)]) / QUARTERS
     for name in METHODS:
         method = texton_map.for_method(name, rng=stream(parameters.seed, "calibration"))
-        fly = partial(flown_estimates, method, histograms, samples, parameters.seed)
-        flown = spread(fly, range(parameters.repeats), METHODS[name])
-        claims = _Claims.of(flown, test)
+        runs = tracks(
+            method, histograms, repeats=parameters.repeats, seed=parameters.seed, counted=samples,
+            label=METHODS[name],
+        )  # fmt: skip
+        claims = _Claims.of(runs, test)
         values[name] = claims.values(stream(parameters.seed, "intervals"))
-        values[name]["independent_s"] = lasting = _independent(flown[0])
+        values[name]["independent_s"] = lasting = _independent(runs[0])
         values[name]["chance"] = None if lasting is None else _by_chance(quarter_s / lasting)
         series[name] = claims.groups()
     values["order"] = list(METHODS)
@@ -80,8 +81,8 @@ def _by_chance(looks: float) -> dict[str, float]:
     return {"looks": count, "low": float(low) / count, "high": float(high) / count}
 
 
-def _independent(flown: list[Estimate]) -> float | None:
-    measured = flown[-1].measurement
+def _independent(run: Track) -> float | None:
+    measured = run.estimates[-1].measurement
     return None if measured is None else measured.independent_s
 
 
@@ -110,18 +111,17 @@ class _Claims:
     spread: np.ndarray
 
     @classmethod
-    def of(cls, flown: list[list[Estimate]], test: Flight) -> _Claims:
+    def of(cls, runs: list[Track], test: Flight) -> _Claims:
         first, rows = _settled(test), []
-        for run in flown:
-            errors = np.array([each.position for each in run[first:]]) - test.position[first:]
-            claimed = np.array([each.covariance for each in run[first:]])
+        for run in runs:
+            errors, claimed = (run.position - test.position)[first:], run.covariance[first:]
             rows.append((
                 _squared(errors, claimed),
-                np.hypot(*errors.T),
+                run.errors(test.position)[first:],
                 np.sqrt(np.trace(claimed, axis1=1, axis2=2) / 2),
-                np.array([each.lost for each in run[first:]]),
-                _measured(run[first:], test.position[first:]),
-                np.array([each.spread.max() for each in run[first:]]),
+                run.lost[first:],
+                _measured(run.estimates[first:], test.position[first:]),
+                run.spread[first:].max(axis=1),
             ))  # fmt: skip
         return cls(*(np.array(column) for column in zip(*rows, strict=True)))
 
@@ -166,9 +166,9 @@ def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
     return squared
 
 
-def _measured(run: list[Estimate], truth: np.ndarray) -> np.ndarray:
-    found = np.full(len(run), np.nan)
-    for row, estimate in enumerate(run):
+def _measured(flown: list[Estimate], truth: np.ndarray) -> np.ndarray:
+    found = np.full(len(flown), np.nan)
+    for row, estimate in enumerate(flown):
         if estimate.measurement is not None:
             off = estimate.measurement.position - truth[row]
             found[row] = off @ np.linalg.solve(estimate.measurement.covariance, off)

@@ -14,7 +14,8 @@ import numpy as np
 
 from trexton.cache import cached
 from trexton.experiments.declaration import FilterParameters, option
-from trexton.experiments.evaluation import drawn_histograms, frames_of, tracks, trained_map
+from trexton.experiments.evaluation import drawn_histograms, frames_of, trained_map
+from trexton.experiments.track import tracks
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
 from trexton.metrics import summarize
@@ -116,7 +117,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             **common | variant.options,
         )
         rng = stream(parameters.seed, "intervals")
-        summary = summarize([run.estimate for run in runs], test.position, test.diagonal, rng=rng)
+        summary = summarize([run.position for run in runs], test.position, test.diagonal, rng=rng)
         variants[variant.key] = {
             "label": variant.label,
             "group": variant.group,

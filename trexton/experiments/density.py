@@ -19,10 +19,10 @@ from scipy.spatial import cKDTree
 from trexton.camera import Camera
 from trexton.executor import spread
 from trexton.experiments.aiding import mean_over_floors
-from trexton.experiments.beyond import Flown
 from trexton.experiments.declaration import option
 from trexton.experiments.evaluation import frames_of
 from trexton.experiments.floors import FloorParameters, lent_floor, painted_floor
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.parts.field import grid_cells
@@ -151,7 +151,7 @@ def _surveyed(
     for method in METHODS:
         texton_map = base.for_method(method, rng=stream(parameters.seed, f"map {method}"))
         rng = stream(seed, f"density {method}")
-        found = Flown.of(Localizer(texton_map, samples=parameters.samples, rng=rng), frames)
+        found = fly(Localizer(texton_map, samples=parameters.samples, rng=rng), frames)
         errors[method], held[method] = found.errors(truth), found.held(truth)
     places, _ = grid_cells(survey.area, PLACES)
     apart = float(cKDTree(survey.position).query(places)[0].mean())

@@ -1,20 +1,16 @@
-"""What several experiments share: a trained map, tracks of the localizer over a test flight."""
+"""What several experiments share: a trained map, frames to fly, what tracks are worth."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import partial
-from time import perf_counter
 from typing import Any
 
 import cv2
 import numpy as np
 
 from trexton.cache import cached
-from trexton.estimate import Estimate
-from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters
+from trexton.experiments.track import Track
 from trexton.flights.flight import Flight
 from trexton.histograms import sampled_histogram
 from trexton.localizer import Localizer, TextonMap
@@ -31,19 +27,15 @@ from trexton.progress import progress
 from trexton.streams import stream
 
 __all__ = [
-    "Track",
     "drawn_histograms",
     "drift",
     "evaluate",
     "evenly_spread",
     "floor_picture",
-    "flown_estimates",
-    "fly",
     "frames_of",
     "map_of",
     "neighbor_means",
     "trained_map",
-    "tracks",
     "whereabouts",
 ]
 
@@ -120,21 +112,6 @@ def drawn_histograms(test: Flight, texton_map: TextonMap, samples: int, seed: in
     return np.stack([sampled_histogram(image, dictionary, samples, rng=rng) for image in images])
 
 
-def flown_estimates(
-    texton_map: TextonMap,
-    histograms: np.ndarray,
-    samples: int | None,
-    seed: int,
-    repeat: int,
-) -> list[Estimate]:
-    """What the localizer says of each histogram, of which so many `samples` were counted."""
-    localizer = Localizer(texton_map, rng=stream(seed, "flight", repeat))
-    return [
-        localizer.advance(localizer.observation(histogram, samples=samples))
-        for histogram in histograms
-    ]
-
-
 def neighbor_means(
     texton_map: TextonMap, frames: Sequence[np.ndarray], *, k: int, samples: int, seed: int
 ) -> np.ndarray:
@@ -148,64 +125,6 @@ def neighbor_means(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Track:
-    """One run of the localizer over a flight: ``(N, 2)`` arrays in metres, and what it took.
-
-    `knn` is the plain mean of the k neighbours in every frame, the method without its filter.
-    """
-
-    estimate: np.ndarray
-    spread: np.ndarray
-    knn: np.ndarray
-    lost: np.ndarray
-    step_s: np.ndarray
-
-
-def fly(localizer: Localizer, frames: Sequence[np.ndarray]) -> Track:
-    """Step the localizer through all frames."""
-    rows, step_s = [], []
-    for frame in frames:
-        start = perf_counter()
-        estimate = localizer.step(frame)
-        step_s.append(perf_counter() - start)
-        assert estimate.neighbors is not None  # of the paper's method, which asks for them
-        rows.append(
-            (
-                estimate.position,
-                estimate.spread,
-                estimate.neighbors.position.mean(axis=0),
-                estimate.lost,
-            )
-        )
-    position, spread, knn, lost = (np.array(column) for column in zip(*rows, strict=False))
-    return Track(position, spread, knn, lost, np.array(step_s))
-
-
-def tracks(
-    texton_map: TextonMap,
-    frames: Sequence[np.ndarray],
-    *,
-    repeats: int,
-    seed: int,
-    first: int = 0,
-    **options: Any,
-) -> list[Track]:
-    """`repeats` independent runs; run i draws from stream ``"flight", first + i``."""
-    run = partial(_run, texton_map, frames, seed, options)
-    return spread(run, range(first, first + repeats), "runs of the filter")
-
-
-def _run(
-    texton_map: TextonMap,
-    frames: Sequence[np.ndarray],
-    seed: int,
-    options: dict[str, Any],
-    number: int,
-) -> Track:
-    return fly(Localizer(texton_map, rng=stream(seed, "flight", number), **options), frames)
-
-
 def drift(
     runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 500
 ) -> dict[str, Any]:
@@ -213,10 +132,10 @@ def drift(
     accumulate?
     """
     minutes = (test.time - test.time[0]) / 60
-    euclidean = [100 * np.hypot(*absolute_errors(run.estimate, test.position).T) for run in runs]
+    error_cm = [100 * run.errors(test.position) for run in runs]
 
     def slope(run: int, rows: np.ndarray) -> float:
-        return float(np.polyfit(minutes[rows], euclidean[run][rows], 1)[0])
+        return float(np.polyfit(minutes[rows], error_cm[run][rows], 1)[0])
 
     drawn = [slope(int(rng.integers(len(runs))), block_rows(len(test), rng)) for _ in range(draws)]
     low, high = bootstrap_interval(drawn, len(test))
@@ -246,18 +165,18 @@ def evaluate(
         return summarize(estimates, test.position, test.diagonal, rng=rng)
 
     values = {
-        "filter": summary([run.estimate for run in runs]),
+        "filter": summary([run.position for run in runs]),
         "knn": summary([run.knn for run in runs]),
         "constant_guess": summary([constant_guess(train_positions, len(test))]),
         "shuffled_neighbors": summary([shuffled_neighbors(train_positions, len(test), k, rng=rng)]),
     }
-    means = [absolute_errors(run.estimate, test.position).mean() for run in runs]
+    means = [absolute_errors(run.position, test.position).mean() for run in runs]
     run = runs[int(np.argsort(means, kind="stable")[(len(means) - 1) // 2])]
     series = {
         "time_s": test.time - test.time[0],
         "start_s": test.time[0],
         "truth_m": test.position,
-        "estimate_m": run.estimate,
+        "estimate_m": run.position,
         "spread_m": run.spread,
         "knn_m": run.knn,
         "area_m": test.area,

@@ -22,10 +22,11 @@ from trexton.errors import ParameterError
 from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.declaration import SeedParameters
 from trexton.experiments.evaluation import frames_of
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.flights.registry import data_folder
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import absolute_errors, block_rows, bootstrap_interval, constant_guess
+from trexton.metrics import block_rows, bootstrap_interval, constant_guess, euclidean
 from trexton.options import Options, option
 from trexton.parts.field import grid_cells
 from trexton.simulator import LAYOUTS, PERIOD, Floor, record_flight
@@ -123,7 +124,7 @@ def judge_floor(
     expected = texton_map.parts["measurement"].expected_error
     heat = _over_floor(expected, floor.area)
     rng = stream(flights.seed, "intervals")
-    first = _euclidean(next(iter(runs.values())), test)
+    first = euclidean(next(iter(runs.values())), test.position)
     centre = constant_guess(texton_map.positions, len(test))
     losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
     return {
@@ -154,18 +155,14 @@ def _flown(
     """``(N, 2)`` estimates of a method over the frames."""
     flown = texton_map.for_method(method, rng=stream(seed, f"map {method}"))
     localizer = Localizer(flown, rng=stream(seed, "flight", 0))
-    return np.array([localizer.step(frame).position for frame in frames])
-
-
-def _euclidean(estimates: np.ndarray, flight: Flight) -> np.ndarray:
-    return np.hypot(*absolute_errors(estimates, flight.position).T)
+    return fly(localizer, frames).position
 
 
 def _summary(estimates: np.ndarray, flight: Flight, rng: np.random.Generator) -> dict[str, float]:
     """Mean error in cm with its 95 % interval over stretches of the flight, and the 95th
     percentile.
     """
-    errors = 100 * _euclidean(estimates, flight)
+    errors = 100 * euclidean(estimates, flight.position)
     drawn = [errors[block_rows(len(errors), rng)].mean() for _ in range(400)]
     low, high = bootstrap_interval(drawn, len(errors))
     return {

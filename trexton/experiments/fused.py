@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from trexton.errors import ParameterError
 from trexton.estimate import Estimate
-from trexton.executor import spread
 from trexton.experiments.calibration import METHODS, REGION
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import drawn_histograms, flown_estimates, map_of
+from trexton.experiments.evaluation import drawn_histograms, map_of
 from trexton.experiments.receivers import RECEIVERS, Receiver, Settings, readings
+from trexton.experiments.track import tracks
 from trexton.flights.flight import Flight
-from trexton.metrics import mean_with_interval
+from trexton.metrics import euclidean, mean_with_interval
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
@@ -59,8 +58,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     series: dict[str, Any] = {"time_s": test.time - test.time[0]}
     for name, label in METHODS.items():
         method = texton_map.for_method(name, rng=stream(parameters.seed, "fused"))
-        fly = partial(flown_estimates, method, histograms, samples, parameters.seed)
-        flights = spread(fly, range(parameters.repeats), label)
+        tracked = tracks(
+            method, histograms, repeats=parameters.repeats, seed=parameters.seed, counted=samples,
+            label=label,
+        )  # fmt: skip
+        flights = [track.estimates for track in tracked]
         lasting = flights[0][-1].measurement
         alike = 1.0 if lasting is None else max(1.0, lasting.independent_s / period)
         usable = [not estimate.lost_in(test.area) for flown in flights for estimate in flown]
@@ -132,7 +134,7 @@ def _fuse(
             ratios = receiver.fuse(float(time), told.position, np.diagonal(told.covariance))
             nis[row] = ratios.sum(axis=1)
         if receiver.begun:
-            error[row] = np.hypot(*(receiver.position - test.position[row]).T)
+            error[row] = euclidean(receiver.position, test.position[row])
             claimed[row] = np.sqrt(receiver.variance.sum(axis=1))
             squared[row] = receiver.squared_error(test.position[row])
     first = int(np.searchsorted(test.time, test.time[0] + SETTLED_S))

@@ -19,7 +19,7 @@ from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.evaluation import evenly_spread
 from trexton.flights.flight import Flight
 from trexton.histograms import texton_histogram
-from trexton.metrics import constant_guess, mean_with_interval
+from trexton.metrics import constant_guess, euclidean, mean_with_interval
 from trexton.neighbors import NearestHistograms, neighbors_in_flight
 from trexton.parts.distances import Euclidean, Hellinger
 from trexton.records import Record
@@ -88,7 +88,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         view: {count: 100 * _errors(histograms, view, count, truth, parameters) for count in COUNTS}
         for view in VIEWS
     }
-    centre = np.hypot(*(constant_guess(truth, len(truth)) - truth).T)
+    centre = euclidean(constant_guess(truth, len(truth)), truth)
     values: dict[str, Any] = {
         "error_cm": {
             view: {count: mean_with_interval(each[None], rng) for count, each in found.items()}
@@ -171,13 +171,12 @@ def _errors(
     nearest = NearestHistograms(histograms[flown, cells], truth, k, distance=measure)
     order = np.arange(len(truth), dtype=float)  # those left out are counted, not timed
     rows = neighbors_in_flight(nearest, histograms[view, cells], order, k, parameters.left_out)
-    errors: np.ndarray = np.hypot(*(truth[rows].mean(axis=1) - truth).T)
-    return errors
+    return euclidean(truth[rows].mean(axis=1), truth)
 
 
 def _bound(truth: np.ndarray, left_out: int) -> np.ndarray:
     """``(N,)`` metres to the nearest picture that may be named: no answer of one can be better."""
-    apart_m = np.hypot(*(truth[:, None] - truth[None]).transpose(2, 0, 1))
+    apart_m = euclidean(truth[:, None], truth)
     order = np.arange(len(truth))
     apart_m[np.abs(order[:, None] - order) <= left_out] = np.inf
     bound: np.ndarray = apart_m.min(axis=1)

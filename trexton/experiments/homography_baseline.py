@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.experiments.clock import of_frames
+from trexton.clock import of_frames
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.evaluation import floor_picture
 from trexton.experiments.stitched import (
@@ -20,7 +20,7 @@ from trexton.experiments.stitched import (
     picture_of,
 )
 from trexton.flights.flight import Flight
-from trexton.metrics import summarize
+from trexton.metrics import euclidean, summarize
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import interval, middle, number
@@ -98,7 +98,7 @@ def _counts(located: Located, test: Flight) -> dict[str, Any]:
     """Frames without a homography, and with one that is off by more than half the width of the
     area.
     """
-    error = np.hypot(*(located.position - test.position).T)
+    error = euclidean(located.position, test.position)
     x_min, x_max, y_min, y_max = test.area
     gross = error > min(x_max - x_min, y_max - y_min) / 2
     return {

@@ -10,19 +10,14 @@ from typing import Any
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
-from trexton.experiments.clock import of_frames
+from trexton.clock import of_frames
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import (
-    evaluate,
-    floor_picture,
-    frames_of,
-    map_of,
-    tracks,
-)
+from trexton.experiments.evaluation import evaluate, floor_picture, frames_of, map_of
 from trexton.experiments.stitched import homography_maps, locate_all
+from trexton.experiments.track import tracks
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
-from trexton.metrics import absolute_errors, summarize
+from trexton.metrics import absolute_errors, euclidean, summarize
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import middle, number
@@ -47,7 +42,7 @@ def filtered_positions(position: np.ndarray) -> np.ndarray:
         return np.column_stack([np.interp(rows, rows[kept], column[kept]) for column in values.T])
 
     running = median_filter(filled(position), size=(MEDIAN_FRAMES, 1), mode="nearest")
-    kept &= np.hypot(*(position - running).T) <= OUTLIER_M
+    kept &= euclidean(position, running) <= OUTLIER_M
     return gaussian_filter1d(filled(position), SMOOTHING_FRAMES, axis=0, mode="nearest")
 
 

@@ -20,14 +20,15 @@ from trexton.estimate import LOST_SHARE, ignorance
 from trexton.executor import spread
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, map_of
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import success_rate
+from trexton.metrics import euclidean, success_rate
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
 
-__all__ = ["filter_trials", "finding", "Parameters", "run", "Trial"]
+__all__ = ["filter_trials", "finding", "found_after", "Parameters", "run", "Trial"]
 
 # name: method, choices
 FILTERS: dict[str, tuple[str, dict[str, object]]] = {
@@ -66,11 +67,15 @@ class Trial:
 
     def found_after(self, tolerance: float, consecutive: int) -> int | None:
         """Frames to the first of `consecutive` in a row within `tolerance` metres, or None."""
-        good = self.error[self.cut :] < tolerance
-        for frame in range(len(good) - consecutive + 1):
-            if good[frame : frame + consecutive].all():
-                return frame
-        return None
+        return found_after(self.error[self.cut :] < tolerance, consecutive)
+
+
+def found_after(right: np.ndarray, consecutive: int) -> int | None:
+    """Frames to the first of `consecutive` in a row that are right, or None."""
+    for frame in range(len(right) - consecutive + 1):
+        if right[frame : frame + consecutive].all():
+            return frame
+    return None
 
 
 @dataclass(frozen=True)
@@ -116,7 +121,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         )
         values[name] = _values(trials, parameters.tolerance, parameters.consecutive, period)
         series[name] = _series(trials, parameters.tolerance, parameters.consecutive, period)
-    distances = np.hypot(*(test.position[plan[:, 1]] - test.position[plan[:, 0]]).T)
+    distances = euclidean(*test.position[plan.T])
     return parameters.record(
         train,
         test,
@@ -145,8 +150,8 @@ def _plan(test: Flight, count: int, patience: int, rng: np.random.Generator) -> 
     x_min, x_max, y_min, y_max = test.area
     far = max(x_max - x_min, y_max - y_min) / 2
     starts, targets = np.arange(patience, len(test)), np.arange(len(test) - patience + 1)
-    steps = test.position[targets][None] - test.position[starts][:, None]
-    pairs = np.argwhere(np.hypot(steps[..., 0], steps[..., 1]) >= far)
+    apart = euclidean(test.position[targets], test.position[starts][:, None])
+    pairs = np.argwhere(apart >= far)
     if not len(pairs):
         raise FlightError(
             f"flight {test.name!r} has no two places {far:.1f} m apart, {patience} frames from its "
@@ -173,8 +178,8 @@ def filter_trials(
     rows = [
         np.r_[taken - patience : taken, carried : carried + patience] for taken, carried in plan
     ]
-    fly = partial(_trial, texton_map, histograms, truth, patience, choices, samples, seed)
-    return spread(fly, list(enumerate(rows)), f"kidnappings, {texton_map.method}")
+    trial = partial(_trial, texton_map, histograms, truth, patience, choices, samples, seed)
+    return spread(trial, list(enumerate(rows)), f"kidnappings, {texton_map.method}")
 
 
 def _trial(
@@ -191,15 +196,11 @@ def _trial(
     number, rows = numbered
     nothing = float(np.hypot(*ignorance(texton_map.area)))
     rng = stream(seed, "kidnappings", number)
-    localizer = Localizer(texton_map, rng=rng, **choices)
-    estimates = [
-        localizer.advance(localizer.observation(histograms[row], samples=samples)) for row in rows
-    ]
-    position = np.array([estimate.position for estimate in estimates])
+    run = fly(Localizer(texton_map, rng=rng, **choices), histograms[rows], counted=samples)
     return Trial(
-        np.hypot(*(position - truth[rows]).T),
-        np.sqrt([np.trace(estimate.about_position) for estimate in estimates]) / nothing,
-        np.array([estimate.lost for estimate in estimates]),
+        run.errors(truth[rows]),
+        np.sqrt([np.trace(estimate.about_position) for estimate in run.estimates]) / nothing,
+        run.lost,
         patience,
         taken=int(rows[0]) // patience,
         carried=int(rows[patience]) // patience,

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from trexton.camera import Camera
-from trexton.experiments.beyond import VARIANTS, Flown
+from trexton.experiments.beyond import VARIANTS
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import map_of
 from trexton.experiments.floors import lent_floor
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import mean_with_interval
@@ -113,7 +114,7 @@ def _errors(
     for name, texton_map in maps.items():
         rng = stream(parameters.seed, f"light {name}")
         localizer = Localizer(texton_map, samples=parameters.samples, rng=rng)
-        error_cm = 100 * Flown.of(localizer, frames).errors(truth)
+        error_cm = 100 * fly(localizer, frames).errors(truth)
         found[name] = mean_with_interval(error_cm[None], stream(parameters.seed, "intervals"))
     return found
 

@@ -11,16 +11,11 @@ import numpy as np
 
 from trexton.experiments.correlation import pair_correlation, pearson, rank_correlation
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import (
-    evenly_spread,
-    floor_picture,
-    fly,
-    frames_of,
-    map_of,
-)
+from trexton.experiments.evaluation import evenly_spread, floor_picture, frames_of, map_of
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.metrics import absolute_errors, block_rows, bootstrap_interval
+from trexton.metrics import block_rows, bootstrap_interval, euclidean
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
 from trexton.streams import stream
@@ -73,7 +68,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     sigma = parameters.sigma or usual
     losses = local_losses(histograms, positions, sigma)
     rows = texton_map.training().neighbors(parameters.neighbors, EXCLUDED_SECONDS)
-    errors = _euclidean(positions[rows].mean(axis=1), positions)
+    errors = euclidean(positions[rows].mean(axis=1), positions)
     similarity, similarity_series = _similarity(histograms, positions, parameters.seed)
     sigmas = [round(share * usual, 4) for share in SWEPT]
     sweep, chosen = _sweep(histograms, positions, errors, sigma, sigmas, parameters.seed)
@@ -112,17 +107,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _euclidean(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
-    return np.hypot(*absolute_errors(estimates, truth).T)
-
-
 def _similarity(
     histograms: np.ndarray, positions: np.ndarray, seed: int
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Actual similarity of all pairs of frames against their distance."""
     rows = evenly_spread(len(histograms), PAIRED_FRAMES)
     alike, place = cosine_similarity(histograms[rows]), positions[rows]
-    distance = np.hypot(*(place[:, None] - place).transpose(2, 0, 1))
+    distance = euclidean(place[:, None], place)
     rng = stream(seed, "similarity")
     values = {
         "lowest": alike.min(),
@@ -214,8 +205,8 @@ def _unseen(
     expected = smooth(losses, texton_map.positions, test.position, sigma)
     track = fly(Localizer(texton_map, rng=stream(seed, "flight"), **options), frames_of(test))
     errors = {
-        "test_knn": _euclidean(track.knn, test.position),
-        "test_filter": _euclidean(track.estimate, test.position),
+        "test_knn": euclidean(track.knn, test.position),
+        "test_filter": track.errors(test.position),
     }
     rng = stream(seed, "unseen")
     values = {name: rank_correlation(expected, wrong, rng=rng) for name, wrong in errors.items()}

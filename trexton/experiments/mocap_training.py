@@ -8,21 +8,20 @@ from typing import Any
 
 import numpy as np
 
-from trexton.experiments.clock import of_frames
+from trexton.clock import of_frames
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import (
-    Track,
     drift,
     evaluate,
     floor_picture,
     frames_of,
     map_of,
-    tracks,
     whereabouts,
 )
+from trexton.experiments.track import Track, tracks
 from trexton.flights.flight import Flight
 from trexton.localizer import TextonMap
-from trexton.metrics import absolute_errors, block_rows, bootstrap_interval, summarize
+from trexton.metrics import absolute_errors, block_rows, bootstrap_interval, euclidean, summarize
 from trexton.parts import ROLES
 from trexton.records import Record
 from trexton.streams import stream
@@ -136,7 +135,7 @@ def _estimators(
         )
         rng = stream(seed, "estimators")
         result[name] = summarize(
-            [run.estimate for run in others], test.position, test.diagonal, rng=rng
+            [run.position for run in others], test.position, test.diagonal, rng=rng
         )["mean_cm"]
     return result
 
@@ -147,7 +146,7 @@ def _spread(
     """Is the particles' spread honest? Shares of the errors of an axis that it covers."""
     ratio = np.array(
         [
-            absolute_errors(run.estimate, test.position) / np.maximum(run.spread, 1e-9)
+            absolute_errors(run.position, test.position) / np.maximum(run.spread, 1e-9)
             for run in runs
         ]
     )
@@ -170,7 +169,7 @@ def _lag(runs: list[Track], test: Flight) -> dict[str, Any]:
     """By how much the estimates trail: the shift in time under which they fit the truth best."""
     shifts = range(min(MOST_LAG_FRAMES, len(test) // 4))
     errors = [
-        np.mean([np.hypot(*(run.estimate[n:] - test.position[: len(test) - n]).T) for run in runs])
+        np.mean([euclidean(run.position[n:], test.position[: len(test) - n]) for run in runs])
         for n in shifts
     ]
     best = int(np.argmin(errors))

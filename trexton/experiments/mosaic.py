@@ -13,6 +13,7 @@ import numpy as np
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.stitched import floor_residual, picture_of, stitched_map
 from trexton.flights.flight import Flight
+from trexton.metrics import euclidean
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number
@@ -45,7 +46,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     mosaic = stitched_map(train, parameters.anchors)
     seconds = perf_counter() - start
     extent, picture = picture_of(mosaic.map)
-    error_cm = 100 * np.hypot(*(mosaic.poses[:, :2] - train.position).T)[mosaic.used]
+    error_cm = 100 * euclidean(mosaic.poses[:, :2], train.position)[mosaic.used]
     values = {
         "frames": len(train),
         "used": int(mosaic.used.sum()),

@@ -16,7 +16,7 @@ from trexton.experiments.evaluation import floor_picture, map_of
 from trexton.flights.flight import Flight
 from trexton.images import bgr_from_yuv
 from trexton.localizer import Estimate, Localizer
-from trexton.metrics import absolute_errors
+from trexton.metrics import euclidean
 from trexton.patches import gather_patches, sample_positions
 from trexton.progress import progress
 from trexton.records import Record
@@ -60,7 +60,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         states.append(rng.bit_generator.state)
         estimates.append(localizer.step(image))
     track = np.array([estimate.position for estimate in estimates])
-    errors = np.hypot(*absolute_errors(track, test.position).T)
+    errors = euclidean(track, test.position)
     row = _typical(errors) if parameters.frame is None else _row(test, parameters.frame)
     image, estimate = test.image(row), estimates[row]
     rng.bit_generator.state = states[row]

@@ -10,11 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from trexton.bench import STAGES, machine, measure
-from trexton.bench.clock import Row, interleave, limited_threads
+from trexton.bench import STAGES, measure
+from trexton.bench.clock import Row, interleave
+from trexton.executor import limited_threads
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.flights.flight import Flight
-from trexton.records import Record
+from trexton.records import Record, machine
 from trexton.streams import stream
 from trexton.wording import number
 

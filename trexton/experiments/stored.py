@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from trexton.experiments.clock import frequency, milliseconds
-from trexton.experiments.evaluation import fly
+from trexton.clock import frequency, milliseconds
+from trexton.experiments.track import fly
 from trexton.localizer import Localizer, TextonMap
 from trexton.neighbors import NearestHistograms
 from trexton.progress import progress

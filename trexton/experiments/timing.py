@@ -10,18 +10,17 @@ from typing import Any
 
 import numpy as np
 
-from trexton.bench import machine
-from trexton.bench.clock import limited_threads
-from trexton.bench.stages import STAGES, StageClock
-from trexton.experiments.clock import frequency, milliseconds
+from trexton.clock import STAGES, StageClock, frequency, milliseconds
+from trexton.executor import limited_threads
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import fly, frames_of, map_of
+from trexton.experiments.evaluation import frames_of, map_of
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.homography import HomographyLocalizer
 from trexton.localizer import Localizer
 from trexton.patches import position_grid
 from trexton.progress import progress
-from trexton.records import Record
+from trexton.records import Record, machine
 from trexton.streams import stream
 from trexton.wording import number, percent, times
 

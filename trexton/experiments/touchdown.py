@@ -31,7 +31,7 @@ from trexton.experiments.triggered_landing import mission_over
 from trexton.flights.flight import Flight
 from trexton.landing import LandingZone, TouchdownZone
 from trexton.localizer import TextonMap
-from trexton.metrics import mean_over_groups, success_rate
+from trexton.metrics import euclidean, mean_over_groups, success_rate
 from trexton.parts import make
 from trexton.records import Record
 from trexton.simulator import record_flight
@@ -235,8 +235,7 @@ def _field(survey: Flight, parameters: Parameters, rng: np.random.Generator) -> 
 def _distances(attempts: list[Attempt], place: str) -> np.ndarray:
     """``(N,)`` metres from the zone's centre; NaN where nothing was triggered."""
     places = np.array([getattr(attempt, place) for attempt in attempts])
-    distance: np.ndarray = np.hypot(*(places - [attempt.zone for attempt in attempts]).T)
-    return distance
+    return euclidean(places, np.array([attempt.zone for attempt in attempts]))
 
 
 def _counts(attempts: list[Attempt], radius: float) -> dict[str, int]:

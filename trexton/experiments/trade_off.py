@@ -11,13 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from trexton.bench.clock import limited_threads
-from trexton.executor import working_on
-from trexton.experiments.clock import frequency, milliseconds
+from trexton.clock import frequency, milliseconds
+from trexton.executor import limited_threads, working_on
 from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.declaration import MapParameters, option
-from trexton.experiments.evaluation import Track, fly, frames_of, map_of, tracks
+from trexton.experiments.evaluation import frames_of, map_of
 from trexton.experiments.stored import time_stored
+from trexton.experiments.track import Track, fly, tracks
 from trexton.experiments.tuned import search_settings
 from trexton.flights.flight import Flight
 from trexton.histograms import texton_histogram
@@ -101,7 +101,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         | best
         | {
             "default": bench.summary(
-                [run.estimate for run in sweeps["particles"].runs[parameters.particles]]
+                [run.position for run in sweeps["particles"].runs[parameters.particles]]
             ),
             "tree_agrees": agreement,
             "camera_hz": 1 / np.median(np.diff(test.time)),
@@ -198,7 +198,7 @@ class _Bench:
             )
             runs = result.runs[value] = self._runs(setting, repeats)
             filtered, knn = (
-                self.summary([getattr(run, of) for run in runs]) for of in ("estimate", "knn")
+                self.summary([getattr(run, of) for run in runs]) for of in ("position", "knn")
             )
             errors = {key: filtered[key] for key in _KEPT} | {
                 "knn": {key: knn[key] for key in _KEPT}
@@ -280,7 +280,7 @@ def _gain(
 ) -> dict[str, Any]:
     """By which share the error in x falls from one setting to another, with its 95 % interval."""
     first, second = (
-        np.stack([absolute_errors(run.estimate, test.position)[:, 0] for run in runs])
+        np.stack([absolute_errors(run.position, test.position)[:, 0] for run in runs])
         for runs in (before, after)
     )
 

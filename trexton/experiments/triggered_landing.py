@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from trexton.clock import of_frames
 from trexton.errors import ParameterError
-from trexton.experiments.clock import of_frames
 from trexton.experiments.closed_loop import Attempt, Lander, LandingParameters, Mission, fly_all
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import floor_picture, map_of

@@ -5,7 +5,7 @@ Tuned means chosen by a replay of the training flight; the best in hindsight sta
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -14,10 +14,10 @@ import numpy as np
 
 from trexton.errors import MapError
 from trexton.executor import spread
-from trexton.experiments.evaluation import tracks
+from trexton.experiments.track import fly
 from trexton.flights.flight import Flight
 from trexton.histograms import sampled_histogram
-from trexton.localizer import TextonMap
+from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import summarize
 from trexton.streams import stream
 from trexton.tuning import replayed_errors
@@ -116,11 +116,13 @@ class _Trial:
         """Statistics by noise, and the replay's error in centimetres: None where the training
         flight is too short.
         """
-        m, k = setting["particles"], setting["neighbors"]
+        options = {key: setting[key] for key in ("particles", "neighbors")}
         summaries = {}
         for noise, texton_map in self.maps.items():
             estimates = [
-                _fly(texton_map, one, self.seed, i, m, k)
+                fly(
+                    Localizer(texton_map, rng=stream(self.seed, "flight", i), **options), one
+                ).position
                 for i, one in enumerate(self.flights[setting["samples"]])
             ]
             rng = stream(self.seed, "intervals")
@@ -159,16 +161,3 @@ def _sampled(
     images: list[np.ndarray], texton_map: TextonMap, samples: int, rng: np.random.Generator
 ) -> list[np.ndarray]:
     return [sampled_histogram(image, texton_map.alphabet, samples, rng=rng) for image in images]
-
-
-def _fly(
-    texton_map: TextonMap,
-    histograms: Sequence[np.ndarray],
-    seed: int,
-    number: int,
-    particles: int,
-    neighbors: int,
-) -> np.ndarray:
-    options = {"particles": particles, "neighbors": neighbors}
-    (run,) = tracks(texton_map, histograms, repeats=1, seed=seed, first=number, **options)
-    return run.estimate

@@ -13,6 +13,7 @@ from trexton.figures.style import (
     length_unit,
     show_floor,
 )
+from trexton.metrics import euclidean
 from trexton.records import Record
 
 __all__ = ["LABELS", "error_shares", "over_the_floor"]
@@ -79,7 +80,7 @@ def error_shares(record: Record) -> Figure:
         plot = axes[0, 0]
         for name in names:
             label, color = LABELS[name]
-            error = scale * np.sort(np.hypot(*(np.array(series[f"{name}_m"]) - truth).T))
+            error = scale * np.sort(euclidean(np.array(series[f"{name}_m"]), truth))
             share = 100 * np.arange(1, len(error) + 1) / len(error)
             plot.step(
                 error, share, where="post", color=COLORS[color], label=label,

@@ -6,6 +6,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from trexton.figures.style import COLORS, canvas, floor_axes, legend_above, legend_below, show_floor
+from trexton.metrics import euclidean
 from trexton.records import Record
 
 __all__ = ["MAPS", "error_distribution", "fixes"]
@@ -47,7 +48,7 @@ def error_distribution(record: Record) -> Figure:
         for name, (label, stroke) in MAPS.items():
             if f"{name}_m" not in record.series:
                 continue
-            error = 100 * np.hypot(*(np.array(record.series[f"{name}_m"], dtype=float) - truth).T)
+            error = 100 * euclidean(np.array(record.series[f"{name}_m"], dtype=float), truth)
             error = np.sort(error[np.isfinite(error)])
             share = 100 * np.arange(1, len(error) + 1) / len(truth)
             color = COLORS["homography"]

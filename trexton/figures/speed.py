@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import NullFormatter
 
-from trexton.bench.clock import duration
 from trexton.figures.style import COLORS, SERIES, canvas, legend_below
 from trexton.records import Record
+from trexton.wording import duration
 
 __all__ = ["growth", "limits", "roofline", "rows"]
 

@@ -6,11 +6,9 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections import Counter
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from trexton.camera import Camera
@@ -25,17 +23,14 @@ from trexton.files import (
 )
 from trexton.flights.flight import Flight
 from trexton.flights.folder import FARTHEST, load_folder, read_flight, write_tables
-from trexton.flights.frames import Frames, ImageFiles, select_frames
+from trexton.flights.frames import ImageFiles, select_frames
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.recording import NANO, Recording, match
-from trexton.images import bgr_from_yuv, check_size, checked_bytes, decode
+from trexton.flights.rewriting import Change, write_images
 from trexton.options import Options, option
-from trexton.progress import progress, say
+from trexton.progress import say
 
 __all__ = ["Common", "import_flight"]
-
-QUALITY = 95  # of JPEG files that are written anew
-_ASPECT = 0.02  # relative difference of aspect up to which an image is scaled to the others' size
 
 
 @dataclass(frozen=True)
@@ -114,7 +109,11 @@ def import_flight(
             if common.offset
             else "stamps of frames and positions taken as of one clock"
         )
-    change = None if recording.frames is None else _Change.of(recording, common, source)
+    change = None
+    if recording.frames is not None:
+        change = Change.of(
+            recording, source, undistort=common.undistort, mask=common.mask, scale=common.scale
+        )
     states = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in read]
     key = digest(
         kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns, states,
@@ -125,7 +124,7 @@ def import_flight(
             _prepare(work, key)
             camera, frames = recording.camera, None
             if change is not None:
-                frames, camera, written = _write_images(recording, change, work / "images")
+                frames, camera, written = write_images(recording, change, work / "images")
                 said += written
             flight = _flight(recording, split, placed, camera, frames, common.name or out.name)
             write_tables(flight, work)
@@ -241,164 +240,3 @@ def _flight(
         licence=recording.licence,
         notes=(f"time zero is stamp {first} ns of the source", *recording.notes),
     )
-
-
-def _write_images(
-    recording: Recording, change: _Change, folder: Path
-) -> tuple[ImageFiles, Camera | None, list[str]]:
-    """Write every image that is not there yet; all of one size."""
-    assert recording.frames is not None
-    frames = recording.frames
-    count = len(frames)
-    files, turned, scaled = [], 0, 0
-    there = {path.stem: path for path in folder.iterdir() if path.suffix != ".part"}
-    for row in progress(range(count), "images", count):
-        if (stem := f"{row:06d}") in there:
-            files.append(there[stem])
-            continue
-        file = folder / f"{stem}{change.suffix(frames, row)}"
-        files.append(file)
-        data, was_turned, was_scaled = change.apply(frames, row)
-        turned, scaled = turned + was_turned, scaled + was_scaled
-        part = folder / f".{file.name}.part"
-        part.write_bytes(data)
-        os.replace(part, file)
-    said = [f"{count} images of {change.size[0]}x{change.size[1]}"]
-    if turned or scaled:
-        said.append(f"{turned} images were turned upright, {scaled} scaled to the size of most")
-    return ImageFiles(tuple(files)), change.camera(recording.camera), said
-
-
-@dataclass(frozen=True, eq=False)
-class _Change:
-    """What is done to each image: undistorted, cropped to what the mask leaves, scaled.
-
-    `size` is width and height of the images written, `full` those before cropping and scaling.
-    """
-
-    full: tuple[int, int]
-    size: tuple[int, int]
-    crop: tuple[int, int, int, int]
-    maps: tuple[np.ndarray, np.ndarray] | None
-    keeps: bool
-
-    @classmethod
-    def of(cls, recording: Recording, common: Common, source: Path) -> _Change:
-        assert recording.frames is not None
-        full = _usual_size(recording.frames)
-        maps = None
-        if common.undistort:
-            matrix, distortion = _calibration(common.undistort, recording, source, full)
-            maps = cv2.initUndistortRectifyMap(
-                matrix, distortion, np.eye(3), matrix, full, cv2.CV_32FC1
-            )
-        crop = _free_rectangle(common.mask, full) if common.mask else (0, 0, *full)
-        size = (round(crop[2] * common.scale), round(crop[3] * common.scale))
-        if min(size) < 1:
-            raise ParameterError(
-                f"scale {common.scale:g} leaves nothing of {crop[2]}x{crop[3]} pixels: give more"
-            )
-        return cls(full, size, crop, maps, maps is None and size == full)
-
-    def suffix(self, frames: Frames, row: int) -> str:
-        """Of the file that is written: the source's own where it can be kept."""
-        own = frames.files[row].suffix.lower() if isinstance(frames, ImageFiles) else ""
-        return own if self.keeps and own in (".jpg", ".jpeg", ".png") else ".jpg"
-
-    def camera(self, camera: Camera | None) -> Camera | None:
-        """The camera of the images as they are written."""
-        if camera is None or (camera.width, camera.height) != self.full:
-            return None
-        x, y, width, height = self.crop
-        scale = self.size[0] / width
-        center = tuple(
-            (value - start + 0.5) * scale - 0.5
-            for value, start in zip(camera.principal_point, (x, y), strict=True)
-        )
-        return Camera(*self.size, camera.focal * scale, (center[0], center[1]))
-
-    def apply(self, frames: Frames, row: int) -> tuple[bytes, bool, bool]:
-        """The bytes of the image file, and whether it was turned and scaled to the size of most."""
-        image = frames[row]
-        size = (image.shape[1], image.shape[0])
-        if self.keeps and size == self.full and isinstance(frames, ImageFiles):
-            if self.suffix(frames, row) == frames.files[row].suffix.lower():
-                return frames.files[row].read_bytes(), False, False
-        image = bgr_from_yuv(image)  # black stays black where a lens is undistorted
-        turned = size != self.full and size[::-1] == self.full
-        if turned:
-            image = cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE)
-        scaled = image.shape[1::-1] != self.full
-        if scaled:
-            aspect = image.shape[1] / image.shape[0] * self.full[1] / self.full[0]
-            if abs(aspect - 1) > _ASPECT:
-                raise FlightError(
-                    f"image {row} is {size[0]}x{size[1]} where most are "
-                    f"{self.full[0]}x{self.full[1]}, "
-                    "of another shape: leave it out"
-                )
-            image = cv2.resize(image, self.full, interpolation=cv2.INTER_AREA)
-        if self.maps is not None:
-            image = cv2.remap(image, *self.maps, cv2.INTER_LINEAR)
-        x, y, width, height = self.crop
-        image = image[y : y + height, x : x + width]
-        if image.shape[1::-1] != self.size:
-            image = cv2.resize(image, self.size, interpolation=cv2.INTER_AREA)
-        quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
-        _, data = cv2.imencode(self.suffix(frames, row), image, quality)
-        return data.tobytes(), turned, scaled
-
-
-def _usual_size(frames: Frames) -> tuple[int, int]:
-    """The commonest width and height: of files by their heads, else of the first frame."""
-    if isinstance(frames, ImageFiles):
-        return Counter(check_size(file) for file in frames.files).most_common(1)[0][0]
-    height, width = frames[0].shape[:2]
-    return width, height
-
-
-def _calibration(
-    name: str, recording: Recording, source: Path, size: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Camera matrix and distortion: of the source itself (`own`), an EuRoC ``sensor.yaml``, or
-    OpenCV's file.
-    """
-    camera, distortion = recording.camera, recording.distortion
-    if name != "own":
-        from trexton.flights.importers.calibration import read_calibration
-
-        camera, distortion = read_calibration(Path(name))
-    if camera is None or distortion is None:
-        where = source if name == "own" else name
-        raise ParameterError(
-            f"undistort {name!r}: no calibration with radial and tangential distortion in {where}"
-        )
-    if (camera.width, camera.height) != size:
-        raise ParameterError(
-            f"the calibration is for {camera.width}x{camera.height}, the images are "
-            f"{size[0]}x{size[1]}"
-        )
-    x, y = camera.principal_point
-    return np.array([[camera.focal, 0, x], [0, camera.focal, y], [0, 0, 1]]), distortion
-
-
-def _free_rectangle(name: str, size: tuple[int, int]) -> tuple[int, int, int, int]:
-    """x, y, width and height of the largest upright rectangle without a black pixel of the mask."""
-    mask = decode(checked_bytes(Path(name)), cv2.IMREAD_GRAYSCALE)
-    if mask is None or mask.shape[1::-1] != size:
-        raise ParameterError(f"mask {name}: expected a picture of {size[0]}x{size[1]} pixels")
-    heights, best = np.zeros(size[0], int), (0, 0, 0, 0)
-    for row, free in enumerate(mask > 0):
-        heights = np.where(free, heights + 1, 0)
-        stack: list[int] = []
-        for place in range(size[0] + 1):
-            height = heights[place] if place < size[0] else 0
-            while stack and heights[stack[-1]] >= height:
-                tall = int(heights[stack.pop()])
-                left = stack[-1] + 1 if stack else 0
-                if tall * (place - left) > best[2] * best[3]:
-                    best = (left, row - tall + 1, place - left, tall)
-            stack.append(place)
-    if best[2] * best[3] < 0.1 * size[0] * size[1]:
-        raise ParameterError(f"mask {name}: no free rectangle of a tenth of the image is left")
-    return best
