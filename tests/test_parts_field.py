@@ -10,8 +10,9 @@ from threadpoolctl import threadpool_limits
 
 from trexton.errors import MapError, ParameterError
 from trexton.field.error_model import ErrorModel
+from trexton.field.grid import grid_cells
 from trexton.localizer import Localizer, TextonMap
-from trexton.parts.field import Field, grid_cells
+from trexton.parts.field import Field
 from trexton.parts.singer import Singer
 from trexton.parts.tracks import TrackFilter
 

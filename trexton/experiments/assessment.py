@@ -22,6 +22,7 @@ from trexton.experiments.evaluation import (
     whereabouts,
 )
 from trexton.experiments.track import fly
+from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.methods import compose
@@ -33,7 +34,6 @@ from trexton.metrics import (
     summarize,
 )
 from trexton.parts import make
-from trexton.parts.field import grid_cells
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.records import Record
 from trexton.streams import stream

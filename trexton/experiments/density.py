@@ -23,9 +23,9 @@ from trexton.experiments.declaration import option
 from trexton.experiments.evaluation import frames_of
 from trexton.experiments.floors import FloorParameters, lent_floor, painted_floor
 from trexton.experiments.track import fly
+from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.parts.field import grid_cells
 from trexton.records import Record
 from trexton.simulator.floor import Floor
 from trexton.simulator.recording import record_flight

@@ -23,12 +23,12 @@ from trexton.experiments.correlation import rank_correlation
 from trexton.experiments.declaration import SeedParameters
 from trexton.experiments.evaluation import frames_of
 from trexton.experiments.track import fly
+from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.flights.registry import data_folder
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import block_rows, bootstrap_interval, constant_guess, euclidean
 from trexton.options import Options, option
-from trexton.parts.field import grid_cells
 from trexton.simulator import LAYOUTS, PERIOD, Floor, record_flight
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE
 from trexton.streams import stream

@@ -9,47 +9,29 @@ follows a Student distribution, so that one odd feature rules out no place for g
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from trexton.errors import MapError, ParameterError
-from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
 from trexton.field.error_model import ErrorModel
 from trexton.field.features import Features
-from trexton.field.process import Process, choose_length, merge_places
+from trexton.field.grid import bilinear, grid_cells
+from trexton.field.likelihood import Basis, Table, bumps, relative
+from trexton.field.process import Process, merge_places
+from trexton.field.study import Study
 from trexton.observation import Observation
 from trexton.parts.base import Area, Training, learned
 from trexton.parts.measurement import MeasurementModel
 
-__all__ = ["Field", "grid_cells"]
+__all__ = ["Field"]
 
-DEGREES = 6.0  # of freedom of the Student distribution
-STUDIED = 800  # frames that noise, length and errors are learned from; longer flights are thinned
-COARSE = 1200  # cells of the grid on which left-out frames are located
 # Cells times features: what a frame may cost, and how much of the processor's cache it may fill.
 LARGEST_TABLE = 600_000
 LEAST = 1e-3  # variance, as a share of the signal: no place is taken to be known better
 FARTHEST = 1e6  # deviations of a feature: beyond, squares would overflow
-UNFLOWN = 0.1  # share of the prior that does not expect the vehicle where it was in training
-
-
-def grid_cells(area: Area, cells: int) -> tuple[np.ndarray, tuple[int, int]]:
-    """``(M, 2)`` centres of about `cells` squares, x slowest, and how many along x and y."""
-    x_min, x_max, y_min, y_max = area
-    side = np.sqrt((x_max - x_min) * (y_max - y_min) / cells)
-    most = max(2, cells // 2)  # of a strip: two beside another
-    nx, ny = (
-        min(max(2, round((high - low) / side)), most)
-        for low, high in ((x_min, x_max), (y_min, y_max))
-    )
-    x = x_min + (np.arange(nx) + 0.5) * (x_max - x_min) / nx
-    y = y_min + (np.arange(ny) + 0.5) * (y_max - y_min) / ny
-    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), (nx, ny)
 
 
 @dataclass(eq=False)
@@ -110,11 +92,11 @@ class Field(MeasurementModel):
         cells = min(self.cells, max(16, LARGEST_TABLE // features.shape[1]))
         centers, _ = grid_cells(area, cells)
         with threadpool_limits(1, user_api="blas"):
-            study = _Study.of(places, features - center, training.time, area)
+            study = Study.of(places, features - center, training.time, area)
             merged, values, counts = merge_places(places, features - center)
             process = Process.fit(merged, values, study.length, counts)
             mean, variance = process.predict(centers)
-            prior = _relative(_bumps(centers, merged, process.length) @ counts)
+            prior = relative(bumps(centers, merged, process.length) @ counts)
         return self.with_learned(
             axes=taken.axes,
             signed=np.array(taken.signed),
@@ -152,7 +134,7 @@ class Field(MeasurementModel):
         if len(self.centers) != count:
             raise MapError(f"the field has {count} cells and {d} features that fit no grid")
         self.features = Features(self.axes, bool(self.signed))
-        self._tables: dict[int | None, tuple[np.ndarray, _Table]] = {}
+        self._tables: dict[int | None, tuple[np.ndarray, Table]] = {}
 
     @cached_property
     def error_model(self) -> ErrorModel:
@@ -172,8 +154,8 @@ class Field(MeasurementModel):
         """``(M,)`` log of likelihood times prior at the centres of the cells, less a constant."""
         samples = observation.samples
         if samples not in self._tables:
-            basis = _Basis.of(self.signal, self.noise, samples)
-            table = _Table.of(self.mean @ basis.whiten, self.variance, basis.strength)
+            basis = Basis.of(self.signal, self.noise, samples)
+            table = Table.of(self.mean @ basis.whiten, self.variance, basis.strength)
             self._tables[samples] = basis.whiten, table
         whiten, table = self._tables[samples]
         limit = FARTHEST * np.sqrt(self.signal)
@@ -183,7 +165,7 @@ class Field(MeasurementModel):
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
         grid = self.over_cells(observation).reshape(self.shape)
-        return _bilinear(grid, self.area, places)
+        return bilinear(grid, self.area, places)
 
     def lasting_growth(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` factors, one at least, on the variance of lasting errors at `places` ``(M, 2)``.
@@ -202,200 +184,9 @@ class Field(MeasurementModel):
         return expected
 
     def _variance_at(self, places: np.ndarray) -> np.ndarray:
-        return _bilinear(self.variance.reshape(self.shape), self.area, places)
-
-
-@dataclass(frozen=True, eq=False)
-class _Basis:
-    """Axes of the features in which noise is white and the signal's covariance diagonal.
-
-    Attributes
-    ----------
-    whiten : (d, d) array
-        Features times this are in the basis.
-    strength : (d,) array
-        Variances of the signal along the axes, of the noise 1.
-    """
-
-    whiten: np.ndarray
-    strength: np.ndarray
-
-    @classmethod
-    def of(cls, signal: np.ndarray, noise: np.ndarray, samples: int | None) -> _Basis:
-        counted = 0.0 if samples is None else 0.25 / samples  # variance of the root of a frequency
-        lengths, axes = np.linalg.eigh(noise + counted * np.eye(len(noise)))
-        white = axes / np.sqrt(np.maximum(lengths, lengths[-1] * 1e-9 + 1e-12))
-        strength, turn = np.linalg.eigh(white.T @ (signal[:, None] * white))
-        return cls(white @ turn, np.maximum(strength, 0))
-
-
-@dataclass(frozen=True, eq=False)
-class _Table:
-    """The field's likelihood at every cell, arranged so that a frame costs one product.
-
-    In the basis the squared distance at a cell is the sum over features of (y - m)^2 / (1 + v s),
-    which is linear in y^2 and y.
-    """
-
-    weights: np.ndarray
-    constant: np.ndarray
-    log_norm: np.ndarray
-
-    @classmethod
-    def of(cls, mean: np.ndarray, variance: np.ndarray, strength: np.ndarray) -> _Table:
-        total = 1 + variance[:, None] * strength
-        weights = np.hstack([1 / total, -2 * mean / total]).astype(np.float32)
-        constant = (np.square(mean) / total).sum(axis=1)
-        return cls(weights, constant, -0.5 * np.log(total).sum(axis=1))
-
-    def log_likelihood(self, features: np.ndarray) -> np.ndarray:
-        """``(M,)`` for features ``(d,)``, or ``(n, M)`` for ``(n, d)``, up to a constant."""
-        both = np.concatenate([features * features, features], axis=-1).astype(np.float32)
-        squared = np.maximum(both @ self.weights.T + self.constant, 0)
-        half = 0.5 * (DEGREES + features.shape[-1])
-        found: np.ndarray = self.log_norm - half * np.log1p(squared / DEGREES)
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class _Study:
-    """What left-out blocks teach: the kernel's length, signal and noise of features, and errors.
-
-    Attributes
-    ----------
-    length : float
-        Metres.
-    signal : (d,) array
-    noise : (d, d) array
-    model : ErrorModel
-    expected : (2,) array
-        See `Field.expected_error`.
-    learnt_at : float
-        Median of the field's variance where the left-out frames were.
-    repeated : float
-        See `Field.lasting_growth`.
-    """
-
-    length: float
-    signal: np.ndarray
-    noise: np.ndarray
-    model: ErrorModel
-    expected: np.ndarray
-    learnt_at: float
-    repeated: float
-
-    @classmethod
-    def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area) -> _Study:
-        """Study a flight; `features` ``(N, d)`` have mean zero."""
-        step = -(-len(places) // STUDIED)
-        places, features, time = places[::step], features[::step], time[::step]
-        diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
-        blocks = blocks_in_time(time)
-        process, residuals, uncertain = choose_length(places, features, blocks, diagonal)
-        signal = (np.square(residuals) / uncertain[:, None]).mean(axis=0)
-        noise = _noise(residuals, uncertain)
-        basis = _Basis.of(signal, noise, None)
-        process = replace(process, weights=process.weights @ basis.whiten)
-        features = features @ basis.whiten
-        centers, _ = grid_cells(area, COARSE)
-        finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
-        errors, variances = _errors(process, features, basis.strength, blocks, centers)
-        model = ErrorModel.of(errors, time, finest)
-        apart = blocks_in_space(blocks, places, time, _strays(centers, places, process.length))
-        repeated = 1.0
-        if apart != blocks:
-            there, _ = _errors(process, features, basis.strength, apart, centers)
-            repeated = max(1.0, (ErrorModel.of(there, time, finest).lasting / model.lasting) ** 2)
-        growth, learnt_at = _growth(errors, variances), float(np.median(variances))
-        return cls(process.length, signal, noise, model, growth, learnt_at, repeated)
-
-
-def _errors(
-    process: Process,
-    features: np.ndarray,
-    strength: np.ndarray,
-    blocks: Sequence[Block],
-    centers: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """``(N, 2)`` metres by which frames are misplaced without their block, each by itself, and
-    ``(N,)`` the field's variance at their places then.
-    """
-    places = process.places
-    errors, variances = np.empty_like(places), np.empty(len(places))
-    density = _bumps(centers, places, process.length)
-    for block, mean, variance in process.predict_without(blocks, centers):
-        rows, out = block.rows, block.left_out
-        prior = _relative(density.sum(axis=1) - density[:, out].sum(axis=1))
-        table = _Table.of(mean, variance, strength)
-        found = table.log_likelihood(features[rows]) + prior
-        found = np.exp(found - found.max(axis=1, keepdims=True))
-        found /= found.sum(axis=1, keepdims=True)
-        errors[rows] = found @ centers - places[rows]
-        near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
-        variances[rows] = variance[near]
-    return errors, variances
-
-
-def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
-    """``(d, d)`` covariance where the field is known best, shrunk towards its diagonal."""
-    count, d = errors.shape
-    best = np.argsort(variances, kind="stable")[: max(count // 2, min(count, 2 * d))]
-    covariance = errors[best].T @ errors[best] / len(best)
-    shrink = max(0.1, d / (d + len(best)))
-    diagonal = np.diag(covariance)
-    floor = 1e-3 * diagonal.mean() + 1e-12  # a feature that never erred here will elsewhere
-    shrunk: np.ndarray = (1 - shrink) * covariance + np.diag(shrink * diagonal + floor)
-    return shrunk
+        return bilinear(self.variance.reshape(self.shape), self.area, places)
 
 
 def _moved(area: Area, by: np.ndarray) -> Area:
     (x, y), (x_min, x_max, y_min, y_max) = by.tolist(), area
     return x_min + x, x_max + x, y_min + y, y_max + y
-
-
-def _bumps(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:
-    """``(M, N)`` Gaussian bumps around the places, a third of the length wide."""
-    squared = np.square(centers).sum(axis=1)[:, None] + np.square(places).sum(axis=1)
-    bumps: np.ndarray = np.exp(-4.5 / length**2 * (squared - 2 * centers @ places.T))
-    return bumps
-
-
-def _strays(centers: np.ndarray, places: np.ndarray, length: float) -> float:
-    """Metres from where a later flight is expected to the nearest of the places, on average.
-
-    It is expected half as far from them as the prior allows.
-    """
-    expected = np.exp(_relative(_bumps(centers, places, length / 2).sum(axis=1)))
-    return float(np.average(cKDTree(places).query(centers)[0], weights=expected))
-
-
-def _relative(density: np.ndarray) -> np.ndarray:
-    """``(M,)`` log of a density over the uniform one, part of which is mixed in."""
-    relative: np.ndarray = np.log((1 - UNFLOWN) * density / density.mean() + UNFLOWN)
-    return relative
-
-
-def _growth(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
-    """``(2,)`` non-negative a and b of |error| = a + b sqrt(variance), by least squares."""
-    length, root = np.hypot(*errors.T), np.sqrt(np.maximum(variances, 0))
-    if np.ptp(root) < 1e-9:
-        return np.array([length.mean(), 0.0])
-    slope, start = np.polyfit(root, length, 1)
-    if slope < 0:
-        return np.array([length.mean(), 0.0])
-    if start < 0:
-        return np.array([0.0, (length @ root) / (root @ root)])
-    return np.array([start, slope])
-
-
-def _bilinear(grid: np.ndarray, area: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """``(M,)`` values of a grid ``(nx, ny)`` over the area, constant beyond its outer centres."""
-    places = np.asarray(places, dtype=float)
-    count = np.array(grid.shape)
-    low, high = area[::2], area[1::2]
-    at = np.clip((places - low) / (high - low) * count - 0.5, 0, count - 1)
-    first = np.minimum(at.astype(np.int64), count - 2)
-    (u, v), (i, j) = (at - first).T, first.T
-    result: np.ndarray = (1 - u) * ((1 - v) * grid[i, j] + v * grid[i, j + 1])
-    result += u * ((1 - v) * grid[i + 1, j] + v * grid[i + 1, j + 1])
-    return result

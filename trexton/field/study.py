@@ -1,0 +1,134 @@
+"""What a training flight teaches of its own field: blocks of it are left out and located."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
+from trexton.field.error_model import ErrorModel
+from trexton.field.grid import grid_cells
+from trexton.field.likelihood import Basis, Table, bumps, relative
+from trexton.field.process import Process, choose_length
+from trexton.parts.base import Area
+
+__all__ = ["Study"]
+
+STUDIED = 800  # frames that noise, length and errors are learned from; longer flights are thinned
+COARSE = 1200  # cells of the grid on which left-out frames are located
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """What left-out blocks teach: the kernel's length, signal and noise of features, and errors.
+
+    Attributes
+    ----------
+    length : float
+        Metres.
+    signal : (d,) array
+    noise : (d, d) array
+    model : ErrorModel
+    expected : (2,) array
+        See `Field.expected_error`.
+    learnt_at : float
+        Median of the field's variance where the left-out frames were.
+    repeated : float
+        See `Field.lasting_growth`.
+    """
+
+    length: float
+    signal: np.ndarray
+    noise: np.ndarray
+    model: ErrorModel
+    expected: np.ndarray
+    learnt_at: float
+    repeated: float
+
+    @classmethod
+    def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area) -> Study:
+        """Study a flight; `features` ``(N, d)`` have mean zero."""
+        step = -(-len(places) // STUDIED)
+        places, features, time = places[::step], features[::step], time[::step]
+        diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
+        blocks = blocks_in_time(time)
+        process, residuals, uncertain = choose_length(places, features, blocks, diagonal)
+        signal = (np.square(residuals) / uncertain[:, None]).mean(axis=0)
+        noise = _noise(residuals, uncertain)
+        basis = Basis.of(signal, noise, None)
+        process = replace(process, weights=process.weights @ basis.whiten)
+        features = features @ basis.whiten
+        centers, _ = grid_cells(area, COARSE)
+        finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
+        errors, variances = _errors(process, features, basis.strength, blocks, centers)
+        model = ErrorModel.of(errors, time, finest)
+        apart = blocks_in_space(blocks, places, time, _strays(centers, places, process.length))
+        repeated = 1.0
+        if apart != blocks:
+            there, _ = _errors(process, features, basis.strength, apart, centers)
+            repeated = max(1.0, (ErrorModel.of(there, time, finest).lasting / model.lasting) ** 2)
+        growth, learnt_at = _growth(errors, variances), float(np.median(variances))
+        return cls(process.length, signal, noise, model, growth, learnt_at, repeated)
+
+
+def _errors(
+    process: Process,
+    features: np.ndarray,
+    strength: np.ndarray,
+    blocks: Sequence[Block],
+    centers: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """``(N, 2)`` metres by which frames are misplaced without their block, each by itself, and
+    ``(N,)`` the field's variance at their places then.
+    """
+    places = process.places
+    errors, variances = np.empty_like(places), np.empty(len(places))
+    density = bumps(centers, places, process.length)
+    for block, mean, variance in process.predict_without(blocks, centers):
+        rows, out = block.rows, block.left_out
+        prior = relative(density.sum(axis=1) - density[:, out].sum(axis=1))
+        table = Table.of(mean, variance, strength)
+        found = table.log_likelihood(features[rows]) + prior
+        found = np.exp(found - found.max(axis=1, keepdims=True))
+        found /= found.sum(axis=1, keepdims=True)
+        errors[rows] = found @ centers - places[rows]
+        near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
+        variances[rows] = variance[near]
+    return errors, variances
+
+
+def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
+    """``(d, d)`` covariance where the field is known best, shrunk towards its diagonal."""
+    count, d = errors.shape
+    best = np.argsort(variances, kind="stable")[: max(count // 2, min(count, 2 * d))]
+    covariance = errors[best].T @ errors[best] / len(best)
+    shrink = max(0.1, d / (d + len(best)))
+    diagonal = np.diag(covariance)
+    floor = 1e-3 * diagonal.mean() + 1e-12  # a feature that never erred here will elsewhere
+    shrunk: np.ndarray = (1 - shrink) * covariance + np.diag(shrink * diagonal + floor)
+    return shrunk
+
+
+def _strays(centers: np.ndarray, places: np.ndarray, length: float) -> float:
+    """Metres from where a later flight is expected to the nearest of the places, on average.
+
+    It is expected half as far from them as the prior allows.
+    """
+    expected = np.exp(relative(bumps(centers, places, length / 2).sum(axis=1)))
+    return float(np.average(cKDTree(places).query(centers)[0], weights=expected))
+
+
+def _growth(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
+    """``(2,)`` non-negative a and b of |error| = a + b sqrt(variance), by least squares."""
+    length, root = np.hypot(*errors.T), np.sqrt(np.maximum(variances, 0))
+    if np.ptp(root) < 1e-9:
+        return np.array([length.mean(), 0.0])
+    slope, start = np.polyfit(root, length, 1)
+    if slope < 0:
+        return np.array([length.mean(), 0.0])
+    if start < 0:
+        return np.array([0.0, (length @ root) / (root @ root)])
+    return np.array([start, slope])
