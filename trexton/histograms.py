@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from trexton.defaults import SAMPLES
 from trexton.images import check_image
 from trexton.kernels import compiled, in_strips
 from trexton.options import whole
@@ -88,7 +89,7 @@ def label_image(
 def sampled_histogram(
     image: np.ndarray,
     dictionary: TextonDictionary,
-    n: int = 400,
+    n: int = SAMPLES,
     *,
     rng: np.random.Generator,
     cells: int = 1,

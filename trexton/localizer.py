@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from trexton.aiding import Aiding
+from trexton.defaults import SAMPLES
 from trexton.errors import ImageError, MapError, ParameterError
 from trexton.estimate import Estimate
 from trexton.histograms import SUM_TOLERANCE, sampled_histogram, texton_histogram
@@ -60,7 +61,7 @@ class Localizer:
         texton_map: TextonMap,
         method: str | None = None,
         *,
-        samples: int | None = 400,
+        samples: int | None = SAMPLES,
         particles: int | None = None,
         neighbors: int | None = None,
         nearest: NearestHistograms | None = None,

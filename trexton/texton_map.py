@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trexton.counting import full_histograms
+from trexton.defaults import NEIGHBORS, PATCH, TEXTONS
 from trexton.errors import MapError, ParameterError
 from trexton.files import atomic_file, canonical_json
 from trexton.map_files import DAMAGE, check_map, read_arrays
@@ -91,8 +92,8 @@ class TextonMap:
 
     @property
     def neighbors(self) -> int:
-        """k: neighbours that the measurement model was trained for; 5 where it asks for none."""
-        return int(getattr(self.parts.get("measurement"), "neighbors", 5))
+        """k: neighbours that the measurement model was trained for; the usual where it has none."""
+        return int(getattr(self.parts.get("measurement"), "neighbors", NEIGHBORS))
 
     @classmethod
     def train(
@@ -100,8 +101,8 @@ class TextonMap:
         flight: Flight,
         *,
         method: str = "paper",
-        n_textons: int = 20,
-        patch: int = 6,
+        n_textons: int = TEXTONS,
+        patch: int = PATCH,
         cells: int = 1,
         neighbors: int | None = None,
         rng: np.random.Generator,

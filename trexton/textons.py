@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trexton.defaults import PATCH, TEXTONS
 from trexton.errors import ImageError, MapError, ParameterError
 from trexton.kernels import compiled
 from trexton.options import whole
@@ -149,8 +150,8 @@ class TextonDictionary:
     def learn(
         cls,
         source: Flight | np.ndarray,
-        n_textons: int = 20,
-        patch: int = 6,
+        n_textons: int = TEXTONS,
+        patch: int = PATCH,
         *,
         rng: np.random.Generator,
         method: str = "kohonen",
@@ -205,7 +206,7 @@ class Learning:
 
 def learn_textons(
     patches: np.ndarray,
-    n_textons: int = 20,
+    n_textons: int = TEXTONS,
     *,
     rng: np.random.Generator,
     method: str = "kohonen",

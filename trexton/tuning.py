@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from trexton import defaults
 from trexton.aiding import Aiding
 from trexton.errors import ParameterError, TrextonError
 from trexton.files import digest
@@ -130,7 +131,7 @@ class Bench:
         key = setting.textons, setting.cells
         if key not in self._maps:
             rng = stream(self.seed, "training")
-            chosen = {"n_textons": setting.textons or 20, "cells": setting.cells or 1}
+            chosen = {"n_textons": setting.textons or defaults.TEXTONS, "cells": setting.cells or 1}
             self._maps[key] = TextonMap.train(self.flight, rng=rng, neighbors=1, **chosen)  # type: ignore[arg-type]
         choices = {
             "measurement.neighbors": setting.neighbors, "filter.particles": setting.particles
@@ -329,8 +330,11 @@ def _suggested(
 def _usual(method: str, images: bool) -> dict[str, Any]:
     """What one flies without a search."""
     usual: dict[str, Any] = {"method": method}
-    usual |= {"textons": 20, "cells": 1, "samples": 400} if images else {}
-    return usual | ({"neighbors": 5, "particles": 50} if method != "field" else {})
+    if images:
+        usual |= {"textons": defaults.TEXTONS, "cells": 1, "samples": defaults.SAMPLES}
+    if method != "field":
+        usual |= {"neighbors": defaults.NEIGHBORS, "particles": defaults.PARTICLES}
+    return usual
 
 
 def frontier(tried: Sequence[Tried]) -> list[Tried]:

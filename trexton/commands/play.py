@@ -7,6 +7,7 @@ import sys
 from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 
+from trexton.defaults import SAMPLES
 from trexton.errors import ParameterError
 from trexton.progress import say
 
@@ -22,7 +23,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "(default: the map's own)",
     )  # fmt: skip
     parser.add_argument(
-        "--samples", type=int, default=400, help="a frame, 0 for all patches (default %(default)s)"
+        "--samples",
+        type=int,
+        default=SAMPLES,
+        help="a frame, 0 for all patches (default %(default)s)",
     )
     parser.add_argument("--frames", type=int, default=180, help="to show (default %(default)s)")
     parser.add_argument("--seed", type=int, default=1, help="(default %(default)s)")

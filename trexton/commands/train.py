@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from trexton.defaults import NEIGHBORS, PATCH, TEXTONS
 from trexton.options import add_assignments
 from trexton.progress import say
 
@@ -17,10 +18,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "-o", "--output", required=True, metavar="MAP", help="the texton map to write (.npz)"
     )
     parser.add_argument(
-        "--textons", type=int, default=20, help="textons in the dictionary (default %(default)s)"
+        "--textons",
+        type=int,
+        default=TEXTONS,
+        help="textons in the dictionary (default %(default)s)",
     )
     parser.add_argument(
-        "--patch", type=int, default=6, help="side of a patch in pixels (default %(default)s)"
+        "--patch", type=int, default=PATCH, help="side of a patch in pixels (default %(default)s)"
     )
     parser.add_argument(
         "--cells",
@@ -32,7 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--method", default="paper", help="the set of parts to train (default %(default)s)"
     )
     parser.add_argument(
-        "--neighbors", type=int, help="short for --set measurement.neighbors (default 5)"
+        "--neighbors", type=int, help=f"short for --set measurement.neighbors (default {NEIGHBORS})"
     )
     words = "another part, or an option of one, repeatable: distance=hellinger, motion.sigma=0.2"
     add_assignments(parser, "ROLE[.OPTION]=VALUE", words)

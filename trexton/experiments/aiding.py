@@ -17,6 +17,7 @@ import numpy as np
 
 from trexton.aiding import Aiding
 from trexton.camera import Camera
+from trexton.defaults import SAMPLES, TEXTONS
 from trexton.executor import spread
 from trexton.experiments.declaration import option
 from trexton.experiments.evaluation import frames_of
@@ -59,9 +60,9 @@ class Parameters(FloorParameters):
     survey: int = option(400, "frames of the survey, every other one", low=20)
     frames: int = option(150, "of the later flight, every other one", low=20)
     ripple: float = option(0.1, "standard deviation of the height in metres", low=0, high=0.2)
-    textons: int = option(20, "textons of the dictionary, K", low=2, high=MAX_TEXTONS)
+    textons: int = option(TEXTONS, "textons of the dictionary, K", low=2, high=MAX_TEXTONS)
     cells: int = option(2, "parts of the image a side", low=1, high=8)
-    samples: int = option(400, "patches drawn from an image", low=1)
+    samples: int = option(SAMPLES, "patches drawn from an image", low=1)
     attitude_deg: float = option(0.3, "noise of the attitude in degrees", low=0)
     height_cm: float = option(1.0, "noise of the height in centimetres", low=0)
     velocity_cm_s: float = option(5.0, "noise of the velocity along each axis", low=0)

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from trexton.defaults import NEIGHBORS, PARTICLES, SAMPLES, TEXTONS
 from trexton.flights.flight import Flight
 from trexton.options import Options, option
 from trexton.records import Record, software_versions
@@ -52,13 +53,13 @@ class SeedParameters(Options):
 class FilterParameters(SeedParameters):
     """With those of the localizer; the defaults are the paper's."""
 
-    samples: int = option(400, "patches drawn from an image", low=1)
-    particles: int = option(50, "particles of the filter", low=1)
-    neighbors: int = option(5, "neighbours that vote, k", low=1)
+    samples: int = option(SAMPLES, "patches drawn from an image", low=1)
+    particles: int = option(PARTICLES, "particles of the filter", low=1)
+    neighbors: int = option(NEIGHBORS, "neighbours that vote, k", low=1)
 
 
 @dataclass(frozen=True)
 class MapParameters(FilterParameters):
     """With those of a texton map too."""
 
-    textons: int = option(20, "textons of the dictionary, K", low=2)
+    textons: int = option(TEXTONS, "textons of the dictionary, K", low=2)

@@ -17,6 +17,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from trexton.camera import Camera
+from trexton.defaults import SAMPLES, TEXTONS
 from trexton.executor import spread
 from trexton.experiments.aiding import mean_over_floors
 from trexton.experiments.declaration import option
@@ -47,9 +48,9 @@ class Parameters(FloorParameters):
 
     survey: int = option(200, "frames of the shortest survey, every other one", low=20)
     frames: int = option(200, "of the later flight, every other one", low=20)
-    textons: int = option(20, "textons of the dictionary, K", low=2, high=MAX_TEXTONS)
+    textons: int = option(TEXTONS, "textons of the dictionary, K", low=2, high=MAX_TEXTONS)
     cells: int = option(1, "parts of the image a side", low=1, high=8)
-    samples: int = option(400, "patches drawn from an image", low=1)
+    samples: int = option(SAMPLES, "patches drawn from an image", low=1)
 
 
 @dataclass(frozen=True, eq=False)

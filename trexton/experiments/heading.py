@@ -14,6 +14,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from trexton.defaults import TEXTONS
 from trexton.errors import ParameterError
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.evaluation import evenly_spread
@@ -49,7 +50,7 @@ class Parameters(SeedParameters):
     """What can be chosen."""
 
     frames: int = option(150, "pictures, evenly over the training flight, at most", low=10)
-    textons: int = option(20, "textons of the dictionary, K", low=2, high=MAX_TEXTONS // 4)
+    textons: int = option(TEXTONS, "textons of the dictionary, K", low=2, high=MAX_TEXTONS // 4)
     patch: int = option(6, "side of a patch in pixels", low=1)
     neighbors: int = option(3, "neighbours that vote, k", low=1)
     left_out: int = option(1, "pictures left out before and after the one that is asked", low=0)

@@ -11,6 +11,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from trexton.defaults import TEXTONS
 from trexton.experiments.declaration import SeedParameters, option
 from trexton.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
@@ -32,7 +33,7 @@ _SHOWN = 320  # pixels: width of the labelled frame
 class Parameters(SeedParameters):
     """What can be chosen."""
 
-    textons: int = option(20, "textons of the dictionary, K", low=2)
+    textons: int = option(TEXTONS, "textons of the dictionary, K", low=2)
     images: int = option(100, "training images that patches are drawn from", low=1)
     patches_per_image: int = option(1000, "patches drawn from each", low=1)
     cells: int = option(12, "the floor is looked at in cells x cells squares", low=1)

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from trexton.defaults import SAMPLES
 from trexton.executor import spread
 from trexton.experiments.closed_loop import (
     ATTITUDE,
@@ -95,7 +96,7 @@ class Parameters(LandingParameters, FloorParameters):
     bounds: int = option(
         20, "flights of the true position, which show what asking for more costs", low=1
     )
-    samples: int = option(400, "patches drawn from an image", low=1)
+    samples: int = option(SAMPLES, "patches drawn from an image", low=1)
     textons: int = option(50, "textons of the field; the paper's filter has its 20", low=2)
     cells: int = option(2, "parts of the image a side for the field", low=1, high=8)
     settled_s: float = option(

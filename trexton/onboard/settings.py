@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
+from trexton.defaults import SAMPLES
 from trexton.errors import ParameterError
 from trexton.landing import LandingZone, TouchdownZone
 from trexton.onboard.aids import AIDS
@@ -30,7 +31,7 @@ class Flying(Options):
     rate: float | None = option(
         None, "frames a second; the map's own unless given", low=0.01, high=1000
     )
-    samples: int = option(400, "patches drawn a frame, 0 for all", low=0)
+    samples: int = option(SAMPLES, "patches drawn a frame, 0 for all", low=0)
     particles: int | None = option(None, "particles of the filter", low=1)
     method: str | None = option(None, "another method than the map was trained for")
     seed: int = option(1, "of everything that is drawn", low=0, high=MOST_SEED)

@@ -7,6 +7,7 @@ from typing import Protocol, Self
 
 import numpy as np
 
+from trexton.defaults import SAMPLES
 from trexton.errors import MapError, ParameterError
 from trexton.estimate import Estimate, Measurement
 from trexton.neighbors import Neighbors
@@ -74,7 +75,7 @@ class Replay(Calibration):
         Leave the filter's own covariance as it is: only single frames are calibrated.
     """
 
-    samples: int = 400
+    samples: int = SAMPLES
     trusting: bool = False
     of_estimate: np.ndarray = learned()  # empty where the filter's own word is trusted
     of_measurement: np.ndarray = learned()

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
+from trexton.defaults import PARTICLES
 from trexton.errors import ParameterError
 from trexton.estimate import Estimate
 from trexton.observation import Observation
@@ -71,7 +72,7 @@ class Particles(Filter):
         M, their number.
     """
 
-    particles: int = 50
+    particles: int = PARTICLES
 
     def check(self) -> None:
         if not 1 <= self.particles <= MOST_PARTICLES:
@@ -122,7 +123,7 @@ class ParticleFilter:
         motion: MotionModel,
         measurement: MeasurementModel,
         area: Area,
-        particles: int = 50,
+        particles: int = PARTICLES,
         *,
         resampling: Resampling | None = None,
         estimation: Estimation | None = None,

@@ -7,6 +7,7 @@ from typing import Self
 
 import numpy as np
 
+from trexton.defaults import NEIGHBORS
 from trexton.errors import ParameterError
 from trexton.observation import Observation
 from trexton.parts.base import Part, Training, learned
@@ -49,7 +50,7 @@ class RankMixture(MeasurementModel):
         Frames this near in time, in seconds, are no neighbours while it learns.
     """
 
-    neighbors: int = 5
+    neighbors: int = NEIGHBORS
     sigma: float | None = None
     excluded_s: float = EXCLUDED_SECONDS
     covariances: np.ndarray = learned()

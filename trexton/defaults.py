@@ -1,0 +1,7 @@
+"""The paper's settings, which hold unless others are asked for (Sec. Analysis)."""
+
+TEXTONS = 20  # of the dictionary, K
+PATCH = 6  # side of a patch, pixels
+SAMPLES = 400  # patches drawn from an image
+NEIGHBORS = 5  # of a frame, k
+PARTICLES = 50  # of the filter
