@@ -32,12 +32,12 @@ def test_the_record_compares_all_with_the_frame_alone(record):
         errors, gains = values["error_cm"][method], values["gain_cm"][method]
         assert list(errors) == list(asked)
         for known, gain in gains.items():
-            saved = errors["nothing"]["median"] - errors[known]["median"]
-            assert gain["median"] == pytest.approx(saved)
-            assert gain["low"] <= gain["median"] <= gain["high"]
+            saved = errors["nothing"]["value"] - errors[known]["value"]
+            assert gain["value"] == pytest.approx(saved)
+            assert gain["low"] <= gain["value"] <= gain["high"]
     assert values["frames"] == 24 and values["floors"] == 1
     assert set(values["contradicted"]) == set(values["held"]) == {"velocity", "turned"}
-    assert all(0 <= share["median"] <= 1 for share in values["held"].values())
+    assert all(0 <= share["value"] <= 1 for share in values["held"].values())
     assert 5 < values["ripple_cm"] < 20 and 0 < values["beside_cm"] < 20
 
 
@@ -69,4 +69,4 @@ def test_an_interval_over_floors_is_as_wide_as_so_few_floors_ask():
 def test_of_one_floor_the_interval_is_over_stretches_of_its_flight():
     rows = np.random.default_rng(1).random((1, 300))
     found = aiding.mean_over_floors(rows, np.random.default_rng(2))
-    assert found["low"] < found["median"] == rows.mean() < found["high"]
+    assert found["low"] < found["value"] == rows.mean() < found["high"]

@@ -49,12 +49,12 @@ def record():
 def test_a_room_that_works_is_said_to(record):
     assert finding(record).startswith("It works here: with the method `field`")
     errors = record.values["errors"]
-    assert errors["field"]["mean_cm"]["median"] < 0.5 * errors["centre"]["mean_cm"]["median"]
+    assert errors["field"]["mean_cm"]["value"] < 0.5 * errors["centre"]["mean_cm"]["value"]
     assert any("trexton train FLIGHT -o MAP --method" in sentence for sentence in advice(record))
 
 
 def test_half_of_the_survey_says_whether_more_of_it_would_help(record):
-    half, whole = record.values["half"], record.values["errors"]["field"]["mean_cm"]["median"]
+    half, whole = record.values["half"], record.values["errors"]["field"]["mean_cm"]["value"]
     assert half["method"] == "field" and half["error_cm"] > whole
     for error, word in ((10 * whole, "should help again"), (1.1 * whole, "would bring little")):
         other = replace(record, values=record.values | {"half": half | {"error_cm": error}})
@@ -90,7 +90,7 @@ def test_a_filter_worse_than_its_neighbours_or_the_centre_is_named(record):
         values = record.values | {"errors": errors | {"paper": changed}}
         return [s for s in advice(replace(record, values=values)) if "`paper` is worse" in s]
 
-    centre, knn = (record.values["errors"][n]["mean_cm"]["median"] for n in ("centre", "knn"))
+    centre, knn = (record.values["errors"][n]["mean_cm"]["value"] for n in ("centre", "knn"))
     assert knn < centre and said(0.9 * knn) == []
     assert "the plain mean of its neighbours" in said(knn + 5)[0] and "by 5 cm" in said(knn + 5)[0]
     assert "always guessing the centre: do not fly it" in said(centre + 1)[0]
@@ -106,8 +106,8 @@ def test_odometry_is_tried_where_the_flight_has_pictures_and_their_height(record
     chosen = Parameters(methods="field", textons=8, samples=50)
     flown = run(survey, later, chosen)
     error = flown.values["odometry"]["error_cm"]
-    assert error["low"] < error["median"] < error["high"]
-    alone = flown.values["errors"]["field"]["mean_cm"]["median"]
+    assert error["low"] < error["value"] < error["high"]
+    alone = flown.values["errors"]["field"]["mean_cm"]["value"]
     for high, word in ((0.5 * alone, "train with `--set odometry=visual`"), (2 * alone, "no gain")):
         moving = {"method": "field", "error_cm": error | {"high": high}}
         other = replace(flown, values=flown.values | {"odometry": moving})
@@ -150,7 +150,7 @@ def test_the_judgement_follows_the_best_method(record):
         }
         return finding(replace(record, values=record.values | {"errors": errors | changed}))
 
-    centre = record.values["errors"]["centre"]["mean_cm"]["median"]
+    centre = record.values["errors"]["centre"]["mean_cm"]["value"]
     assert judged(0.4 * centre).startswith("It works here")
     assert judged(0.6 * centre).startswith("It works poorly here")
     assert judged(1.1 * centre).startswith("It will not work here")

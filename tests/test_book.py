@@ -48,9 +48,9 @@ def page(tmp_path):
 
 def test_numbers_are_filled_in_from_records(page):
     sim = Tree(
-        {"mocap_training": {"error": {"median": 61.34, "low": 50.0, "high": 1234.5}, "items": 3}}
+        {"mocap_training": {"error": {"value": 61.34, "low": 50.0, "high": 1234.5}, "items": 3}}
     )
-    assert page("{{ sim.mocap_training.error.median | fixed(1) }} cm", sim=sim) == "61.3 cm"
+    assert page("{{ sim.mocap_training.error.value | fixed(1) }} cm", sim=sim) == "61.3 cm"
     assert page("{{ sim.mocap_training.error | span }}", sim=sim) == "61 [50, 1,234]"
     assert (
         page("{{ sim.mocap_training.items }}", sim=sim) == "3"

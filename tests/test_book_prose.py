@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 
 import pandas as pd
@@ -31,7 +32,7 @@ from trexton.workflow.formats import nbformat
 
 
 def entry(middle, low=None, high=None):
-    return {"median": middle, "low": middle if low is None else low, "high": high or middle}
+    return {"value": middle, "low": middle if low is None else low, "high": high or middle}
 
 
 def mocap(axis, error, knn, within, wide):
@@ -134,7 +135,7 @@ def test_every_claim_stands_in_one_item_of_the_paper_map(tmp_path):
 @pytest.fixture
 def results(tmp_path):
     for flight, inside in (("sim-survey", 0.66), ("cyberzoo", None)):
-        rate = None if inside is None else {"median": inside, "low": 0.5, "high": 0.8}
+        rate = None if inside is None else {"value": inside, "low": 0.5, "high": 0.8}
         values = {"inside_rate": rate, "triggered_inside_rate": rate, "outlier_mean_cm": None}
         Record("triggered_landing", flight, {}, values | LANDING).save(tmp_path / flight)
     return tmp_path
@@ -154,6 +155,16 @@ def test_the_map_shows_theirs_beside_ours_with_links_to_pages_that_are_there(res
     assert table.splitlines()[0].count("|") == row.count("|")
     assert names["version"] and names["found"][0].page == "cyberzoo/triggered_landing"
     assert "Table, homography baseline" in map_table({}, lambda page, text: text)
+
+
+def test_prose_says_the_same_of_records_of_the_first_schema(results):
+    outcomes = [Outcome("sim-survey", "triggered_landing", "reused", (), 0.0)]
+    path = results / "sim-survey" / "triggered_landing.json"
+    now, content = records_by_name(results, outcomes), json.loads(path.read_text())
+    for rate in ("inside_rate", "triggered_inside_rate"):
+        content["values"][rate]["median"] = content["values"][rate].pop("value")
+    path.write_text(json.dumps(content | {"schema": 1}))
+    assert records_by_name(results, outcomes) == now
 
 
 def test_a_page_is_named_after_its_experiment_and_flight_and_knows_its_twin():

@@ -38,8 +38,8 @@ def test_the_picture_of_the_readme_moves_and_is_small():
 
 
 def test_numbers_are_kept_with_their_provenance(tmp_path):
-    error = {"median": 86.9, "low": 57.3, "high": 122.0}
-    values = {"filter": {"mean_cm": error}, "knn": {"mean_cm": error | {"median": 33.4}}}
+    error = {"value": 86.9, "low": 57.3, "high": 122.0}
+    values = {"filter": {"mean_cm": error}, "knn": {"mean_cm": error | {"value": 33.4}}}
     Record("mocap_training", "cyberzoo", {"seed": 3}, values, provenance={"of": "a test"}).save(
         tmp_path / "cyberzoo"
     )

@@ -47,7 +47,7 @@ def test_every_choice_is_measured_beside_the_paper(record):
         "paper", "measurement", "motion", "particles", "resampling", "estimate", "histogram",
     }  # fmt: skip
     assert all(
-        variant["mean_cm"]["low"] <= variant["mean_cm"]["median"] <= variant["mean_cm"]["high"]
+        variant["mean_cm"]["low"] <= variant["mean_cm"]["value"] <= variant["mean_cm"]["high"]
         for variant in variants.values()
     )
 
@@ -70,7 +70,7 @@ def test_the_figure_shows_the_numbers_of_the_record(record):
     axes = figures.costs(record).axes[0]
     order = list(reversed(record.values["order"]))
     points = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
-    assert points == [record.values["variants"][key]["mean_cm"]["median"] for key in order]
+    assert points == [record.values["variants"][key]["mean_cm"]["value"] for key in order]
     assert [label.get_text() for label in axes.get_yticklabels()] == [
         record.values["variants"][key]["label"] for key in order
     ]

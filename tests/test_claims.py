@@ -44,8 +44,8 @@ def records(**values):
     return {"mosaic": Record(experiment="mosaic", flight="f", parameters={}, values=values)}
 
 
-def interval(median, low, high):
-    return {"median": median, "low": low, "high": high}
+def interval(value, low, high):
+    return {"value": value, "low": low, "high": high}
 
 
 @pytest.mark.parametrize(
@@ -158,8 +158,11 @@ def test_a_path_that_no_record_has_is_an_error_and_no_verdict():
 
 
 def test_timings_are_found_where_values_have_nothing():
-    record = Record(experiment="mosaic", flight="f", parameters={}, values={}, timings={"q": 5})
-    assert judge(claim("below", bound=6), {"mosaic": record}).verdict == REPRODUCED
+    spread = {"median": 5, "low": 4, "high": 5.5, "p99": 9}
+    for found in (5, spread):
+        record = Record("mosaic", "f", {}, {}, timings={"q": found})
+        judged = judge(claim("below", bound=6), {"mosaic": record})
+        assert judged.verdict == REPRODUCED and judged.ours.value == 5
 
 
 def test_the_papers_claims_are_many_and_well_formed():

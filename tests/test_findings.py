@@ -15,7 +15,7 @@ from trexton.wording import apart, beside, fixed, interval, number, percent, tim
 
 
 def entry(middle, low, high):
-    return {"median": middle, "low": low, "high": high}
+    return {"value": middle, "low": low, "high": high}
 
 
 def found(experiment, values, timings=None, series=None, parameters=None):
@@ -162,10 +162,10 @@ def test_the_overview_compares_the_filter_with_its_neighbours(neighbors_cm, verd
 
 
 def test_times_and_stages():
-    timings = {"total_ms": entry(0.45, 0.4, 0.5)}
+    timings = {"total_ms": {"median": 0.45, "low": 0.4, "high": 0.5}}
     text = found("timing", {}, timings)
     assert text.startswith("On this machine a frame takes 0.45 ms from its histogram on")
-    timings |= {"histogram_share": 0.5, "homography_ms": entry(90, 80, 100)}
+    timings |= {"histogram_share": 0.5, "homography_ms": {"median": 90, "p99": 100}}
     text = found("timing", {}, timings)
     assert "50 % of it" in text and "200 times as long" in text
     row = {"stage": "a", "size": "50", "yardstick": "y", "holds": True, "ratio": 0.5, "limit": 1}

@@ -36,7 +36,7 @@ def test_errors_are_centimetres_everywhere(record):
             entry = record.values["flight"][where][name]
             assert entry["max_cm"] < 10
             mean = entry["mean_cm"]
-            assert 0 < mean["low"] < mean["median"] < mean["high"]
+            assert 0 < mean["low"] < mean["value"] < mean["high"]
     for name in fine.KNOWN:
         entry = record.values["all"][name]
         assert entry["frames"] == 25 and entry["gross"] == 0 and entry["mean_cm"] < 2
@@ -45,7 +45,7 @@ def test_errors_are_centimetres_everywhere(record):
 
 
 def test_the_carried_away_is_found_and_light_does_little(record):
-    assert record.values["kidnapped"]["found_rate"]["median"] == 1
+    assert record.values["kidnapped"]["found_rate"]["value"] == 1
     assert record.values["light_ratio"] == pytest.approx(1, abs=0.5)
     assert set(record.values["light_cm"]) == {"0", "5"}
 
@@ -76,10 +76,10 @@ def test_lost_and_wrong_are_counted_apart():
     lost = np.array([False] * 10 + [True] + [False] * 14 + [True, False, False, False])
     trial = {"floor": 0, "found": 2, "right": right, "lost": lost}
     counted = fine.kidnapping_summary([trial])
-    assert counted["wrong_not_lost"]["median"] == 0.5
-    assert counted["right_lost"]["median"] == pytest.approx(1 / 20)
+    assert counted["wrong_not_lost"]["value"] == 0.5
+    assert counted["right_lost"]["value"] == pytest.approx(1 / 20)
     never = fine.kidnapping_summary([trial | {"found": None}])
-    assert never["found_rate"]["median"] == 0 and never["frames"] is None
+    assert never["found_rate"]["value"] == 0 and never["frames"] is None
 
 
 def test_kidnappings_over_one_floor_count_together():
@@ -91,7 +91,7 @@ def test_kidnappings_over_one_floor_count_together():
     for key, frames in (("found_rate", 1), ("wrong_not_lost", 1), ("right_lost", 20)):
         rate = counted[key]
         assert rate["trials"] == 40 * frames and rate["clusters"] == 4
-        alone = wilson_interval(round(4 * rate["median"]), 4)  # all alike: a floor counts once
+        alone = wilson_interval(round(4 * rate["value"]), 4)  # all alike: a floor counts once
         assert (rate["low"], rate["high"]) == alone
 
 
@@ -100,8 +100,8 @@ def test_means_over_floors_are_those_of_all_frames():
     for name in fine.KNOWN:
         for quantity, highest in (("mean_cm", np.inf), ("region_90", 1)):
             found, pooled = fine.over_floors(kept, name, quantity, highest), kept.values["all"]
-            assert found["median"] == pytest.approx(pooled[name][quantity])
-            assert found["low"] < found["median"] < found["high"]
+            assert found["value"] == pytest.approx(pooled[name][quantity])
+            assert found["low"] < found["value"] < found["high"]
 
 
 @pytest.fixture(scope="module")

@@ -79,15 +79,15 @@ def test_growing_what_is_sent_makes_receivers_less_sure(record):
         for receiver in RECEIVERS:
             sent, plain = entry[receiver]["sent"], entry[receiver]["plain"]
             assert sent["claimed_cm"] > plain["claimed_cm"]
-            assert sent["inside"]["median"] >= plain["inside"]["median"]
+            assert sent["inside"]["value"] >= plain["inside"]["value"]
             assert sent["nees"] < plain["nees"]
-            assert sent["inside"]["low"] <= sent["inside"]["median"] <= sent["inside"]["high"]
+            assert sent["inside"]["low"] <= sent["inside"]["value"] <= sent["inside"]["high"]
     paper = record.values["paper"]
     assert paper["alike"] == 1
     assert paper["ekf2"]["sent"] == paper["ekf2"]["plain"]  # it has nothing but its own word
-    assert paper["ekf2"]["sent"]["inside"]["median"] < record.values["field"]["ekf2"]["sent"][
+    assert paper["ekf2"]["sent"]["inside"]["value"] < record.values["field"]["ekf2"]["sent"][
         "inside"
-    ]["median"] + 1e-9  # fmt: skip
+    ]["value"] + 1e-9  # fmt: skip
 
 
 def test_figures_and_sentence_come_from_the_record(record):

@@ -35,7 +35,7 @@ def test_turning_back_by_a_perfect_compass_is_the_square_as_flown(train, record)
     perfect = heading.run(train, train, heading.Parameters(frames=60, textons=8, compass_deg=0))
     errors = perfect.values["error_cm"]
     for count in heading.COUNTS:
-        assert errors["back"][count]["median"] == errors["square"][count]["median"]
+        assert errors["back"][count]["value"] == errors["square"][count]["value"]
     # What the compass does not touch is as before.
     assert errors["turned"] == record.values["error_cm"]["turned"]
 
@@ -43,8 +43,8 @@ def test_turning_back_by_a_perfect_compass_is_the_square_as_flown(train, record)
 def test_no_answer_is_better_than_its_bound_and_a_cure_cures(record):
     values = record.values
     errors = values["error_cm"]
-    assert 0 < values["bound_cm"] < min(e["median"] for v in errors.values() for e in v.values())
-    assert errors["back"]["cells"]["median"] < errors["turned"]["cells"]["median"]
+    assert 0 < values["bound_cm"] < min(e["value"] for v in errors.values() for e in v.values())
+    assert errors["back"]["cells"]["value"] < errors["turned"]["cells"]["value"]
     assert "turned" in heading.finding(record)
 
 
@@ -71,7 +71,7 @@ def test_a_tolerant_dictionary_counts_quarter_turns_alike(rng):
 
 
 def test_figure_and_table_show_the_record(record):
-    middle = record.values["error_cm"]["whole"]["paper"]["median"] / 100
+    middle = record.values["error_cm"]["whole"]["paper"]["value"] / 100
     lines = [drawn.lines[0] for drawn in figures.errors(record).axes[0].containers]
     assert lines[0].get_xdata()[0] == pytest.approx(middle)
     meant = [COLORS["paper"], COLORS["field"], COLORS["field"]]  # as everywhere in the book

@@ -37,26 +37,26 @@ def test_every_light_is_flown_by_every_method(record):
     assert len(errors) == len(light.DRIFTS) + len(light.WARMTHS) - 1
     for found in errors.values():
         assert set(found) == set(light.METHODS)
-        assert all(0 < error["low"] <= error["median"] <= error["high"] for error in found.values())
+        assert all(0 < error["low"] <= error["value"] <= error["high"] for error in found.values())
 
 
 def test_the_ratio_is_that_of_its_two_lights(record):
     errors = record.values["error_cm"]
-    ratio = errors["drift 0.05"]["field"]["median"] / errors["drift 0"]["field"]["median"]
+    ratio = errors["drift 0.05"]["field"]["value"] / errors["drift 0"]["field"]["value"]
     assert record.values["ratio"]["field"] == ratio
     said = light.finding(record)
     assert said.count(", without drift by ") == 2
     assert said.count("the same but for chance") == 2  # so few frames tell nothing apart
     apart = deepcopy(record)
     field = apart.values["error_cm"]["drift 0.05"]["field"]
-    field |= {key: 9 * errors["drift 0"]["field"]["high"] for key in ("low", "median", "high")}
+    field |= {key: 9 * errors["drift 0"]["field"]["high"] for key in ("low", "value", "high")}
     assert light.finding(apart).count("the same but for chance") == 1
 
 
 def test_the_figure_shows_the_record(record):
     line, _, (bars,) = figures.sweeps(record).axes[0].containers[0]
     errors = record.series["by_drift_cm"]["paper"]
-    np.testing.assert_allclose(line.get_ydata(), [error["median"] for error in errors])
+    np.testing.assert_allclose(line.get_ydata(), [error["value"] for error in errors])
     ends = [[error["low"], error["high"]] for error in errors]
     np.testing.assert_allclose([bar[:, 1] for bar in bars.get_segments()], ends)
 

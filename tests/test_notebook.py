@@ -86,7 +86,7 @@ def test_the_footer_says_the_command_that_makes_it_again(names):
 def page(names):
     """The page of a record with a bit of everything."""
     given = notebook.given(mocap_training.Parameters, names)
-    error = {"median": 12.34, "low": 8.0, "high": 123.4}
+    error = {"value": 12.34, "low": 8.0, "high": 123.4}
     values = {"knn": {"error_cm_x": error, "median_cm": 5.06}, "frames": 12345, "share": 0.123456}
     return notebook.Page(given.parameters.record(given.train, values=values), given)
 
@@ -109,7 +109,7 @@ def test_errors_stand_beside_the_papers_with_their_intervals(page):
 
 def test_a_table_to_explore_tells_how_many_columns_choose(page):
     rows = [
-        {"samples": 100, "cells": None, "cm": {"median": 9.0, "low": 8.0, "high": 10.0}},
+        {"samples": 100, "cells": None, "cm": {"value": 9.0, "low": 8.0, "high": 10.0}},
         {"samples": 400, "cells": 2, "cm": None},
     ]
     chosen = {"Samples": "samples", "Cells": "cells"}

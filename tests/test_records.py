@@ -1,12 +1,14 @@
 """Records: bytes, pictures, damage; and the cache that keys on everything that went in."""
 
+import json
+
 import numpy as np
 import pytest
 
 from trexton.cache import cached, code_hashes
 from trexton.errors import TrextonError
 from trexton.files import atomic_file, atomic_folder, digest
-from trexton.records import Record, plain
+from trexton.records import SCHEMA, Record, plain, upgraded
 
 
 def make_record(**changes):
@@ -32,6 +34,28 @@ def test_a_record_reads_back(tmp_path):
     assert loaded.values == {"a": 1.5, "b": [1.0, None], "c": 3, "d": {"e": True, "f": None}}
     np.testing.assert_array_equal(loaded.images["p"], record.images["p"])
     assert loaded.parameters == {"seed": 1}
+
+
+def test_records_of_the_first_schema_are_read_as_if_written_today(tmp_path):
+    """Entries said ``median`` then; what is a median says so still."""
+    sample = {"median": 3.0, "p95": 9.0}
+    bands = {"low": [1.0], "median": [2.0], "high": [3.0]}
+    times = {"total_ms": {"median": 5.0, "low": 4.0, "high": 6.0, "p99": 8.0}}
+
+    def content(name):
+        error = {name: 2.0, "low": 1.0, "high": 3.0, "trials": 4}
+        unknown = {name: 2.0, "low": None, "high": None}
+        values = {"mean_cm": error, "floors": {"a": unknown}, "link_px": sample, "median_cm": 7.0}
+        return {"values": values, "series": {"rows": [{"cm": error}], "error_m": bands}}
+
+    path = make_record(**content("value"), timings=times).save(tmp_path)
+    now = json.loads(path.read_text())
+    path.write_text(json.dumps(now | content("median") | {"schema": 1}))
+    assert upgraded(json.loads(path.read_text())) == now and now["schema"] == SCHEMA
+    assert upgraded(now) is now
+    loaded = Record.load(path)
+    assert loaded.values == content("value")["values"] and loaded.timings == times
+    assert json.loads(loaded.save(tmp_path / "again").read_text()) == now
 
 
 def test_equal_records_give_equal_bytes(tmp_path):

@@ -27,13 +27,13 @@ SETTINGS = {"particles": ["5", "7"], "seed": [1, 2], "repeats": [1], "neighbors"
 
 
 def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
-    plan = Plan("mocap_training", SETTINGS, [FlightPair(flight)], values=("filter.mean_cm.median",))
+    plan = Plan("mocap_training", SETTINGS, [FlightPair(flight)], values=("filter.mean_cm.value",))
     swept = sweep(plan, tmp_path / "out", jobs=2)
     assert swept.counts == {"ran": 4, "reused": 0, "failed": 0}, swept.failed
     table = pd.read_csv(tmp_path / "out" / "sweep.csv")
-    assert list(table.columns) == ["flight", *SETTINGS, "filter.mean_cm.median"]
+    assert list(table.columns) == ["flight", *SETTINGS, "filter.mean_cm.value"]
     assert sorted(zip(table.particles, table.seed, strict=True)) == [(5, 1), (5, 2), (7, 1), (7, 2)]
-    assert table["filter.mean_cm.median"].nunique() == 4
+    assert table["filter.mean_cm.value"].nunique() == 4
     before = (tmp_path / "out" / "sweep.json").read_bytes()
 
     again = sweep(plan, tmp_path / "out", jobs=1)
@@ -60,11 +60,11 @@ def test_cells_that_cannot_run_here_are_left_out_with_a_word(flight, tmp_path, m
 
 def test_a_value_that_no_record_has_is_no_empty_column(flight, tmp_path):
     settings = SETTINGS | {"particles": [5], "seed": [1]}
-    plan = Plan("mocap_training", settings, [FlightPair(flight)], values=("filter.mean_cm.mean",))
-    with pytest.raises(ParameterError, match=r"'filter.mean_cm.mean': it has .*filter.mean_cm.med"):
+    plan = Plan("mocap_training", settings, [FlightPair(flight)], values=("filter.mean_cm.median",))
+    with pytest.raises(ParameterError, match=r"mean_cm.median': it has .*filter.mean_cm.value"):
         sweep(plan, tmp_path / "out", jobs=1)
     assert not (tmp_path / "out" / "sweep.csv").exists()
-    mended = replace(plan, values=("filter.mean_cm.median", "timings.step_s.median"))
+    mended = replace(plan, values=("filter.mean_cm.value", "timings.step_s.median"))
     swept = sweep(mended, tmp_path / "out", jobs=1)
     assert swept.counts["reused"] == 1 and swept.rows[0]["timings.step_s.median"] > 0
 

@@ -41,8 +41,8 @@ def test_counts_and_rates_agree_with_the_series(record):
         places = [place for place in series["touchdown_m"] if place[0] is not None]
         assert values["attempts"] == 2 and values["landings"] == len(places)
         assert values["inside"] == sum(np.hypot(*place) <= 0.6 for place in places)
-        assert values["landed_rate"]["median"] == len(places) / 2
-        assert values["inside_of_flights"]["median"] == values["inside"] / 2
+        assert values["landed_rate"]["value"] == len(places) / 2
+        assert values["inside_of_flights"]["value"] == values["inside"] / 2
         assert all(1.0 < wait <= 12.08 for wait in series["wait_s"])
 
 
@@ -54,7 +54,7 @@ def test_flights_over_one_floor_are_alike():
         for key, rate in touchdown.rates(floors).items():
             assert lander[key] == pytest.approx(rate)
             together = touchdown.rates([lander])[key]
-            assert rate["median"] == together["median"]
+            assert rate["value"] == together["value"]
             assert rate["low"] <= together["low"] and together["high"] <= rate["high"]
     landed = kept.values["landers"]["field"]["landed_rate"]  # from none to 17 of 20, by the floor
     assert landed["high"] - landed["low"] > 0.3
@@ -65,8 +65,8 @@ def test_landers_are_compared_floor_by_floor(record):
     landers = kept.values["landers"]
     gain = touchdown.gain(kept, "fine", "field")
     apart = landers["fine"]["inside"] - landers["field"]["inside"]
-    assert gain["median"] == pytest.approx(apart / landers["field"]["attempts"])
-    assert 0 < gain["low"] < gain["median"] < gain["high"] < 1
+    assert gain["value"] == pytest.approx(apart / landers["field"]["attempts"])
+    assert 0 < gain["low"] < gain["value"] < gain["high"] < 1
     assert touchdown.gain(record, "fine", "field")["low"] is None  # over one floor
 
 
@@ -98,7 +98,7 @@ def test_what_a_flight_passes_does_not_depend_on_who_lands(train):
 def test_nobody_lands_inside_more_often_than_flights_pass():
     kept = notebook.reference("touchdown").values
     for lander in kept["landers"].values():
-        assert lander["inside_of_flights"]["median"] <= kept["passed"]["median"] < 1
+        assert lander["inside_of_flights"]["value"] <= kept["passed"]["value"] < 1
 
 
 def test_coarse_to_fine_knows_where_it_is_when_it_lands(record):

@@ -75,8 +75,8 @@ def test_errors_are_those_of_direct_runs(record, pair):
     direct = [100 * absolute_errors(run.position, test.position)[:, 0].mean() for run in runs]
     knn = [100 * absolute_errors(run.knn, test.position)[:, 0].mean() for run in runs]
     row = record.series["samples"][2]
-    assert row["error_cm_x"]["median"] == pytest.approx(np.median(direct))
-    assert row["knn"]["error_cm_x"]["median"] == pytest.approx(np.median(knn))
+    assert row["error_cm_x"]["value"] == pytest.approx(np.median(direct))
+    assert row["knn"]["error_cm_x"]["value"] == pytest.approx(np.median(knn))
 
 
 def test_full_sampling_is_the_localizer_with_all_patches(record, pair):
@@ -84,7 +84,7 @@ def test_full_sampling_is_the_localizer_with_all_patches(record, pair):
     texton_map = trained_map(train, textons=6, neighbors=4)
     runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=None, particles=20)
     direct = [100 * absolute_errors(run.position, test.position)[:, 0].mean() for run in runs]
-    assert record.values["full_sampling_error_cm"]["median"] == pytest.approx(np.median(direct))
+    assert record.values["full_sampling_error_cm"]["value"] == pytest.approx(np.median(direct))
 
 
 def test_headlines_are_the_ends(record):
@@ -94,7 +94,7 @@ def test_headlines_are_the_ends(record):
     assert record.values["most_particles_error_cm"] == rows["particles"][-1]["error_cm_x"]
     assert clocks["fewest_samples_ms"] == clocks["samples"][0]["frame_ms"]
     assert clocks["full_sampling_ms"] == clocks["samples"][-1]["frame_ms"]
-    before, after = (rows["samples"][i]["error_cm_x"]["median"] for i in (1, 3))
+    before, after = (rows["samples"][i]["error_cm_x"]["value"] for i in (1, 3))
     assert record.values["plateau_gain"]["value"] == pytest.approx(1 - after / before)
     assert record.values["camera_hz"] == pytest.approx(4.0)
 
@@ -139,7 +139,7 @@ def test_best_of_the_grid(record):
         (None, 10, 1),
         (None, 10, 3),
     ]
-    lowest = min(grid, key=lambda row: row["axis_mean_cm"]["median"])
+    lowest = min(grid, key=lambda row: row["axis_mean_cm"]["value"])
     assert record.values["best_error_cm"] == lowest["axis_mean_cm"]
     assert record.values["best_setting"] == {
         key: lowest[key] for key in ("samples", "particles", "neighbors")
@@ -166,7 +166,7 @@ def test_what_the_replay_chooses_is_measured_on_the_test_flight(without_images):
     assert values["tuned_setting"].items() <= chosen.items()
     claims = [claim for claim in load_claims() if claim.id == "tuned"]
     ((_, (judged,)),) = judge_all({"f": {"trade_off": without_images}}, claims)
-    assert judged.ours.value == values["tuned_error_cm"]["median"]
+    assert judged.ours.value == values["tuned_error_cm"]["value"]
     assert len({row["replayed_cm"] for row in grid}) > 1
     assert "chosen by replaying the training flight" in trade_off.finding(without_images)
 
@@ -247,7 +247,7 @@ def test_full_histograms_are_those_of_every_patch(pair):
 def test_figures_show_the_record(record, without_images, tmp_path):
     loaded = Record.load(record.save(tmp_path))
     error, rate = figures.samples(loaded).axes
-    medians = [row["error_cm_x"]["median"] for row in record.series["samples"]]
+    medians = [row["error_cm_x"]["value"] for row in record.series["samples"]]
     np.testing.assert_allclose(error.lines[0].get_ydata(), medians[:-1])
     np.testing.assert_allclose(
         error.lines[0].get_xdata(), [20, 40, 80]
@@ -263,13 +263,13 @@ def test_figures_show_the_record(record, without_images, tmp_path):
         (figures.training, "training"),
         (figures.neighbors, "neighbors"),
     ):
-        medians = [row["error_cm_y"]["median"] for row in record.series[name]]
+        medians = [row["error_cm_y"]["value"] for row in record.series[name]]
         np.testing.assert_allclose(draw(loaded).axes[0].lines[1].get_ydata(), medians)
     (plot,) = figures.stored(loaded).axes
     tree = [row["tree"]["frequency_hz"]["median"] for row in record.timings["stored"]]
     np.testing.assert_allclose(plot.lines[1].get_ydata(), tree)
     (plot,) = figures.grid(loaded).axes
-    best = record.values["best_error_cm"]["median"]
+    best = record.values["best_error_cm"]["value"]
     assert best in plot.lines[-1].get_ydata()
     (plot,) = figures.error_by_frequency(loaded).axes
     assert len(plot.containers) == 2

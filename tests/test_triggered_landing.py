@@ -87,15 +87,15 @@ def test_the_tally_of_landings_made_by_hand():
     assert (values["attempts"], values["landings"], values["never_triggered"]) == (6, 5, 1)
     assert values["inside"] == 3 and values["outliers"] == 2
     assert np.allclose(values["outliers_cm"], [14, 18])
-    assert np.isclose(values["outlier_mean_cm"]["median"], 16) and np.isclose(
+    assert np.isclose(values["outlier_mean_cm"]["value"], 16) and np.isclose(
         values["outlier_mean_cm"]["low"], 14
     )
     assert (
-        values["inside_rate"]["median"] == 0.6
+        values["inside_rate"]["value"] == 0.6
         and values["inside_rate"]["low"] < 0.6 < values["inside_rate"]["high"]
     )
-    assert values["triggered_inside_rate"]["median"] == 0.6
-    assert np.isclose(values["never_rate"]["median"], 1 / 6)
+    assert values["triggered_inside_rate"]["value"] == 0.6
+    assert np.isclose(values["never_rate"]["value"], 1 / 6)
     assert values["first_flights"] == {
         "attempts": 6,
         "landings": 5,
@@ -116,7 +116,7 @@ def test_the_tally_of_landings_made_by_hand():
 def test_nothing_but_missed_landings_is_a_result_too():
     mission = SimpleNamespace(radius=0.6, seed=1, places=np.array([[0.6, 0.6], [4.4, 4.4]]))
     values = summarize_attempts([attempt(None, 0)] * 3, mission)
-    assert values["landings"] == 0 and values["never_rate"]["median"] == 1
+    assert values["landings"] == 0 and values["never_rate"]["value"] == 1
     assert (
         values["inside_rate"] is None
         and values["outlier_mean_cm"] is None
@@ -149,7 +149,7 @@ def test_with_the_true_position_every_trigger_is_inside(record):
     perfect = record.values["perfect"]
     assert perfect["landings"] >= 1
     assert (
-        perfect["triggered_inside_rate"]["median"] == 1
+        perfect["triggered_inside_rate"]["value"] == 1
         and perfect["trigger_error_cm"]["median"] == 0
     )
 

@@ -13,6 +13,7 @@ from trexton.cli import main
 from trexton.errors import TrextonError
 from trexton.experiments import mocap_training
 from trexton.flights import write_flight
+from trexton.records import SCHEMA
 from trexton.verify import VARIANTS, differences, moved, references, update, verify
 
 VALUES = {"error_cm": 12.5, "frames": 40, "ranks": [1.0, 2.0]}
@@ -69,6 +70,14 @@ def test_what_is_as_it_was_holds(processes, tmp_path):
     assert caches[2] == caches[0] and len(set(caches)) == len(VARIANTS) - 1
     blocked = ["sys.modules['numba'] = None" in command[2] for command in processes.commands]
     assert blocked == [not variant.numba for variant in VARIANTS]
+
+
+def test_a_record_of_the_first_schema_is_compared_as_it_would_be_written_today(processes, tmp_path):
+    old, new = (
+        {"error_cm": {name: 12.5, "low": 9.0, "high": 16.0}} for name in ("median", "value")
+    )
+    processes.records = [{"schema": SCHEMA, "values": new}]
+    assert verify(saved(tmp_path / "r.json", values=old), tmp_path, "flight").holds
 
 
 def test_a_changed_number_is_found_and_named_with_the_version_that_moved(processes, tmp_path):

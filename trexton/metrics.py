@@ -121,7 +121,7 @@ def mean_with_interval(
         for _ in range(draws)
     ]
     low, high = bootstrap_interval(drawn, rows.shape[1])
-    return {"median": np.nanmean(rows), "low": low, "high": high}
+    return {"value": np.nanmean(rows), "low": low, "high": high}
 
 
 def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
@@ -180,13 +180,13 @@ def summarize(
     Returns
     -------
     dict
-        For each statistic a dict: ``median`` over the runs, ``low`` and ``high`` (95 % interval: a
-        run and blocks of frames are drawn anew each time), ``runs_low`` and ``runs_high`` (the same
-        over the runs alone). The statistics are ``error_cm_*`` and ``std_cm_*`` for x and y (mean
-        and standard deviation of the absolute error, the paper's two rows), their means over the
-        axes ``axis_mean_cm`` and ``axis_std_cm``, and of the Euclidean error ``mean_cm``,
-        ``median_cm``, ``p95_cm``, ``rmse_cm`` and ``relative`` (mean over diagonal). Further
-        ``frames`` and ``missing``, counts a run on average.
+        For each statistic an entry: ``value``, its median over the runs, ``low`` and ``high`` (95 %
+        interval: a run and blocks of frames are drawn anew each time), ``runs_low`` and
+        ``runs_high`` (the same over the runs alone). The statistics are ``error_cm_*`` and
+        ``std_cm_*`` for x and y (mean and standard deviation of the absolute error, the paper's two
+        rows), their means over the axes ``axis_mean_cm`` and ``axis_std_cm``, and of the Euclidean
+        error ``mean_cm``, ``median_cm``, ``p95_cm``, ``rmse_cm`` and ``relative`` (mean over
+        diagonal). Further ``frames`` and ``missing``, counts a run on average.
 
     Raises
     ------
@@ -217,7 +217,7 @@ def summarize(
         low, high = bootstrap_interval(drawn[name], absolute.shape[1])
         runs_low, median, runs_high = np.percentile(values, (2.5, 50, 97.5))
         result[name] = {
-            "median": median,
+            "value": median,
             "low": low,
             "high": high,
             "runs_low": runs_low,
@@ -251,7 +251,7 @@ def success_rate(successes: Counts, trials: Counts) -> dict[str, Any] | None:
     if not total:
         return None
     low, high = wilson_interval(successes, trials)
-    rate = {"median": int(np.sum(successes)) / total, "low": low, "high": high, "trials": total}
+    rate = {"value": int(np.sum(successes)) / total, "low": low, "high": high, "trials": total}
     clusters = {"clusters": int(np.count_nonzero(trials))} if np.ndim(trials) else {}
     return rate | clusters
 
@@ -330,6 +330,6 @@ def mean_over_groups(
 
     mean, count = float(np.mean(values)), len(values)
     if count < 2:
-        return {"median": mean, "low": None, "high": None}
+        return {"value": mean, "low": None, "high": None}
     reach = float(t.isf(0.025, count - 1) * sem(values))
-    return {"median": mean, "low": max(lowest, mean - reach), "high": min(highest, mean + reach)}
+    return {"value": mean, "low": max(lowest, mean - reach), "high": min(highest, mean + reach)}

@@ -1,6 +1,12 @@
 """What an experiment returns: one frozen record, written as JSON with its pictures beside it.
 
 Equal inputs give equal bytes, except under ``timings``: what depends on the clock belongs there.
+
+A number with its 95 % interval is an entry, ``{"value": 45.1, "low": 40.2, "high": 51.0}``: it says
+``value`` whichever statistic it is, for the key that holds it tells that, as ``mean_cm``. An end of
+which nothing is known is None; counts such as ``trials`` may stand beside. What says ``median`` is
+one: among several statistics of one sample (``median``, ``p95``), in bands that figures draw, and
+under ``timings``, where ``low`` and ``high`` are of medians over stretches.
 """
 
 from __future__ import annotations
@@ -19,9 +25,9 @@ import numpy as np
 from trexton.errors import TrextonError
 from trexton.files import atomic_file, canonical_json
 
-__all__ = ["Record", "machine", "plain", "software_versions"]
+__all__ = ["Record", "machine", "plain", "software_versions", "upgraded"]
 
-SCHEMA = 1
+SCHEMA = 2
 _PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "matplotlib", "pandas")
 
 
@@ -71,6 +77,30 @@ def machine() -> dict[str, Any]:
         "load": load,
         "system": platform.platform(),
     }
+
+
+def upgraded(content: dict[str, Any]) -> dict[str, Any]:
+    """What a record's file holds, as it would be written today.
+
+    Until schema 2 entries said ``median`` for ``value``. Whatever reads entries from files that may
+    be of any age reads them through this.
+    """
+    if content["schema"] >= 2:
+        return content
+    renamed = {section: _with_value(content[section]) for section in ("values", "series")}
+    return content | renamed | {"schema": SCHEMA}
+
+
+def _with_value(tree: Any) -> Any:
+    if isinstance(tree, list):
+        return [_with_value(each) for each in tree]
+    if not isinstance(tree, dict):
+        return tree
+    found = {key: _with_value(each) for key, each in tree.items()}
+    # Lists are bands: their middle is a median.
+    if found.keys() >= {"median", "low", "high"} and not isinstance(found["median"], list):
+        found["value"] = found.pop("median")
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +158,7 @@ class Record:
 
     @classmethod
     def load(cls, path: str | Path) -> Record:
-        """Read a record and its pictures.
+        """Read a record and its pictures; an older one as it would be written today.
 
         Raises
         ------
@@ -145,6 +175,7 @@ class Record:
                     f"{path}: record schema {content['schema']} is newer than {SCHEMA}: "
                     "update trexton"
                 )
+            content = upgraded(content)
             pictures = content.pop("images")
             record = cls(**content)
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:

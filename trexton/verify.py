@@ -24,7 +24,7 @@ from trexton.experiments import EXPERIMENTS
 from trexton.files import atomic_file, canonical_json, digest
 from trexton.flights.pair import load_pair
 from trexton.progress import progress
-from trexton.records import Record, software_versions
+from trexton.records import Record, software_versions, upgraded
 
 __all__ = [
     "QUICK", "VARIANTS", "Verdict", "Variant", "differences", "moved", "precision", "rebuild",
@@ -316,9 +316,9 @@ def _simulated(record: Content, work: Path) -> list[str]:
 
 
 def _read(path: Path) -> Content:
-    """A record's file as it is, its pictures by their hashes."""
+    """A record's file as it would be written today, its pictures by their hashes."""
     try:
-        content: Content = json.loads(path.read_text(encoding="utf-8"))
+        content: Content = upgraded(json.loads(path.read_text(encoding="utf-8")))
         if not all(
             isinstance(content[key], dict) for key in ("parameters", "provenance", *RESULTS)
         ):

@@ -43,10 +43,8 @@ def number(value: float | None) -> str:
 
 
 def middle(entry: Mapping[str, Any] | float) -> float:
-    """The median (or value) of an entry, or the number itself."""
-    if isinstance(entry, Mapping):
-        return float(entry["median"] if "median" in entry else entry["value"])
-    return float(entry)
+    """The value of an entry, or the number itself."""
+    return float(entry["value"] if isinstance(entry, Mapping) else entry)
 
 
 def interval(entry: Mapping[str, Any], unit: str = "") -> str:
@@ -123,11 +121,9 @@ def fixed(value: float | None, digits: int = 0) -> str:
 
 
 def span(entry: Mapping[str, Any], digits: int = 0) -> str:
-    """The median (or value) of an entry with its interval in brackets."""
-    middle = entry["median"] if "median" in entry else entry["value"]
-    return (
-        f"{fixed(middle, digits)} [{fixed(entry['low'], digits)}, {fixed(entry['high'], digits)}]"
-    )
+    """The value of an entry with its interval in brackets."""
+    value, low, high = (fixed(entry[key], digits) for key in ("value", "low", "high"))
+    return f"{value} [{low}, {high}]"
 
 
 def text(words: str) -> str:

@@ -1,4 +1,4 @@
-"""Prose pages are templates: ``{{ sim.mocap_training.knn.mean_cm.median | fixed }}`` is a number.
+"""Prose pages are templates: ``{{ sim.mocap_training.knn.mean_cm.value | fixed }}`` is a number.
 
 None is typed. A name that no record has stops the build with the page and the line; what may be
 absent stands in ``{% if %}``.
@@ -17,6 +17,7 @@ from trexton.errors import DataError
 from trexton.flights.importers import describe
 from trexton.landing import TouchdownZone
 from trexton.paper import published
+from trexton.records import upgraded
 from trexton.wording import Tree, template_environment
 from trexton.workflow import Outcome
 
@@ -29,7 +30,7 @@ def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tre
     for outcome in outcomes:
         path = results / outcome.flight / f"{outcome.experiment}.json"
         if outcome.status in ("ran", "reused") and outcome.flight and path.is_file():
-            record = json.loads(path.read_text(encoding="utf-8"))
+            record = upgraded(json.loads(path.read_text(encoding="utf-8")))
             values = {
                 **record["values"],
                 "parameters": record["parameters"],

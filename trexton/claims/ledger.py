@@ -194,7 +194,7 @@ def _quantity(claim: Claim, reference: str, records: Records) -> Quantity | None
     if found is None:
         found = look_up(record.timings, path)
     if isinstance(found, dict):
-        value = found.get("median", found.get("value"))
+        value = found.get("value", found.get("median"))  # the latter of times
         if value is None:
             return None
         low, high = (value if found.get(end) is None else found[end] for end in ("low", "high"))

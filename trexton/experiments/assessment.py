@@ -233,7 +233,7 @@ def finding(record: Record) -> str:
     words = (
         f"{judgement}: with the method `{best}` the estimate was off by {distance(error)} on "
         f"average, in one frame of twenty by more than {distance(middle(errors[best]['p95_cm']))}, "
-        f"against {distance(errors['centre']['mean_cm']['median'])} for always guessing the centre"
+        f"against {distance(errors['centre']['mean_cm']['value'])} for always guessing the centre"
     )
     paper = errors.get("paper")
     if paper and middle(paper["mean_cm"]) > 1.1 * knn:

@@ -177,7 +177,7 @@ def finding(record: Record) -> str:
     paper = variants["paper"]["mean_cm"]
     others = [each for key, each in variants.items() if key != "paper"]
     told = [each for each in others if apart(each["mean_cm"], paper)]
-    best = min(others, key=lambda each: each["mean_cm"]["median"])
+    best = min(others, key=lambda each: each["mean_cm"]["value"])
     return (
         f"Of {len(others)} choices {len(told)} can be told from the paper's on this flight; "
         f"lowest, in hindsight, is the error with {best['label']}: "

@@ -140,7 +140,7 @@ def drift(
     drawn = [slope(int(rng.integers(len(runs))), block_rows(len(test), rng)) for _ in range(draws)]
     low, high = bootstrap_interval(drawn, len(test))
     return {
-        "median": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]),
+        "value": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]),
         "low": low,
         "high": high,
     }

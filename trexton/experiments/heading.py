@@ -194,12 +194,12 @@ def finding(record: Record) -> str:
     errors = record.values["error_cm"]
     said = []
     for count, where in (("paper", "of whole pictures"), ("cells", "in 2 x 2 cells")):
-        flown, aside = (errors[view][count]["median"] for view in ("square", "turned"))
+        flown, aside = (errors[view][count]["value"] for view in ("square", "turned"))
         said.append(
             f"histograms {where} {'notice' if notices(record, count) else 'hardly notice'} it "
             f"({distance(aside)}, as flown {distance(flown)})"
         )
-    back, tolerant = (errors[view]["cells"]["median"] for view in ("back", "tolerant"))
+    back, tolerant = (errors[view]["cells"]["value"] for view in ("back", "tolerant"))
     return (
         f"Where the camera is turned by any angle, {said[0]}, {said[1]}. There a known heading, by "
         f"which the picture is turned back, gives {distance(back)}, and a rotation-tolerant "

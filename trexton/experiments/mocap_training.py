@@ -158,7 +158,7 @@ def _spread(
     widest = np.array([run.spread.max(axis=1) for run in runs])
     return {
         "within_one": (ratio <= 1).mean(),
-        "within_two": {"median": (ratio <= 2).mean(), "low": low, "high": high},
+        "within_two": {"value": (ratio <= 2).mean(), "low": low, "high": high},
         "mean_cm": 100 * np.mean([run.spread for run in runs]),
         "landing_threshold_cm": 100 * LANDING_SPREAD_M,
         "frames_wider_than_landing": np.mean((widest >= LANDING_SPREAD_M).sum(axis=1)),

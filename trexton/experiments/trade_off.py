@@ -261,7 +261,7 @@ def _headlines(sweeps: dict[str, _Sweep], bench: _Bench) -> tuple[dict[str, Any]
         )
         key = "plateau_gain" if name == "samples" else "particles_plateau_gain"
         values[key] = _gain(default, last, bench.test, rng=stream(bench.seed, "gain"))
-        errors += [row["error_cm_x"]["median"] for row in sweep.rows]
+        errors += [row["error_cm_x"]["value"] for row in sweep.rows]
         rates += [clock["frequency_hz"]["median"] for clock in sweep.clocks]
     rng = stream(bench.seed, "correlation")
     timings["error_frequency_correlation"] = rank_correlation(

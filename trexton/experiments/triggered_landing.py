@@ -183,7 +183,7 @@ def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> di
         return None
     means = values[rng.integers(len(values), size=(draws, len(values)))].mean(axis=1)
     low, high = bootstrap_interval(means, len(values), block=1)
-    return {"median": values.mean(), "low": low, "high": high}
+    return {"value": values.mean(), "low": low, "high": high}
 
 
 def _quantiles(values: list[float]) -> dict[str, Any] | None:
@@ -202,7 +202,7 @@ def _chance(rate: dict[str, Any] | None) -> float | None:
         return None
     from scipy.stats import binom
 
-    return float(binom.cdf(PAPER_INSIDE, PAPER_LANDINGS, rate["median"]))
+    return float(binom.cdf(PAPER_INSIDE, PAPER_LANDINGS, rate["value"]))
 
 
 def _series(attempts: list[Attempt], mission: Mission) -> dict[str, Any]:

@@ -92,7 +92,7 @@ def search_settings(
             explored.append(row | {"noise": noise})
             if noise == 1:
                 grid.append(row | ({} if replayed is None else {"replayed_cm": replayed}))
-    best = min(range(len(grid)), key=lambda i: grid[i]["axis_mean_cm"]["median"])
+    best = min(range(len(grid)), key=lambda i: grid[i]["axis_mean_cm"]["value"])
     found = _told("best", grid[best], tried[best][0][1])
     if any("replayed_cm" not in row for row in grid):
         return grid, explored, found | {"tuned_error_cm": None}

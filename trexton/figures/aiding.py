@@ -33,7 +33,7 @@ def errors(record: Record) -> Figure:
         for place, (method, label) in enumerate(LABELS.items()):
             entries = [values[method][known] for known in METHODS[method]]
             rows = [list(KNOWN).index(known) for known in METHODS[method]]
-            middle = np.array([entry["median"] for entry in entries])
+            middle = np.array([entry["value"] for entry in entries])
             ends = np.array([[entry["low"], entry["high"]] for entry in entries]).T
             plot.errorbar(
                 middle, np.array(rows) + 0.16 * (place - 0.5), xerr=np.abs(ends - middle),

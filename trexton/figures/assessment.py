@@ -32,7 +32,7 @@ LABELS = {
 
 def _unit(record: Record) -> tuple[str, float]:
     """What errors are told in, and how many of it a metre has: as the record's words do."""
-    best = min(entry["mean_cm"]["median"] for entry in record.values["errors"].values())
+    best = min(entry["mean_cm"]["value"] for entry in record.values["errors"].values())
     return length_unit(best / 100)
 
 
@@ -40,7 +40,7 @@ def over_the_floor(record: Record) -> Figure:
     """The truth, and the best method's estimates joined to it, over the error to expect."""
     series, errors = record.series, record.values["errors"]
     methods = record.parameters["methods"].split()
-    best = min(methods, key=lambda name: errors[name]["mean_cm"]["median"])
+    best = min(methods, key=lambda name: errors[name]["mean_cm"]["value"])
     truth, estimate = np.array(series["truth_m"]), np.array(series[f"{best}_m"])
     label, color = LABELS[best]
     with canvas(size=(6.2, 5.2)) as (figure, axes):

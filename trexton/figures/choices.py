@@ -23,9 +23,9 @@ def costs(record: Record) -> Figure:
             )
             code = variant.get("flight_code", False)
             face = color if code or variant["group"] == "paper" else "white"
-            plot.plot(error["median"], row, "o", color=color, markerfacecolor=face, markersize=5)
+            plot.plot(error["value"], row, "o", color=color, markerfacecolor=face, markersize=5)
         plot.axvline(
-            variants[0]["mean_cm"]["median"],
+            variants[0]["mean_cm"]["value"],
             color=COLORS["paper"],
             linewidth=0.9,
             linestyle="--",

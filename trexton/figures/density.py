@@ -27,7 +27,7 @@ def errors(record: Record) -> Figure:
             if record.values["floors"] > 1:
                 plot.plot(apart, np.array(by_floor[method]), color=color, alpha=0.3, linewidth=0.8)
             entries = [survey[method]["error_cm"] for survey in surveys]
-            middle = np.array([entry["median"] for entry in entries])
+            middle = np.array([entry["value"] for entry in entries])
             ends = np.array([[entry["low"], entry["high"]] for entry in entries]).T
             plot.errorbar(
                 apart, middle, yerr=np.abs(ends - middle), fmt="os"[place] + "-",

@@ -23,7 +23,7 @@ def truth_in_the_region(record: Record) -> Figure:
             for place, name in enumerate(order):
                 for offset, sent in zip((-0.15, 0.15), SENT, strict=True):
                     share = record.values[name][receiver][sent]["inside"]
-                    middle, low, high = (100 * share[key] for key in ("median", "low", "high"))
+                    middle, low, high = (100 * share[key] for key in ("value", "low", "high"))
                     plot.errorbar(
                         place + offset,
                         middle,

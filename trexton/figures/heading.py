@@ -40,7 +40,7 @@ def errors(record: Record) -> Figure:
         rows = np.arange(len(VIEWS))
         for place, (count, label) in enumerate(COUNTS.items()):
             each = [values["error_cm"][view][count] for view in VIEWS]
-            middle = np.array([entry["median"] for entry in each]) / 100
+            middle = np.array([entry["value"] for entry in each]) / 100
             ends = np.array([[entry["low"], entry["high"]] for entry in each]).T / 100
             plot.errorbar(
                 middle, rows + 0.2 * (place - 1), xerr=np.abs(ends - middle),

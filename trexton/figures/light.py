@@ -34,7 +34,7 @@ def sweeps(record: Record) -> Figure:
             shares = 100 * np.array(series[what])
             for place, (name, errors) in enumerate(series[f"by_{what}_cm"].items()):
                 short, color, stroke = STYLE[name]
-                mean = np.array([error["median"] for error in errors])
+                mean = np.array([error["value"] for error in errors])
                 ends = np.array([[error["low"], error["high"]] for error in errors]).T
                 plot.errorbar(  # beside one another, so that no bar hides another
                     shares + 0.012 * (place - 1) * shares.max(), mean, yerr=np.abs(ends - mean),

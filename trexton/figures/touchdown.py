@@ -114,8 +114,8 @@ def _rates(plot: Axes, summaries: list[dict[str, Any]], color: str) -> list[list
     """Flights landed and landings inside, per cent, their intervals drawn."""
     places = []
     for rates in ([each[key] for each in summaries] for key in ("landed_rate", "inside_rate")):
-        middle = [100 * rate["median"] for rate in rates]
-        reach = [[100 * abs(rate[end] - rate["median"]) for rate in rates]
+        middle = [100 * rate["value"] for rate in rates]
+        reach = [[100 * abs(rate[end] - rate["value"]) for rate in rates]
                  for end in ("low", "high")]  # fmt: skip
         places.append((middle, reach))
     (x, across), (y, along) = places

@@ -50,16 +50,16 @@ def error_by_frequency(record: Record) -> Figure:
             rows, clocks = record.series.get(name, []), record.timings.get(name, [])
             if not rows:
                 continue
-            rate = _column(clocks, "frequency_hz")
+            rate = _rates(clocks)
             error = _column(rows, "error_cm_x")
             bars: dict[str, Any] = {"xerr": _whiskers(rate), "yerr": _whiskers(error)}
             look: dict[str, Any] = {"color": color, "alpha": 0.9, "marker": marker, "markersize": 5}
             label = f"{_AXIS[name]}: {_ends(rows, name)}"
             plot.errorbar(
-                rate["median"], error["median"], **bars, **look, elinewidth=0.8, label=label
+                rate["value"], error["value"], **bars, **look, elinewidth=0.8, label=label
             )
             for i, place, side in ((0, (6, 6), "left"), (-1, (-5, -12), "right")):
-                at = (rate["median"][i], error["median"][i])
+                at = (rate["value"][i], error["value"][i])
                 style: dict[str, Any] = {
                     "textcoords": "offset points",
                     "color": color,
@@ -85,9 +85,9 @@ def stored(record: Record) -> Figure:
     with canvas(size=(6.4, 4.0)) as (figure, axes):
         plot = axes[0, 0]
         for method, label, color, marker in lines:
-            rate = _column([row[method] for row in clocks], "frequency_hz")
+            rate = _rates([row[method] for row in clocks])
             plot.fill_between(count, rate["low"], rate["high"], color=color, alpha=0.2, linewidth=0)
-            plot.plot(count, rate["median"], color=color, marker=marker, markersize=5, label=label)
+            plot.plot(count, rate["value"], color=color, marker=marker, markersize=5, label=label)
         plot.set(xlabel="stored histograms", ylabel="rate (Hz)", xscale="log", yscale="log")
         plot.axvline(800, color=COLORS["printed"], linestyle=":", label="the paper's 800")
         _camera(plot, record)
@@ -109,12 +109,12 @@ def grid(record: Record) -> Figure:
             of_all = "" if not record.values["applies"]["samples"] else f"{_name(drawn)} samples, "
             plot.fill_between(k, error["low"], error["high"], color=color, alpha=0.1, linewidth=0)
             label = f"{of_all}{_name(count)} particles"
-            plot.plot(k, error["median"], color=color, marker=marker, markersize=5, label=label)
+            plot.plot(k, error["value"], color=color, marker=marker, markersize=5, label=label)
         for name, label, size in (("best", "best in hindsight", 15), ("tuned", "tuned", 20)):
             if name in values:
                 at = (
                     values[f"{name}_setting"]["neighbors"],
-                    values[f"{name}_error_cm"]["median"],
+                    values[f"{name}_error_cm"]["value"],
                 )
                 ring: dict[str, Any] = {
                     "markersize": size,
@@ -156,9 +156,7 @@ def _error_and_rate(record: Record, name: str) -> Figure:
                 error, value, _column(table, key), swept, label=label, color=color,
                 linestyle=style, marker=marker,
             )  # fmt: skip
-        _band(
-            rate, value, _column(clocks, "frequency_hz"), swept, color=COLORS["truth"], marker="o"
-        )
+        _band(rate, value, _rates(clocks), swept, color=COLORS["truth"], marker="o")
         error.set(ylabel="mean error (cm)", ylim=(0, None), xscale="log")
         rate.set(
             ylabel="rate (Hz)",
@@ -183,7 +181,7 @@ def _band(axes: Axes, x: np.ndarray, y: dict[str, Any], swept: slice, **style: A
     axes.fill_between(
         x[swept], y["low"][swept], y["high"][swept], color=style["color"], alpha=0.13, linewidth=0
     )
-    axes.plot(x[swept], y["median"][swept], markersize=4.5, **style)
+    axes.plot(x[swept], y["value"][swept], markersize=4.5, **style)
     if swept.stop is not None:
         last = {key: values[-1:] for key, values in y.items()}
         marker = style.get("marker") or "D"
@@ -193,7 +191,7 @@ def _band(axes: Axes, x: np.ndarray, y: dict[str, Any], swept: slice, **style: A
             "markersize": 6,
             "capsize": 2,
         }
-        axes.errorbar(x[-1:], last["median"], yerr=_whiskers(last), **look)
+        axes.errorbar(x[-1:], last["value"], yerr=_whiskers(last), **look)
 
 
 def _camera(axes: Axes, record: Record, vertical: bool = False) -> None:
@@ -210,14 +208,22 @@ def _camera(axes: Axes, record: Record, vertical: bool = False) -> None:
         axes.margins(y=0.12)
 
 
-def _column(rows: list[dict[str, Any]], key: str) -> dict[str, np.ndarray]:
-    names = ("median", "low", "high")
-    return {name: np.array([row[key][name] for row in rows], dtype=float) for name in names}
+def _column(rows: list[dict[str, Any]], key: str, named: str = "value") -> dict[str, np.ndarray]:
+    """``value``, ``low`` and ``high`` of the entries there, whose value is `named` so."""
+    names = {"value": named, "low": "low", "high": "high"}
+    return {
+        name: np.array([row[key][place] for row in rows], dtype=float)
+        for name, place in names.items()
+    }
+
+
+def _rates(clocks: list[dict[str, Any]]) -> dict[str, np.ndarray]:
+    return _column(clocks, "frequency_hz", "median")
 
 
 def _whiskers(column: dict[str, np.ndarray]) -> np.ndarray:
     """Lengths below and above, as `Axes.errorbar` takes them."""
-    below, above = column["median"] - column["low"], column["high"] - column["median"]
+    below, above = column["value"] - column["low"], column["high"] - column["value"]
     return np.asarray(np.maximum(0, np.stack([below, above])))
 
 

@@ -211,4 +211,4 @@ def _rates(summary: dict[str, Any]) -> dict[str, Any]:
 def _percent(rate: dict[str, Any] | None) -> str:
     if rate is None:
         return ""
-    return f"{rate['median']:.0%} <small>[{rate['low']:.0%}, {rate['high']:.0%}]</small>"
+    return f"{rate['value']:.0%} <small>[{rate['low']:.0%}, {rate['high']:.0%}]</small>"
