@@ -35,6 +35,7 @@ COARSE = 1200  # cells of the grid on which left-out frames are located
 LARGEST_TABLE = 600_000
 LEAST = 1e-3  # variance, as a share of the signal: no place is taken to be known better
 FARTHEST = 1e6  # deviations of a feature: beyond, squares would overflow
+USUAL = 0.95  # share of left-out frames that look like what was surveyed, see `Field.strangeness`
 UNFLOWN = 0.1  # share of the prior that does not expect the vehicle where it was in training
 
 
@@ -75,6 +76,7 @@ class Field(MeasurementModel):
     errors: np.ndarray = learned()  # (3,) an ErrorModel
     learnt_at: np.ndarray = learned()  # () the variance where the frames behind it were
     repeated: np.ndarray = learned()  # () see `lasting_growth`
+    misfit: np.ndarray = learned()  # () see `strangeness`
     expected: np.ndarray = learned()  # (2,) expected error: without variance, times its root
 
     def check(self) -> None:
@@ -128,6 +130,7 @@ class Field(MeasurementModel):
             errors=np.array([study.model.lasting, study.model.fresh, study.model.lasts_s]),
             learnt_at=np.array(study.learnt_at),
             repeated=np.array(study.repeated),
+            misfit=np.array(study.misfit),
             expected=study.expected,
         )
 
@@ -141,7 +144,7 @@ class Field(MeasurementModel):
         shapes = {
             "axes": (len(self.axes), d), "signed": (), "signal": (d,), "noise": (d, d),
             "mean": (count, d), "prior": (count,), "area": (4,), "errors": (3,), "learnt_at": (),
-            "repeated": (), "expected": (2,),
+            "repeated": (), "misfit": (), "expected": (2,),
         }  # fmt: skip
         for name, shape in shapes.items():
             array = getattr(self, name)
@@ -170,16 +173,28 @@ class Field(MeasurementModel):
 
     def over_cells(self, observation: Observation) -> np.ndarray:
         """``(M,)`` log of likelihood times prior at the centres of the cells, less a constant."""
-        samples = observation.samples
-        if samples not in self._tables:
-            basis = _Basis.of(self.signal, self.noise, samples)
-            table = _Table.of(self.mean @ basis.whiten, self.variance, basis.strength)
-            self._tables[samples] = basis.whiten, table
-        whiten, table = self._tables[samples]
+        whiten, table = self._table(observation.samples)
         limit = FARTHEST * np.sqrt(self.signal)
         features = np.clip(self.features(observation.histogram) - self.center, -limit, limit)
         found: np.ndarray = table.log_likelihood(features @ whiten) + self.prior
         return found
+
+    def _table(self, samples: int | None) -> tuple[np.ndarray, _Table]:
+        """Axes in which the noise of so many samples is white, and the field along them."""
+        if samples not in self._tables:
+            basis = _Basis.of(self.signal, self.noise, samples)
+            table = _Table.of(self.mean @ basis.whiten, self.variance, basis.strength)
+            self._tables[samples] = basis.whiten, table
+        return self._tables[samples]
+
+    def strangeness(self, observation: Observation, found: np.ndarray) -> float:
+        """How far what was seen is from the field where it fits best, of which `found` by
+        `over_cells` tells: below 1 for nineteen of twenty frames of the survey that were left out.
+        """
+        _, table = self._table(observation.samples)
+        cell = int(found.argmax())
+        far = table.misfit(found[cell] - self.prior[cell], cell)
+        return float(far / max(float(self.misfit), LEAST))
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
         grid = self.over_cells(observation).reshape(self.shape)
@@ -248,6 +263,13 @@ class _Table:
         constant = (np.square(mean) / total).sum(axis=1)
         return cls(weights, constant, -0.5 * np.log(total).sum(axis=1))
 
+    def misfit(self, found: np.ndarray, cells: np.ndarray | int) -> np.ndarray:
+        """Squared deviations a feature from which `log_likelihood` made `found` at `cells`."""
+        d = self.weights.shape[1] // 2
+        squared = np.expm1((self.log_norm[cells] - found) / (0.5 * (DEGREES + d)))
+        result: np.ndarray = DEGREES / d * squared
+        return result
+
     def log_likelihood(self, features: np.ndarray) -> np.ndarray:
         """``(M,)`` for features ``(d,)``, or ``(n, M)`` for ``(n, d)``, up to a constant."""
         both = np.concatenate([features * features, features], axis=-1).astype(np.float32)
@@ -274,6 +296,9 @@ class _Study:
         Median of the field's variance where the left-out frames were.
     repeated : float
         See `Field.lasting_growth`.
+    misfit : float
+        Squared deviation a feature that `USUAL` of the left-out frames do not exceed where they fit
+        best.
     """
 
     length: float
@@ -283,6 +308,7 @@ class _Study:
     expected: np.ndarray
     learnt_at: float
     repeated: float
+    misfit: float
 
     @classmethod
     def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area) -> _Study:
@@ -299,15 +325,16 @@ class _Study:
         features = features @ basis.whiten
         centers, _ = grid_cells(area, COARSE)
         finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
-        errors, variances = _errors(process, features, basis.strength, blocks, centers)
+        errors, variances, misfits = _errors(process, features, basis.strength, blocks, centers)
         model = ErrorModel.of(errors, time, finest)
         apart = blocks_in_space(blocks, places, time, _strays(centers, places, process.length))
         repeated = 1.0
         if apart != blocks:
-            there, _ = _errors(process, features, basis.strength, apart, centers)
+            there, _, _ = _errors(process, features, basis.strength, apart, centers)
             repeated = max(1.0, (ErrorModel.of(there, time, finest).lasting / model.lasting) ** 2)
         growth, learnt_at = _growth(errors, variances), float(np.median(variances))
-        return cls(process.length, signal, noise, model, growth, learnt_at, repeated)
+        misfit = float(np.quantile(misfits, USUAL))
+        return cls(process.length, signal, noise, model, growth, learnt_at, repeated, misfit)
 
 
 def _errors(
@@ -316,24 +343,27 @@ def _errors(
     strength: np.ndarray,
     blocks: Sequence[Block],
     centers: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """``(N, 2)`` metres by which frames are misplaced without their block, each by itself, and
-    ``(N,)`` the field's variance at their places then.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """``(N, 2)`` metres by which frames are misplaced without their block, each by itself,
+    ``(N,)`` the field's variance at their places then, and ``(N,)`` their squared deviations a
+    feature where they fit best.
     """
     places = process.places
-    errors, variances = np.empty_like(places), np.empty(len(places))
+    errors, variances, misfits = np.empty_like(places), *np.empty((2, len(places)))
     density = _bumps(centers, places, process.length)
     for block, mean, variance in process.predict_without(blocks, centers):
         rows, out = block.rows, block.left_out
         prior = _relative(density.sum(axis=1) - density[:, out].sum(axis=1))
         table = _Table.of(mean, variance, strength)
         found = table.log_likelihood(features[rows]) + prior
+        best = found.argmax(axis=1)
+        misfits[rows] = table.misfit(found.max(axis=1) - prior[best], best)
         found = np.exp(found - found.max(axis=1, keepdims=True))
         found /= found.sum(axis=1, keepdims=True)
         errors[rows] = found @ centers - places[rows]
         near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
         variances[rows] = variance[near]
-    return errors, variances
+    return errors, variances, misfits
 
 
 def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
