@@ -70,6 +70,17 @@ def test_wrong_frames_of_a_kidnapping_are_called_lost_and_calm_ones_are_not(fiel
     assert len(calm) > 100 and np.mean(calm) < 0.01
 
 
+def test_frames_that_look_like_no_place_of_the_survey_are_called_lost(field, motion, later):
+    _, histograms = later
+    tracker, lost = TrackFilter(motion, field, AREA), []
+    # Another light or a camera without colours: what was one texton is counted as another.
+    for histogram in [*np.roll(histograms, 1, axis=1)[:60], *histograms[20:60]]:
+        tracker.step(observed(histogram))
+        lost.append(tracker.estimate().lost)
+    assert all(lost[13:60])  # a second later
+    assert not any(lost[85:])  # and found again
+
+
 def test_after_a_reset_the_frame_alone_decides(field, motion, later):
     places, histograms = later
     tracker = TrackFilter(motion, field, AREA)

@@ -55,6 +55,13 @@ class Table:
         constant = (np.square(mean) / total).sum(axis=1)
         return cls(weights, constant, -0.5 * np.log(total).sum(axis=1))
 
+    def misfit(self, found: np.ndarray, cells: np.ndarray | int) -> np.ndarray:
+        """Squared deviations a feature from which `log_likelihood` made `found` at `cells`."""
+        d = self.weights.shape[1] // 2
+        squared = np.expm1((self.log_norm[cells] - found) / (0.5 * (DEGREES + d)))
+        result: np.ndarray = DEGREES / d * squared
+        return result
+
     def log_likelihood(self, features: np.ndarray) -> np.ndarray:
         """``(M,)`` for features ``(d,)``, or ``(n, M)`` for ``(n, d)``, up to a constant."""
         both = np.concatenate([features * features, features], axis=-1).astype(np.float32)

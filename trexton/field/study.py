@@ -18,6 +18,7 @@ from trexton.parts.base import Area
 __all__ = ["Study"]
 
 STUDIED = 800  # frames that noise, length and errors are learned from; longer flights are thinned
+USUAL = 0.95  # share of left-out frames that look like what was surveyed, see `Field.strangeness`
 COARSE = 1200  # cells of the grid on which left-out frames are located
 
 
@@ -38,6 +39,9 @@ class Study:
         Median of the field's variance where the left-out frames were.
     repeated : float
         See `Field.lasting_growth`.
+    misfit : float
+        Squared deviation a feature that `USUAL` of the left-out frames do not exceed where they fit
+        best.
     """
 
     length: float
@@ -47,6 +51,7 @@ class Study:
     expected: np.ndarray
     learnt_at: float
     repeated: float
+    misfit: float
 
     @classmethod
     def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area) -> Study:
@@ -63,15 +68,16 @@ class Study:
         features = features @ basis.whiten
         centers, _ = grid_cells(area, COARSE)
         finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
-        errors, variances = _errors(process, features, basis.strength, blocks, centers)
+        errors, variances, misfits = _errors(process, features, basis.strength, blocks, centers)
         model = ErrorModel.of(errors, time, finest)
         apart = blocks_in_space(blocks, places, time, _strays(centers, places, process.length))
         repeated = 1.0
         if apart != blocks:
-            there, _ = _errors(process, features, basis.strength, apart, centers)
+            there, _, _ = _errors(process, features, basis.strength, apart, centers)
             repeated = max(1.0, (ErrorModel.of(there, time, finest).lasting / model.lasting) ** 2)
         growth, learnt_at = _growth(errors, variances), float(np.median(variances))
-        return cls(process.length, signal, noise, model, growth, learnt_at, repeated)
+        misfit = float(np.quantile(misfits, USUAL))
+        return cls(process.length, signal, noise, model, growth, learnt_at, repeated, misfit)
 
 
 def _errors(
@@ -80,24 +86,27 @@ def _errors(
     strength: np.ndarray,
     blocks: Sequence[Block],
     centers: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """``(N, 2)`` metres by which frames are misplaced without their block, each by itself, and
-    ``(N,)`` the field's variance at their places then.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """``(N, 2)`` metres by which frames are misplaced without their block, each by itself,
+    ``(N,)`` the field's variance at their places then, and ``(N,)`` their squared deviations a
+    feature where they fit best.
     """
     places = process.places
-    errors, variances = np.empty_like(places), np.empty(len(places))
+    errors, variances, misfits = np.empty_like(places), *np.empty((2, len(places)))
     density = bumps(centers, places, process.length)
     for block, mean, variance in process.predict_without(blocks, centers):
         rows, out = block.rows, block.left_out
         prior = relative(density.sum(axis=1) - density[:, out].sum(axis=1))
         table = Table.of(mean, variance, strength)
         found = table.log_likelihood(features[rows]) + prior
+        best = found.argmax(axis=1)
+        misfits[rows] = table.misfit(found.max(axis=1) - prior[best], best)
         found = np.exp(found - found.max(axis=1, keepdims=True))
         found /= found.sum(axis=1, keepdims=True)
         errors[rows] = found @ centers - places[rows]
         near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
         variances[rows] = variance[near]
-    return errors, variances
+    return errors, variances, misfits
 
 
 def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:

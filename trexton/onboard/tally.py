@@ -21,6 +21,7 @@ FAULTS = {
     "dark": "a black frame: predict only",
     "bright": "a saturated frame: predict only",
     "frozen": "the same frame again: predict only, open the camera again if it stays",
+    "torn": "a frame that is in part the one before: predict only",
     "misfit": "a frame the map cannot use: predict only",
     "velocity": "a velocity that the frames contradict, the camera's or the autopilot's: "
     "it is taken for wrong, its error learned",

@@ -57,6 +57,7 @@ class Field(MeasurementModel):
     errors: np.ndarray = learned()  # (3,) an ErrorModel
     learnt_at: np.ndarray = learned()  # () the variance where the frames behind it were
     repeated: np.ndarray = learned()  # () see `lasting_growth`
+    misfit: np.ndarray = learned()  # () see `strangeness`
     expected: np.ndarray = learned()  # (2,) expected error: without variance, times its root
 
     def check(self) -> None:
@@ -110,6 +111,7 @@ class Field(MeasurementModel):
             errors=np.array([study.model.lasting, study.model.fresh, study.model.lasts_s]),
             learnt_at=np.array(study.learnt_at),
             repeated=np.array(study.repeated),
+            misfit=np.array(study.misfit),
             expected=study.expected,
         )
 
@@ -123,7 +125,7 @@ class Field(MeasurementModel):
         shapes = {
             "axes": (len(self.axes), d), "signed": (), "signal": (d,), "noise": (d, d),
             "mean": (count, d), "prior": (count,), "area": (4,), "errors": (3,), "learnt_at": (),
-            "repeated": (), "expected": (2,),
+            "repeated": (), "misfit": (), "expected": (2,),
         }  # fmt: skip
         for name, shape in shapes.items():
             array = getattr(self, name)
@@ -152,16 +154,28 @@ class Field(MeasurementModel):
 
     def over_cells(self, observation: Observation) -> np.ndarray:
         """``(M,)`` log of likelihood times prior at the centres of the cells, less a constant."""
-        samples = observation.samples
-        if samples not in self._tables:
-            basis = Basis.of(self.signal, self.noise, samples)
-            table = Table.of(self.mean @ basis.whiten, self.variance, basis.strength)
-            self._tables[samples] = basis.whiten, table
-        whiten, table = self._tables[samples]
+        whiten, table = self._table(observation.samples)
         limit = FARTHEST * np.sqrt(self.signal)
         features = np.clip(self.features(observation.histogram) - self.center, -limit, limit)
         found: np.ndarray = table.log_likelihood(features @ whiten) + self.prior
         return found
+
+    def _table(self, samples: int | None) -> tuple[np.ndarray, Table]:
+        """Axes in which the noise of so many samples is white, and the field along them."""
+        if samples not in self._tables:
+            basis = Basis.of(self.signal, self.noise, samples)
+            table = Table.of(self.mean @ basis.whiten, self.variance, basis.strength)
+            self._tables[samples] = basis.whiten, table
+        return self._tables[samples]
+
+    def strangeness(self, observation: Observation, found: np.ndarray) -> float:
+        """How far what was seen is from the field where it fits best, of which `found` by
+        `over_cells` tells: below 1 for nineteen of twenty frames of the survey that were left out.
+        """
+        _, table = self._table(observation.samples)
+        cell = int(found.argmax())
+        far = table.misfit(found[cell] - self.prior[cell], cell)
+        return float(far / max(float(self.misfit), LEAST))
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
         grid = self.over_cells(observation).reshape(self.shape)

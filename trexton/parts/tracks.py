@@ -45,6 +45,8 @@ BORN = 1e-3  # chance a frame that the vehicle is elsewhere than its tracks
 FAR = 25.0  # log likelihoods this far below the best count as none
 APART = 5.0  # cells between the beginnings of two tracks
 DOUBT = 0.05  # chance of being somewhere else altogether from which on the vehicle is lost
+STRANGE = 2.5  # times as far from every place as frames of the survey: another camera or light
+STRANGE_S = 1.0  # seconds over which that is taken
 SHARE = 0.02  # of a frame's likelihood that a place must hold for a track to begin there
 
 
@@ -144,6 +146,7 @@ class TrackFilter:
         self._seen[:, :2] = self._seen[:, 6:8] = np.eye(2)  # the position and the lasting error
         self._told[:, 2:4] = self._told[:, 8:] = np.eye(2)  # the velocity and its error
         self._fresh = errors.fresh**2 * np.eye(2)
+        self._fading = 1 - np.exp(-period_s / STRANGE_S)
         self._independent_s = errors.independent_s(period_s)
         self._grain = measurement.cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         x_min, x_max, y_min, y_max = area
@@ -156,6 +159,7 @@ class TrackFilter:
         self.weights = np.empty(0)
         self._misled = np.empty(0)  # chance that the last frame misled, if the track is right
         self._missed = 0
+        self._strange = 0.5  # of the latest frames, see `Field.strangeness`
         self._off: np.ndarray | None = None  # metres a second, of the velocity that was told
 
     def step(self, observation: Observation | None) -> None:
@@ -171,6 +175,8 @@ class TrackFilter:
             self._predict()
             return
         found = self.measurement.over_cells(observation)
+        strange = self.measurement.strangeness(observation, found)
+        self._strange += (strange - self._strange) * self._fading
         peak = found.max()
         kept = np.flatnonzero(found > peak - FAR)
         cells, shares = self.measurement.centers[kept], np.exp(found[kept] - peak)
@@ -359,7 +365,8 @@ class TrackFilter:
         """Position of the best track, and the covariance of all about it, larger where the field
         knows less than where its errors were learned.
 
-        It is lost while tracks that are elsewhere may be right, or no frame speaks for it.
+        It is lost while tracks that are elsewhere may be right, no frame speaks for it, or the
+        frames look like no place of the survey.
         """
         if not len(self.states):
             x_min, x_max, y_min, y_max = self.area
@@ -373,6 +380,7 @@ class TrackFilter:
         joint[:2, :2] += grown * self._rest[6:8, 6:8]
         elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * APART * self.measurement.cell
         lost = bool(self.weights[elsewhere].sum() > DOUBT or self._missed >= 3)
+        lost = lost or self._strange > STRANGE
         position, velocity = self.states[0, :2].copy(), self.states[0, 2:4].copy()
         told = Measurement(position, joint[:2, :2], self._independent_s)
         return Estimate(
