@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from onboard_tools import CAMERA, colourful_floor, mavlink, room_map
 
+from trexton.camera import Camera
 from trexton.cli import main
 from trexton.flights import read_flight, write_flight
 from trexton.localizer import TextonMap
@@ -115,6 +116,28 @@ def test_a_camera_that_looks_askew_is_told(tmp_path, degrees):
     )  # the flight ends before
     told = [check.words for check in found if check.name == "attitude"]
     assert len(told) == (degrees > 0) and all("camera's mount" in words for words in told)
+
+
+@pytest.mark.parametrize("way", ["as it is", "mirrored", "upside down", "another floor"])
+def test_a_camera_that_mirrors_is_told(tmp_path, way):
+    common = {"camera": Camera(160, 120, 130.0), "frames": 60}
+    folder = tmp_path / "flight"
+    flight = record_flight(folder, speed=1.0, every=3, **common)
+    texton_map = TextonMap.train(
+        flight, method="fine", n_textons=6, rng=np.random.default_rng(1)
+    ).save(tmp_path / "fine.npz")
+    if way == "another floor":
+        folder = tmp_path / "other"
+        record_flight(folder, floor=colourful_floor(), **common)
+    change = {
+        "mirrored": lambda image: image[:, ::-1],
+        "upside down": lambda image: image[::-1],
+    }.get(way, lambda image: image)
+    _, camera = spoilt(("", str(folder)), tmp_path, change)
+    found = preflight(Settings(str(texton_map), (), (), {Flying: Flying(camera=camera)}), 1.0)
+    told = {check.name: check for check in found}["floor"]
+    assert told.holds == (way == "as it is")
+    assert ("mirrors the picture" in told.words) == (way in ("mirrored", "upside down"))
 
 
 @pytest.mark.parametrize("aiding", ["tilt", "none"])

@@ -24,6 +24,8 @@ from trexton.onboard.settings import Flying, Landing, Placement, Settings
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import Frame, Playback, Source
 from trexton.parts.measurement import EXCLUDED_SECONDS
+from trexton.parts.registration import Registration
+from trexton.registration import FloorTracker
 
 __all__ = ["Check", "blur_effect", "preflight"]
 
@@ -31,6 +33,7 @@ SECONDS = 5.0
 KEPT = 10  # frames that are looked at closely
 BLURRED = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay below 0.6
 OFF_SCALE = 0.2  # share of pixels that are black or white
+MIRRORED = 0.05  # by which a floor's mirror image must fit better: some floors are symmetric
 USUAL = 0.99  # share of training frames nearer to another: one place in a hundred alarms in vain
 AUTOPILOTS = ("Mavlink", "Paparazzi")
 
@@ -106,6 +109,7 @@ def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
         *_of_odometry(onboard.localizer, frames),
         *_of_contradictions(onboard),
         *_of_map(onboard.localizer, frames),
+        *_of_floor(onboard.localizer, frames),
         *_of_links(settings, onboard, ended),
     ]
 
@@ -205,6 +209,39 @@ def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     words = f"nearest histogram at {now:.3f}; of training frames {USUAL:.0%} lie within {usual:.3f}"
     advice = "" if now <= usual else ": another floor, light or height than the map was made at"
     yield Check("map", now <= usual, words + advice)
+
+
+def _of_floor(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
+    """Whether what is seen fits the picture of the floor, and better than its mirror image does."""
+    part, shape = localizer.parts["filter"], localizer.map.image_shape
+    seen = [each for each in frames if each.picture is not None and each.picture.shape[:2] == shape]
+    if not isinstance(part, Registration) or not seen:
+        return
+    tracker = part.tracker()
+    fits, mirrored = (_best_fit(tracker, seen, step) for step in (1, -1))
+    least = tracker.trust.least
+    words = f"frames correlate with it by {fits:.2f}, mirrored by {mirrored:.2f}"
+    flipped = mirrored > max(fits + MIRRORED, least)
+    if flipped:
+        words += ": the camera or its driver mirrors the picture, switch that off"
+    elif fits < least:
+        words += f", expected {least:.2f}: another floor, or another height than the map's"
+    yield Check("floor", fits >= least and not flipped, words)
+
+
+def _best_fit(tracker: FloorTracker, frames: list[Frame], step: int) -> float:
+    """The best correlation of frames with the floor, every `step`-th column of them taken.
+
+    The attitude is left aside: turned upside down it would be another.
+    """
+    tracker.reset()
+    scores = []
+    for each in frames:
+        assert each.picture is not None
+        height = each.aiding.height if each.aiding is not None else None
+        picture = np.ascontiguousarray(each.picture[:, ::step])
+        scores.append(tracker.step(picture, height=height).score)
+    return max(scores)
 
 
 def _of_links(settings: Settings, onboard: Onboard, now: float) -> Iterator[Check]:
