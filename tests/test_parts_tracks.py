@@ -81,6 +81,17 @@ def test_frames_that_look_like_no_place_of_the_survey_are_called_lost(field, mot
     assert not any(lost[85:])  # and found again
 
 
+def test_a_single_frame_however_strange_is_forgotten(field, motion, later):
+    _, histograms = later
+    tracker = TrackFilter(motion, field, AREA)
+    for histogram in histograms[:30]:
+        tracker.step(observed(histogram))
+    tracker.step(observed(np.where(np.arange(histograms.shape[1]) == 0, 1e20, 0.0)))
+    for histogram in histograms[31:35]:
+        tracker.step(observed(histogram))
+    assert not tracker.estimate().lost
+
+
 def test_after_a_reset_the_frame_alone_decides(field, motion, later):
     places, histograms = later
     tracker = TrackFilter(motion, field, AREA)

@@ -47,6 +47,7 @@ APART = 5.0  # cells between the beginnings of two tracks
 DOUBT = 0.05  # chance of being somewhere else altogether from which on the vehicle is lost
 STRANGE = 2.5  # times as far from every place as frames of the survey: another camera or light
 STRANGE_S = 1.0  # seconds over which that is taken
+STRANGEST = 10.0  # what a single frame counts for at most
 SHARE = 0.02  # of a frame's likelihood that a place must hold for a track to begin there
 
 
@@ -175,7 +176,7 @@ class TrackFilter:
             self._predict()
             return
         found = self.measurement.over_cells(observation)
-        strange = self.measurement.strangeness(observation, found)
+        strange = min(self.measurement.strangeness(observation, found), STRANGEST)
         self._strange += (strange - self._strange) * self._fading
         peak = found.max()
         kept = np.flatnonzero(found > peak - FAR)
