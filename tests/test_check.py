@@ -202,3 +202,12 @@ def test_copies_of_one_picture_are_noticed(image_folder):
         shutil.copyfile(pictures / "0000.jpg", pictures / f"{number:04d}.jpg")
     warnings = check_flight(image_folder).warnings
     assert any("6 image files hold only 1 different pictures" in line for line in warnings)
+
+
+def test_a_camera_that_was_frozen_for_a_while_is_noticed(image_folder):
+    assert not any("frozen" in line for line in check_flight(image_folder).warnings)
+    pictures = image_folder / "images"
+    for number in (3, 4):
+        shutil.copyfile(pictures / "0002.jpg", pictures / f"{number:04d}.jpg")
+    (warning,) = [line for line in check_flight(image_folder).warnings if "frozen" in line]
+    assert "2 pictures like the one before to the byte (first: frames.csv, row 5)" in warning

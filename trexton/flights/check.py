@@ -88,6 +88,7 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
     """Decode every image; count the sizes (width, height), and add a fault for each odd one out."""
     sizes: dict[tuple[int, int], int] = {}
     contents: set[bytes] = set()
+    before, repeats = b"", []  # rows of frames.csv, whose picture is that of another file before
     places: list[tuple[int, Path, tuple[int, int]]] = []
     for row, file in progress(reading.image_files, "images"):
         try:
@@ -95,7 +96,11 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
         except ImageError as error:
             reading.faults.append(f"frames.csv, row {row}: {error}")
             continue
-        contents.add(hashlib.sha256(image.data).digest())
+        content = hashlib.sha256(image.data).digest()
+        contents.add(content)
+        if content == before and file != places[-1][1]:
+            repeats.append(row)
+        before = content
         height, width = image.shape[:2]
         sizes[width, height] = sizes.get((width, height), 0) + 1
         places.append((row, file, (width, height)))
@@ -117,6 +122,12 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
                 f"{len(contents)} different "
                 "pictures: check what was recorded"
             )
+    elif repeats:
+        reading.warnings.append(
+            f"{reading.image_files[0][1].parent}: {_count(len(repeats), 'picture')} like the one "
+            f"before to the byte (first: frames.csv, row {repeats[0]}): where the camera was "
+            "frozen, leave the frames out"
+        )
     return sizes
 
 
