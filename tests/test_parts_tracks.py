@@ -77,7 +77,7 @@ def test_frames_that_look_like_no_place_of_the_survey_are_called_lost(field, mot
     for histogram in [*np.roll(histograms, 1, axis=1)[:60], *histograms[20:60]]:
         tracker.step(observed(histogram))
         lost.append(tracker.estimate().lost)
-    assert all(lost[13:60])  # a second later
+    assert all(each is True for each in lost[13:60])  # a second later
     assert not any(lost[85:])  # and found again
 
 

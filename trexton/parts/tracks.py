@@ -380,8 +380,8 @@ class TrackFilter:
         grown = self.measurement.lasting_growth(self.states[:1, :2]) - 1
         joint[:2, :2] += grown * self._rest[6:8, 6:8]
         elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * APART * self.measurement.cell
-        lost = bool(self.weights[elsewhere].sum() > DOUBT or self._missed >= 3)
-        lost = lost or self._strange > STRANGE
+        doubted = self.weights[elsewhere].sum() > DOUBT
+        lost = bool(doubted or self._missed >= 3 or self._strange > STRANGE)
         position, velocity = self.states[0, :2].copy(), self.states[0, 2:4].copy()
         told = Measurement(position, joint[:2, :2], self._independent_s)
         return Estimate(
