@@ -9,7 +9,7 @@ import pytest
 from trexton.errors import ParameterError, TrextonError
 from trexton.flights import importing, read_flight, rewriting
 from trexton.flights.importers import IMPORTERS, describe, guess_kind, importer
-from trexton.flights.importers.recording import Track, match
+from trexton.flights.importers.recording import Track
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
 
@@ -342,20 +342,6 @@ def test_a_folder_that_is_not_a_flight_is_never_replaced(tmp_path):
         import_flight(source, tmp_path / "flight")
     import_flight(source, tmp_path / "flight", replaced=True)
     assert read_flight(tmp_path / "flight").data_hash == first.data_hash
-
-
-def test_matching_respects_tolerance_gaps_and_the_short_way_round():
-    track = Track(
-        np.array([0, 1, 2, 5]) * 10**9,
-        np.column_stack([np.arange(4.0), np.zeros(4), np.full(4, np.nan)]),
-        np.column_stack([np.zeros(4), np.zeros(4), [3.1, -3.1, 3.1, 0]]),
-    )
-    stamps = np.array([0.0, 0.5, 2.0, 3.5, 5.4, 6.0]) * 1e9
-    found = match(stamps.astype(np.int64), track, 0.5)
-    np.testing.assert_array_equal(np.isfinite(found.position[:, 0]), [1, 1, 1, 0, 1, 0])
-    assert abs(abs(found.attitude[1, 2]) - np.pi) < 1e-6 and found.count == 4
-    with pytest.raises(TrextonError, match="give the time offset"):
-        match(np.array([10**12]), track, 0.5)
 
 
 @pytest.mark.parametrize(

@@ -1,11 +1,12 @@
-"""Quaternions are turned as they are meant: by axes that are told, found, or mounted."""
+"""Quaternions are turned as they are meant, by axes that are told, found, or mounted, and positions
+and attitudes matched with the frames."""
 
 import numpy as np
 import pytest
 from test_import import euroc
 
 from trexton.errors import TrextonError
-from trexton.flights.importers.recording import attitude_from_quaternions
+from trexton.flights.importers.recording import Track, attitude_from_quaternions, match
 from trexton.flights.importers.tum import read_trajectory
 from trexton.flights.importing import import_flight
 
@@ -48,3 +49,17 @@ def test_quaternions_agree_with_the_camera_model():
     np.testing.assert_allclose(attitude_from_quaternions(turned), angles, atol=1e-12)
     with pytest.raises(TrextonError, match="no length"):
         attitude_from_quaternions([[0, 0, 0, 0]])
+
+
+def test_matching_respects_tolerance_gaps_and_the_short_way_round():
+    track = Track(
+        np.array([0, 1, 2, 5]) * 10**9,
+        np.column_stack([np.arange(4.0), np.zeros(4), np.full(4, np.nan)]),
+        np.column_stack([np.zeros(4), np.zeros(4), [3.1, -3.1, 3.1, 0]]),
+    )
+    stamps = np.array([0.0, 0.5, 2.0, 3.5, 5.4, 6.0]) * 1e9
+    found = match(stamps.astype(np.int64), track, 0.5)
+    np.testing.assert_array_equal(np.isfinite(found.position[:, 0]), [1, 1, 1, 0, 1, 0])
+    assert abs(abs(found.attitude[1, 2]) - np.pi) < 1e-6 and found.count == 4
+    with pytest.raises(TrextonError, match="give the time offset"):
+        match(np.array([10**12]), track, 0.5)

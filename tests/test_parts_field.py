@@ -107,7 +107,7 @@ def test_equal_training_gives_equal_bytes(field):
         np.testing.assert_array_equal(array, field.arrays()[name])
 
 
-@pytest.mark.parametrize("name", ["noise", "mean", "prior", "signed", "learnt_at"])
+@pytest.mark.parametrize("name", ["noise", "mean", "prior", "signed", "learned_at"])
 def test_arrays_that_do_not_fit_are_refused(field, name):
     arrays = field.arrays()
     arrays[name] = arrays[name][:-1] if arrays[name].ndim else arrays[name][None]

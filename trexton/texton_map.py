@@ -177,6 +177,8 @@ class TextonMap:
             "cells": cells,
             "positions": positions is not None,
         }
+        from trexton.records import software_versions  # what training needs, no flight does
+
         untrained = cls(
             dictionary,
             full_histograms(looked.select(known), dictionary, cells),
@@ -191,7 +193,7 @@ class TextonMap:
                 "flight": flight.name,
                 "data_hash": flight.data_hash,
                 "parameters": parameters,
-                "versions": _versions(),
+                "versions": software_versions(),
             },
         )
         return untrained.with_parts(parts, flight=trained, rng=rng)
@@ -393,9 +395,3 @@ def _part(role: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray])
     kind = part_class(role, entry["name"], imports=False)
     options = {key: kind.option(key, value) for key, value in entry["options"].items()}
     return kind.from_arrays(mine, **options)
-
-
-def _versions() -> dict[str, str]:
-    from trexton.records import software_versions
-
-    return software_versions()

@@ -12,14 +12,14 @@ from trexton.estimate import Estimate
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, map_of
 from trexton.experiments.mocap_training import LANDING_SPREAD_M
-from trexton.experiments.track import Track, tracks
+from trexton.experiments.track import HELD, Track, tracks
 from trexton.flights.flight import Flight
 from trexton.metrics import mean_with_interval
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.wording import number, percent
 
-__all__ = ["METHODS", "REGION", "Parameters", "finding", "run"]
+__all__ = ["METHODS", "Parameters", "finding", "run"]
 
 METHODS = {
     "paper": "the paper's filter",
@@ -27,7 +27,6 @@ METHODS = {
     "field": "the field",
 }
 SETTLED_S = 2.0
-REGION = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
 WRONG = 16.0  # squared deviations: four
 QUARTERS, GROUPS = 4, 10
 
@@ -126,7 +125,7 @@ class _Claims:
         return cls(*(np.array(column) for column in zip(*rows, strict=True)))
 
     def values(self, rng: np.random.Generator) -> dict[str, Any]:
-        held = self.squared < REGION
+        held = self.squared < HELD
         wrong = self.squared > WRONG
         alone = self.measured[np.isfinite(self.measured)]
         return {
@@ -137,7 +136,7 @@ class _Claims:
             "quarters": [part.mean() for part in np.array_split(held, QUARTERS, axis=1)],
             "nees": mean_with_interval(self.squared, rng),
             "single_frame": {
-                "within_90": (alone < REGION).mean() if len(alone) else None,
+                "within_90": (alone < HELD).mean() if len(alone) else None,
                 "nees": alone.mean() if len(alone) else None,
             },
             "wrong_rate": wrong.mean(),

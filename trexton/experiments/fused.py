@@ -9,11 +9,11 @@ import numpy as np
 
 from trexton.errors import ParameterError
 from trexton.estimate import Estimate
-from trexton.experiments.calibration import METHODS, REGION
+from trexton.experiments.calibration import METHODS
 from trexton.experiments.declaration import MapParameters, option
 from trexton.experiments.evaluation import drawn_histograms, map_of
 from trexton.experiments.receivers import RECEIVERS, Receiver, Settings, readings
-from trexton.experiments.track import tracks
+from trexton.experiments.track import HELD, tracks
 from trexton.flights.flight import Flight
 from trexton.metrics import euclidean, mean_with_interval
 from trexton.records import Record
@@ -155,7 +155,7 @@ def _summary(runs: list[_Fused], alike: float, rng: np.random.Generator) -> dict
         np.concatenate([getattr(run, name)[first:].T for run in runs])
         for name in ("error", "claimed", "squared", "nis")
     )
-    held = np.where(np.isfinite(squared), squared < REGION, np.nan)
+    held = np.where(np.isfinite(squared), squared < HELD, np.nan)
     freedom = max(2.0, 2 * np.isfinite(nis).sum(axis=1).mean() / alike)
     low, high = 2 / alike * chi2.ppf((0.025, 0.975), freedom) / freedom
     return {

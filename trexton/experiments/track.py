@@ -20,7 +20,7 @@ from trexton.streams import stream
 __all__ = ["HELD", "Track", "fly", "tracks"]
 
 Frames = Sequence[np.ndarray] | np.ndarray
-HELD = 4.605  # squared deviations within which 90 % of a normal distribution in a plane lie
+HELD = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ class Study:
     model : ErrorModel
     expected : (2,) array
         See `Field.expected_error`.
-    learnt_at : float
+    learned_at : float
         Median of the field's variance where the left-out frames were.
     repeated : float
         See `Field.lasting_growth`.
@@ -49,7 +49,7 @@ class Study:
     noise: np.ndarray
     model: ErrorModel
     expected: np.ndarray
-    learnt_at: float
+    learned_at: float
     repeated: float
     misfit: float
 
@@ -75,9 +75,9 @@ class Study:
         if apart != blocks:
             there, _, _ = _errors(process, features, basis.strength, apart, centers)
             repeated = max(1.0, (ErrorModel.of(there, time, finest).lasting / model.lasting) ** 2)
-        growth, learnt_at = _growth(errors, variances), float(np.median(variances))
+        growth, learned_at = _growth(errors, variances), float(np.median(variances))
         misfit = float(np.quantile(misfits, USUAL))
-        return cls(process.length, signal, noise, model, growth, learnt_at, repeated, misfit)
+        return cls(process.length, signal, noise, model, growth, learned_at, repeated, misfit)
 
 
 def _errors(
@@ -94,9 +94,10 @@ def _errors(
     places = process.places
     errors, variances, misfits = np.empty_like(places), *np.empty((2, len(places)))
     density = bumps(centers, places, process.length)
+    everywhere = density.sum(axis=1)
     for block, mean, variance in process.predict_without(blocks, centers):
         rows, out = block.rows, block.left_out
-        prior = relative(density.sum(axis=1) - density[:, out].sum(axis=1))
+        prior = relative(everywhere - density[:, out].sum(axis=1))
         table = Table.of(mean, variance, strength)
         found = table.log_likelihood(features[rows]) + prior
         best = found.argmax(axis=1)

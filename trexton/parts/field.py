@@ -55,7 +55,7 @@ class Field(MeasurementModel):
     prior: np.ndarray = learned()  # (M,) log of where the training flight was
     area: np.ndarray = learned()  # (4,)
     errors: np.ndarray = learned()  # (3,) an ErrorModel
-    learnt_at: np.ndarray = learned()  # () the variance where the frames behind it were
+    learned_at: np.ndarray = learned()  # () the variance where the frames behind it were
     repeated: np.ndarray = learned()  # () see `lasting_growth`
     misfit: np.ndarray = learned()  # () see `strangeness`
     expected: np.ndarray = learned()  # (2,) expected error: without variance, times its root
@@ -109,7 +109,7 @@ class Field(MeasurementModel):
             prior=prior,
             area=np.array(training.area, dtype=float),
             errors=np.array([study.model.lasting, study.model.fresh, study.model.lasts_s]),
-            learnt_at=np.array(study.learnt_at),
+            learned_at=np.array(study.learned_at),
             repeated=np.array(study.repeated),
             misfit=np.array(study.misfit),
             expected=study.expected,
@@ -124,7 +124,7 @@ class Field(MeasurementModel):
         d, count = len(self.center), len(self.variance)
         shapes = {
             "axes": (len(self.axes), d), "signed": (), "signal": (d,), "noise": (d, d),
-            "mean": (count, d), "prior": (count,), "area": (4,), "errors": (3,), "learnt_at": (),
+            "mean": (count, d), "prior": (count,), "area": (4,), "errors": (3,), "learned_at": (),
             "repeated": (), "misfit": (), "expected": (2,),
         }  # fmt: skip
         for name, shape in shapes.items():
@@ -188,7 +188,7 @@ class Field(MeasurementModel):
         passes of a survey it is larger than where the errors were learned; and where a survey
         repeats its passes, they were learned nearer to it than a later flight will be.
         """
-        between = self._variance_at(places) / max(float(self.learnt_at), LEAST)
+        between = self._variance_at(places) / max(float(self.learned_at), LEAST)
         return float(self.repeated) * np.maximum(1.0, between)
 
     def expected_error(self, places: np.ndarray) -> np.ndarray:

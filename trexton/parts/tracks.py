@@ -176,8 +176,6 @@ class TrackFilter:
             self._predict()
             return
         found = self.measurement.over_cells(observation)
-        strange = min(self.measurement.strangeness(observation, found), STRANGEST)
-        self._strange += (strange - self._strange) * self._fading
         peak = found.max()
         kept = np.flatnonzero(found > peak - FAR)
         cells, shares = self.measurement.centers[kept], np.exp(found[kept] - peak)
@@ -185,6 +183,8 @@ class TrackFilter:
         sigma = observation.aiding.velocity_sigma or self.velocity_sigma
         told = observation.aiding.velocity
         velocity = None if told is None else self._plausible(told, sigma)
+        strange = min(self.measurement.strangeness(observation, found), STRANGEST)
+        self._strange += (strange - self._strange) * self._fading
         if velocity is not None:
             self._doubt()
         self._predict()
