@@ -81,6 +81,22 @@ def test_it_says_how_fast_the_vehicle_goes(fine, flights):
     assert localizer.step(None).velocity is None
 
 
+def test_it_says_how_fast_the_vehicle_goes_where_every_second_frame_is_missing(fine, flights):
+    test = flights[1]
+    localizer = Localizer(fine, rng=np.random.default_rng(2))
+    velocity = np.gradient(test.position, test.time, axis=0)
+    errors = []
+    for row in range(len(test)):
+        if row % 2:
+            assert localizer.step(None).velocity is None
+            continue
+        estimate = localizer.step(test.image(row), time=test.time[row])
+        if estimate.velocity is not None:
+            errors.append(estimate.velocity - velocity[row])
+    assert len(errors) > 4
+    assert np.sqrt(np.square(errors).mean()) < 0.2
+
+
 @pytest.mark.parametrize("height", [0.0, -1.0, 1e-9, 1e9, np.nan])
 def test_a_height_that_cannot_be_is_as_none(fine, flights, height):
     test = flights[1]

@@ -230,6 +230,39 @@ def test_frames_that_do_not_come_widen_the_covariance():
     assert not gone.observed and gone.covariance[0, 0] > fixes[-1].covariance[0, 0]
 
 
+@pytest.mark.parametrize("every", [2, 4])
+@pytest.mark.parametrize("known", [True, False])
+def test_frames_that_do_not_come_are_bridged(every, known):
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    rows = waypoints()
+    seen, between = [], []
+    for number, (frame, place, attitude) in enumerate(rows):
+        came = number % every == 0
+        fix = tracker.step(frame if came else None, attitude=attitude if came and known else None)
+        assert fix.observed == came
+        if number >= 24:
+            off = fix.position - place[:2]
+            claimed = off @ np.linalg.solve(fix.covariance, off)
+            (seen if came else between).append((np.hypot(*off), claimed, fix.lost))
+    for rows, nearly in ((seen, 0.03), (between, 0.15)):
+        off, claimed, lost = np.transpose(rows)
+        assert np.quantile(off, 0.9) < nearly
+        assert lost.mean() < 0.1
+        assert np.mean(claimed < 4.605) > 0.7
+
+
+def test_a_long_gap_ends_where_the_vehicle_has_got_to():
+    tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
+    rows = waypoints()
+    errors(tracker, rows[:20], True)
+    gap = [tracker.step(None) for _ in range(25)]
+    assert [fix.lost for fix in gap] == [False] * 11 + [True] * 14
+    widths = [fix.covariance[0, 0] for fix in gap]
+    assert widths == sorted(widths)
+    error, fixes = errors(tracker, rows[45:55], True)
+    assert error[-4:].max() < 0.05 and not fixes[-1].lost
+
+
 def test_a_sight_of_nothing_is_coasted_over_and_then_given_up():
     tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
     rows = flight(12)

@@ -173,9 +173,9 @@ class RunningRegistration:
         self._fix = self._locate(observation)
         stamp = None if observation is None else observation.time
         self._time = self._time + self._period_s if stamp is None else stamp
-        if self._fix.lost or not self._fix.observed:
+        if self._fix.lost:
             self._recent.clear()
-        else:
+        elif self._fix.observed:
             self._recent.append((self._time, self._fix.position))
         return self._fix
 
@@ -206,7 +206,7 @@ class RunningRegistration:
 
     def _motion(self, covariance: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
         """Velocity, by a line through the latest fixes, and the covariance of both."""
-        if len(self._recent) < _RECENT:
+        if len(self._recent) < _RECENT or self._recent[-1][0] < self._time:
             return None, None
         times, places = (np.array(column) for column in zip(*self._recent, strict=True))
         ages = times - times.mean()

@@ -44,6 +44,8 @@ class Prior:
         As they were told, believed or not.
     last : (6,) array or None
         The pose of the frame before, if it was found.
+    steps : int
+        Frames since then: more than one where some did not come.
     """
 
     mean: Array
@@ -53,6 +55,7 @@ class Prior:
     heading: float | None
     height: float | None
     last: Array | None
+    steps: int
 
 
 class Told:
@@ -82,8 +85,10 @@ class Told:
         self.heeds = True
         self._in_vain = 0  # frames that heading and height found nothing, or none did
 
-    def prior(self, attitude: ArrayLike | None, height: float | None, last: Array | None) -> Prior:
-        """From what is told of a frame, and the ``(6,)`` pose of the one before, if it was found.
+    def prior(
+        self, attitude: ArrayLike | None, height: float | None, last: Array | None, steps: int = 1
+    ) -> Prior:
+        """From what is told of a frame, and the ``(6,)`` pose `steps` before, if it was found.
 
         NaN is what nobody knows; a height of another order than usual is not believed.
         """
@@ -94,9 +99,10 @@ class Told:
         deviation = np.array([np.inf, np.inf, _HEIGHT * self.usual, _TILT, _TILT, _HEADING])
         if last is not None:
             mean[[2, 5]] = last[[2, 5]]
-            deviation[[2, 5]] = _BETWEEN * (last[2], 1)
-            share = _TILT**2 / (_TILT**2 + self._change)  # of a tilt that stays within its bounds
-            mean[3:5], deviation[3:5] = share * last[3:5], np.sqrt(share * self._change)
+            deviation[[2, 5]] = steps * _BETWEEN * (last[2], 1)
+            change = steps * self._change
+            share = _TILT**2 / (_TILT**2 + change)  # of a tilt that stays within its bounds
+            mean[3:5], deviation[3:5] = share * last[3:5], np.sqrt(share * change)
         known = np.isfinite(told)
         heading = float(told[2]) if known[2] else None
         known[2] &= self.heeds
@@ -109,7 +115,7 @@ class Told:
             mean[5], deviation[5] = told[2], self.attitude_sigma
         if height is not None and self.heeds:
             mean[2], deviation[2] = height, self.height_sigma
-        return Prior(mean, deviation, bool(known[2]), tilt, heading, height, last)
+        return Prior(mean, deviation, bool(known[2]), tilt, heading, height, last, steps)
 
     def learn(self, prior: Prior, aligned: Alignment) -> None:
         """From a frame that was found where `aligned` says, its `prior` counted in."""
@@ -119,7 +125,7 @@ class Told:
         # What the frame says alone, without what was expected of it.
         tilt, left = expected + (aligned.pose[3:5] - expected) / said, left / said
         if prior.last is not None:
-            change = np.square(tilt - prior.last[3:5]).mean()
+            change = np.square(tilt - prior.last[3:5]).mean() / prior.steps
             self._change = max(_BETWEEN[1] ** 2, self._change + (change - self._change) / _MEMORY)
         if prior.tilt is not None:
             self.tilt.learn(prior.tilt, tilt, left)

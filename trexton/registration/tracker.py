@@ -38,9 +38,9 @@ _KNOWN, _ROUGH, _UNKNOWN = 0.4, 0.5, 2.0  # cells: what a step adds to the belie
 _MODE = 2  # cells around a peak that count as one place
 _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a frame aligned at
 _HELD = 0.9  # belief from which a place is the place
-_NEAR_HEADINGS = np.radians([-10.0, 0.0, 10.0])
+_TURN = np.radians(10.0)  # that a vehicle turns at most from frame to frame
 _PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
-_DRIFT = 0.15  # cells a frame: odometry's error
+_DRIFT, _STRAYS = 0.15, 0.6  # cells a frame: errors of odometry, and of going on as before
 _MEMORY = 10.0  # frames over which it is taken how far the view moves
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
 
@@ -103,6 +103,7 @@ class FloorTracker:
         self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
         self._reach = 0.0  # cells: how far it moves from frame to frame
         self._missed = _PATIENCE  # frames since the floor was last seen where it should be
+        self._gone = 0  # frames that did not come since the last that did
         self._last: FloorFix | None = None
 
     def step(
@@ -118,7 +119,8 @@ class FloorTracker:
         Parameters
         ----------
         image : (H, W, 3) or (H, W) uint8 array or None
-            Y, U, V, or luma alone; None for a frame that did not come.
+            Y, U, V, or luma alone; None for a frame that did not come. Up to `_PATIENCE` of them in
+            a row leave a tracker where it was: the next frame is held against the last that came.
         attitude : (3,) array, optional
             Roll, pitch, yaw in radians as the autopilot measured them; NaN for what it cannot. Roll
             and pitch count together only.
@@ -136,10 +138,15 @@ class FloorTracker:
         if image is None:
             return self._without_frame()
         frame = self.odometry.shrunken(image)
-        prior = self.told.prior(attitude, height, self._pose)
+        late = self._gone >= _PATIENCE
+        if late:
+            self.odometry.reset()
+            self._pose, self._velocity, self._missed = None, None, _PATIENCE
+        steps = min(self._gone, _PATIENCE) + 1
+        prior = self.told.prior(attitude, height, self._pose, steps)
         seen = _Seen(frame, prior, *self.odometry.shift(frame))
-        if self._last is None:
-            self.belief.reset(self._headings(prior))
+        if self._last is None or late:
+            self.belief.reset(self._headings(prior), kept=_KEPT if late else 0.0)
         elif prior.turned:
             self.belief.headings[:] = prior.mean[5]
         moved = self._predict(seen)
@@ -155,6 +162,7 @@ class FloorTracker:
             self._remember(fix)
             if not fix.lost:
                 self.told.learn(prior, best)
+        self._gone = 0
         self.askew = None if prior.tilt is None else self.told.tilt.askew
         if self.told.gives_way(prior, fix, fix.score >= self.trust.least):
             self._begin_again(prior.heading if self.told.heeds else None)
@@ -167,7 +175,7 @@ class FloorTracker:
         if prior.turned:
             return prior.mean[5:].copy()
         if self._pose is not None:
-            return np.asarray(self._pose[5] + _NEAR_HEADINGS)
+            return np.asarray(self._pose[5] + _TURN * np.arange(-prior.steps, prior.steps + 1))
         return _ALL_HEADINGS
 
     def _predict(self, seen: _Seen) -> Array:
@@ -179,15 +187,16 @@ class FloorTracker:
             sine, cosine = np.sin(heading), np.cos(heading)
             return np.stack([cosine * right - sine * up, -sine * right - cosine * up], axis=-1)
 
-        shift, sigma = turned(self.belief.headings), _KNOWN
+        shift, sigma, steps = turned(self.belief.headings), _KNOWN, seen.prior.steps
         if self._velocity is not None and self._pose is not None:
-            jump = float(np.hypot(*(turned(self._pose[5]) - self._velocity)))
-            if seen.sure < (_PLAIN if jump > _JUMP else _SURE):
-                shift, sigma = np.tile(self._velocity, (len(shift), 1)), _ROUGH
-            elif jump > _JUMP:
+            going = steps * self._velocity
+            jump = float(np.hypot(*(turned(self._pose[5]) - going)))
+            if seen.sure < (_PLAIN if jump > _JUMP * steps else _SURE):
+                shift, sigma = np.tile(going, (len(shift), 1)), _ROUGH * steps**1.5
+            elif jump > _JUMP * steps:
                 sigma = jump  # one of the two is wrong: the floor says which
         elif seen.sure < _SURE:
-            shift, sigma = np.zeros_like(shift), max(_UNKNOWN, self._reach)
+            shift, sigma = np.zeros_like(shift), max(_UNKNOWN, self._reach) * steps
         self.belief.move(shift, sigma)
         return np.asarray(shift[0])
 
@@ -282,7 +291,7 @@ class FloorTracker:
             return self._last
         cell = self.coarse.ground.cell
         self._move(moved * (1, -1) * cell)
-        wider = self._last.covariance + (_DRIFT * cell) ** 2 * np.eye(2)
+        wider = self._last.covariance + (_DRIFT * seen.prior.steps * cell) ** 2 * np.eye(2)
         unsure = self._last.lost or seen.sure < _CERTAIN
         self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
         return self._last
@@ -296,7 +305,8 @@ class FloorTracker:
         last, self._last = self._pose, fix
         self._velocity = None
         if last is not None and self._missed == 0:
-            cells = (self._aimed - self._before) / self.coarse.ground.cell * (1, -1)
+            moved = (self._aimed - self._before) / (self._gone + 1)
+            cells = moved / self.coarse.ground.cell * (1, -1)
             length = float(np.hypot(*cells))
             self._velocity = cells if length < _COARSE / 4 else None
             self._reach += (min(length, _COARSE) - self._reach) / _MEMORY
@@ -319,21 +329,19 @@ class FloorTracker:
         return self.trust.covariance(aligned.covariance)
 
     def _without_frame(self) -> FloorFix:
-        """The belief moves on as it did, and widens."""
-        self.odometry.reset()
+        """On as before, less and less surely; the belief waits for the next frame."""
         self.askew = None
-        last = self._last
+        last, cell = self._last, self.coarse.ground.cell
         if last is None:
-            self._last = FloorFix(np.full(6, np.nan), np.diag([np.inf, np.inf]), 0, 0, True, False)
-            self.belief.reset(_ALL_HEADINGS)
-            return self._last
-        cells = np.zeros(2) if self._velocity is None else self._velocity
-        self.belief.move(np.tile(cells, (len(self.belief.headings), 1)), _UNKNOWN)
-        moved = np.array([*(cells * (1, -1)), 0, 0, 0, 0]) * self.coarse.ground.cell
-        self._move(moved[:2])
-        wider = last.covariance + (_UNKNOWN * self.coarse.ground.cell) ** 2 * np.eye(2)
-        self._last = replace(last, pose=last.pose + moved, covariance=wider, observed=False)
-        return self._last
+            return FloorFix(np.full(6, np.nan), np.diag([np.inf, np.inf]), 0, 0, True, False)
+        self._gone += 1
+        pose, strays = last.pose.copy(), max(_UNKNOWN, self._reach)
+        if self._velocity is not None:
+            pose[:2] += min(self._gone, _PATIENCE) * cell * self._velocity * (1, -1)
+            strays = _STRAYS
+        wider = last.covariance + (strays * self._gone * cell) ** 2 * np.eye(2)
+        lost = last.lost or self._gone >= _PATIENCE
+        return replace(last, pose=pose, covariance=wider, lost=lost, observed=False)
 
 
 @dataclass(frozen=True, eq=False)
