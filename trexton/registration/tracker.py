@@ -191,9 +191,9 @@ class FloorTracker:
         if self._velocity is not None and self._pose is not None:
             going = steps * self._velocity
             jump = float(np.hypot(*(turned(self._pose[5]) - going)))
-            if seen.sure < (_PLAIN if jump > _JUMP * steps else _SURE):
+            if seen.sure < (_PLAIN if jump > _JUMP else _SURE):
                 shift, sigma = np.tile(going, (len(shift), 1)), _ROUGH * steps**1.5
-            elif jump > _JUMP * steps:
+            elif jump > _JUMP:
                 sigma = jump  # one of the two is wrong: the floor says which
         elif seen.sure < _SURE:
             shift, sigma = np.zeros_like(shift), max(_UNKNOWN, self._reach) * steps
