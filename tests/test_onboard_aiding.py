@@ -18,7 +18,7 @@ from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.onboard.aids import Aids
 from trexton.onboard.sinks import Guard
-from trexton.onboard.sources import Frame
+from trexton.onboard.sources import Delayed, Frame
 from trexton.onboard.sources.flight import FlightSource
 from trexton.onboard.sources.pacing import Paced
 from trexton.onboard.tally import Tally
@@ -128,6 +128,26 @@ def test_the_columns_of_a_flight_come_with_its_frames_also_when_it_is_paced(flig
     assert late.time > 500 and late.aiding.at(late.time).roll == test.attitude[1, 0]
     bare = FlightSource(replace(test, attitude=None, height=None)).read().aiding
     assert bare.roll is None and bare.height is None and test.area == AREA
+
+
+def test_a_camera_whose_delay_is_known_is_localized_by_the_attitude_of_its_exposure(fine, flights):
+    test, late = flights[1], 0.24
+    stamped = replace(test, time=test.time + late, attitude=None, height=None)
+
+    class Told(Kept):
+        def aiding(self, time):
+            row = int(np.abs(test.time - time).argmin())
+            return replace(test.aiding(row), yaw=None)
+
+    errors = {}
+    for known in (0.0, late):
+        localizer = Localizer(fine, rng=np.random.default_rng(2))
+        source = Delayed(FlightSource(stamped), known)
+        fixes, _, _ = run(localizer, source, sink=Told(), aiding="tilt")
+        error = np.array([fix.position for fix in fixes]) - test.position
+        errors[known] = float(np.hypot(*error[30:].T).mean())
+        assert fixes[0].time == pytest.approx(test.time[0] + late - known)
+    assert errors[late] < 0.8 * errors[0.0]
 
 
 @pytest.mark.parametrize("drift", [0.0, 0.5])

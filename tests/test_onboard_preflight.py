@@ -20,7 +20,7 @@ from trexton.onboard import preflight as module
 from trexton.onboard.preflight import blur_effect, preflight
 from trexton.onboard.settings import Flying, Landing, Placement
 from trexton.onboard.sources import Playback
-from trexton.simulator import record_flight
+from trexton.simulator import Effects, record_flight
 
 
 @pytest.fixture(scope="module")
@@ -116,6 +116,31 @@ def test_a_camera_that_looks_askew_is_told(tmp_path, degrees):
     found = preflight(Settings(str(texton_map), (), (), options), 60.0)
     told = [check.words for check in found if check.name == "attitude"]
     assert len(told) == (degrees > 0) and all("camera's mount" in words for words in told)
+
+
+@pytest.mark.parametrize(
+    ("late", "given", "words"),
+    [
+        (0.0, 0.0, "frames come"),
+        (0.24, 0.0, "add --camera-delay 0.2"),
+        (0.24, 0.24, "0.24 given"),
+        (0.7, 0.0, "look for a quicker camera"),
+        (None, 0.0, "turns against the vehicle"),
+    ],
+)
+def test_a_camera_that_is_late_is_told(place, tmp_path, late, given, words):
+    flight = record_flight(
+        tmp_path / "flight", pattern="waypoints", frames=75, camera=CAMERA,
+        floor=colourful_floor(), effects=Effects(yaw=0.3),
+    )  # fmt: skip
+    yaw = flight.attitude[:, 2]
+    yaw = -yaw if late is None else np.interp(flight.time + late, flight.time, yaw)
+    write_flight(
+        replace(flight, attitude=np.column_stack([flight.attitude[:, :2], yaw])), tmp_path / "late"
+    )
+    camera = Flying(camera=str(tmp_path / "late"), camera_delay=given)
+    found = {c.name: c for c in preflight(Settings(place[0], (), (), {Flying: camera}), 7.0)}
+    assert found["delay"].holds == (late == given) and words in found["delay"].words
 
 
 @pytest.mark.parametrize("way", ["as it is", "mirrored", "upside down", "another floor"])

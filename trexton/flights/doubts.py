@@ -10,6 +10,7 @@ import numpy as np
 from trexton.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
+from trexton.time_offset import small, time_offset, turns
 
 __all__ = ["doubts"]
 
@@ -18,6 +19,7 @@ SLOWEST_RATE = 30.0  # seconds between frames: stamps in another unit, or no fli
 SMALLEST = 0.05  # metres: a hover, or another unit
 TALLEST = 5.0  # diagonals of the area: from there its pictures would all be alike
 LARGEST = 4 * np.pi  # radians: a yaw that is counted on through two turns
+TURNING = 400  # frames of which it is looked at how they turn
 WILD = 20.0  # times the distance within which nine tenths of the positions lie
 
 
@@ -126,6 +128,31 @@ def _angles(flight: Flight) -> Iterator[str]:
         )
 
 
+def _late(flight: Flight) -> Iterator[str]:
+    """Pictures that turn at another time than the yaw beside them, or the other way."""
+    if flight.attitude is None or not flight.has_images:
+        return
+    rows = np.flatnonzero(np.isfinite(flight.attitude[:, 2]))[:TURNING]
+    try:
+        turned = turns(small(flight.image(row)) for row in rows)
+    except TrextonError:
+        return  # said already
+    found = time_offset(flight.time[rows], turned, flight.time[rows], flight.attitude[rows, 2])
+    if found is None or not found.sure:
+        return
+    if found.mirrored:
+        yield (
+            "the pictures turn against the yaw: a yaw that is counted clockwise, or pictures that "
+            "are mirrored? count it anticlockwise, as seen from above"
+        )
+    elif found.noticeable:
+        late = "after" if found.seconds > 0 else "before"
+        yield (
+            f"the pictures turn {abs(found.seconds):.2f} s {late} the yaw does: their stamps and "
+            "those of attitude and position are not of one clock: shift the one by that"
+        )
+
+
 def _small(flight: Flight) -> Iterator[str]:
     rows = _known(flight)
     if len(rows) < 2:
@@ -231,6 +258,7 @@ _DOUBTS: tuple[Callable[[Flight], Iterator[str]], ...] = (
     _speed,
     _heights,
     _angles,
+    _late,
     _small,
     _stamps,
     _splits,

@@ -33,11 +33,15 @@ class Aids:
         """What is known at `stamp`, the frame's on the clock of the loop; None where nothing is."""
         if self.wanted == "none":
             return None
-        said = [] if frame.aiding is None else [frame.aiding.shifted(stamp - frame.time)]
-        said += [each for guard in self._sinks if (each := guard.sink.aiding(stamp)) is not None]
-        known = _first(each.at(stamp) for each in said)
+        known = self.everything(frame, stamp)
         known = known if self.wanted == "all" else known.without_heading()
         return known if any(getattr(known, name) is not None for name in _FIELDS) else None
+
+    def everything(self, frame: Frame, stamp: float) -> Aiding:
+        """What is known at `stamp`, whatever is wanted."""
+        said = [] if frame.aiding is None else [frame.aiding.shifted(stamp - frame.time)]
+        said += [each for guard in self._sinks if (each := guard.sink.aiding(stamp)) is not None]
+        return _first(each.at(stamp) for each in said)
 
 
 def _first(said: Iterable[Aiding]) -> Aiding:

@@ -19,7 +19,7 @@ from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, Placement, Settings
 from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.json_lines import JsonLines
-from trexton.onboard.sources import Source, View, open_source
+from trexton.onboard.sources import Delayed, Source, View, open_source
 from trexton.onboard.tally import Tally
 from trexton.streams import stream
 
@@ -64,6 +64,8 @@ def build(settings: Settings) -> Onboard:
     expected = View(texton_map.image_shape, texton_map.period_s, flying.seed)
     source = open_source(flying.camera, expected, settings.options)
     _check_fit(flying.camera, source, texton_map)
+    if source.live and flying.camera_delay:
+        source = Delayed(source, flying.camera_delay)
     _check_files([settings.map, *source.files], settings.outputs, flying.log)
     around = Surroundings(
         settings.of(Placement).local,

@@ -223,7 +223,8 @@ class Onboard:
         """No frame in time: report what the filter predicts, until one comes."""
         if self._model_time is None:
             return
-        missed = int((self._clock() - self._model_time) / self._model_period - 0.5)
+        seen_until = self._clock() - self.source.delay
+        missed = int((seen_until - self._model_time) / self._model_period - 0.5)
         estimate = self._predict(missed)
         if estimate is not None:
             self.tally.fault("gap", missed)

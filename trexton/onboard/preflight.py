@@ -20,17 +20,19 @@ from trexton.onboard.aids import Aids
 from trexton.onboard.build import build
 from trexton.onboard.inspection import BLACK, WHITE
 from trexton.onboard.loop import CAUSES, Onboard
-from trexton.onboard.settings import Flying, Landing, Placement, Settings
+from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, Placement, Settings
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import Frame, Playback, Source
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.parts.registration import Registration
 from trexton.registration import FloorTracker
+from trexton.time_offset import small, time_offset, turns
 
 __all__ = ["Check", "blur_effect", "preflight"]
 
 SECONDS = 5.0
 KEPT = 10  # frames that are looked at closely
+MOST = 500  # frames of which it is looked at how they turn
 BLURRED = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay below 0.6
 OFF_SCALE = 0.2  # share of pixels that are black or white
 MIRRORED = 0.05  # by which a floor's mirror image must fit better: some floors are symmetric
@@ -51,12 +53,15 @@ class Check:
 
 
 class _Watched(Source):
-    """A source of which the latest frames are kept, with what is known beside each."""
+    """A source of which the latest frames are kept, with what is known beside each; and of all that
+    came their small luma, with the yaw that was told meanwhile."""
 
     def __init__(self, source: Source, aids: Aids):
         self.source, self.live, self.gives = source, source.live, source.gives
-        self.reopens = source.reopens
+        self.reopens, self.delay = source.reopens, source.delay
         self.frames: deque[Frame] = deque(maxlen=KEPT)
+        self.small: deque[tuple[float, np.ndarray]] = deque(maxlen=MOST)
+        self.yaw: dict[float, float] = {}  # by its stamp
         self._aids = aids
 
     def open(self) -> None:
@@ -64,8 +69,14 @@ class _Watched(Source):
 
     def read(self) -> Frame | None:
         frame = self.source.read()
-        if frame is not None and frame.picture is not None:
-            self.frames.append(replace(frame, aiding=self._aids.of(frame, frame.time)))
+        if frame is None or frame.picture is None:
+            return frame
+        self.frames.append(replace(frame, aiding=self._aids.of(frame, frame.time)))
+        if frame.picture.ndim == 3:
+            self.small.append((frame.time, small(frame.picture)))
+        told = self._aids.everything(frame, frame.time + self.delay)
+        if told.yaw is not None and told.attitude_time is not None:
+            self.yaw[told.attitude_time] = told.yaw
         return frame
 
     def close(self) -> None:
@@ -110,6 +121,7 @@ def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
         *_of_contradictions(onboard),
         *_of_map(onboard.localizer, frames),
         *_of_floor(onboard.localizer, frames),
+        *_of_delay(watched),
         *_of_links(settings, onboard, ended),
     ]
 
@@ -242,6 +254,29 @@ def _best_fit(tracker: FloorTracker, frames: list[Frame], step: int) -> float:
         picture = np.ascontiguousarray(each.picture[:, ::step])
         scores.append(tracker.step(picture, height=height).score)
     return max(scores)
+
+
+def _of_delay(watched: _Watched) -> Iterator[Check]:
+    """Whether the picture turns when the vehicle is told to turn, and as it does."""
+    if not watched.yaw:
+        return
+    stamps = [stamp for stamp, _ in watched.small]
+    told_s, yaw = zip(*sorted(watched.yaw.items()), strict=True)
+    found = time_offset(stamps, turns(luma for _, luma in watched.small), told_s, yaw)
+    if found is None:
+        return
+    late = watched.delay + found.seconds
+    if not found.sure:
+        words = "the vehicle turned too little to tell: turn it to and fro while this runs"
+    elif found.mirrored:
+        words = "the picture turns against the vehicle: its camera mirrors it, switch that off"
+    else:
+        words = f"frames come {late:.2f} s after the attitude they show, {watched.delay:g} given"
+        if found.noticeable and not 0 <= late <= LONGEST_DELAY:
+            words += ": more than can be made up for, look for a quicker camera or link"
+        elif found.noticeable:
+            words += f": add --camera-delay {late:.2f}"
+    yield Check("delay", not found.sure or not (found.mirrored or found.noticeable), words)
 
 
 def _of_links(settings: Settings, onboard: Onboard, now: float) -> Iterator[Check]:

@@ -16,8 +16,9 @@ from trexton.onboard.local import LocalFrame
 from trexton.options import Options, option
 from trexton.streams import MOST_SEED
 
-__all__ = ["GROUPS", "Flying", "Landing", "Placement", "Settings", "numbers"]
+__all__ = ["GROUPS", "LONGEST_DELAY", "Flying", "Landing", "Placement", "Settings", "numbers"]
 
+LONGEST_DELAY = 0.4  # seconds: not much longer, and every position is stale when it is told
 T = TypeVar("T", bound=Options)
 
 
@@ -28,6 +29,12 @@ class Flying(Options):
     camera: str = option("/dev/video0", "where frames come from")
     log: str | None = option(None, "file for every position, fault and answer, as JSON lines")
     log_megabytes: float = option(100.0, "size at which the log is moved to FILE.1", low=0.01)
+    camera_delay: float = option(
+        0.0,
+        "seconds by which a live camera's frames are old when they arrive; --preflight finds it",
+        low=0,
+        high=LONGEST_DELAY,
+    )
     rate: float | None = option(
         None, "frames a second; the map's own unless given", low=0.01, high=1000
     )

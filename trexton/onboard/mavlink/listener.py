@@ -5,8 +5,10 @@ Times are seconds of the clock that stamps fixes.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -20,6 +22,7 @@ __all__ = ["Answer", "Listener"]
 SILENCE = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 REPORT_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
 BACK_MS = 2000  # milliseconds that messages of one clock never overtake each other by
+KEPT = 512  # of each: a second and more of the fastest stream, for a camera that is late
 KNOWN_AGE = 0.5  # attitude, height or velocity farther from the frame in time say nothing about it
 NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
@@ -66,9 +69,9 @@ class Listener:
         self.origin: tuple[float, float] | None = None
         self._fused: tuple[float, bool] | None = None
         self._grounded: tuple[float, bool] | None = None
-        self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=64)
-        self._heights: deque[tuple[float, float]] = deque(maxlen=64)
-        self._velocities: deque[tuple[float, tuple[float, float]]] = deque(maxlen=64)
+        self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=KEPT)
+        self._heights: deque[tuple[float, float]] = deque(maxlen=KEPT)
+        self._velocities: deque[tuple[float, tuple[float, float]]] = deque(maxlen=KEPT)
         self._handlers = {
             "HEARTBEAT": self._on_heartbeat,
             "ATTITUDE": self._on_attitude,
@@ -234,5 +237,7 @@ def _recent(said: tuple[float, bool] | None, now: float) -> bool | None:
 
 
 def _nearest(entries: deque[tuple[float, Any]], time: float) -> tuple[float, Any] | None:
-    nearest = min(entries, key=lambda entry: abs(entry[0] - time), default=None)
+    after = bisect_left(entries, time, key=itemgetter(0))
+    around = [entries[index] for index in (after - 1, after) if 0 <= index < len(entries)]
+    nearest = min(around, key=lambda entry: abs(entry[0] - time), default=None)
     return nearest if nearest is not None and abs(nearest[0] - time) <= KNOWN_AGE else None

@@ -1,0 +1,115 @@
+"""How late frames are beside a yaw that was told, by how they turn."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trexton.camera import Camera
+from trexton.flights import write_flight
+from trexton.flights.check import check_flight
+from trexton.flights.flight import Flight
+from trexton.simulator import Effects, Floor, Simulator, record_flight
+from trexton.time_offset import small, time_offset, turns
+
+PERIOD = 0.08
+
+
+def turning(yaw: float = 0.2, frames: int = 75):
+    """Frames of a vehicle that hovers and turns by about `yaw` radians to and fro, and its yaw."""
+    room = Simulator(
+        Floor.painted("hall", 4), camera=Camera(320, 240, 260.0),
+        effects=Effects(yaw=yaw), rng=np.random.default_rng(2),
+    )  # fmt: skip
+    pictures, told = [], []
+    for _ in range(frames):
+        state = room.step(np.array([2.5, 2.5]))
+        pictures.append(room.render())
+        told.append(state.attitude[2])
+    return pictures, np.array(told)
+
+
+@pytest.fixture(scope="module")
+def flown():
+    pictures, told = turning()
+    return turns(small(each) for each in pictures), told, PERIOD * np.arange(len(told))
+
+
+def test_frames_show_how_far_they_turned():
+    pictures, told = turning(frames=30)
+    found = turns(small(each) for each in pictures)
+    assert np.isnan(found[0])
+    np.testing.assert_allclose(found[1:], np.diff(told), atol=0.01)
+
+
+@pytest.mark.parametrize("late", [-0.1, 0.0, 0.04, 0.25, 0.5])
+def test_the_offset_is_found(flown, late):
+    turned, told, time = flown
+    rng = np.random.default_rng(3)
+    noisy = np.angle(np.exp(1j * (told + 3.0 + 0.005 * rng.standard_normal(len(told)))))
+    found = time_offset(time + late, turned, time, noisy)
+    assert found.sure and not found.mirrored
+    assert abs(found.seconds - late) < max(0.02, 3 * found.sigma)
+    assert found.noticeable == (abs(late) > 0.05)
+
+
+def test_a_yaw_that_is_told_more_often_than_frames_come(flown):
+    turned, told, time = flown
+    often = np.linspace(time[0], time[-1], 700)
+    found = time_offset(time[::3] + 0.2, _added(turned, 3), often, np.interp(often, time, told))
+    assert found.sure and abs(found.seconds - 0.2) < 0.03
+
+
+def _added(turned: np.ndarray, several: int) -> np.ndarray:
+    """What every `several`-th frame turned since the one that was kept before."""
+    sums = np.add.reduceat(np.nan_to_num(turned[1:]), np.arange(0, len(turned) - 1, several))
+    return np.concatenate([[np.nan], sums])[: len(turned[::several])]
+
+
+def test_a_picture_that_is_mirrored_turns_the_other_way():
+    pictures, told = turning()
+    turned = turns(small(np.ascontiguousarray(each[:, ::-1])) for each in pictures)
+    found = time_offset(PERIOD * np.arange(75), turned, PERIOD * np.arange(75), told)
+    assert found.sure and found.mirrored
+
+
+@pytest.mark.parametrize(
+    ("picture", "yaw"),
+    [(np.full((120, 160), 90, np.uint8), np.linspace(0, 1, 75)), (None, np.zeros(75))],
+)
+def test_what_shows_nothing_is_not_sure(picture, yaw):
+    frames = [picture] * 75 if picture is not None else (small(each) for each in turning(0.0)[0])
+    time = PERIOD * np.arange(75)
+    found = time_offset(time, turns(frames), time, yaw)
+    assert found is None or not found.sure
+
+
+def test_too_little_is_nothing(flown):
+    turned, told, time = flown
+    assert time_offset(time[:10], turned[:10], time, told) is None
+    assert time_offset(time, turned, time[:1], told[:1]) is None
+    assert time_offset(time + 100, turned, time, told) is None
+    assert time_offset([], [], [], []) is None
+
+
+@pytest.mark.parametrize("what", ["late", "clockwise", "as it is"])
+def test_a_recorded_flight_whose_clocks_differ_is_told(tmp_path, what):
+    flight: Flight = record_flight(
+        tmp_path / "flight", frames=120, camera=Camera(160, 120, 130.0),
+        effects=Effects(yaw=0.2), pattern="waypoints",
+    )  # fmt: skip
+    attitude = flight.attitude.copy()
+    if what == "late":
+        earlier = [np.interp(flight.time + 0.24, flight.time, each) for each in attitude.T]
+        attitude = np.column_stack(earlier)
+    if what == "clockwise":
+        attitude[:, 2] *= -1
+    path = write_flight(replace(flight, attitude=attitude), tmp_path / what)
+    warnings = [each for each in check_flight(path).warnings if "pictures turn" in each]
+    assert len(warnings) == (what != "as it is")
+    if what == "late":
+        assert "turn 0.2" in warnings[0] and "after the yaw" in warnings[0]
+    if what == "clockwise":
+        assert "counted clockwise" in warnings[0]
