@@ -247,9 +247,12 @@ class Localizer:
             )
         if frame.shape[:2] != self.map.image_shape:
             rows, columns = self.map.image_shape
+            before = self.map.rectification
+            raw = before is not None and frame.shape[1::-1] == before.source
             raise ImageError(
                 f"the frame is {frame.shape[1]}x{frame.shape[0]}, but the map was trained on "
-                f"{columns}x{rows}: set the camera to that size"
+                f"{columns}x{rows}: "
+                + ("apply the map's rectification to it" if raw else "set the camera to that size")
             )
 
     def _histogram(self, frame: np.ndarray, aiding: Aiding | None) -> np.ndarray:

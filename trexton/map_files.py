@@ -125,6 +125,9 @@ def check_map(texton_map: TextonMap) -> None:
             "the images have (rows, columns)",
             shape,
         )
+    if texton_map.rectification is not None:
+        size = texton_map.rectification.size
+        _expect(size[::-1] == texton_map.image_shape, "images are rectified to their size", size)
     if texton_map.dictionary is not None:
         textons = len(texton_map.dictionary.textons)
         cells = texton_map.cells

@@ -24,6 +24,7 @@ from trexton.methods import changed, compose
 from trexton.options import whole
 from trexton.parts import name_of, part_class
 from trexton.parts.base import Area, Part, Training
+from trexton.rectification import Rectification
 from trexton.streams import generator
 from trexton.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
 
@@ -61,6 +62,8 @@ class TextonMap:
         By role, trained.
     provenance : dict
         Data hash, parameters, versions.
+    rectification : Rectification or None
+        What was done to a camera's images before; a camera in flight needs the same.
     """
 
     dictionary: TextonDictionary | None
@@ -73,6 +76,7 @@ class TextonMap:
     method: str
     parts: dict[str, Any]
     provenance: dict[str, Any] = field(default_factory=dict)
+    rectification: Rectification | None = None
 
     @property
     def cells(self) -> int:
@@ -195,6 +199,7 @@ class TextonMap:
                 "parameters": parameters,
                 "versions": software_versions(),
             },
+            flight.rectification,
         )
         return untrained.with_parts(parts, flight=trained, rng=rng)
 
@@ -299,6 +304,8 @@ class TextonMap:
             },
             "provenance": self.provenance,
         }
+        if self.rectification is not None:
+            header["rectification"] = self.rectification.table()
         arrays = {
             "schema": np.asarray(SCHEMA),
             "histograms": self.histograms,
@@ -351,6 +358,9 @@ class TextonMap:
             header["method"],
             {role: _part(role, entry, arrays) for role, entry in header["parts"].items()},
             header["provenance"],
+            Rectification.from_table(header["rectification"])
+            if "rectification" in header
+            else None,
         )
         check_map(whole)
         return whole

@@ -16,6 +16,7 @@ from trexton.errors import FlightError
 from trexton.files import digest
 from trexton.flights.frames import Frames, select_frames
 from trexton.images import read_picture
+from trexton.rectification import Rectification
 
 __all__ = ["Flight"]
 
@@ -56,6 +57,8 @@ class Flight:
     floor_file, floor_from_pixel
         A picture of the true floor, if known, and the ``(3, 3)`` homography from its pixels to
         metres.
+    rectification : Rectification or None
+        What was done to the camera's images before they came to be these.
     origin : (latitude, longitude), optional
         Degrees (WGS 84) of the place from which x counts metres east and y metres north.
     """
@@ -74,6 +77,7 @@ class Flight:
     split: dict[str, tuple[int, int]] = field(default_factory=dict)
     floor_file: Path | None = None
     floor_from_pixel: np.ndarray | None = None
+    rectification: Rectification | None = None
     origin: tuple[float, float] | None = None
     source: str = ""
     licence: str = ""
@@ -249,5 +253,7 @@ class Flight:
             scalars.append(self.features)
         if self.origin is not None:
             scalars.append(["origin", *map(float, self.origin)])
+        if self.rectification is not None:
+            scalars.append(["rectification", self.rectification.table()])
         images = [] if self.frames is None else [self.frames.digest]
         return digest(scalars, camera, *arrays, *floor, *images)

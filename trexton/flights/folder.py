@@ -30,6 +30,7 @@ from trexton.flights.header import (
 )
 from trexton.histograms import SUM_TOLERANCE
 from trexton.images import bgr_from_yuv
+from trexton.rectification import Rectification
 
 __all__ = ["Reading", "load_folder", "read_flight", "write_flight", "write_tables"]
 
@@ -164,7 +165,7 @@ def _assemble(
     x_min, x_max, y_min, y_max = header["area_m"] if "area_m" in header else _extent(position)
     unknown = np.full(len(position), np.nan)  # a heading may be known where no tilt is
     angles = [columns.get(name, unknown) for name in _ANGLES]
-    floor = header.get("floor")
+    floor, rectified = header.get("floor"), header.get("rectification")
     return Flight(
         name=header.get("name", path.name),
         frame=columns["frame"],
@@ -180,6 +181,7 @@ def _assemble(
         split={key: (first, last) for key, (first, last) in header.get("split", {}).items()},
         floor_file=path / floor["image"] if floor else None,
         floor_from_pixel=np.array(floor["world_from_pixel"], dtype=float) if floor else None,
+        rectification=Rectification.from_table(rectified) if rectified else None,
         origin=_origin(header.get("origin")),
         source=header.get("source", ""),
         licence=header.get("licence", ""),

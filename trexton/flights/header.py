@@ -11,9 +11,10 @@ from typing import Any
 import numpy as np
 
 from trexton.camera import Camera
-from trexton.errors import FlightError
+from trexton.errors import FlightError, ParameterError
 from trexton.flights.flight import Flight
 from trexton.flights.tables import read_text
+from trexton.rectification import Rectification
 
 __all__ = ["FORMAT", "camera_from_header", "header_text", "read_header"]
 
@@ -31,12 +32,21 @@ _KEYS = (
     "split",
     "floor",
     "origin",
+    "rectification",
 )
 _TEXTS = ("name", "source", "licence", "features")
 _TABLES = {
     "camera": ("width_px", "height_px", "focal_px"),
     "floor": ("image", "world_from_pixel"),
     "origin": ("latitude_deg", "longitude_deg"),
+    "rectification": (
+        "source_px",
+        "crop_px",
+        "size_px",
+        "focal_px",
+        "center_px",
+        "distortion",
+    ),
     "split": (),
 }
 
@@ -124,6 +134,11 @@ def _fault_values(header: dict[str, Any]) -> list[str]:
                 f"[origin] is {degrees}: expected degrees of latitude, -90 to 90, and of "
                 "longitude, -180 to 180"
             )
+    if rectified := header.get("rectification"):
+        try:
+            Rectification.from_table(rectified)
+        except ParameterError as error:
+            faults.append(f"[rectification]: {error}")
     if floor := header.get("floor"):
         rows = floor["world_from_pixel"]
         if (
@@ -205,6 +220,9 @@ def header_text(flight: Flight) -> str:
             f"focal_px = {float(camera.focal)}",
             f"center_px = {[float(value) for value in camera.principal_point]}",
         ]
+    if flight.rectification is not None:
+        table = flight.rectification.table()
+        lines += ["", "[rectification]"] + [f"{key} = {value}" for key, value in table.items()]
     if flight.origin is not None:
         latitude, longitude = map(float, flight.origin)
         lines += [

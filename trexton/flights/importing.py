@@ -117,7 +117,7 @@ def import_flight(
     states = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in read]
     key = digest(
         kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns, states,
-        *([] if change is None else [change.crop, *(change.maps or ())]),
+        *([] if change is None else [change.rectification.table()]),
     )  # fmt: skip
     with naming(out):
         try:
@@ -127,6 +127,8 @@ def import_flight(
                 frames, camera, written = write_images(recording, change, work / "images")
                 said += written
             flight = _flight(recording, split, placed, camera, frames, common.name or out.name)
+            if change is not None and change.rectification.changes:
+                flight = replace(flight, rectification=change.rectification)
             write_tables(flight, work)
             if faults := load_folder(work).faults:  # what cannot be read replaces nothing
                 raise FlightError(faults[0])

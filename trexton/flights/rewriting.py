@@ -6,6 +6,7 @@ import os
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -16,6 +17,7 @@ from trexton.flights.frames import Frames, ImageFiles
 from trexton.flights.importers.recording import Recording
 from trexton.images import bgr_from_yuv, check_size, checked_bytes, decode
 from trexton.progress import progress
+from trexton.rectification import Rectification
 
 __all__ = ["Change", "write_images"]
 
@@ -25,15 +27,9 @@ _ASPECT = 0.02  # relative difference of aspect up to which an image is scaled t
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What is done to each image: undistorted, cropped to what the mask leaves, scaled.
+    """What is done to each image, and whether it may be kept as it is."""
 
-    `size` is width and height of the images written, `full` those before cropping and scaling.
-    """
-
-    full: tuple[int, int]
-    size: tuple[int, int]
-    crop: tuple[int, int, int, int]
-    maps: tuple[np.ndarray, np.ndarray] | None
+    rectification: Rectification
     keeps: bool
 
     @classmethod
@@ -43,64 +39,43 @@ class Change:
         """By a calibration and a mask where they are named; see `Common` of importing."""
         assert recording.frames is not None
         full = _usual_size(recording.frames)
-        maps = None
-        if undistort:
-            matrix, distortion = _calibration(undistort, recording, source, full)
-            maps = cv2.initUndistortRectifyMap(
-                matrix, distortion, np.eye(3), matrix, full, cv2.CV_32FC1
-            )
+        lens = _calibration(undistort, recording, source, full) if undistort else {}
         crop = _free_rectangle(mask, full) if mask else (0, 0, *full)
         size = (round(crop[2] * scale), round(crop[3] * scale))
         if min(size) < 1:
             raise ParameterError(
                 f"scale {scale:g} leaves nothing of {crop[2]}x{crop[3]} pixels: give more"
             )
-        return cls(full, size, crop, maps, maps is None and size == full)
+        rectification = Rectification(full, crop, size, **lens)
+        return cls(rectification, not rectification.changes)
 
     def suffix(self, frames: Frames, row: int) -> str:
         """Of the file that is written: the source's own where it can be kept."""
         own = frames.files[row].suffix.lower() if isinstance(frames, ImageFiles) else ""
         return own if self.keeps and own in (".jpg", ".jpeg", ".png") else ".jpg"
 
-    def camera(self, camera: Camera | None) -> Camera | None:
-        """The camera of the images as they are written."""
-        if camera is None or (camera.width, camera.height) != self.full:
-            return None
-        x, y, width, height = self.crop
-        scale = self.size[0] / width
-        center = tuple(
-            (value - start + 0.5) * scale - 0.5
-            for value, start in zip(camera.principal_point, (x, y), strict=True)
-        )
-        return Camera(*self.size, camera.focal * scale, (center[0], center[1]))
-
     def apply(self, frames: Frames, row: int) -> tuple[bytes, bool, bool]:
         """The bytes of the image file, and whether it was turned and scaled to the size of most."""
-        image = frames[row]
+        image, full = frames[row], self.rectification.source
         size = (image.shape[1], image.shape[0])
-        if self.keeps and size == self.full and isinstance(frames, ImageFiles):
+        if self.keeps and size == full and isinstance(frames, ImageFiles):
             if self.suffix(frames, row) == frames.files[row].suffix.lower():
                 return frames.files[row].read_bytes(), False, False
         image = bgr_from_yuv(image)  # black stays black where a lens is undistorted
-        turned = size != self.full and size[::-1] == self.full
+        turned = size != full and size[::-1] == full
         if turned:
             image = cv2.rotate(image, cv2.ROTATE_90_CLOCKWISE)
-        scaled = image.shape[1::-1] != self.full
+        scaled = image.shape[1::-1] != full
         if scaled:
-            aspect = image.shape[1] / image.shape[0] * self.full[1] / self.full[0]
+            aspect = image.shape[1] / image.shape[0] * full[1] / full[0]
             if abs(aspect - 1) > _ASPECT:
                 raise FlightError(
                     f"image {row} is {size[0]}x{size[1]} where most are "
-                    f"{self.full[0]}x{self.full[1]}, "
+                    f"{full[0]}x{full[1]}, "
                     "of another shape: leave it out"
                 )
-            image = cv2.resize(image, self.full, interpolation=cv2.INTER_AREA)
-        if self.maps is not None:
-            image = cv2.remap(image, *self.maps, cv2.INTER_LINEAR)
-        x, y, width, height = self.crop
-        image = image[y : y + height, x : x + width]
-        if image.shape[1::-1] != self.size:
-            image = cv2.resize(image, self.size, interpolation=cv2.INTER_AREA)
+            image = cv2.resize(image, full, interpolation=cv2.INTER_AREA)
+        image = self.rectification.apply(image, border=(0, 0, 0))
         quality = [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
         _, data = cv2.imencode(self.suffix(frames, row), image, quality)
         return data.tobytes(), turned, scaled
@@ -126,10 +101,11 @@ def write_images(
         part = folder / f".{file.name}.part"
         part.write_bytes(data)
         os.replace(part, file)
-    said = [f"{count} images of {change.size[0]}x{change.size[1]}"]
+    width, height = change.rectification.size
+    said = [f"{count} images of {width}x{height}"]
     if turned or scaled:
         said.append(f"{turned} images were turned upright, {scaled} scaled to the size of most")
-    return ImageFiles(tuple(files)), change.camera(recording.camera), said
+    return ImageFiles(tuple(files)), change.rectification.camera(recording.camera), said
 
 
 def _usual_size(frames: Frames) -> tuple[int, int]:
@@ -142,9 +118,9 @@ def _usual_size(frames: Frames) -> tuple[int, int]:
 
 def _calibration(
     name: str, recording: Recording, source: Path, size: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Camera matrix and distortion: of the source itself (`own`), an EuRoC ``sensor.yaml``, or
-    OpenCV's file.
+) -> dict[str, Any]:
+    """Focal length, centre and distortion: of the source itself (`own`), an EuRoC ``sensor.yaml``,
+    or OpenCV's file.
     """
     camera, distortion = recording.camera, recording.distortion
     if name != "own":
@@ -161,8 +137,10 @@ def _calibration(
             f"the calibration is for {camera.width}x{camera.height}, the images are "
             f"{size[0]}x{size[1]}"
         )
-    x, y = camera.principal_point
-    return np.array([[camera.focal, 0, x], [0, camera.focal, y], [0, 0, 1]]), distortion
+    center = tuple(map(float, camera.principal_point))
+    return {
+        "focal": float(camera.focal), "center": center, "distortion": tuple(distortion.tolist()),
+    }  # fmt: skip
 
 
 def _free_rectangle(name: str, size: tuple[int, int]) -> tuple[int, int, int, int]:

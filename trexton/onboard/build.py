@@ -19,7 +19,7 @@ from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, Placement, Settings
 from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.json_lines import JsonLines
-from trexton.onboard.sources import Delayed, Source, View, open_source
+from trexton.onboard.sources import Delayed, Rectified, Source, View, open_source
 from trexton.onboard.tally import Tally
 from trexton.streams import stream
 
@@ -61,9 +61,13 @@ def build(settings: Settings) -> Onboard:
         )
     _warm_up(localizer)
     tally = Tally()
-    expected = View(texton_map.image_shape, texton_map.period_s, flying.seed)
+    rectification = texton_map.rectification
+    shape = texton_map.image_shape if rectification is None else rectification.source[::-1]
+    expected = View(shape, texton_map.period_s, flying.seed)
     source = open_source(flying.camera, expected, settings.options)
     _check_fit(flying.camera, source, texton_map)
+    if rectification is not None and not source.rectified:
+        source = Rectified(source, rectification)
     if source.live and flying.camera_delay:
         source = Delayed(source, flying.camera_delay)
     _check_files([settings.map, *source.files], settings.outputs, flying.log)

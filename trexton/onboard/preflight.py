@@ -23,6 +23,7 @@ from trexton.onboard.loop import CAUSES, Onboard
 from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, Placement, Settings
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import Frame, Playback, Source
+from trexton.onboard.sources.wrapped import Wrapped
 from trexton.parts.measurement import EXCLUDED_SECONDS
 from trexton.parts.registration import Registration
 from trexton.registration import FloorTracker
@@ -52,24 +53,19 @@ class Check:
         return f"{'ok  ' if self.holds else 'FAIL'}  {self.name}: {self.words}"
 
 
-class _Watched(Source):
+class _Watched(Wrapped):
     """A source of which the latest frames are kept, with what is known beside each; and of all that
     came their small luma, with the yaw that was told meanwhile."""
 
     def __init__(self, source: Source, aids: Aids):
-        self.source, self.live, self.gives = source, source.live, source.gives
-        self.reopens, self.delay = source.reopens, source.delay
+        super().__init__(source)
         self.frames: deque[Frame] = deque(maxlen=KEPT)
         self.small: deque[tuple[float, np.ndarray]] = deque(maxlen=MOST)
         self.yaw: dict[float, float] = {}  # by its stamp
         self._aids = aids
 
-    def open(self) -> None:
-        self.source.open()
-
-    def read(self) -> Frame | None:
-        frame = self.source.read()
-        if frame is None or frame.picture is None:
+    def changed(self, frame: Frame) -> Frame:
+        if frame.picture is None:
             return frame
         self.frames.append(replace(frame, aiding=self._aids.of(frame, frame.time)))
         if frame.picture.ndim == 3:
@@ -78,9 +74,6 @@ class _Watched(Source):
         if told.yaw is not None and told.attitude_time is not None:
             self.yaw[told.attitude_time] = told.yaw
         return frame
-
-    def close(self) -> None:
-        self.source.close()
 
 
 def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:

@@ -12,12 +12,12 @@ from typing import Any
 from trexton.errors import ParameterError
 from trexton.onboard.edges import load
 from trexton.onboard.sources.base import CameraLost, Frame, Playback, Source, View
-from trexton.onboard.sources.delayed import Delayed
+from trexton.onboard.sources.wrapped import Delayed, Rectified
 from trexton.options import Options
 
 __all__ = [
-    "CameraLost", "Delayed", "Frame", "Playback", "SOURCES", "Source", "View", "open_source",
-    "source_classes",
+    "CameraLost", "Delayed", "Frame", "Playback", "Rectified", "SOURCES", "Source", "View",
+    "open_source", "source_classes",
 ]  # fmt: skip
 
 # kind: module and class, in the order in which they are asked

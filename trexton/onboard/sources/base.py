@@ -81,6 +81,7 @@ class Source(Edge, ABC):
 
     live = True
     reopens = True  # whether a live one may be better for being opened again
+    rectified = False  # whether its images are already as those the map was learned from
     delay = 0.0  # seconds by which a live one's frames are old when they arrive
     gives: str | None = None  # "images" or "histograms", where that is known beforehand
     files: tuple[str, ...] = ()  # files and folders that are read: no output may go there

@@ -8,11 +8,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from trexton.onboard.sources.base import Frame, Source
+from trexton.onboard.sources.wrapped import Wrapped
 
 __all__ = ["Paced"]
 
 
-class Paced(Source):
+class Paced(Wrapped):
     """Holds each frame of a recording back until its time has come, and stamps it with the clock.
 
     Parameters
@@ -23,26 +24,18 @@ class Paced(Source):
         Seconds.
     """
 
-    live = True
-    reopens = False  # a recording would begin anew
-
     def __init__(
         self,
         source: Source,
         clock: Callable[[], float] = time.monotonic,
         sleep: Callable[[float], None] = time.sleep,
     ):
-        self.source, self._clock, self._sleep = source, clock, sleep
-        self.gives, self.files = source.gives, source.files
+        super().__init__(source)
+        self.live, self.reopens = True, False  # a recording would begin anew
+        self._clock, self._sleep = clock, sleep
         self._offset: float | None = None
 
-    def open(self) -> None:
-        self.source.open()
-
-    def read(self) -> Frame | None:
-        frame = self.source.read()
-        if frame is None:
-            return None
+    def changed(self, frame: Frame) -> Frame:
         if self._offset is None:
             self._offset = self._clock() - frame.time
         due = frame.time + self._offset
@@ -50,6 +43,3 @@ class Paced(Source):
         now = self._clock()
         aiding = None if frame.aiding is None else frame.aiding.shifted(now - frame.time)
         return replace(frame, time=now, aiding=aiding)
-
-    def close(self) -> None:
-        self.source.close()

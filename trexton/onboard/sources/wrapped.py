@@ -1,0 +1,79 @@
+"""Sources that change what another gives."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from trexton.onboard.sources.base import Frame, Source
+from trexton.rectification import Rectification
+
+__all__ = ["Delayed", "Rectified", "Wrapped"]
+
+
+class Wrapped(Source):
+    """Another source; whoever derives from it changes its frames.
+
+    Parameters
+    ----------
+    source : Source
+    """
+
+    def __init__(self, source: Source):
+        self.source, self.live, self.delay = source, source.live, source.delay
+        self.gives, self.files, self.reopens = source.gives, source.files, source.reopens
+        self.rectified = source.rectified
+
+    def open(self) -> None:
+        self.source.open()
+
+    def read(self) -> Frame | None:
+        frame = self.source.read()
+        return None if frame is None else self.changed(frame)
+
+    def changed(self, frame: Frame) -> Frame:
+        """The frame as it is handed on."""
+        return frame
+
+    def close(self) -> None:
+        self.source.close()
+
+
+class Delayed(Wrapped):
+    """Stamps the frames of a live camera with when they were taken, not with when they arrived:
+    exposure, transfer and decoding take their time.
+
+    Parameters
+    ----------
+    source : Source
+    delay : float
+        Seconds in between.
+    """
+
+    def __init__(self, source: Source, delay: float):
+        super().__init__(source)
+        self.delay = delay
+
+    def changed(self, frame: Frame) -> Frame:
+        aiding = None if frame.aiding is None else frame.aiding.shifted(-self.delay)
+        return replace(frame, time=frame.time - self.delay, aiding=aiding)
+
+
+class Rectified(Wrapped):
+    """Undistorts, crops and scales the pictures of a camera as those that the map was learned from.
+
+    Parameters
+    ----------
+    source : Source
+    rectification : Rectification
+        Pictures of another size than its camera's stay as they are.
+    """
+
+    def __init__(self, source: Source, rectification: Rectification):
+        super().__init__(source)
+        self.rectification, self.rectified = rectification, True
+
+    def changed(self, frame: Frame) -> Frame:
+        picture = frame.picture
+        if picture is None or picture.shape[1::-1] != self.rectification.source:
+            return frame
+        return replace(frame, picture=self.rectification.apply(picture))
