@@ -75,6 +75,7 @@ def imported(place):
 
 def test_what_an_import_did_is_kept_with_the_flight_and_the_map(imported, tmp_path):
     assert imported.rectification == SMALL
+    assert imported.camera == Camera(112, 84, 95.0, (55.5, 41.5))  # the calibration's
     again = read_flight(write_flight(imported, tmp_path / "again"))
     assert (
         again.rectification == SMALL

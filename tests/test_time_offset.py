@@ -92,6 +92,15 @@ def test_too_little_is_nothing(flown):
     assert time_offset(time, turned, time[:1], told[:1]) is None
     assert time_offset(time + 100, turned, time, told) is None
     assert time_offset([], [], [], []) is None
+    assert time_offset(1e9 * time, turned, 1e9 * time, told) is None
+
+
+def test_frames_of_any_size_are_looked_at():
+    rng = np.random.default_rng(1)
+    sizes = [(1, 1), (2, 9), (12, 16), (30, 20), (12, 16), (12, 16)]
+    frames = [rng.integers(0, 256, size, np.uint8) for size in sizes]
+    assert turns(frames).shape == (6,) and np.isnan(turns(frames)[:2]).all()
+    assert len(turns([])) == 0
 
 
 @pytest.mark.parametrize("what", ["late", "clockwise", "as it is"])

@@ -116,7 +116,12 @@ class Rectification:
         return np.ascontiguousarray(image)
 
     def camera(self, camera: Camera | None) -> Camera | None:
-        """The camera of the images as they come out; None for one of another size."""
+        """The camera of the images as they come out; None for one of another size.
+
+        Where none is known, it is the one whose distortion is.
+        """
+        if camera is None and self.distortion:
+            camera = Camera(*self.source, self.focal, self.center)
         if camera is None or (camera.width, camera.height) != self.source:
             return None
         x, y, width, _ = self.crop

@@ -24,6 +24,7 @@ AGREE, SURE_S = 0.8, 0.025  # correlation from which the two turn alike, and dev
 HARMLESS_S = 0.05  # seconds; between them a vehicle goes and turns by little
 MIRRORED = 0.1  # by which the other way round must fit better: who turns to and fro does both
 WINDOW_S = 0.3  # over which turns are added up: the noise of the yaw stays, what is turned grows
+LONGEST_FLIGHT_S = 1e5  # stamps of another unit may reach further
 SMOOTHED_S = 0.2  # of the yaw: its noise must weigh the same on its stamps and between them
 WIDTH = 160  # pixels of the frames that turns are read off, about
 CORNERS, FEWEST = 120, 12  # points that are followed from frame to frame, and at least
@@ -121,7 +122,9 @@ def time_offset(
     """
     time, seen = np.asarray(stamps, dtype=float), np.asarray(turned, dtype=float)
     told_s, yaw = np.asarray(told_s, dtype=float), np.unwrap(np.asarray(told_yaw, dtype=float))
-    if len(time) < FEWEST or len(told_s) < 2 or np.ptp(told_s) < 2 * SMOOTHED_S:
+    if len(time) < FEWEST or len(told_s) < 2:
+        return None
+    if not 2 * SMOOTHED_S <= np.ptp(told_s) <= LONGEST_FLIGHT_S:
         return None
     told_s, yaw = _smoothed(told_s, yaw)
     several = max(1, round(WINDOW_S / max(float(np.median(np.diff(time))), 1e-3)))
