@@ -92,6 +92,8 @@ def test_too_little_is_nothing(flown):
     assert time_offset(time, turned, time[:1], told[:1]) is None
     assert time_offset(time + 100, turned, time, told) is None
     assert time_offset([], [], [], []) is None
+    stalled = np.append(0.02 * np.arange(13), 1.3)  # a burst of frames that a window holds all of
+    assert time_offset(stalled, np.zeros(14), stalled, np.linspace(0, 1, 14)) is None
     assert time_offset(1e9 * time, turned, 1e9 * time, told) is None
 
 

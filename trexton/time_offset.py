@@ -128,6 +128,8 @@ def time_offset(
         return None
     told_s, yaw = _smoothed(told_s, yaw)
     several = max(1, round(WINDOW_S / max(float(np.median(np.diff(time))), 1e-3)))
+    if len(time) - several < FEWEST:
+        return None
     began, ended = time[:-several], time[several:]
     turn = np.convolve(seen[1:], np.ones(several), "valid")
     # The same frames at every offset, or those that are left over would choose it.
