@@ -85,6 +85,12 @@ def test_what_an_import_did_is_kept_with_the_flight_and_the_map(imported, tmp_pa
     assert TextonMap.load(texton_map.save(tmp_path / "map.npz")).rectification == SMALL
 
 
+def test_where_a_lens_is_undistorted_the_camera_is_the_calibrations():
+    for known in (None, Camera(256, 192, 150.0, (120.0, 90.0)), Camera(640, 480, 400.0)):
+        assert SMALL.camera(known) == Camera(112, 84, 95.0, (55.5, 41.5))
+    assert replace(SMALL, distortion=()).camera(Camera(640, 480, 400.0)) is None
+
+
 def test_a_raw_picture_becomes_what_was_imported(place, imported):
     raw = yuv_from_bgr(cv2.imread(str(place / "images" / "007.png")))
     mine, written = SMALL.apply(raw).astype(int), imported.image(7).astype(int)
@@ -145,7 +151,9 @@ def test_an_import_that_changes_nothing_keeps_nothing(place):
     [
         {"source": (0, 192)}, {"crop": (40, 12, 224, 168)}, {"crop": (0, 0, 1, 0)},
         {"size": (112.5, 84)}, {"focal": 0.0}, {"focal": np.nan}, {"distortion": (1.0, 2.0)},
-        {"center": (np.inf, 0.0)}, {"size": (10**6, 84)},
+        {"center": (np.inf, 0.0)}, {"size": (10**6, 84)}, {"source": (256, 192, 3)},
+        {"crop": (16, 12, 224)}, {"size": (112,)}, {"focal": "190"}, {"focal": 10**400},
+        {"center": (1.0,)}, {"distortion": ("a",) * 4}, {"distortion": (LENS,) * 4},
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_refused(change):
@@ -154,7 +162,7 @@ def test_what_cannot_be_is_refused(change):
 
 
 @pytest.mark.parametrize("broken", [{}, {"source_px": 3}, SMALL.table() | {"more": 1}])
-def test_a_table_that_is_none_is_refused(broken, imported, tmp_path):
+def test_a_table_that_is_none_is_refused(broken):
     with pytest.raises(ParameterError, match="expected source_px"):
         Rectification.from_table(broken)
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from sys import float_info
 from typing import Any, Self
 
 import cv2
@@ -59,22 +60,24 @@ class Rectification:
     distortion: tuple[float, ...] = ()
 
     def __post_init__(self) -> None:
-        x, y, width, height = self.crop
-        sides = (*self.source, width, height, *self.size)
+        pixels = (*self.source, *self.crop, *self.size)
         lens = (self.focal, *self.center, *self.distortion)
         if (
-            not all(type(n) is int for n in (*self.source, *self.crop, *self.size))
-            or not all(0 < side < MOST for side in sides)
-            or not (0 <= x <= self.source[0] - width and 0 <= y <= self.source[1] - height)
+            (len(self.source), len(self.crop), len(self.size)) != (2, 4, 2)
+            or not all(type(n) is int and 0 <= n < MOST for n in pixels)
+            or 0 in (*self.source, *self.crop[2:], *self.size)
+            or self.crop[0] + self.crop[2] > self.source[0]
+            or self.crop[1] + self.crop[3] > self.source[1]
         ):
             raise ParameterError(
                 f"images of {self.source} pixels cropped to {self.crop} and scaled to {self.size}: "
                 "expected whole pixels, the crop (x, y, width, height) inside the images"
             )
         if (
-            not np.isfinite(lens).all()
+            not all(isinstance(n, int | float) and abs(n) <= float_info.max for n in lens)
             or self.focal <= 0
-            or (len(self.distortion) not in COEFFICIENTS)
+            or len(self.center) != 2
+            or len(self.distortion) not in COEFFICIENTS
         ):
             raise ParameterError(
                 f"a lens of focal length {self.focal}, centre {self.center} and distortion "
@@ -118,9 +121,9 @@ class Rectification:
     def camera(self, camera: Camera | None) -> Camera | None:
         """The camera of the images as they come out; None for one of another size.
 
-        Where none is known, it is the one whose distortion is.
+        Where they are undistorted, it is the one whose distortion is.
         """
-        if camera is None and self.distortion:
+        if self.distortion:
             camera = Camera(*self.source, self.focal, self.center)
         if camera is None or (camera.width, camera.height) != self.source:
             return None
