@@ -86,6 +86,20 @@ def test_what_shows_nothing_is_not_sure(picture, yaw):
     assert found is None or not found.sure
 
 
+@pytest.mark.parametrize("frames_a_second", [5.0, 12.5, 30.0])
+@pytest.mark.parametrize("yaw", ["steady", "to and fro"])
+def test_noise_of_the_yaw_is_no_offset(frames_a_second, yaw):
+    """A vehicle that turns steadily, as on a circle, turns alike at every offset."""
+    rng, time = np.random.default_rng(4), np.arange(0, 12, 1 / frames_a_second)
+    wrong = 0
+    for phase in np.linspace(0, 6, 40):
+        true = 0.4 * time if yaw == "steady" else 0.1 * np.sin(1.5 * time + phase)
+        turned = np.diff(true, prepend=np.nan) + 0.001 * rng.standard_normal(len(time))
+        found = time_offset(time, turned, time, true + 0.01 * rng.standard_normal(len(time)))
+        wrong += found.sure and (found.mirrored or found.noticeable)
+    assert wrong < 2
+
+
 def test_too_little_is_nothing(flown):
     turned, told, time = flown
     assert time_offset(time[:10], turned[:10], time, told) is None

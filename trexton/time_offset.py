@@ -23,6 +23,7 @@ EARLIEST_S, LONGEST_S, STEP_S = -0.2, 0.8, 0.01  # the offsets that are tried
 AGREE, SURE_S = 0.8, 0.025  # correlation from which the two turn alike, and deviation up to which
 HARMLESS_S = 0.05  # seconds; between them a vehicle goes and turns by little
 MIRRORED = 0.1  # by which the other way round must fit better: who turns to and fro does both
+BEND = 5  # steps on both sides over which it is looked at how sharp the best offset is
 WINDOW_S = 0.3  # over which turns are added up: the noise of the yaw stays, what is turned grows
 LONGEST_FLIGHT_S = 1e5  # stamps of another unit may reach further
 SMOOTHED_S = 0.2  # of the yaw: its noise must weigh the same on its stamps and between them
@@ -145,13 +146,20 @@ def time_offset(
             for late in offsets
         ]
     )
-    power = np.sqrt(np.square(told).mean(axis=1) * np.square(turn).mean())
-    correlation = (told * turn).mean(axis=1) / np.maximum(power, 1e-12)
+    # Who turns steadily turns alike at every offset: only what changes can tell.
+    told, turn = told - told.mean(axis=1, keepdims=True), turn - turn.mean()
+    common = (told * turn).mean(axis=1)
+    correlation = common / np.maximum(told.std(axis=1) * turn.std(), 1e-12)
     flipped = -correlation.min() > correlation.max() + MIRRORED
+    if flipped:
+        told, common = -told, -common
     best = int(np.argmin(correlation) if flipped else np.argmax(correlation))
-    left = np.std(turn + told[best] if flipped else turn - told[best])
     slope = np.sqrt(np.square(np.gradient(told, STEP_S, axis=0)[best]).mean())
-    sigma = float(left / max(slope, 1e-9) / np.sqrt(known.sum() / several))
+    # Noise of the yaw makes what was told steeper, but not what the picture has in common with it.
+    middle = min(max(best, BEND), len(offsets) - 1 - BEND)
+    bend = 2 * common[middle] - common[middle - BEND] - common[middle + BEND]
+    steepness = max(bend / (BEND * STEP_S) ** 2, 1e-12) / max(slope, 1e-9)
+    sigma = float(np.std(turn - told[best]) / steepness / np.sqrt(known.sum() / several))
     return TimeOffset(float(offsets[best]), max(sigma, STEP_S / 2), float(correlation[best]))
 
 
