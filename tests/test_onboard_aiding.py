@@ -150,6 +150,14 @@ def test_a_camera_whose_delay_is_known_is_localized_by_the_attitude_of_its_expos
     assert errors[late] < 0.8 * errors[0.0]
 
 
+def test_what_a_camera_is_late_by_is_no_deadline_that_the_computer_missed(fine, flights):
+    source = Delayed(Paced(FlightSource(flights[1].select(slice(0, 30)))), 0.3)
+    localizer = Localizer(fine, rng=np.random.default_rng(2))
+    localizer.step(flights[1].image(0))  # the first takes longer
+    _, tally, summary = run(localizer, source, rate=4.0)
+    assert 2 * tally["late"] < tally["frames"] and summary["latency_s"]["median"] > 0.3
+
+
 @pytest.mark.parametrize("drift", [0.0, 0.5])
 def test_a_velocity_that_the_frames_contradict_is_counted_and_said_once(drift, capsys):
     def flown(name, count, start, seed):
