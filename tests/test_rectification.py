@@ -11,7 +11,7 @@ from onboard_tools import colourful_floor
 
 from trexton.camera import Camera
 from trexton.cli import main
-from trexton.errors import ImageError, ParameterError
+from trexton.errors import ImageError, MapError, ParameterError
 from trexton.flights import read_flight, write_flight
 from trexton.flights.importing import import_flight
 from trexton.images import yuv_from_bgr
@@ -135,6 +135,15 @@ def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(pl
     assert not open_source(str(place / "images"), View()).rectified
     with pytest.raises(ImageError, match="apply the map's rectification"):
         Localizer(texton_map, rng=np.random.default_rng(2)).step(frame.picture)
+
+
+def test_images_of_another_size_than_it_makes_train_no_map_that_cannot_be_read(imported):
+    other = replace(imported, rectification=replace(SMALL, size=(56, 42)))
+    with pytest.raises(MapError, match="images of 112x84 pixels, its .rectification. makes 56x42"):
+        TextonMap.train(other, n_textons=8, rng=np.random.default_rng(1))
+    histograms = np.full((len(imported), 8), 1 / 8)
+    bare = replace(imported, frames=None, histograms=histograms)
+    assert TextonMap.train(bare, rng=np.random.default_rng(1)).rectification is None
 
 
 def test_an_import_that_changes_nothing_keeps_nothing(place):

@@ -169,6 +169,13 @@ class TextonMap:
                 f"{cells} x {cells} parts, leave cells at 1"
             )
         trained, place, looked = flight.select(known), given[known], flight
+        shape = trained.image(0).shape[:2] if flight.has_images else None
+        rectified = flight.rectification if flight.has_images else None
+        if rectified and shape and rectified.size[::-1] != shape:
+            raise MapError(
+                f"flight {flight.name!r} has images of {shape[1]}x{shape[0]} pixels, its "
+                f"[rectification] makes {rectified.size[0]}x{rectified.size[1]}: import it again"
+            )
         if "view" in parts:
             parts["view"] = view = parts["view"].of(trained)
             looked = view.flight(flight)
@@ -189,7 +196,7 @@ class TextonMap:
             place,
             trained.time,
             flight.area,
-            trained.image(0).shape[:2] if flight.has_images else None,
+            shape,
             float(np.median(np.diff(trained.time))),
             method,
             {},
@@ -199,7 +206,7 @@ class TextonMap:
                 "parameters": parameters,
                 "versions": software_versions(),
             },
-            flight.rectification,
+            rectified,
         )
         return untrained.with_parts(parts, flight=trained, rng=rng)
 
