@@ -100,12 +100,12 @@ class Flight:
                 )
         if self.features == "textons" and self.histograms is not None:
             sums = self.histograms.sum(axis=1)
-            if (np.abs(sums - 1) > SUM_TOLERANCE).any():
-                worst = sums[np.nanargmax(np.abs(sums - 1))]
+            wrong = (np.abs(sums - 1) > SUM_TOLERANCE) & self.histograms.any(axis=1)
+            if wrong.any():  # rows in which nothing was counted are let pass
                 raise FlightError(
-                    f"flight {self.name!r} has a histogram that sums to {worst:.4g}: expected "
-                    "relative frequencies that sum to 1, divide counts by their sum, or name "
-                    "other features"
+                    f"flight {self.name!r} has a histogram that sums to {sums[wrong][0]:.4g}: "
+                    "expected relative frequencies that sum to 1, divide counts by their sum, or "
+                    "name other features"
                 )
         for key in ("time", "frame"):
             self._check_order(key, getattr(self, key))
