@@ -92,7 +92,7 @@ class Flight:
                 value = self._numbers(key, value)
                 object.__setattr__(self, key, value)
                 self._check_shape(key, value)
-            elif not hasattr(value, "digest"):
+            elif not hasattr(type(value), "digest"):  # of the type: to ask for it reads all images
                 raise FlightError(
                     f"flight {self.name!r} has {type(value).__name__} as frames: expected "
                     "trexton.flights.frames.ImageFiles, or another of its Frames"
