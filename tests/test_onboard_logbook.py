@@ -53,6 +53,12 @@ def test_a_log_may_come_through_a_pipe(log, tmp_path, capsys):
     assert capsys.readouterr().out.splitlines()[-1].startswith("fixes 4, told 2, event answer 1")
 
 
+def test_a_mark_that_an_editor_put_before_a_log_costs_no_line(log, capsys):
+    log.write_bytes(b"\xef\xbb\xbf" + log.read_bytes())
+    assert main(["replay", str(log)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("fixes 4, told 2")
+
+
 def test_what_an_autopilot_says_commands_no_terminal(log, capsys):
     said = {"event": "autopilot says", "text": "\x1b[2Jlanded\n9.99  forged"}
     odd = {"event": "\x1b]0;x\x07", "\x1b[1m": "bold"}
