@@ -2,6 +2,8 @@
 
     trexton onboard hall.npz | python3 ros2_node.py --heading 84
 
+ROS's own words may follow, as in --ros-args -r position:=/vision/pose. It reads a --log too.
+
 `pose` is the whole conversion and needs no ROS; `main` needs rclpy and geometry_msgs.
 """
 
@@ -16,11 +18,14 @@ UNKNOWN = 1e6  # a variance that makes a number weightless
 
 
 def pose(row: dict, heading: float) -> dict | None:
-    """Position and 6x6 covariance of one JSON line; None for what no vehicle may steer by.
+    """Position and 6x6 covariance of one JSON line; None for what no vehicle may steer by, and for
+    the events of a log.
 
     `heading` is that of the map's +y axis in radians from north, clockwise. East and north are map
     x and y, turned clockwise by it.
     """
+    if "event" in row:
+        return None
     if not row["observed"] or row["lost"] or row["stale"] or None in row["told_m"]:
         return None
     (x, y), (xx, xy, yy) = row["told_m"], row["told_covariance_m2"]
@@ -41,11 +46,12 @@ def pose(row: dict, heading: float) -> dict | None:
 def main() -> None:
     import rclpy
     from geometry_msgs.msg import PoseWithCovarianceStamped
+    from rclpy.utilities import remove_ros_args
 
     parser = argparse.ArgumentParser()
     parser.add_argument("--heading", type=float, default=0.0, help="degrees")
     parser.add_argument("--frame", default="map")
-    arguments = parser.parse_args()
+    arguments = parser.parse_args(remove_ros_args(sys.argv)[1:])
     rclpy.init()
     node = rclpy.create_node("trexton")
     publisher = node.create_publisher(PoseWithCovarianceStamped, "position", 10)

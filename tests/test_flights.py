@@ -363,8 +363,22 @@ def test_a_test_of_one_frame_judges_nothing(tmp_path):
         ({"time": 0.0 - np.arange(40)}, "time -1.0 after 0.0 in row 1"),
         ({"time": np.r_[0:39, np.nan]}, "time nan after 38.0 in row 39"),
         ({"frame": np.zeros(40, int)}, "frame 0 after 0 in row 1"),
+        ({"frame": np.arange(40).astype(str)}, "frame of type <U21: expected numbers$"),
+        ({"time": np.arange(40).astype("M8[us]")}, "type datetime64.us.: expected numbers of sec"),
+        ({"position": [["here", 1]] * 40}, "position of type .*: expected numbers$"),
+        ({"histograms": np.full((40, 4), 100)}, "a histogram that sums to 400: expected relative"),
+        ({"frames": np.zeros((40, 24, 32, 3), np.uint8)}, "ndarray as frames: expected .*ImageFil"),
     ],
 )
-def test_what_a_flight_is_made_of_has_its_shape(change, words):
+def test_what_a_flight_is_made_of_has_its_shape_and_its_kind(change, words):
     with pytest.raises(FlightError, match=words):
         replace(small_flight(), **change)
+
+
+def test_a_masked_position_is_unknown_and_an_area_of_whole_numbers_is_that_of_others():
+    flight = small_flight()
+    hidden = np.ma.masked_greater(flight.position, flight.position[20, 0])
+    masked = replace(flight, position=hidden)
+    np.testing.assert_array_equal(np.isnan(masked.position), hidden.mask)
+    whole = replace(flight, area=np.array([0, 4, 0, 3]))
+    assert whole.data_hash == replace(flight, area=(0.0, 4.0, 0.0, 3.0)).data_hash

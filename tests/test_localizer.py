@@ -226,6 +226,15 @@ def test_words_are_no_histogram():
     localizer = Localizer(texton_map, rng=np.random.default_rng(0))
     with pytest.raises(MapError, match="finite frequencies"):
         localizer.step(np.array(["a"] * texton_map.histograms.shape[1]))
+    shares = small_flight().histograms[0]
+    for odd, words in ((shares.tolist(), "a list was"), (shares[None], r"ndarray of shape \(1, ")):
+        with pytest.raises(MapError, match=f"{words}.* given: this map takes an array of"):
+            localizer.step(odd)
+    for samples in (0, -3, 2.5):
+        with pytest.raises(ParameterError, match=f"samples is {samples}: expected a whole number"):
+            localizer.step(shares, samples=samples)
+    with pytest.raises(ParameterError, match="texton_map is a str: expected a TextonMap, as"):
+        Localizer("map.npz", rng=np.random.default_rng(0))
     with pytest.raises(ParameterError, match="samples is 1000000000: .* from 1 to 1000000"):
         Localizer(texton_map, samples=10**9, rng=np.random.default_rng(0))
 
@@ -239,6 +248,11 @@ def test_other_positions_may_train_and_frames_without_one_do_not():
     )
     assert len(texton_map.positions) == len(flight) - 1
     np.testing.assert_array_equal(texton_map.positions[0], positions[0])
+    masked = TextonMap.train(
+        flight, neighbors=3, rng=np.random.default_rng(0),
+        positions=np.ma.masked_where(np.isnan(positions), flight.position + 1.0),
+    )  # fmt: skip
+    np.testing.assert_array_equal(masked.positions, texton_map.positions)
     with pytest.raises(MapError, match="at least 3"):
         TextonMap.train(flight, rng=np.random.default_rng(0), positions=np.full((40, 2), np.nan))
     with pytest.raises(ParameterError, match="one for each frame"):

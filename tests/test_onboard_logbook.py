@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import runpy
+import sys
 import threading
 from pathlib import Path
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -49,6 +51,12 @@ def test_a_log_may_come_through_a_pipe(log, tmp_path, capsys):
     assert main(["replay", str(tmp_path / "pipe")]) == 0
     writer.join()
     assert capsys.readouterr().out.splitlines()[-1].startswith("fixes 4, told 2, event answer 1")
+
+
+def test_a_mark_that_an_editor_put_before_a_log_costs_no_line(log, capsys):
+    log.write_bytes(b"\xef\xbb\xbf" + log.read_bytes())
+    assert main(["replay", str(log)]) == 0
+    assert capsys.readouterr().out.splitlines()[-1].startswith("fixes 4, told 2")
 
 
 def test_what_an_autopilot_says_commands_no_terminal(log, capsys):
@@ -104,3 +112,18 @@ def test_the_pose_for_ros_is_that_of_the_autopilots_axes(rng):
         covariance = np.reshape(found["covariance"], (6, 6))
         np.testing.assert_allclose(covariance[:2, :2], ned[::-1, ::-1])
     assert pose(row(make_fix(1.0, lost=True)), 0.0) is None
+
+
+def test_the_node_for_ros_reads_a_log_and_leaves_the_words_of_ros_to_it(log, monkeypatch, capsys):
+    """With stand-ins for the three packages of ROS that it imports."""
+    ros = {name: MagicMock() for name in ("rclpy", "rclpy.utilities", "geometry_msgs.msg")}
+    ros["rclpy.utilities"].remove_ros_args = lambda argv: argv[: argv.index("--ros-args")]
+    for name, module in ros.items():
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setitem(sys.modules, "geometry_msgs", MagicMock())
+    words = "node --heading 84 --ros-args -r position:=/vision/pose".split()
+    monkeypatch.setattr(sys, "argv", words)
+    monkeypatch.setattr(sys, "stdin", log.open())
+    runpy.run_path(str(EXAMPLE), run_name="__main__")
+    publish = ros["rclpy"].create_node.return_value.create_publisher.return_value.publish
+    assert publish.call_count == 2

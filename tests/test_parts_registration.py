@@ -159,8 +159,10 @@ def test_what_it_lacks_is_named(fine, flights):
     localizer = Localizer(fine, rng=np.random.default_rng(2))
     with pytest.raises(MapError, match="given a histogram"):
         localizer.step(fine.histograms[0])
-    with pytest.raises(MapError, match="train on a flight with images"):
+    with pytest.raises(MapError, match="trexton train FLIGHT --method fine"):
         fine.with_parts({"filter": Registration()})
+    with pytest.raises(MapError, match="train on a flight with images"):
+        fine.with_parts({"filter": Registration()}, flight=replace(train, frames=None))
     with pytest.raises(MapError, match="no picture of its floor"):
         bare = replace(train, floor_file=None)
         fine.with_parts({"filter": Registration(picture="surveyed")}, flight=bare)

@@ -177,7 +177,7 @@ def test_every_colour_of_the_figures_has_its_shade_in_the_dark():
         assert f"--fig-{COLORS[name][1:].lower()}: #" in book, name
 
 
-def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, capsys):
+def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, monkeypatch, capsys):
     assert main(["train", str(flight_folder), "-o", str(tmp_path / "map.npz")]) == 0
     words = ["play", str(flight_folder), "--map", str(tmp_path / "map.npz")]
     assert main([*words, "--out", str(tmp_path / "player.html")]) == 0
@@ -194,6 +194,9 @@ def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, capsys):
             assert answer.read().decode() == page
         with pytest.raises(ParameterError, match=f"--port {server.server_port}: Address already"):
             serve(page, server.server_port)
+        monkeypatch.setattr("trexton.player.record_replay", None)  # refused before it
+        assert main([*words, "--port", str(server.server_port)]) == 1
+        assert "Address already in use" in capsys.readouterr().err
         with pytest.raises(HTTPError, match="404"):
             urlopen(host + "/etc/passwd")
         server.shutdown()

@@ -138,6 +138,26 @@ def test_no_command_writes_over_what_it_reads(words, tmp_path, monkeypatch, caps
     assert before == {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("play room --map map.npz --out taken", "taken: is a folder"),
+        ("play room --map map.npz --out file/page.html", "file is no folder"),
+        ("train room -o taken", "taken: is a folder"),
+        ("sweep room --experiment mocap_training --out o --keep taken", "taken: is a folder"),
+        ("suitability moved:3 --out file/maps", "file is no folder"),
+    ],
+)
+def test_what_cannot_be_written_is_said_before_the_work(words, told, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").mkdir()
+    (tmp_path / "file").touch()
+    assert main([*words.split(), "-q"]) == 1
+    said = capsys.readouterr()
+    assert told in said.err and not said.out
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "taken"]
+
+
 def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
     code = (
         "import os, sys; from trexton.files import atomic_file, atomic_folder; from pathlib import "

@@ -329,6 +329,10 @@ def test_bad_floors_and_effects_are_refused(tmp_path):
     for width in (0.0, -1.0, np.nan, 1e6):
         with pytest.raises(ParameterError):
             Floor.from_file(tmp_path / "floor.png", width)
+    for shape in ((1, 400, 3), (400, 1, 3)):
+        cv2.imwrite(str(tmp_path / "strip.png"), np.zeros(shape, np.uint8))
+        with pytest.raises(ParameterError, match="length, by the shape of its picture, is"):
+            Floor.from_file(tmp_path / "strip.png", 5.0)
     with pytest.raises(ParameterError, match="unknown effect 'fog'"):
         Effects().without("fog")
     for name in Effects.names():

@@ -25,6 +25,7 @@ __all__ = [
     "canonical_json",
     "check_not_read",
     "check_replaceable",
+    "check_writable",
     "clean_leftovers",
     "digest",
     "naming",
@@ -118,6 +119,23 @@ def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) 
             raise ParameterError(
                 f"{path}: is read here ({other}) and would be written over: give another name"
             )
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Refuse a file that could not be written, before the work that would be lost.
+
+    Raises
+    ------
+    ParameterError
+        It is a folder, or lies below a file or in a folder where nothing may be written.
+    """
+    path = Path(path)
+    above = next(each for each in path.absolute().parents if each.exists())
+    if path.is_dir():
+        raise ParameterError(f"{path}: is a folder: give the name of a file")
+    if not above.is_dir() or not os.access(above, os.W_OK):
+        found = "may not be written to" if above.is_dir() else "is no folder"
+        raise ParameterError(f"{path}: cannot be written, {above} {found}: give another name")
 
 
 def check_replaceable(path: Path, replace: bool, ours: bool = True) -> None:

@@ -70,6 +70,11 @@ class Localizer:
         **choices: object,
     ):
         rng = generator(rng)
+        if not isinstance(texton_map, TextonMap):
+            raise ParameterError(
+                f"texton_map is a {type(texton_map).__name__}: expected a TextonMap, as "
+                "TextonMap.load or TextonMap.train makes it"
+            )
         if samples is not None:  # every patch
             samples = whole(samples, "samples", 1, MOST_SAMPLES)
         if particles is not None:
@@ -166,10 +171,15 @@ class Localizer:
         ------
         ImageError, MapError
             The frame does not fit the map; the filter is left as it was.
+        ParameterError
+            `samples` is no whole number of at least 1; the filter is left as it was.
         """
         if frame is None:
             return self.advance(None)
-        samples = samples if np.ndim(frame) == 1 else self.samples
+        if np.ndim(frame) != 1:
+            samples = self.samples
+        elif samples is not None:
+            samples = whole(samples, "samples")
         return self.advance(self.observation(frame, aiding=aiding, time=time, samples=samples))
 
     def advance(self, observation: Observation | None) -> Estimate:
@@ -239,6 +249,12 @@ class Localizer:
                     "relative frequencies, which sum to 1, divide counts by their sum"
                 )
             return
+        if self.map.dictionary is None and getattr(frame, "ndim", 0) != 3:
+            shape = f" of shape {frame.shape}" if hasattr(frame, "shape") else ""
+            raise MapError(
+                f"a {type(frame).__name__}{shape} was given: this map takes an array of {width} "
+                "finite frequencies, as numpy.asarray makes it"
+            )
         check_image(frame)
         if self.map.dictionary is None or self.map.image_shape is None:
             raise MapError(

@@ -151,7 +151,8 @@ class TextonMap:
         patch, cells = whole(patch, "patch", 1, MAX_PATCH), whole(cells, "cells", 1, 8)
         parts: dict[str, Any] = compose(method)
         parts |= changed(parts, choices)
-        given = flight.position if positions is None else np.asarray(positions, dtype=float)
+        given = flight.position if positions is None else np.ma.asarray(positions, dtype=float)
+        given = np.ma.filled(given, np.nan)
         if given.shape != (len(flight), 2):
             raise ParameterError(
                 f"positions have shape {given.shape}: "

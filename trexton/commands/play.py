@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.files import atomic_file, check_not_read
+    from trexton.files import atomic_file, check_not_read, check_writable
     from trexton.flights import read_flight
     from trexton.localizer import Localizer, TextonMap
     from trexton.player import player_html, record_replay
@@ -52,6 +52,9 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError(f"--port {arguments.port}: expected 1 to 65535, or 0 for a free one")
     if arguments.out:
         check_not_read(arguments.out, arguments.map, arguments.flight)
+        check_writable(arguments.out)
+    else:
+        serve("", arguments.port).server_close()  # before the flight is replayed
     texton_map = TextonMap.load(arguments.map)
     flight = read_flight(arguments.flight).part_or_all("test")
     localizers = {

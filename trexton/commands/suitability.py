@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from trexton.errors import ParameterError
-from trexton.files import check_not_read
+from trexton.files import check_not_read, check_writable
 from trexton.progress import say
 
 __all__ = ["add_arguments", "run"]
@@ -110,7 +110,9 @@ def _stem(name: str) -> str:
 
 
 def _check_out(folder: Path, floors: Iterable[str]) -> None:
-    """Refuse to write over a picture, and one floor's files over another's, before any flight."""
+    """Refuse what cannot be written, and to write over a picture or one floor's files over
+    another's, before any flight.
+    """
     pictures = [name for name in floors if Path(name).is_file()]
     written: dict[str, str] = {}
     for name in floors:
@@ -123,6 +125,7 @@ def _check_out(folder: Path, floors: Iterable[str]) -> None:
         written[stem] = name
         for suffix in ("json", "png"):
             check_not_read(folder / f"{stem}.{suffix}", *pictures)
+            check_writable(folder / f"{stem}.{suffix}")
 
 
 def _write(folder: Path, floors: dict[str, Any], judged: dict[str, dict[str, Any]]) -> None:

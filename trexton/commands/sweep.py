@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from trexton.errors import ParameterError
-from trexton.files import atomic_file, check_not_read
+from trexton.files import atomic_file, check_not_read, check_writable
 from trexton.options import add_assignments, assignments
 from trexton.workflow import FlightPair
 from trexton.workflow.sweep import Floors, Plan, sweep
@@ -44,6 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.keep:
         flights = [path for pair in plan.pairs for path in (pair.flight, pair.test_flight)]
         check_not_read(arguments.keep, *filter(None, [arguments.plan, *flights]))
+        check_writable(arguments.keep)
     swept = sweep(plan, out, jobs=arguments.jobs, cluster=arguments.cluster)
     if arguments.keep and not swept.failed:
         with atomic_file(Path(arguments.keep), "wb") as stream:

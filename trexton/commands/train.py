@@ -46,13 +46,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.files import check_not_read
+    from trexton.files import check_not_read, check_writable
     from trexton.flights import read_flight
     from trexton.localizer import TextonMap
     from trexton.methods import parse_choices
     from trexton.streams import stream
 
     check_not_read(arguments.output, arguments.flight)
+    check_writable(arguments.output)
     flight = read_flight(arguments.flight).part_or_all("train")
     choices: dict[str, Any] = {**parse_choices(arguments.settings)}
     texton_map = TextonMap.train(

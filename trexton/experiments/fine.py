@@ -22,6 +22,7 @@ from trexton.experiments.declaration import option
 from trexton.experiments.followed import (
     GROSS,
     KNOWN,
+    MISSING,
     QUARTERS,
     SETTLED,
     FollowedParameters,
@@ -39,7 +40,7 @@ from trexton.records import Record
 from trexton.registration import FloorTracker
 from trexton.streams import stream
 
-__all__ = ["KNOWN", "Parameters", "finding", "kidnapping_summary", "over_floors", "run"]
+__all__ = ["KNOWN", "MISSING", "Parameters", "finding", "kidnapping_summary", "over_floors", "run"]
 
 
 @dataclass(frozen=True)
@@ -78,6 +79,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 for trial in trials
             },
             "all": pooled,
+            "missing": _missing(trials),
             "peers": _peers(trials),
             "kidnapped": kidnapping_summary(carried),
             "light_cm": drift,
@@ -109,6 +111,15 @@ def _summary(rows: np.ndarray) -> dict[str, Any]:
         "region_90_quarters": [inside[quarter == part].mean() for part in range(QUARTERS)],
         "nees": distance.mean() / 2,
     }
+
+
+def _missing(trials: list[dict[str, Any]]) -> dict[str, Any]:
+    """Where one of so many frames came, with attitude and without."""
+    found: dict[str, Any] = {f"{every}": {} for every in MISSING}
+    for key, every in trials[0]["bridged"]:
+        rows = np.concatenate([trial["bridged"][key, every] for trial in trials])
+        found[f"{every}"][key] = _summary(rows)
+    return found
 
 
 def _quantiles(trials: list[dict[str, Any]], name: str) -> dict[str, Any]:

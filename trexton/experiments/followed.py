@@ -23,6 +23,7 @@ from trexton.streams import stream
 __all__ = [
     "GROSS",
     "KNOWN",
+    "MISSING",
     "QUARTERS",
     "SETTLED",
     "FollowedParameters",
@@ -35,6 +36,7 @@ __all__ = [
 
 # The autopilot tells roll, pitch and yaw; tells them though the camera looks askew; tells nothing.
 KNOWN = {"attitude": "with attitude", "askew": "with attitude askew", "free": "without attitude"}
+MISSING = (2, 4)  # of so many frames one comes, in further runs
 SETTLED = 25  # frames, two seconds, in which the vehicle may be found for the first time
 GROSS = 0.3  # metres: further off is another place
 QUARTERS = 4
@@ -121,14 +123,21 @@ def _trackers(
 
 
 def over_floor(parameters: FollowedParameters, index: int) -> dict[str, Any]:
-    """One flight over one floor, attitude known or not, keypoint methods at some frames."""
+    """One flight over one floor, attitude known or not, with all frames and with some; keypoint
+    methods at some frames."""
     name, floor = _floor(index)
     room = _room(floor, parameters, "room", index)
     trackers = _trackers(floor, room, parameters, index)
+    thinned = {
+        (key, every): FloorTracker(floor.picture, room.camera, 1.0, trust=trackers[key].trust)
+        for key in ("attitude", "free")
+        for every in MISSING
+    }
     rng = stream(parameters.seed, "attitude", index)
     every = max(1, parameters.frames // max(1, parameters.peer_frames))
     peers = {key: make_peer(key, floor.picture) for key in PEERS if parameters.peer_frames}
     fixes: dict[str, list[Row]] = {key: [] for key in trackers}
+    bridged: dict[tuple[str, int], list[Row]] = {key: [] for key in thinned}
     tried: dict[str, list[float]] = {key: [] for key in peers}
     seconds: dict[str, list[float]] = {key: [] for key in (*trackers, *peers)}
     for number, state in enumerate(
@@ -140,6 +149,11 @@ def over_floor(parameters: FollowedParameters, index: int) -> dict[str, Any]:
             fix, taken = follow(tracker, image, attitude)
             fixes[key].append((fix, state))
             seconds[key].append(taken)
+            for nth in MISSING if (key, MISSING[0]) in thinned else ():
+                came = number % nth == 0
+                fix = thinned[key, nth].step(image if came else None, attitude=attitude)
+                if came and number >= SETTLED:
+                    bridged[key, nth].append((fix, state))
         if number % every == 0:
             for key, peer in peers.items():
                 start = process_time()
@@ -148,15 +162,16 @@ def over_floor(parameters: FollowedParameters, index: int) -> dict[str, Any]:
                 tried[key].append(float(euclidean(found, state.position[:2])))
     return {
         "name": name,
-        "rows": {key: _rows(found) for key, found in fixes.items()},
+        "rows": {key: _rows(found[SETTLED:]) for key, found in fixes.items()},
+        "bridged": {key: _rows(found) for key, found in bridged.items()},
         "seconds": seconds,
         "peers": tried,
     }
 
 
-def _rows(found: list[Row]) -> np.ndarray:
+def _rows(settled: list[Row]) -> np.ndarray:
     """``(N, 4)``: error in metres, squared Mahalanobis distance, lost, quarter of the flight."""
-    rows, settled = [], found[SETTLED:]
+    rows = []
     for number, (fix, state) in enumerate(settled):
         error = fix.position - state.position[:2]
         distance = float(error @ np.linalg.solve(fix.covariance, error))

@@ -15,6 +15,7 @@ from trexton.camera import Camera, MapImage
 from trexton.errors import FlightError
 from trexton.files import digest
 from trexton.flights.frames import Frames, select_frames
+from trexton.histograms import SUM_TOLERANCE
 from trexton.images import read_picture
 from trexton.rectification import Rectification
 
@@ -88,13 +89,27 @@ class Flight:
             if (value := getattr(self, key)) is None:
                 continue
             if key != "frames":
-                value = np.asarray(value, dtype=None if key == "frame" else float)
+                value = self._numbers(key, value)
                 object.__setattr__(self, key, value)
                 self._check_shape(key, value)
+            elif not hasattr(type(value), "digest"):  # of the type: to ask for it reads all images
+                raise FlightError(
+                    f"flight {self.name!r} has {type(value).__name__} as frames: expected "
+                    "trexton.flights.frames.ImageFiles, or another of its Frames"
+                )
             if len(value) != len(self.frame):
                 raise FlightError(
                     f"flight {self.name!r} has {len(self.frame)} frame numbers and {len(value)} of "
                     f"{key}: give one for each frame"
+                )
+        if self.features == "textons" and self.histograms is not None:
+            sums = self.histograms.sum(axis=1)
+            wrong = (np.abs(sums - 1) > SUM_TOLERANCE) & self.histograms.any(axis=1)
+            if wrong.any():  # rows in which nothing was counted are let pass
+                raise FlightError(
+                    f"flight {self.name!r} has a histogram that sums to {sums[wrong][0]:.4g}: "
+                    "expected relative frequencies that sum to 1, divide counts by their sum, or "
+                    "name other features"
                 )
         for key in ("time", "frame"):
             self._check_order(key, getattr(self, key))
@@ -104,6 +119,22 @@ class Flight:
                 f"flight {self.name!r} has the area {self.area}: expected x_min, x_max, y_min, "
                 "y_max, the smaller of each first"
             )
+        object.__setattr__(self, "area", tuple(area.tolist()))
+
+    def _numbers(self, key: str, value: Any) -> np.ndarray:
+        """A column as an array, NaN where it is masked; dates would be counted in nanoseconds."""
+        kind = np.asarray(value).dtype
+        try:
+            if kind.kind in "mM" or key == "frame" and kind.kind not in "iuf":
+                raise ValueError(kind)
+            if isinstance(value, np.ma.MaskedArray) and key != "frame":
+                value = np.ma.filled(value.astype(float), np.nan)
+            return np.asarray(value, dtype=None if key == "frame" else float)
+        except (TypeError, ValueError):
+            unit = " of seconds" if key == "time" else ""
+            raise FlightError(
+                f"flight {self.name!r} has {key} of type {kind}: expected numbers{unit}"
+            ) from None
 
     def _check_shape(self, key: str, value: np.ndarray) -> None:
         expected = _COLUMNS.get(key, ())

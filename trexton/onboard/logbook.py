@@ -23,7 +23,7 @@ def rows(path: str | Path) -> Iterator[dict[str, Any]]:
     first: DataError | None = None  # what is wrong, until one is right
     good = 0
     try:
-        with open(path, encoding="utf-8", errors="backslashreplace") as stream:
+        with open(path, encoding="utf-8-sig", errors="backslashreplace") as stream:
             for number, line in enumerate(stream, 1):
                 row, fault = _parsed(line)
                 if fault is None:

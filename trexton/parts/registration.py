@@ -86,7 +86,12 @@ class Registration(Filter):
             There are no frames, or the camera or its height are not known.
         """
         flight = training.flight
-        if flight is None or not flight.has_images:
+        if flight is None:
+            raise MapError(
+                "coarse to fine learns from the frames of a flight: choose it when training, as in "
+                "trexton train FLIGHT --method fine"
+            )
+        if not flight.has_images:
             raise MapError(
                 "coarse to fine looks at images, and this training set has none: "
                 "train on a flight with images"

@@ -97,9 +97,9 @@ class Floor:
         ImageError, ParameterError
             See `from_file`; or the corners are no convex quadrilateral in that order.
         """
-        whole = cls.from_file(path, width)
-        if not 0.5 <= length <= 50:
-            raise ParameterError(f"the floor's length is {length} m: expected 0.5 to 50")
+        _check_side("width", width)
+        _check_side("length", length)
+        photograph, _ = _picture(path)
         source = np.array(corners, dtype=np.float32)
         sides = np.roll(source, -1, axis=0) - source if source.shape == (4, 2) else np.zeros((4, 2))
         following = np.roll(sides, -1, axis=0)
@@ -116,9 +116,7 @@ class Floor:
             [[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]], np.float32
         )
         matrix = cv2.getPerspectiveTransform(source, target)
-        image = cv2.warpPerspective(
-            whole.picture.image, matrix, (columns, rows), flags=cv2.INTER_AREA
-        )
+        image = cv2.warpPerspective(photograph, matrix, (columns, rows), flags=cv2.INTER_AREA)
         return cls(MapImage.from_extent(image, 0.0, length, columns / width))
 
     @classmethod
@@ -132,18 +130,14 @@ class Floor:
         ImageError
             The file is no picture.
         ParameterError
-            The width is not positive.
+            A side, `width` or the one that the picture's shape gives, is not 0.5 to 50 m.
         """
-        if not (np.isfinite(width) and 0.5 <= width <= 50):
-            raise ParameterError(f"the floor's width is {width} m: expected 0.5 to 50")
-        picture = read_picture(path)
-        if picture is None:
-            raise ImageError(
-                f"{path}: not a readable picture: give a PNG or JPEG file of the floor"
-            )
-        image, mask = picture
+        _check_side("width", width)
+        image, mask = _picture(path)
         scale = image.shape[1] / width
-        return cls(MapImage.from_extent(image, 0.0, image.shape[0] / scale, scale, mask))
+        length = image.shape[0] / scale
+        _check_side("length, by the shape of its picture,", length)
+        return cls(MapImage.from_extent(image, 0.0, length, scale, mask))
 
     @property
     def area(self) -> tuple[float, float, float, float]:
@@ -202,6 +196,19 @@ class Floor:
         known = cv2.warpPerspective(image * mask, target_from_pixel, extent)
         alpha = cv2.warpPerspective(mask, target_from_pixel, extent)[..., None]
         target[:] = np.rint(known + (1 - alpha) * target)
+
+
+def _check_side(side: str, metres: float) -> None:
+    if not 0.5 <= metres <= 50:
+        raise ParameterError(f"the floor's {side} is {metres:g} m: expected 0.5 to 50")
+
+
+def _picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | None]:
+    """See `read_picture`; raises `ImageError` where the file is none."""
+    picture = read_picture(path)
+    if picture is None:
+        raise ImageError(f"{path}: not a readable picture: give a PNG or JPEG file of the floor")
+    return picture
 
 
 @lru_cache(maxsize=2)
