@@ -262,13 +262,14 @@ class Localizer:
                 "and holds no textons: give histograms, or train on a flight with images"
             )
         if frame.shape[:2] != self.map.image_shape:
-            rows, columns = self.map.image_shape
-            before = self.map.rectification
-            raw = before is not None and frame.shape[1::-1] == before.source
+            (rows, columns), before = self.map.image_shape, self.map.rectification
+            advice = "set the camera to that size"
+            if before is not None:
+                width, height = before.source
+                advice = f"apply the map's rectification to the camera's {width}x{height}"
             raise ImageError(
                 f"the frame is {frame.shape[1]}x{frame.shape[0]}, but the map was trained on "
-                f"{columns}x{rows}: "
-                + ("apply the map's rectification to it" if raw else "set the camera to that size")
+                f"{columns}x{rows}: {advice}"
             )
 
     def _histogram(self, frame: np.ndarray, aiding: Aiding | None) -> np.ndarray:
