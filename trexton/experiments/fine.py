@@ -40,7 +40,7 @@ from trexton.records import Record
 from trexton.registration import FloorTracker
 from trexton.streams import stream
 
-__all__ = ["KNOWN", "MISSING", "Parameters", "finding", "kidnapping_summary", "over_floors", "run"]
+__all__ = ["KNOWN", "Parameters", "finding", "kidnapping_summary", "over_floors", "run"]
 
 
 @dataclass(frozen=True)

@@ -149,11 +149,13 @@ def over_floor(parameters: FollowedParameters, index: int) -> dict[str, Any]:
             fix, taken = follow(tracker, image, attitude)
             fixes[key].append((fix, state))
             seconds[key].append(taken)
-            for nth in MISSING if (key, MISSING[0]) in thinned else ():
+            for (known, nth), other in thinned.items():
+                if known != key:
+                    continue
                 came = number % nth == 0
-                fix = thinned[key, nth].step(image if came else None, attitude=attitude)
+                fix = other.step(image if came else None, attitude=attitude)
                 if came and number >= SETTLED:
-                    bridged[key, nth].append((fix, state))
+                    bridged[known, nth].append((fix, state))
         if number % every == 0:
             for key, peer in peers.items():
                 start = process_time()

@@ -70,7 +70,7 @@ class Rectified(Wrapped):
 
     def __init__(self, source: Source, rectification: Rectification):
         super().__init__(source)
-        self.rectification, self.rectified = rectification, True
+        self.rectification = rectification
 
     def changed(self, frame: Frame) -> Frame:
         picture = frame.picture
