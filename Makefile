@@ -19,12 +19,15 @@ help:  ## this list
 
 env: .venv/.ready  ## the environment only (.venv, from environment.lock)
 
+# The lock names everything. --no-deps: left to look for itself, an older pip takes an extra's newest release and
+# then finds no hash for it; whether anything is wanting is asked afterwards.
 .venv/.ready: environment.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if (3, 11) <= v <= (3, 14) else f"Python {v[0]}.{v[1]} found, 3.11 to 3.14 needed: install one of them (pip install uv, then uv python install 3.13, brings one), then make env PYTHON=...")'
 	@echo "making .venv from environment.lock"
 	@$(PYTHON) -m venv --clear .venv
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r environment.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r environment.lock
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable .
+	@$(BIN)/python -m pip --disable-pip-version-check check
 	@touch $@
 
 book: env  ## run the notebooks, build book/_build/html/index.html
