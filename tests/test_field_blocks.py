@@ -29,6 +29,12 @@ def test_neighbours_in_time_are_left_out_with_a_block():
     assert time[block.left_out].max() == pytest.approx(time[block.rows].max() + 0.5)
 
 
+def test_blocks_of_every_third_frame_have_rows_for_each_of_its_parts():
+    block = Block(np.array([5, 6, 7, 8, 9]), np.arange(3, 12)).of_every(3, 2)
+    assert block.rows.tolist() == [4, 5, 6, 7]
+    assert block.left_out.tolist() == [2, 3, 4, 5, 6, 7]
+
+
 def lanes(passes: int, apart: float, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Six lanes half a metre from each other, flown over and over at half a metre a second."""
     along = np.arange(0, 4, 0.05)

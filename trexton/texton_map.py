@@ -265,6 +265,7 @@ class TextonMap:
             self.dictionary,
             flight,
             np.random.default_rng(0) if rng is None else generator(rng),
+            cells=self.cells,
         )
 
     def changed(

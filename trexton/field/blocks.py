@@ -30,6 +30,15 @@ class Block:
     rows: np.ndarray
     left_out: np.ndarray
 
+    def of_every(self, every: int, parts: int) -> Block:
+        """The block of a flight's every n-th frame only, with so many rows a frame."""
+        return Block(*(_of_every(rows, every, parts) for rows in (self.rows, self.left_out)))
+
+
+def _of_every(rows: np.ndarray, every: int, parts: int) -> np.ndarray:
+    kept = rows[rows % every == 0] // every
+    return (kept[:, None] * parts + np.arange(parts)).ravel()
+
 
 def blocks_in_time(
     time: np.ndarray, block_s: float = BLOCK_S, margin_s: float = MARGIN_S
@@ -65,14 +74,14 @@ def blocks_in_space(
     places : (N, 2) array
         Metres.
     time : (N,) array
-        Seconds.
+        Seconds; rows of one frame share theirs.
     wanted : float
         Metres between a place of a later flight and the nearest frame, on average. Frames are left
         out up to the least distance that leaves the blocks' own rows as far away, and no further
         than is flown in the margin of time; a block that would lose half the flight stays as it is.
     """
     apart = cdist(places, places)
-    near = np.stack([apart[block.rows].min(axis=0) for block in blocks])
+    near = np.stack([apart[block.rows].min(axis=0, initial=np.inf) for block in blocks])
     out = np.zeros(near.shape, dtype=bool)
     owner = np.empty(len(places), dtype=int)
     for number, block in enumerate(blocks):
@@ -85,7 +94,8 @@ def blocks_in_space(
 
     if not short_of(0.0):
         return list(blocks)
-    ahead = np.searchsorted(time, time + MARGIN_S).clip(max=len(time) - 1)
+    part = np.arange(len(time)) - np.searchsorted(time, time)  # of its frame
+    ahead = (np.searchsorted(time, time + MARGIN_S) + part).clip(max=len(time) - 1)
     low, high = 0.0, float(np.median(apart[np.arange(len(time)), ahead]))
     for _ in range(HALVINGS):
         middle = (low + high) / 2

@@ -33,19 +33,22 @@ class Features:
         Directions in the space of roots or values.
     signed : bool
         Whether they are those of values, not of roots.
+    parts : int
+        Histograms are those of so many parts of an image, of each of which the same is taken.
     """
 
     axes: np.ndarray
     signed: bool
+    parts: int = 1
 
     @classmethod
-    def of(cls, histograms: np.ndarray) -> Features:
+    def of(cls, histograms: np.ndarray, parts: int = 1) -> Features:
         """As a training flight's ``(N, K)`` histograms ask for; no axes where all are alike."""
+        if parts > 1:
+            return cls._of_parts(histograms, parts)
         signed = bool((histograms < 0).any())
         values = _values(histograms, signed)
-        varying = np.flatnonzero(np.ptp(values, axis=0) > 1e-9 * np.abs(values).max(axis=0))
-        _, first = np.unique(values[:, varying], axis=1, return_index=True)
-        used = varying[np.sort(first)]  # what comes twice says nothing the second time
+        used = _telling(values)
         alone = np.eye(values.shape[1])[:, used]
         if not len(used):
             return cls(alone, signed)
@@ -61,6 +64,17 @@ class Features:
         kept[:-KEPT] = False
         return cls(alone @ (turn[:, kept] / np.sqrt(variances[kept])), signed)
 
+    @classmethod
+    def _of_parts(cls, histograms: np.ndarray, parts: int) -> Features:
+        """Roots of the bins of every part, or as many of their principal axes as may be."""
+        values = _values(histograms, signed=False).reshape(len(histograms) * parts, -1)
+        used = _telling(values)
+        alone = np.eye(values.shape[1])[:, used]
+        if parts * len(used) > MANY:
+            _, turn = np.linalg.eigh(np.cov(values[:, used].T))
+            alone = alone @ turn[:, -(MANY // parts) :]
+        return cls(np.kron(np.eye(parts), alone), False, parts)
+
     def __call__(self, histograms: np.ndarray) -> np.ndarray:
         """``(..., d)`` features of ``(..., K)`` histograms."""
         found: np.ndarray = _values(histograms, self.signed) @ self.axes
@@ -69,6 +83,13 @@ class Features:
 
 def _values(histograms: np.ndarray, signed: bool) -> np.ndarray:
     return histograms.astype(float) if signed else np.sqrt(np.maximum(histograms, 0))
+
+
+def _telling(values: np.ndarray) -> np.ndarray:
+    """Columns that vary; of those that are equal, which say nothing the second time, the first."""
+    varying = np.flatnonzero(np.ptp(values, axis=0) > 1e-9 * np.abs(values).max(axis=0))
+    _, first = np.unique(values[:, varying], axis=1, return_index=True)
+    return varying[np.sort(first)]
 
 
 def _apart(covariance: np.ndarray) -> float:

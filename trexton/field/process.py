@@ -15,7 +15,7 @@ import numpy as np
 
 from trexton.field.blocks import Block
 
-__all__ = ["Process", "choose_length", "matern", "merge_places"]
+__all__ = ["Process", "choose_length", "matern", "merge_places", "surprise"]
 
 # Noise of a frame as a share of the signal variance: what the field must not try to follow.
 NOISE = 0.03
@@ -99,16 +99,24 @@ class Process:
         precision = np.linalg.inv(matrix)
         return cls(places, length, precision, precision @ features)
 
-    def predict(self, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """``(M, K)`` mean and ``(M,)`` variance without noise, in slices that stay small."""
-        mean = np.empty((len(places), self.weights.shape[1]))
-        variance = np.empty(len(places))
+    def mean(self, places: np.ndarray) -> np.ndarray:
+        """``(M, K)`` mean at places, in slices that stay small."""
+        found = np.empty((len(places), self.weights.shape[1]))
+        for part, kernel in self._kernels(places):
+            found[part] = kernel @ self.weights
+        return found
+
+    def variance(self, places: np.ndarray) -> np.ndarray:
+        """``(M,)`` variance at places, without noise."""
+        found = np.empty(len(places))
+        for part, kernel in self._kernels(places):
+            found[part] = 1 - np.einsum("ij,ij->i", kernel @ self.precision, kernel)
+        return np.maximum(found, 0)
+
+    def _kernels(self, places: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
         for first in range(0, len(places), 1024):
             part = slice(first, first + 1024)
-            kernel = matern(places[part], self.places, self.length)
-            mean[part] = kernel @ self.weights
-            variance[part] = 1 - np.einsum("ij,ij->i", kernel @ self.precision, kernel)
-        return mean, np.maximum(variance, 0)
+            yield part, matern(places[part], self.places, self.length)
 
     def residuals(self, blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
         """``(N, K)`` errors at each place without its block; ``(N,)`` variances with noise."""
@@ -135,19 +143,26 @@ class Process:
             yield block, mean - lost @ self.weights[out], np.maximum(without, 0)
 
 
+def surprise(process: Process, blocks: Sequence[Block]) -> tuple[float, np.ndarray, np.ndarray]:
+    """How unlikely left-out blocks are, a feature of a place, with `Process.residuals`.
+
+    Minus twice its log likelihood, less a constant: each feature's signal variance takes its
+    likeliest value.
+    """
+    errors, variances = process.residuals(blocks)
+    scale = (np.square(errors) / variances[:, None]).mean(axis=0)
+    misfit = float(np.log(np.maximum(scale, 1e-300)).mean() + np.log(variances).mean())
+    return misfit, errors, variances
+
+
 def choose_length(
     places: np.ndarray, features: np.ndarray, blocks: Sequence[Block], diagonal: float
 ) -> tuple[Process, np.ndarray, np.ndarray]:
-    """The process whose left-out blocks are likeliest, with their residuals and variances.
-
-    Each feature's signal variance takes its likeliest value: only the length is left to choose.
-    """
+    """The process whose left-out blocks are likeliest, with their residuals and variances."""
     best = None
     for length in diagonal * np.array(LENGTHS):
         process = Process.fit(places, features, float(length))
-        errors, variances = process.residuals(blocks)
-        scale = (np.square(errors) / variances[:, None]).mean(axis=0)
-        misfit = float(np.log(np.maximum(scale, 1e-300)).mean() + np.log(variances).mean())
+        misfit, errors, variances = surprise(process, blocks)
         if best is None or misfit < best[0]:
             best = misfit, process, errors, variances
     assert best is not None

@@ -13,6 +13,7 @@ from trexton.field.error_model import ErrorModel
 from trexton.field.grid import grid_cells
 from trexton.field.likelihood import Basis, Table, bumps, relative
 from trexton.field.process import Process, choose_length
+from trexton.field.tiles import Tiles
 from trexton.parts.base import Area
 
 __all__ = ["Study"]
@@ -54,60 +55,93 @@ class Study:
     misfit: float
 
     @classmethod
-    def of(cls, places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area) -> Study:
-        """Study a flight; `features` ``(N, d)`` have mean zero."""
+    def of(
+        cls,
+        places: np.ndarray,
+        features: np.ndarray,
+        time: np.ndarray,
+        area: Area,
+        tiles: Tiles,
+    ) -> Study:
+        """Study a flight; `features` ``(N, C, k)`` of the parts that `tiles` places have mean zero,
+        and together are the d features of a frame.
+        """
         step = -(-len(places) // STUDIED)
         places, features, time = places[::step], features[::step], time[::step]
         diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
-        blocks = blocks_in_time(time)
-        process, residuals, uncertain = choose_length(places, features, blocks, diagonal)
-        signal = (np.square(residuals) / uncertain[:, None]).mean(axis=0)
-        noise = _noise(residuals, uncertain)
+        blocks, parts = blocks_in_time(time), features.shape[1]
+        # All frames are located, but the processes hold no more rows than of whole frames.
+        every = -(-len(places) * parts // STUDIED)
+        seen, seen_blocks = tiles.places(places[::every]), tiles.blocks(blocks, every)
+        held = features[::every].reshape(len(seen), -1)
+        process, residuals, uncertain = choose_length(seen, held, seen_blocks, diagonal)
+        signal = np.tile((np.square(residuals) / uncertain[:, None]).mean(axis=0), parts)
+        frames = len(seen) // parts
+        noise = _noise(residuals.reshape(frames, -1), uncertain.reshape(frames, parts).mean(axis=1))
         basis = Basis.of(signal, noise, None)
-        process = replace(process, weights=process.weights @ basis.whiten)
-        features = features @ basis.whiten
         centers, _ = grid_cells(area, COARSE)
         finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
-        errors, variances, misfits = _errors(process, features, basis.strength, blocks, centers)
+        flight = _Flight(places, features.reshape(len(places), -1) @ basis.whiten, blocks, tiles)
+        errors, variances, misfits = flight.errors(process, basis, seen_blocks, centers)
         model = ErrorModel.of(errors, time, finest)
-        apart = blocks_in_space(blocks, places, time, _strays(centers, places, process.length))
+        strays = _strays(centers, places, seen, process.length, tiles)
+        moments = np.repeat(time[::every], parts)
+        apart = blocks_in_space(seen_blocks, seen, moments, strays)
         repeated = 1.0
-        if apart != blocks:
-            there, _, _ = _errors(process, features, basis.strength, apart, centers)
+        if apart != seen_blocks:
+            there, _, _ = flight.errors(process, basis, apart, centers)
             repeated = max(1.0, (ErrorModel.of(there, time, finest).lasting / model.lasting) ** 2)
         growth, learned_at = _growth(errors, variances), float(np.median(variances))
         misfit = float(np.quantile(misfits, USUAL))
         return cls(process.length, signal, noise, model, growth, learned_at, repeated, misfit)
 
 
-def _errors(
-    process: Process,
-    features: np.ndarray,
-    strength: np.ndarray,
-    blocks: Sequence[Block],
-    centers: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """``(N, 2)`` metres by which frames are misplaced without their block, each by itself,
-    ``(N,)`` the field's variance at their places then, and ``(N,)`` their squared deviations a
-    feature where they fit best.
-    """
-    places = process.places
-    errors, variances, misfits = np.empty_like(places), *np.empty((2, len(places)))
-    density = bumps(centers, places, process.length)
-    everywhere = density.sum(axis=1)
-    for block, mean, variance in process.predict_without(blocks, centers):
-        rows, out = block.rows, block.left_out
-        prior = relative(everywhere - density[:, out].sum(axis=1))
-        table = Table.of(mean, variance, strength)
-        found = table.log_likelihood(features[rows]) + prior
-        best = found.argmax(axis=1)
-        misfits[rows] = table.misfit(found.max(axis=1) - prior[best], best)
-        found = np.exp(found - found.max(axis=1, keepdims=True))
-        found /= found.sum(axis=1, keepdims=True)
-        errors[rows] = found @ centers - places[rows]
-        near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
-        variances[rows] = variance[near]
-    return errors, variances, misfits
+@dataclass(frozen=True, eq=False)
+class _Flight:
+    """Frames to locate: their places, features in a basis, and blocks that are left out."""
+
+    places: np.ndarray
+    features: np.ndarray
+    blocks: Sequence[Block]
+    tiles: Tiles
+
+    def errors(
+        self, process: Process, basis: Basis, left_out: Sequence[Block], centers: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """``(N, 2)`` metres by which frames are misplaced without their block, each by itself,
+        ``(N,)`` the field's variance at their places then, and ``(N,)`` their squared deviations a
+        feature where they fit best; of the process the rows in `left_out` are left out.
+        """
+        places, offsets = self.places, self.tiles.offsets
+        errors, variances, misfits = np.empty_like(places), *np.empty((2, len(places)))
+        density = bumps(centers, places, process.length)
+        everywhere = density.sum(axis=1)
+        # The field along the basis is a sum over the parts of an image.
+        shares = np.split(basis.whiten, len(offsets))
+        predictions = zip(
+            *(
+                replace(process, weights=process.weights @ share).predict_without(
+                    left_out, centers + offset
+                )
+                for share, offset in zip(shares, offsets, strict=True)
+            ),
+            strict=True,
+        )
+        for block, parts in zip(self.blocks, predictions, strict=True):
+            _, means, spreads = zip(*parts, strict=True)
+            mean, variance = sum(means[1:], means[0]), sum(spreads[1:], spreads[0]) / len(parts)
+            rows, out = block.rows, block.left_out
+            prior = relative(everywhere - density[:, out].sum(axis=1))
+            table = Table.of(mean, variance, basis.strength)
+            found = table.log_likelihood(self.features[rows]) + prior
+            best = found.argmax(axis=1)
+            misfits[rows] = table.misfit(found.max(axis=1) - prior[best], best)
+            found = np.exp(found - found.max(axis=1, keepdims=True))
+            found /= found.sum(axis=1, keepdims=True)
+            errors[rows] = found @ centers - places[rows]
+            near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
+            variances[rows] = variance[near]
+        return errors, variances, misfits
 
 
 def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
@@ -122,13 +156,16 @@ def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
     return shrunk
 
 
-def _strays(centers: np.ndarray, places: np.ndarray, length: float) -> float:
-    """Metres from where a later flight is expected to the nearest of the places, on average.
+def _strays(
+    centers: np.ndarray, places: np.ndarray, seen: np.ndarray, length: float, tiles: Tiles
+) -> float:
+    """Metres from what a later flight is expected to show to the nearest that was seen, on average.
 
-    It is expected half as far from them as the prior allows.
+    It is expected half as far from the places of the survey as the prior allows.
     """
     expected = np.exp(relative(bumps(centers, places, length / 2).sum(axis=1)))
-    return float(np.average(cKDTree(places).query(centers)[0], weights=expected))
+    apart = cKDTree(seen).query(tiles.places(centers))[0].reshape(len(centers), -1)
+    return float(np.average(apart.mean(axis=1), weights=expected))
 
 
 def _growth(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:

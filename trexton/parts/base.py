@@ -48,6 +48,8 @@ class Training:
     rng : numpy.random.Generator
     texton_map : TextonMap or None
         For calibration and integrity, which judge a method: the map with all other parts trained.
+    cells : int
+        Parts of the image along each side, each with a histogram of its own.
     """
 
     histograms: np.ndarray
@@ -60,6 +62,7 @@ class Training:
     flight: Flight | None
     rng: np.random.Generator
     texton_map: TextonMap | None = None
+    cells: int = 1
 
     @cached_property
     def nearest(self) -> NearestHistograms:

@@ -22,6 +22,7 @@ from trexton.field.grid import bilinear, grid_cells
 from trexton.field.likelihood import Basis, Table, bumps, relative
 from trexton.field.process import Process, merge_places
 from trexton.field.study import Study
+from trexton.field.tiles import Tiles
 from trexton.observation import Observation
 from trexton.parts.base import Area, Training, learned
 from trexton.parts.measurement import MeasurementModel
@@ -74,8 +75,9 @@ class Field(MeasurementModel):
         """
         from threadpoolctl import threadpool_limits
 
+        parts = training.cells**2
         with threadpool_limits(1, user_api="blas"):  # sums are rounded alike on any machine
-            taken = Features.of(training.histograms)
+            taken = Features.of(training.histograms, parts)
             features = np.asfortranarray(taken(training.histograms))  # for sums of columns
         if not features.shape[1]:
             raise MapError(
@@ -89,19 +91,27 @@ class Field(MeasurementModel):
             raise MapError(
                 f"all {len(places)} training positions are one place: fly over the floor"
             )
-        center = features.mean(axis=0)
         cells = min(self.cells, max(16, LARGEST_TABLE // features.shape[1]))
         centers, _ = grid_cells(area, cells)
         with threadpool_limits(1, user_api="blas"):
-            study = Study.of(places, features - center, training.time, area)
-            merged, values, counts = merge_places(places, features - center)
+            tiles = Tiles.of(places, features.reshape(len(features), parts, -1), training.time)
+            parts = len(tiles.offsets)
+            values = features.reshape(len(features) * parts, -1)
+            middle = values.mean(axis=0)
+            values = values - middle
+            study = Study.of(
+                places, values.reshape(len(features), parts, -1), training.time, area, tiles
+            )
+            merged, values, counts = merge_places(tiles.places(places), values)
             process = Process.fit(merged, values, study.length, counts)
-            mean, variance = process.predict(centers)
-            prior = relative(bumps(centers, merged, process.length) @ counts)
+            mean = np.hstack([process.mean(centers + offset) for offset in tiles.offsets])
+            variance = tiles.variance(process, centers, area)
+            flown, _, counts = merge_places(places, features)
+            prior = relative(bumps(centers, flown, process.length) @ counts)
         return self.with_learned(
             axes=taken.axes,
             signed=np.array(taken.signed),
-            center=center,
+            center=np.tile(middle, parts),
             signal=study.signal,
             noise=study.noise,
             mean=mean.astype(np.float32),

@@ -1,0 +1,112 @@
+"""Parts of an image as places of their own: found from a flight itself, and worth it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_survey import look, observed, training
+
+from trexton.field.features import MANY, Features
+from trexton.field.process import Process
+from trexton.field.tiles import Tiles
+from trexton.parts.base import Training
+from trexton.parts.field import Field
+from trexton.textons import TextonDictionary
+
+RIGHT, DOWN = np.array([0.55, 0.2]), np.array([0.15, -0.45])  # of a camera that is turned
+OFFSETS = np.array([(c - 0.5) * RIGHT + (r - 0.5) * DOWN for r in (0, 1) for c in (0, 1)])
+
+
+def lanes(apart: float) -> tuple[np.ndarray, np.ndarray]:
+    """Lanes along both axes of a floor of 4 m x 3 m, and their stamps."""
+    along, over = np.arange(0.2, 3.8, 0.09), np.arange(0.2, 2.8, 0.09)
+    places = []
+    for number, y in enumerate(np.arange(0.2, 2.9, apart)):
+        places.append(np.column_stack([along[:: (-1) ** number], np.full(len(along), y)]))
+    for number, x in enumerate(np.arange(0.2, 3.9, apart)):
+        places.append(np.column_stack([np.full(len(over), x), over[:: (-1) ** number]]))
+    whole = np.concatenate(places)
+    return whole, 0.08 * np.arange(len(whole))
+
+
+def shown(places: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """``(N, 48)`` histograms of the four parts of frames at these places of a floor that changes
+    within half a metre.
+    """
+    parts = [look(2.5 * (places + offset), rng) for offset in OFFSETS]
+    return np.hstack(parts) / len(OFFSETS)
+
+
+def roots(histograms: np.ndarray) -> np.ndarray:
+    return np.sqrt(histograms).reshape(len(histograms), len(OFFSETS), -1)
+
+
+def surveyed(apart: float, rng: np.random.Generator) -> Training:
+    places, time = lanes(apart)
+    words = rng.integers(0, 255, (12, 6, 6, 3), dtype=np.uint8)
+    return training(
+        positions=places, time=time, histograms=shown(places, rng),
+        dictionary=TextonDictionary(words), cells=2,
+    )  # fmt: skip
+
+
+def test_where_the_parts_look_is_found_from_the_flight_itself(rng):
+    places, time = lanes(0.9)
+    found = Tiles.of(places, roots(shown(places, rng)), time)
+    np.testing.assert_allclose(found.offsets, OFFSETS, atol=0.04)
+
+
+def test_parts_that_show_nothing_of_each_other_are_taken_as_a_whole(rng):
+    places, time = lanes(0.9)
+    apart = [look(places + 40 * number, rng) for number in range(4)]
+    found = Tiles.of(places, roots(np.hstack(apart) / 4), time)
+    assert found.offsets.tolist() == [[0, 0]]
+
+
+@pytest.mark.parametrize(("frames", "parts"), [(200, 1), (12, 4)])
+def test_one_part_and_few_frames_are_taken_as_a_whole(rng, frames, parts):
+    places, time = lanes(0.9)
+    places, time = places[:: len(places) // frames], time[:: len(places) // frames]
+    features = rng.random((len(places), parts, 12))
+    assert Tiles.of(places, features, time).offsets.tolist() == [[0, 0]]
+
+
+def test_between_two_lanes_the_parts_know_where_a_frame_is(rng):
+    survey = surveyed(1.1, rng)
+    along = np.linspace(0.4, 3.6, 40)
+    places = np.column_stack([along, np.full(40, 0.75)])  # half way between two of them
+    later = shown(places, rng)
+
+    def off(given: Training) -> tuple[float, float]:
+        field = Field().fit(given)
+        best = [field.centers[field.over_cells(observed(each)).argmax()] for each in later]
+        away = np.hypot(*(np.array(best) - places).T)
+        return float(away.mean()), float(field.expected_error(places).mean())
+
+    (tiled, foretold), (whole, doubted) = off(survey), off(replace(survey, cells=1))
+    assert tiled < 0.1 < whole and foretold < doubted
+
+
+def test_the_variance_of_a_frame_is_the_mean_of_what_its_parts_show(rng):
+    places, _ = lanes(0.9)
+    process = Process.fit(places, look(places, rng), 0.8)
+    tiles, centers = Tiles(OFFSETS), np.array([[1.0, 1.0], [3.1, 2.2]])
+    exact = process.variance(tiles.places(centers)).reshape(2, 4).mean(axis=1)
+    found = tiles.variance(process, centers, (0.0, 4.0, 0.0, 3.0))
+    np.testing.assert_allclose(found, exact, atol=0.02)
+
+
+def test_of_every_part_the_same_is_taken(rng):
+    histograms = rng.dirichlet(np.ones(48), 300)
+    histograms[:, [3, 15, 27, 39]] = 0  # a texton that no part shows
+    taken = Features.of(histograms, 4)
+    assert taken.axes.shape == (48, 44)
+    expected = np.delete(np.sqrt(histograms).reshape(300, 4, 12), 3, axis=2)
+    np.testing.assert_allclose(taken(histograms).reshape(300, 4, -1), expected)
+
+
+def test_very_many_bins_of_parts_are_taken_along_their_axes(rng):
+    histograms = rng.dirichlet(np.ones(9 * 50), 300)
+    taken = Features.of(histograms, 9)
+    assert taken.axes.shape[1] == 9 * (MANY // 9)
+    np.testing.assert_allclose(taken.axes.T @ taken.axes, np.eye(396), atol=1e-9)
