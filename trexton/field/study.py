@@ -63,13 +63,13 @@ class Study:
         area: Area,
         tiles: Tiles,
     ) -> Study:
-        """Study a flight; `features` ``(N, C, k)`` of the parts that `tiles` places have mean zero,
-        and together are the d features of a frame.
+        """Study a flight; `features` ``(N, d)``, part after part as `tiles` places them, have mean
+        zero.
         """
         step = -(-len(places) // STUDIED)
         places, features, time = places[::step], features[::step], time[::step]
         diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
-        blocks, parts = blocks_in_time(time), features.shape[1]
+        blocks, parts = blocks_in_time(time), len(tiles.offsets)
         # All frames are located, but the processes hold no more rows than of whole frames.
         every = -(-len(places) * parts // STUDIED)
         seen, seen_blocks = tiles.places(places[::every]), tiles.blocks(blocks, every)
@@ -81,7 +81,8 @@ class Study:
         basis = Basis.of(signal, noise, None)
         centers, _ = grid_cells(area, COARSE)
         finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
-        flight = _Flight(places, features.reshape(len(places), -1) @ basis.whiten, blocks, tiles)
+        flown = np.repeat(places[::every], parts, axis=0)
+        flight = _Flight(places, features @ basis.whiten, blocks, tiles, flown)
         errors, variances, misfits = flight.errors(process, basis, seen_blocks, centers)
         model = ErrorModel.of(errors, time, finest)
         strays = _strays(centers, places, seen, process.length, tiles)
@@ -98,12 +99,15 @@ class Study:
 
 @dataclass(frozen=True, eq=False)
 class _Flight:
-    """Frames to locate: their places, features in a basis, and blocks that are left out."""
+    """Frames to locate: their places, features in a basis, and blocks that are left out; and for
+    each row of a process the place of its frame.
+    """
 
     places: np.ndarray
     features: np.ndarray
     blocks: Sequence[Block]
     tiles: Tiles
+    flown: np.ndarray
 
     def errors(
         self, process: Process, basis: Basis, left_out: Sequence[Block], centers: np.ndarray
@@ -114,7 +118,7 @@ class _Flight:
         """
         places, offsets = self.places, self.tiles.offsets
         errors, variances, misfits = np.empty_like(places), *np.empty((2, len(places)))
-        density = bumps(centers, places, process.length)
+        density = bumps(centers, self.flown, process.length)
         everywhere = density.sum(axis=1)
         # The field along the basis is a sum over the parts of an image.
         shares = np.split(basis.whiten, len(offsets))
@@ -128,10 +132,10 @@ class _Flight:
             strict=True,
         )
         for block, parts in zip(self.blocks, predictions, strict=True):
-            _, means, spreads = zip(*parts, strict=True)
+            (gone, *_), means, spreads = zip(*parts, strict=True)
             mean, variance = sum(means[1:], means[0]), sum(spreads[1:], spreads[0]) / len(parts)
-            rows, out = block.rows, block.left_out
-            prior = relative(everywhere - density[:, out].sum(axis=1))
+            rows = block.rows
+            prior = relative(everywhere - density[:, gone.left_out].sum(axis=1))
             table = Table.of(mean, variance, basis.strength)
             found = table.log_likelihood(self.features[rows]) + prior
             best = found.argmax(axis=1)

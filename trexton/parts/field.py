@@ -99,9 +99,8 @@ class Field(MeasurementModel):
             values = features.reshape(len(features) * parts, -1)
             middle = values.mean(axis=0)
             values = values - middle
-            study = Study.of(
-                places, values.reshape(len(features), parts, -1), training.time, area, tiles
-            )
+            centred = values.reshape(len(features), -1)
+            study = Study.of(places, centred, training.time, area, tiles)
             merged, values, counts = merge_places(tiles.places(places), values)
             process = Process.fit(merged, values, study.length, counts)
             mean = np.hstack([process.mean(centers + offset) for offset in tiles.offsets])
