@@ -45,7 +45,7 @@ def test_equal_seeds_give_equal_records(flight, record):
 
 def test_finding_table_and_figure_say_what_the_record_holds(record):
     surveys = record.values["surveys"]
-    assert f"{surveys[0]['field']['median_cm']:.3g} cm, and its" in density.finding(record)
+    assert f"{surveys[0]['field']['median_cm']:.3g} cm, of that" in density.finding(record)
     assert len(figures.table(record)) == len(density.TIMES)
     (plot,) = figures.errors(record).axes
     drawn, *_ = plot.containers[0]

@@ -20,7 +20,7 @@ from trexton.defaults import NEIGHBORS, PATCH, TEXTONS
 from trexton.errors import MapError, ParameterError
 from trexton.files import atomic_file, canonical_json
 from trexton.map_files import DAMAGE, check_map, read_arrays
-from trexton.methods import changed, compose
+from trexton.methods import USUAL_CELLS, changed, compose
 from trexton.options import whole
 from trexton.parts import name_of, part_class
 from trexton.parts.base import Area, Part, Training
@@ -107,7 +107,7 @@ class TextonMap:
         method: str = "paper",
         n_textons: int = TEXTONS,
         patch: int = PATCH,
-        cells: int = 1,
+        cells: int | None = None,
         neighbors: int | None = None,
         rng: np.random.Generator,
         dictionary: TextonDictionary | None = None,
@@ -124,8 +124,9 @@ class TextonMap:
             An entry of `trexton.methods.METHODS`.
         n_textons, patch : int
             K, and the patch's side in pixels.
-        cells : int
+        cells : int, optional
             Parts of the image along each side, each with a histogram of its own; 1 in the paper.
+            The method's own unless given, see `trexton.methods.USUAL_CELLS`.
         neighbors : int, optional
             Short for the choice ``measurement.neighbors``.
         rng : numpy.random.Generator
@@ -147,6 +148,8 @@ class TextonMap:
         if neighbors is not None:
             choices["measurement.neighbors"] = neighbors
         rng = generator(rng)
+        if cells is None:
+            cells = USUAL_CELLS.get(method, 1) if flight.has_images else 1
         n_textons = whole(n_textons, "n_textons", 1, MAX_TEXTONS)
         patch, cells = whole(patch, "patch", 1, MAX_PATCH), whole(cells, "cells", 1, 8)
         parts: dict[str, Any] = compose(method)
@@ -286,11 +289,36 @@ class TextonMap:
     ) -> TextonMap:
         """This map with the parts of another method, trained as by `with_parts`; itself for its
         own, or None.
+
+        Where the flight behind it is given, histograms are counted anew for a method that cuts
+        images into other parts (see `trexton.methods.USUAL_CELLS`).
         """
-        if method in (None, self.method):
+        if method is None or method == self.method:
             return self
-        parts = compose(method)
-        return replace(self, method=method).with_parts(parts, flight=flight, rng=rng)
+        parts, counted = compose(method), self
+        if flight is not None and flight.has_images:
+            counted = self.counted(flight, USUAL_CELLS.get(method, 1))
+        return replace(counted, method=method).with_parts(parts, flight=flight, rng=rng)
+
+    def counted(self, flight: Flight, cells: int) -> TextonMap:
+        """This map with the histograms of so many parts of the image a side, of the `flight` behind
+        it; its parts stay as they are: see `with_parts`.
+
+        Raises
+        ------
+        MapError
+            The flight has other frames than the map.
+        """
+        if cells == self.cells:
+            return self
+        if len(flight) != len(self.positions):
+            raise MapError(
+                f"flight {flight.name!r} has {len(flight)} frames, the map "
+                f"{len(self.positions)}: give the frames that it was trained on"
+            )
+        view = self.parts.get("view")
+        looked = flight if view is None else view.flight(flight)
+        return replace(self, histograms=full_histograms(looked, self.alphabet, cells))
 
     def select(self, rows: np.ndarray) -> TextonMap:
         """The map of these rows of the training set only, a mask or indices; its parts stay as they

@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from trexton.defaults import NEIGHBORS, PATCH, TEXTONS
+from trexton.methods import USUAL_CELLS
 from trexton.options import add_assignments
 from trexton.progress import say
 
@@ -26,11 +27,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--patch", type=int, default=PATCH, help="side of a patch in pixels (default %(default)s)"
     )
+    usual = ", ".join(f"{cells} of method {method}" for method, cells in USUAL_CELLS.items())
     parser.add_argument(
         "--cells",
         type=int,
-        default=1,
-        help="parts of the image a side, each with a histogram (default %(default)s)",
+        help=f"parts of the image a side, each with a histogram (default 1; {usual})",
     )
     parser.add_argument(
         "--method", default="paper", help="the set of parts to train (default %(default)s)"

@@ -5,7 +5,7 @@ it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -85,7 +85,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         runs[method], timings[method] = track.position, of_frames(track.step_s, "_s")
         if hasattr(texton_map.parts["measurement"], "expected_error"):
             field_map = texton_map
-            halves = _with_half(base, method, frames, parameters)
+            halves = _with_half(texton_map, frames, parameters)
     rng = stream(parameters.seed, "intervals")
     k = min(parameters.neighbors, len(base.positions))
     runs["knn"] = neighbor_means(
@@ -144,19 +144,21 @@ def _with_odometry(
 
 
 def _with_half(
-    base: TextonMap, method: str, frames: Sequence[np.ndarray], parameters: Parameters
+    texton_map: TextonMap, frames: Sequence[np.ndarray], parameters: Parameters
 ) -> list[np.ndarray]:
-    """Estimates of the method when trained on every other stretch of the survey, and on those
+    """Estimates of a map's method when trained on every other stretch of the survey, and on those
     between; none where a half is too short, or all alike.
     """
-    odd = (base.time - base.time[0]) // STRETCH_S % 2 == 1
+    odd = (texton_map.time - texton_map.time[0]) // STRETCH_S % 2 == 1
     if not FEWEST <= odd.sum() <= len(odd) - FEWEST:
         return []
     tracks = []
     for rows in (~odd, odd):
         try:
-            rng = stream(parameters.seed, f"map {method}")
-            half = base.select(rows).for_method(method, rng=rng)
+            rng = stream(parameters.seed, f"map {texton_map.method}")
+            half = replace(texton_map.select(rows), parts={}).with_parts(
+                compose(texton_map.method), rng=rng
+            )
             localizer = _localizer(half, parameters)
             tracks.append(fly(localizer, frames).position)
         except TrextonError:

@@ -44,14 +44,15 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     Where there are images, one histogram is drawn for each frame and used in all runs. The first
     two seconds are left out: filters begin there with no idea.
     """
-    texton_map = map_of(train, parameters)
+    texton_map, frames = map_of(train, parameters), train.select(train.located)
     samples = parameters.samples if test.has_images else None
-    histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
     values: dict[str, Any] = {}
     series: dict[str, Any] = {}
     quarter_s = float(test.time[-1] - test.time[_settled(test)]) / QUARTERS
     for name in METHODS:
-        method = texton_map.for_method(name, rng=stream(parameters.seed, "calibration"))
+        rng = stream(parameters.seed, "calibration")
+        method = texton_map.for_method(name, flight=frames, rng=rng)
+        histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
         runs = tracks(
             method, histograms, repeats=parameters.repeats, seed=parameters.seed, counted=samples,
             label=METHODS[name],

@@ -102,14 +102,19 @@ def evenly_spread(count: int, most: int) -> np.ndarray:
 
 
 def drawn_histograms(test: Flight, texton_map: TextonMap, samples: int, seed: int) -> np.ndarray:
-    """``(N, K)`` one drawn for each frame, so that several runs see the same; as they are where the
-    flight came as histograms.
+    """``(N, K)`` one drawn for each frame, so that several runs see the same, and maps of images in
+    other parts the same patches; as they are where the flight came as histograms.
     """
     if test.histograms is not None and not test.has_images:
         return test.histograms
     rng, dictionary = stream(seed, "samples"), texton_map.alphabet
     images = progress(test.images(), "histograms", len(test))
-    return np.stack([sampled_histogram(image, dictionary, samples, rng=rng) for image in images])
+    return np.stack(
+        [
+            sampled_histogram(image, dictionary, samples, rng=rng, cells=texton_map.cells)
+            for image in images
+        ]
+    )
 
 
 def neighbor_means(

@@ -119,14 +119,18 @@ def judge_floor(
     with TemporaryDirectory(prefix="trexton-floor-") as name:
         train, test = flights.record(floor, Path(name))
         frames = frames_of(test)
-        texton_map = TextonMap.train(train, method=METHOD, rng=stream(flights.seed, "map"))
-        runs = {method: _flown(texton_map, frames, method, flights.seed) for method in methods}
-    expected = texton_map.parts["measurement"].expected_error
+        base = TextonMap.train(train, rng=stream(flights.seed, "map"))
+        maps = {
+            method: base.for_method(method, flight=train, rng=stream(flights.seed, f"map {method}"))
+            for method in (METHOD, *methods)
+        }
+        runs = {method: _flown(maps[method], frames, flights.seed) for method in methods}
+    expected = maps[METHOD].parts["measurement"].expected_error
     heat = _over_floor(expected, floor.area)
     rng = stream(flights.seed, "intervals")
     first = euclidean(next(iter(runs.values())), test.position)
-    centre = constant_guess(texton_map.positions, len(test))
-    losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
+    centre = constant_guess(base.positions, len(test))
+    losses = local_losses(base.histograms, base.positions, sigma)
     return {
         "area_m": floor.area,
         "frames": {"survey": len(train), "test": len(test)},
@@ -149,12 +153,9 @@ def _over_floor(
     return expected(places).reshape(shape).T
 
 
-def _flown(
-    texton_map: TextonMap, frames: Sequence[np.ndarray], method: str, seed: int
-) -> np.ndarray:
-    """``(N, 2)`` estimates of a method over the frames."""
-    flown = texton_map.for_method(method, rng=stream(seed, f"map {method}"))
-    localizer = Localizer(flown, rng=stream(seed, "flight", 0))
+def _flown(texton_map: TextonMap, frames: Sequence[np.ndarray], seed: int) -> np.ndarray:
+    """``(N, 2)`` estimates over the frames."""
+    localizer = Localizer(texton_map, rng=stream(seed, "flight", 0))
     return fly(localizer, frames).position
 
 

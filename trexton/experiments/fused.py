@@ -47,9 +47,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         All of them do.
     """
-    texton_map = map_of(train, parameters)
+    texton_map, frames = map_of(train, parameters), train.select(train.located)
     samples = parameters.samples if test.has_images else None
-    histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
     pushes = readings(
         test.position, test.time, parameters.vehicles, stream(parameters.seed, "accelerometers")
     )
@@ -57,7 +56,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     values: dict[str, Any] = {"order": [], "silent": [], "band": BAND}
     series: dict[str, Any] = {"time_s": test.time - test.time[0]}
     for name, label in METHODS.items():
-        method = texton_map.for_method(name, rng=stream(parameters.seed, "fused"))
+        rng = stream(parameters.seed, "fused")
+        method = texton_map.for_method(name, flight=frames, rng=rng)
+        histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
         tracked = tracks(
             method, histograms, repeats=parameters.repeats, seed=parameters.seed, counted=samples,
             label=label,

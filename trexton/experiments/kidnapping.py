@@ -97,8 +97,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms.
     """
-    texton_map = map_of(train, parameters)
-    histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
+    texton_map, frames = map_of(train, parameters), train.select(train.located)
     period = float(np.median(np.diff(test.time)))
     patience = min(round(parameters.patience_s / period), len(test) // 3)
     plan = _plan(test, parameters.kidnappings, patience, stream(parameters.seed, "plan"))
@@ -109,9 +108,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     for name, (method, choices) in FILTERS.items():
         if method == "paper":
             choices = choices | {"particles": parameters.particles}
+        flown = texton_map.for_method(method, flight=frames)
         trials = filter_trials(
-            texton_map.for_method(method),
-            histograms,
+            flown,
+            drawn_histograms(test, flown, parameters.samples, parameters.seed),
             test.position,
             plan,
             patience,

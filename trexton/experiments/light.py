@@ -52,9 +52,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         The flight has no floor or camera.
     """
     lent = lent_floor(train)  # before anything is trained
-    base = map_of(train, parameters)
+    base, located = map_of(train, parameters), train.select(train.located)
     maps = {
-        name: base.for_method(VARIANTS[name].method).changed(VARIANTS[name].choices)
+        name: base.for_method(VARIANTS[name].method, flight=located).changed(VARIANTS[name].choices)
         for name in METHODS
     }
     lights = {f"drift {drift:g}": (drift, 0.0) for drift in DRIFTS}

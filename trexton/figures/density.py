@@ -23,14 +23,14 @@ def errors(record: Record) -> Figure:
     with canvas(size=(6.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
         for place, (method, label) in enumerate(METHODS.items()):
-            color = COLORS[method]
+            color = COLORS[method if method in COLORS else "field"]
             if record.values["floors"] > 1:
                 plot.plot(apart, np.array(by_floor[method]), color=color, alpha=0.3, linewidth=0.8)
             entries = [survey[method]["error_cm"] for survey in surveys]
             middle = np.array([entry["value"] for entry in entries])
             ends = np.array([[entry["low"], entry["high"]] for entry in entries]).T
             plot.errorbar(
-                apart, middle, yerr=np.abs(ends - middle), fmt="os"[place] + "-",
+                apart, middle, yerr=np.abs(ends - middle), fmt=("o-", "s--", "D-")[place],
                 color=color, label=label,
             )  # fmt: skip
         plot.set(
@@ -52,6 +52,7 @@ def table(record: Record) -> pd.DataFrame:
         for name, label in METHODS.items():
             row[f"{label}: mean"] = distance(survey[name]["error_cm"])
             row[f"{label}: median"] = distance(survey[name]["median_cm"])
-        row["the field: 90 % region holds"] = percent(survey["field"]["held"])
+        for name in ("field", "parts"):
+            row[f"{METHODS[name]}: 90 % region holds"] = percent(survey[name]["held"])
         rows.append(row)
     return pd.DataFrame(rows)
