@@ -2,13 +2,18 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 import pytest
+from small_room import SHAPE, picture_flight
 from small_survey import look, observed, training
 
+from trexton.errors import MapError
 from trexton.field.features import MANY, Features
 from trexton.field.process import Process
 from trexton.field.tiles import Tiles
+from trexton.flights.frames import ImageFiles
+from trexton.localizer import TextonMap
 from trexton.parts.base import Training
 from trexton.parts.field import Field
 from trexton.textons import TextonDictionary
@@ -83,6 +88,7 @@ def test_between_two_lanes_the_parts_know_where_a_frame_is(rng):
         away = np.hypot(*(np.array(best) - places).T)
         return float(away.mean()), float(field.expected_error(places).mean())
 
+    assert len(Field().fit(survey).offsets) == 4
     (tiled, foretold), (whole, doubted) = off(survey), off(replace(survey, cells=1))
     assert tiled < 0.1 < whole and foretold < doubted
 
@@ -110,3 +116,33 @@ def test_very_many_bins_of_parts_are_taken_along_their_axes(rng):
     taken = Features.of(histograms, 9)
     assert taken.axes.shape[1] == 9 * (MANY // 9)
     np.testing.assert_allclose(taken.axes.T @ taken.axes, np.eye(396), atol=1e-9)
+
+
+def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(tmp_path, rng):
+    held = picture_flight(tmp_path / "held", "held", frames=160, turns=6)
+    files = []
+    for number, image in enumerate(held.images()):
+        around = cv2.getRotationMatrix2D((SHAPE[1] / 2, SHAPE[0] / 2), rng.uniform(0, 360), 1)
+        files.append(tmp_path / f"{number}.png")
+        turned = cv2.warpAffine(image, around, SHAPE[::-1], borderMode=cv2.BORDER_REFLECT)
+        cv2.imwrite(str(files[-1]), turned)
+    astray = replace(held, frames=ImageFiles(tuple(files)))
+    maps = [
+        TextonMap.train(flight, method="field", n_textons=6, rng=rng) for flight in (held, astray)
+    ]
+    assert [each.cells for each in maps] == [2, 1]
+    # A frame shows .8 m x .6 m.
+    middles = [[-0.2, 0.15], [0.2, 0.15], [-0.2, -0.15], [0.2, -0.15]]
+    np.testing.assert_allclose(maps[0].parts["measurement"].offsets, middles, atol=0.05)
+
+
+def test_a_map_for_another_method_is_counted_anew_if_its_flight_is_given(tmp_path, rng):
+    flight = picture_flight(tmp_path, "flight", frames=160, turns=6)
+    base = TextonMap.train(flight, n_textons=6, neighbors=2, rng=rng)
+    assert base.cells == base.for_method("field", rng=rng).cells == 1
+    field = base.for_method("field", flight=flight, rng=rng)
+    assert field.cells == 2
+    back = field.for_method("paper", flight=flight, rng=rng)
+    np.testing.assert_array_equal(back.histograms, base.histograms)
+    with pytest.raises(MapError, match="has 3 frames, the map 160: give the frames"):
+        base.for_method("field", flight=flight.select(slice(0, 3)), rng=rng)

@@ -1,21 +1,31 @@
-"""Reading a map's file without trusting it: sizes first, then every value that flight needs."""
+"""A map as arrays, and reading its file without trusting it: sizes first, then every value that
+flight needs.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 import numpy as np
 
 from trexton.errors import MapError
+from trexton.files import canonical_json
+from trexton.parts import name_of, part_class
+from trexton.parts.base import Part
+from trexton.rectification import Rectification
+from trexton.textons import TextonDictionary
 
 if TYPE_CHECKING:
     from trexton.texton_map import TextonMap
 
-__all__ = ["DAMAGE", "check_map", "read_arrays"]
+__all__ = ["DAMAGE", "check_map", "from_arrays", "read_arrays", "to_arrays"]
 
+SCHEMA = 2
 MOST_BYTES = 2**32
 # What a damaged file makes NumPy, zip and JSON raise.
 DAMAGE = (
@@ -82,6 +92,89 @@ def _check_header(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
             f"{member.filename} promises {shape} of {kind} in {member.file_size} bytes: "
             "copy or train it again"
         )
+
+
+def to_arrays(texton_map: TextonMap) -> dict[str, np.ndarray]:
+    """A map as named arrays, the form in which it is stored."""
+    header = {
+        "method": texton_map.method,
+        "parts": {
+            role: {"name": name_of(role, part), "options": part.options()}
+            for role, part in texton_map.parts.items()
+        },
+        "provenance": texton_map.provenance,
+    }
+    if texton_map.rectification is not None:
+        header["rectification"] = texton_map.rectification.table()
+    arrays = {
+        "schema": np.asarray(SCHEMA),
+        "histograms": texton_map.histograms,
+        "positions": texton_map.positions,
+        "time": texton_map.time,
+        "area": np.asarray(texton_map.area, dtype=float),
+        "period_s": np.asarray(texton_map.period_s),
+        "header": np.frombuffer(canonical_json(header).encode(), np.uint8),
+    }
+    if texton_map.image_shape is not None:
+        arrays["image_shape"] = np.asarray(texton_map.image_shape, dtype=np.int64)
+    if texton_map.dictionary is not None:
+        arrays["textons"] = texton_map.dictionary.textons
+    for role, part in texton_map.parts.items():
+        arrays |= {f"{role}.{name}": array for name, array in part.arrays().items()}
+    return arrays
+
+
+def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
+    """The map that `to_arrays` described.
+
+    Raises
+    ------
+    MapError
+        It has another schema, or values that no training gives.
+    KeyError
+        An array is missing.
+    """
+    from trexton.texton_map import TextonMap  # which reads and writes by this module
+
+    schema = int(arrays["schema"])
+    if schema > SCHEMA:
+        raise MapError(
+            f"map schema {schema} is newer than {SCHEMA}, "
+            "the newest this version reads: update trexton"
+        )
+    if schema < SCHEMA:
+        raise MapError(
+            f"map schema {schema} was written by an older version, "
+            "whose maps lack the training stamps: "
+            "train it again with trexton train"
+        )
+    header = json.loads(arrays["header"].tobytes())
+    whole = TextonMap(
+        TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
+        arrays["histograms"],
+        arrays["positions"],
+        arrays["time"],
+        tuple(arrays["area"].tolist()),
+        tuple(arrays["image_shape"].tolist()) if "image_shape" in arrays else None,
+        float(arrays["period_s"]),
+        header["method"],
+        {role: _part(role, entry, arrays) for role, entry in header["parts"].items()},
+        header["provenance"],
+        Rectification.from_table(header["rectification"]) if "rectification" in header else None,
+    )
+    check_map(whole)
+    return whole
+
+
+def _part(role: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Part:
+    mine = {
+        name.partition(".")[2]: array
+        for name, array in arrays.items()
+        if name.startswith(f"{role}.")
+    }
+    kind = part_class(role, entry["name"], imports=False)
+    options = {key: kind.option(key, value) for key, value in entry["options"].items()}
+    return kind.from_arrays(mine, **options)
 
 
 def check_map(texton_map: TextonMap) -> None:

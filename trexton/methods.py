@@ -50,8 +50,8 @@ METHODS: dict[str, dict[str, Any]] = {
     },
 }
 
-# Parts along each side into which a method wants images cut, each with a histogram of its own; one
-# where none is said.
+# Parts along each side into which a method wants images cut, each with a histogram of its own, if
+# the training flight shows where each looks; one where none is said.
 USUAL_CELLS = {"field": 2}
 
 

@@ -5,7 +5,6 @@ from it.
 from __future__ import annotations
 
 import io
-import json
 import math
 import os
 from collections.abc import Mapping
@@ -18,11 +17,10 @@ import numpy as np
 from trexton.counting import full_histograms
 from trexton.defaults import NEIGHBORS, PATCH, TEXTONS
 from trexton.errors import MapError, ParameterError
-from trexton.files import atomic_file, canonical_json
-from trexton.map_files import DAMAGE, check_map, read_arrays
+from trexton.files import atomic_file
+from trexton.map_files import DAMAGE, from_arrays, read_arrays, to_arrays
 from trexton.methods import USUAL_CELLS, changed, compose
 from trexton.options import whole
-from trexton.parts import name_of, part_class
 from trexton.parts.base import Area, Part, Training
 from trexton.rectification import Rectification
 from trexton.streams import generator
@@ -33,7 +31,6 @@ if TYPE_CHECKING:
 
 __all__ = ["TextonMap"]
 
-SCHEMA = 2
 JUDGES = ("calibration", "integrity")  # parts that learn last, the first before the second
 
 
@@ -126,7 +123,8 @@ class TextonMap:
             K, and the patch's side in pixels.
         cells : int, optional
             Parts of the image along each side, each with a histogram of its own; 1 in the paper.
-            The method's own unless given, see `trexton.methods.USUAL_CELLS`.
+            The method's own unless given, see `trexton.methods.USUAL_CELLS`; 1 where parts of the
+            image show nothing of what others show, as when the heading was not held.
         neighbors : int, optional
             Short for the choice ``measurement.neighbors``.
         rng : numpy.random.Generator
@@ -148,6 +146,7 @@ class TextonMap:
         if neighbors is not None:
             choices["measurement.neighbors"] = neighbors
         rng = generator(rng)
+        usual = cells is None
         if cells is None:
             cells = USUAL_CELLS.get(method, 1) if flight.has_images else 1
         n_textons = whole(n_textons, "n_textons", 1, MAX_TEXTONS)
@@ -212,6 +211,8 @@ class TextonMap:
             },
             rectified,
         )
+        if usual:
+            return untrained._with_parts_or_whole(parts, trained, rng)
         return untrained.with_parts(parts, flight=trained, rng=rng)
 
     def with_parts(
@@ -291,14 +292,25 @@ class TextonMap:
         own, or None.
 
         Where the flight behind it is given, histograms are counted anew for a method that cuts
-        images into other parts (see `trexton.methods.USUAL_CELLS`).
+        images into other parts, as by `train`.
         """
         if method is None or method == self.method:
             return self
-        parts, counted = compose(method), self
-        if flight is not None and flight.has_images:
-            counted = self.counted(flight, USUAL_CELLS.get(method, 1))
-        return replace(counted, method=method).with_parts(parts, flight=flight, rng=rng)
+        parts, own = compose(method), replace(self, method=method)
+        if flight is None or not flight.has_images:
+            return own.with_parts(parts, flight=flight, rng=rng)
+        counted = own.counted(flight, USUAL_CELLS.get(method, 1))
+        return counted._with_parts_or_whole(parts, flight, rng)
+
+    def _with_parts_or_whole(
+        self, parts: Mapping[str, Part], flight: Flight, rng: np.random.Generator | None
+    ) -> TextonMap:
+        """As `with_parts`, of whole images where the field does not find where their parts look."""
+        fitted = self.with_parts(parts, flight=flight, rng=rng)
+        offsets = getattr(fitted.parts.get("measurement"), "offsets", None)
+        if self.cells == 1 or offsets is None or len(offsets) > 1:
+            return fitted
+        return self.counted(flight, 1).with_parts(parts, flight=flight, rng=rng)
 
     def counted(self, flight: Flight, cells: int) -> TextonMap:
         """This map with the histograms of so many parts of the image a side, of the `flight` behind
@@ -333,74 +345,12 @@ class TextonMap:
 
     def to_arrays(self) -> dict[str, np.ndarray]:
         """The map as named arrays, the form in which it is stored."""
-        header = {
-            "method": self.method,
-            "parts": {
-                role: {"name": name_of(role, part), "options": part.options()}
-                for role, part in self.parts.items()
-            },
-            "provenance": self.provenance,
-        }
-        if self.rectification is not None:
-            header["rectification"] = self.rectification.table()
-        arrays = {
-            "schema": np.asarray(SCHEMA),
-            "histograms": self.histograms,
-            "positions": self.positions,
-            "time": self.time,
-            "area": np.asarray(self.area, dtype=float),
-            "period_s": np.asarray(self.period_s),
-            "header": np.frombuffer(canonical_json(header).encode(), np.uint8),
-        }
-        if self.image_shape is not None:
-            arrays["image_shape"] = np.asarray(self.image_shape, dtype=np.int64)
-        if self.dictionary is not None:
-            arrays["textons"] = self.dictionary.textons
-        for role, part in self.parts.items():
-            arrays |= {f"{role}.{name}": array for name, array in part.arrays().items()}
-        return arrays
+        return to_arrays(self)
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, np.ndarray]) -> TextonMap:
-        """The map that `to_arrays` described.
-
-        Raises
-        ------
-        MapError
-            It has another schema, or values that no training gives.
-        KeyError
-            An array is missing.
-        """
-        schema = int(arrays["schema"])
-        if schema > SCHEMA:
-            raise MapError(
-                f"map schema {schema} is newer than {SCHEMA}, "
-                "the newest this version reads: update trexton"
-            )
-        if schema < SCHEMA:
-            raise MapError(
-                f"map schema {schema} was written by an older version, "
-                "whose maps lack the training stamps: "
-                "train it again with trexton train"
-            )
-        header = json.loads(arrays["header"].tobytes())
-        whole = cls(
-            TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
-            arrays["histograms"],
-            arrays["positions"],
-            arrays["time"],
-            tuple(arrays["area"].tolist()),
-            tuple(arrays["image_shape"].tolist()) if "image_shape" in arrays else None,
-            float(arrays["period_s"]),
-            header["method"],
-            {role: _part(role, entry, arrays) for role, entry in header["parts"].items()},
-            header["provenance"],
-            Rectification.from_table(header["rectification"])
-            if "rectification" in header
-            else None,
-        )
-        check_map(whole)
-        return whole
+        """The map that `to_arrays` described; see `trexton.map_files.from_arrays`."""
+        return from_arrays(arrays)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the map as ``.npz``, whole or not at all."""
@@ -431,14 +381,3 @@ class TextonMap:
             raise MapError(
                 f"{path}: not a whole texton map ({error}): copy or train it again"
             ) from None
-
-
-def _part(role: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Part:
-    mine = {
-        name.partition(".")[2]: array
-        for name, array in arrays.items()
-        if name.startswith(f"{role}.")
-    }
-    kind = part_class(role, entry["name"], imports=False)
-    options = {key: kind.option(key, value) for key, value in entry["options"].items()}
-    return kind.from_arrays(mine, **options)

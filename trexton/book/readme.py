@@ -32,7 +32,7 @@ _ROWS: dict[str, tuple[str, str, tuple[str, str] | None]] = {
     "the paper's filter": ("mocap_training", "filter.mean_cm", ("beyond", "paper.held")),
     "its neighbours alone": ("mocap_training", "knn.mean_cm", None),
     "`field`, beyond the paper": ("beyond", "field.mean_cm", ("beyond", "field.held")),
-    "`field` in quarters, with odometry": (
+    "`field`, with odometry": (
         "beyond",
         "field_camera.mean_cm",
         ("beyond", "field_camera.held"),

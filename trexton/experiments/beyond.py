@@ -19,6 +19,7 @@ from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
 from trexton.metrics import euclidean, mean_with_interval
 from trexton.paper import paper_file
+from trexton.parts import make
 from trexton.records import Record
 from trexton.streams import stream
 from trexton.suitability import local_losses, smooth, usual_sigma
@@ -41,7 +42,7 @@ class Variant:
     method: str
     choices: Mapping[str, object]
     draws: bool = True  # whether repeats differ by more than the patches
-    cells: int = 1  # parts of the image a side, each with a histogram
+    whole: bool = False  # whether the field counts in whole images, and not in their parts
     odometry: bool = False  # whether frames tell it a velocity too
     told: bool = False  # whether an autopilot's attitude and height come beside them
 
@@ -60,12 +61,13 @@ VARIANTS: dict[str, Variant] = {
             "recovery": "augmented", "filter.particles": 500,
         },
     ),
+    "field_whole": Variant("The field of whole images, with its tracks", "field", {}, draws=False,
+                           whole=True),
     "field": Variant("The field with its tracks", "field", {}, draws=False),
-    "field_parts": Variant("with a histogram for each quarter", "field", {}, draws=False, cells=2),
     "field_camera": Variant("and a velocity from the same frames", "field", {}, draws=False,
-                            cells=2, odometry=True),
+                            odometry=True),
     "field_odometry": Variant("and attitude and height beside them", "field", {}, draws=False,
-                              cells=2, odometry=True, told=True),
+                              odometry=True, told=True),
 }  # fmt: skip
 
 
@@ -90,15 +92,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms; then `samples` and `textons` do not apply.
     """
-    texton_map = map_of(train, parameters)
+    texton_map, located = map_of(train, parameters), train.select(train.located)
     frames, truth = frames_of(test), test.position
     told = _told(test, parameters.seed)
-    flown, timings, changed = {}, {}, {}
+    flown, timings = {}, {}
+    changed: dict[str, TextonMap] = {}
     for name, variant in VARIANTS.items():
         if not _possible(variant, train, told):
             continue
         started = perf_counter()
-        changed[name] = _map_for(variant, texton_map, train, parameters.seed)
+        changed[name] = _map_for(variant, changed.get("field", texton_map), located)
         timings[name] = {"learn_s": perf_counter() - started}
         runs = []
         for repeat in range(parameters.repeats if variant.draws else 1):
@@ -157,21 +160,18 @@ def _possible(variant: Variant, train: Flight, told: list[Aiding] | None) -> boo
     """Whether the flights have what a variant needs."""
     seen = train.camera is not None and train.height is not None
     return (
-        (variant.cells == 1 or train.has_images)
-        and (not variant.odometry or seen)
+        (train.has_images or not variant.whole)
+        and (not variant.odometry or (seen and train.has_images))
         and (not variant.told or told is not None)
     )
 
 
-def _map_for(variant: Variant, base: TextonMap, train: Flight, seed: int) -> TextonMap:
-    """The map that a variant flies with: the paper's with other parts, or one of smaller cells."""
-    if variant.cells == 1:
-        return base.for_method(variant.method).changed(variant.choices)
-    odometry: dict[str, Any] = {"odometry": "visual"} if variant.odometry else {}
-    return TextonMap.train(
-        train, method=variant.method, cells=variant.cells, dictionary=base.dictionary,
-        rng=stream(seed, "training"), **odometry,
-    )  # fmt: skip
+def _map_for(variant: Variant, base: TextonMap, located: Flight) -> TextonMap:
+    """The map that a variant flies with: the paper's with other parts, or the field's with more."""
+    if variant.odometry:
+        return base.with_parts({"odometry": make("odometry", "visual")}, flight=located)
+    counted = located if variant.method == "field" and not variant.whole else None
+    return base.for_method(variant.method, flight=counted).changed(variant.choices)
 
 
 def _told(flight: Flight, seed: int) -> list[Aiding] | None:

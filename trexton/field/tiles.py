@@ -51,8 +51,9 @@ class Tiles:
         """As a training flight shows by itself, without camera and height.
 
         Two frames of which one shows to the left what the other shows to the right are as far from
-        each other as its two parts. How far that is exactly, and whether one field of the ground
-        foretells left-out blocks better than one of whole frames at all, their likelihood tells.
+        each other as its two parts. How far that is exactly the likelihood of left-out blocks
+        tells, and whether one field of the ground foretells them at all: better than a field for
+        each part, and better than one place for all parts, as of a camera that turned meanwhile.
 
         Parameters
         ----------
@@ -93,9 +94,8 @@ class Tiles:
                 "maxfev": TRIES,
             },
         )
-        if best.fun >= misfit(whole):
-            return whole
-        return cls.apart(best.x.reshape(2, 2), parts)
+        found, together = cls.apart(best.x.reshape(2, 2), parts), cls(np.zeros((parts, 2)))
+        return found if best.fun < min(misfit(whole), misfit(together)) else whole
 
     @classmethod
     def apart(cls, steps: np.ndarray, parts: int) -> Tiles:

@@ -13,7 +13,7 @@ __all__ = ["errors", "expected_error", "lag"]
 
 _STROKES = {
     "agile": ":", "narrow": "--", "both": "-.",
-    "field_particles": ":", "field_parts": "--",
+    "field_particles": ":", "field_whole": "--",
     "field_camera": "-.", "field_odometry": (0, (5, 1, 1, 1, 1, 1)),
 }  # fmt: skip
 

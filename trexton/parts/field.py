@@ -59,6 +59,7 @@ class Field(MeasurementModel):
     learned_at: np.ndarray = learned()  # () the variance where the frames behind it were
     repeated: np.ndarray = learned()  # () see `lasting_growth`
     misfit: np.ndarray = learned()  # () see `strangeness`
+    offsets: np.ndarray = learned()  # (C, 2) metres to what the parts of an image show, see `Tiles`
     expected: np.ndarray = learned()  # (2,) expected error: without variance, times its root
 
     def check(self) -> None:
@@ -121,6 +122,7 @@ class Field(MeasurementModel):
             learned_at=np.array(study.learned_at),
             repeated=np.array(study.repeated),
             misfit=np.array(study.misfit),
+            offsets=tiles.offsets,
             expected=study.expected,
         )
 
@@ -134,7 +136,7 @@ class Field(MeasurementModel):
         shapes = {
             "axes": (len(self.axes), d), "signed": (), "signal": (d,), "noise": (d, d),
             "mean": (count, d), "prior": (count,), "area": (4,), "errors": (3,), "learned_at": (),
-            "repeated": (), "misfit": (), "expected": (2,),
+            "repeated": (), "misfit": (), "offsets": (len(self.offsets), 2), "expected": (2,),
         }  # fmt: skip
         for name, shape in shapes.items():
             array = getattr(self, name)
