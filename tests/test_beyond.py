@@ -16,7 +16,9 @@ def record():
 
 
 def test_every_variant_is_flown_and_summed_up(record):
-    flown = [name for name, variant in beyond.VARIANTS.items() if not (variant.whole or variant.odometry)]
+    flown = [
+        name for name, variant in beyond.VARIANTS.items() if not (variant.whole or variant.odometry)
+    ]
     for name in flown:
         values = record.values[name]
         assert 0 < values["median_cm"] <= values["p95_cm"]

@@ -1,19 +1,22 @@
 """Parts of an image as places of their own: found from a flight itself, and worth it."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
-from small_room import SHAPE, picture_flight
+from small_room import SHAPE, histogram_flight, picture_flight
 from small_survey import look, observed, training
 
+from trexton.camera import Camera
 from trexton.errors import MapError
 from trexton.field.features import MANY, Features
 from trexton.field.process import Process
 from trexton.field.tiles import Tiles
+from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.localizer import TextonMap
+from trexton.localizer import Localizer, TextonMap
 from trexton.parts.base import Training
 from trexton.parts.field import Field
 from trexton.textons import TextonDictionary
@@ -118,19 +121,28 @@ def test_very_many_bins_of_parts_are_taken_along_their_axes(rng):
     np.testing.assert_allclose(taken.axes.T @ taken.axes, np.eye(396), atol=1e-9)
 
 
-def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(tmp_path, rng):
-    held = picture_flight(tmp_path / "held", "held", frames=160, turns=6)
+def turned(flight: Flight, folder: Path, rng: np.random.Generator) -> Flight:
+    """Its frames as a camera sees them that turns as it likes."""
     files = []
-    for number, image in enumerate(held.images()):
+    for number, image in enumerate(flight.images()):
         around = cv2.getRotationMatrix2D((SHAPE[1] / 2, SHAPE[0] / 2), rng.uniform(0, 360), 1)
-        files.append(tmp_path / f"{number}.png")
-        turned = cv2.warpAffine(image, around, SHAPE[::-1], borderMode=cv2.BORDER_REFLECT)
-        cv2.imwrite(str(files[-1]), turned)
-    astray = replace(held, frames=ImageFiles(tuple(files)))
+        files.append(folder / f"{number}.png")
+        frame = cv2.warpAffine(image, around, SHAPE[::-1], borderMode=cv2.BORDER_REFLECT)
+        cv2.imwrite(str(files[-1]), frame)
+    return replace(flight, frames=ImageFiles(tuple(files)))
+
+
+@pytest.mark.parametrize("frames", [120, 160, 300])
+def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(
+    tmp_path, rng, frames
+):
+    held = picture_flight(tmp_path / "held", "held", frames=frames, turns=6)
+    astray = turned(held, tmp_path, rng)
     maps = [
         TextonMap.train(flight, method="field", n_textons=6, rng=rng) for flight in (held, astray)
     ]
     assert [each.cells for each in maps] == [2, 1]
+    assert [each.provenance["parameters"]["cells"] for each in maps] == [2, 1]
     # A frame shows .8 m x .6 m.
     middles = [[-0.2, 0.15], [0.2, 0.15], [-0.2, -0.15], [0.2, -0.15]]
     np.testing.assert_allclose(maps[0].parts["measurement"].offsets, middles, atol=0.05)
@@ -146,3 +158,45 @@ def test_a_map_for_another_method_is_counted_anew_if_its_flight_is_given(tmp_pat
     np.testing.assert_array_equal(back.histograms, base.histograms)
     with pytest.raises(MapError, match="has 3 frames, the map 160: give the frames"):
         base.for_method("field", flight=flight.select(slice(0, 3)), rng=rng)
+
+
+def test_whole_images_are_counted_in_the_view_that_was_asked_for(tmp_path, rng):
+    flight = turned(picture_flight(tmp_path / "held", "held", frames=120, turns=6), tmp_path, rng)
+    tilted = replace(
+        flight, height=np.ones(120), attitude=rng.normal(0, 0.05, (120, 3)),
+        camera=Camera(SHAPE[1], SHAPE[0], 60.0),
+    )  # fmt: skip
+    choices = {"n_textons": 6, "method": "field", "view": "nadir"}
+    found, asked = (
+        TextonMap.train(tilted, rng=np.random.default_rng(3), cells=cells, **choices)
+        for cells in (None, 1)
+    )
+    assert found.cells == 1
+    np.testing.assert_allclose(found.histograms, asked.histograms, atol=1e-12)
+
+
+def test_the_papers_method_takes_whole_images_also_on_a_map_of_quarters(tmp_path, rng):
+    flight = picture_flight(tmp_path, "flight", frames=160, turns=6)
+    base = TextonMap.train(flight, n_textons=6, neighbors=2, rng=rng)
+    field = base.for_method("field", flight=flight, rng=rng)
+    paper = Localizer(field, samples=50, method="paper", rng=rng).map
+    assert (paper.cells, paper.method) == (1, "paper")
+    np.testing.assert_allclose(paper.histograms, base.histograms, atol=1e-12)
+
+
+def test_a_part_of_the_flight_need_not_find_again_where_the_parts_look(rng, monkeypatch):
+    survey = surveyed(0.9, rng)
+    field = Field().fit(survey)
+    monkeypatch.setattr(Tiles, "of", None)
+    half = replace(
+        survey, **{name: getattr(survey, name)[::2] for name in ("positions", "time", "histograms")}
+    )
+    again = field.untrained().fit(half)
+    np.testing.assert_array_equal(again.offsets, field.offsets)
+
+
+def test_histograms_that_came_with_a_dictionary_are_of_whole_images(rng):
+    words = TextonDictionary(rng.integers(0, 255, (15, 6, 6, 3), dtype=np.uint8))
+    flight = histogram_flight("flight", frames=120)
+    known = TextonMap.train(flight, method="field", dictionary=words, rng=rng)
+    assert known.cells == 1 and len(known.parts["measurement"].offsets) == 1

@@ -10,7 +10,7 @@ from trexton.options import assignments
 from trexton.parts import check_known, check_role, make, name_of
 from trexton.parts.base import Part
 
-__all__ = ["METHODS", "USUAL_CELLS", "changed", "compose", "parse_choices"]
+__all__ = ["METHODS", "changed", "compose", "parse_choices"]
 
 # A method names a distance, a filter, and a part for each other role that its filter asks for;
 # "role.option" gives an option another value.
@@ -49,10 +49,6 @@ METHODS: dict[str, dict[str, Any]] = {
         "filter": "registration",
     },
 }
-
-# Parts along each side into which a method wants images cut, each with a histogram of its own, if
-# the training flight shows where each looks; one where none is said.
-USUAL_CELLS = {"field": 2}
 
 
 def compose(method: str) -> dict[str, Part]:

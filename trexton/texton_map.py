@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from trexton.counting import full_histograms
-from trexton.defaults import NEIGHBORS, PATCH, TEXTONS
+from trexton.defaults import NEIGHBORS, PATCH, TEXTONS, USUAL_CELLS
 from trexton.errors import MapError, ParameterError
 from trexton.files import atomic_file
 from trexton.map_files import DAMAGE, from_arrays, read_arrays, to_arrays
-from trexton.methods import USUAL_CELLS, changed, compose
+from trexton.methods import changed, compose
 from trexton.options import whole
 from trexton.parts.base import Area, Part, Training
 from trexton.rectification import Rectification
@@ -78,7 +78,7 @@ class TextonMap:
     @property
     def cells(self) -> int:
         """Into how many parts along each side an image is cut, each with a histogram of its own."""
-        if self.dictionary is None:
+        if self.dictionary is None or self.image_shape is None:
             return 1
         return math.isqrt(self.histograms.shape[1] // len(self.dictionary.textons))
 
@@ -123,7 +123,7 @@ class TextonMap:
             K, and the patch's side in pixels.
         cells : int, optional
             Parts of the image along each side, each with a histogram of its own; 1 in the paper.
-            The method's own unless given, see `trexton.methods.USUAL_CELLS`; 1 where parts of the
+            The method's own unless given, see `trexton.defaults.USUAL_CELLS`; 1 where parts of the
             image show nothing of what others show, as when the heading was not held.
         neighbors : int, optional
             Short for the choice ``measurement.neighbors``.
@@ -292,15 +292,21 @@ class TextonMap:
         own, or None.
 
         Where the flight behind it is given, histograms are counted anew for a method that cuts
-        images into other parts, as by `train`.
+        images into other parts, as by `train`. Else they stay as they are, but for those of parts
+        as its own method cuts them, which are joined for one that takes whole images.
         """
         if method is None or method == self.method:
             return self
-        parts, own = compose(method), replace(self, method=method)
+        parts, own, cells = (
+            compose(method),
+            replace(self, method=method),
+            USUAL_CELLS.get(method, 1),
+        )
         if flight is None or not flight.has_images:
+            usual = self.cells == USUAL_CELLS.get(self.method, 1)
+            own = own.joined() if usual and cells == 1 else own
             return own.with_parts(parts, flight=flight, rng=rng)
-        counted = own.counted(flight, USUAL_CELLS.get(method, 1))
-        return counted._with_parts_or_whole(parts, flight, rng)
+        return own.counted(flight, cells)._with_parts_or_whole(parts, flight, rng)
 
     def _with_parts_or_whole(
         self, parts: Mapping[str, Part], flight: Flight, rng: np.random.Generator | None
@@ -310,7 +316,19 @@ class TextonMap:
         offsets = getattr(fitted.parts.get("measurement"), "offsets", None)
         if self.cells == 1 or offsets is None or len(offsets) > 1:
             return fitted
-        return self.counted(flight, 1).with_parts(parts, flight=flight, rng=rng)
+        return self.joined().with_parts(parts, flight=flight, rng=rng)
+
+    def joined(self) -> TextonMap:
+        """This map with histograms of whole images; its parts stay, see `with_parts`."""
+        if self.cells == 1:
+            return self
+        parts = self.histograms.reshape(len(self.histograms), self.cells**2, -1)
+        return self._of(parts.sum(axis=1), 1)
+
+    def _of(self, histograms: np.ndarray, cells: int) -> TextonMap:
+        parameters = self.provenance.get("parameters", {}) | {"cells": cells}
+        provenance = self.provenance | {"parameters": parameters}
+        return replace(self, histograms=histograms, provenance=provenance)
 
     def counted(self, flight: Flight, cells: int) -> TextonMap:
         """This map with the histograms of so many parts of the image a side, of the `flight` behind
@@ -330,7 +348,7 @@ class TextonMap:
             )
         view = self.parts.get("view")
         looked = flight if view is None else view.flight(flight)
-        return replace(self, histograms=full_histograms(looked, self.alphabet, cells))
+        return self._of(full_histograms(looked, self.alphabet, cells), cells)
 
     def select(self, rows: np.ndarray) -> TextonMap:
         """The map of these rows of the training set only, a mask or indices; its parts stay as they

@@ -24,7 +24,7 @@ from trexton.errors import ParameterError, TrextonError
 from trexton.files import digest
 from trexton.flights.flight import Flight
 from trexton.localizer import Localizer, TextonMap
-from trexton.methods import USUAL_CELLS, compose
+from trexton.methods import compose
 from trexton.parts import make
 from trexton.replay import replay, stretches
 from trexton.streams import stream
@@ -332,7 +332,7 @@ def _usual(method: str, images: bool) -> dict[str, Any]:
     usual: dict[str, Any] = {"method": method}
     if images:
         usual |= {"textons": defaults.TEXTONS, "samples": defaults.SAMPLES}
-        usual["cells"] = USUAL_CELLS.get(method, 1)
+        usual["cells"] = defaults.USUAL_CELLS.get(method, 1)
     if method != "field":
         usual |= {"neighbors": defaults.NEIGHBORS, "particles": defaults.PARTICLES}
     return usual

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from trexton.defaults import NEIGHBORS, PATCH, TEXTONS
-from trexton.methods import USUAL_CELLS
+from trexton.defaults import NEIGHBORS, PATCH, TEXTONS, USUAL_CELLS
 from trexton.options import add_assignments
 from trexton.progress import say
 

@@ -156,9 +156,8 @@ def _with_half(
     for rows in (~odd, odd):
         try:
             rng = stream(parameters.seed, f"map {texton_map.method}")
-            half = replace(texton_map.select(rows), parts={}).with_parts(
-                compose(texton_map.method), rng=rng
-            )
+            parts = {role: part.untrained() for role, part in texton_map.parts.items()}
+            half = replace(texton_map.select(rows), parts={}).with_parts(parts, rng=rng)
             localizer = _localizer(half, parameters)
             tracks.append(fly(localizer, frames).position)
         except TrextonError:

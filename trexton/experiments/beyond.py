@@ -101,7 +101,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         if not _possible(variant, train, told):
             continue
         started = perf_counter()
-        changed[name] = _map_for(variant, changed.get("field", texton_map), located)
+        base = changed["field"] if variant.odometry else texton_map
+        changed[name] = _map_for(variant, base, located)
         timings[name] = {"learn_s": perf_counter() - started}
         runs = []
         for repeat in range(parameters.repeats if variant.draws else 1):

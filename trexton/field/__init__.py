@@ -2,5 +2,6 @@
 top of it.
 
 A k-NN asks which training frame looks like this one; a field asks at which place this histogram
-would be seen, also between the training frames, and knows how well it knows that. NumPy only.
+would be seen, also between the training frames, and knows how well it knows that. In flight NumPy
+is enough; learning takes SciPy.
 """

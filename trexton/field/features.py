@@ -33,17 +33,17 @@ class Features:
         Directions in the space of roots or values.
     signed : bool
         Whether they are those of values, not of roots.
-    parts : int
-        Histograms are those of so many parts of an image, of each of which the same is taken.
     """
 
     axes: np.ndarray
     signed: bool
-    parts: int = 1
 
     @classmethod
     def of(cls, histograms: np.ndarray, parts: int = 1) -> Features:
-        """As a training flight's ``(N, K)`` histograms ask for; no axes where all are alike."""
+        """As a training flight's ``(N, K)`` histograms ask for; no axes where all are alike.
+
+        Of histograms of several `parts` of an image the same is taken of each.
+        """
         if parts > 1:
             return cls._of_parts(histograms, parts)
         signed = bool((histograms < 0).any())
@@ -73,7 +73,7 @@ class Features:
         if parts * len(used) > MANY:
             _, turn = np.linalg.eigh(np.cov(values[:, used].T))
             alone = alone @ turn[:, -(MANY // parts) :]
-        return cls(np.kron(np.eye(parts), alone), False, parts)
+        return cls(np.kron(np.eye(parts), alone), signed=False)
 
     def __call__(self, histograms: np.ndarray) -> np.ndarray:
         """``(..., d)`` features of ``(..., K)`` histograms."""

@@ -10,10 +10,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from trexton.field.blocks import Block
+if TYPE_CHECKING:
+    from trexton.field.blocks import Block
 
 __all__ = ["Process", "choose_length", "matern", "merge_places", "surprise"]
 

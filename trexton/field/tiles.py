@@ -30,6 +30,8 @@ FEWEST = 10  # pairs of frames that must show the same ground
 AROUND = 0.2  # of a step: how far from what look-alikes say the search begins
 EXACT = 0.02  # of a step, and of the likelihood of a feature
 TRIES = 120
+WORTH = 0.1  # of the likelihood of a feature, for which places of their own are taken
+MOST = 16  # parts; of more, each sees little and all cost much
 COARSE = 1600  # cells of the grid on which variances are taken, which are smooth
 
 
@@ -65,7 +67,7 @@ class Tiles:
             Seconds.
         """
         whole, parts = cls(np.zeros((1, 2))), features.shape[1]
-        if parts == 1:
+        if parts == 1 or parts > MOST:
             return whole
         step = -(-len(places) // STUDIED)
         steps = _steps(places[::step], features[::step])
@@ -95,7 +97,7 @@ class Tiles:
             },
         )
         found, together = cls.apart(best.x.reshape(2, 2), parts), cls(np.zeros((parts, 2)))
-        return found if best.fun < min(misfit(whole), misfit(together)) else whole
+        return found if best.fun < min(misfit(whole), misfit(together)) - WORTH else whole
 
     @classmethod
     def apart(cls, steps: np.ndarray, parts: int) -> Tiles:

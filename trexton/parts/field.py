@@ -20,9 +20,6 @@ from trexton.field.error_model import ErrorModel
 from trexton.field.features import Features
 from trexton.field.grid import bilinear, grid_cells
 from trexton.field.likelihood import Basis, Table, bumps, relative
-from trexton.field.process import Process, merge_places
-from trexton.field.study import Study
-from trexton.field.tiles import Tiles
 from trexton.observation import Observation
 from trexton.parts.base import Area, Training, learned
 from trexton.parts.measurement import MeasurementModel
@@ -62,6 +59,10 @@ class Field(MeasurementModel):
     offsets: np.ndarray = learned()  # (C, 2) metres to what the parts of an image show, see `Tiles`
     expected: np.ndarray = learned()  # (2,) expected error: without variance, times its root
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._known: np.ndarray | None = None  # offsets of a field of the same camera
+
     def check(self) -> None:
         if not 16 <= self.cells <= 1_000_000:
             raise ParameterError(f"{self.cells} cells were asked for: expected 16 to 1000000")
@@ -75,6 +76,11 @@ class Field(MeasurementModel):
             All histograms are alike.
         """
         from threadpoolctl import threadpool_limits
+
+        # What learning alone needs; the flight that follows does without SciPy.
+        from trexton.field.process import Process, merge_places
+        from trexton.field.study import Study
+        from trexton.field.tiles import Tiles
 
         parts = training.cells**2
         with threadpool_limits(1, user_api="blas"):  # sums are rounded alike on any machine
@@ -95,7 +101,11 @@ class Field(MeasurementModel):
         cells = min(self.cells, max(16, LARGEST_TABLE // features.shape[1]))
         centers, _ = grid_cells(area, cells)
         with threadpool_limits(1, user_api="blas"):
-            tiles = Tiles.of(places, features.reshape(len(features), parts, -1), training.time)
+            looks = features.reshape(len(features), parts, -1)
+            if self._known is not None and len(self._known) in (1, parts):
+                tiles = Tiles(self._known)
+            else:
+                tiles = Tiles.of(places, looks, training.time)
             parts = len(tiles.offsets)
             values = features.reshape(len(features) * parts, -1)
             middle = values.mean(axis=0)
@@ -106,7 +116,7 @@ class Field(MeasurementModel):
             process = Process.fit(merged, values, study.length, counts)
             mean = np.hstack([process.mean(centers + offset) for offset in tiles.offsets])
             variance = tiles.variance(process, centers, area)
-            flown, _, counts = merge_places(places, features)
+            flown, _, counts = merge_places(places, places)
             prior = relative(bumps(centers, flown, process.length) @ counts)
         return self.with_learned(
             axes=taken.axes,
@@ -125,6 +135,12 @@ class Field(MeasurementModel):
             offsets=tiles.offsets,
             expected=study.expected,
         )
+
+    def untrained(self) -> Self:
+        """As `Part.untrained`; of the same camera it need not find again where its parts look."""
+        part = super().untrained()
+        part._known = self.offsets
+        return part
 
     @property
     def width(self) -> int:
