@@ -46,7 +46,7 @@ def test_equal_seeds_give_equal_records(flight, record):
 def test_finding_table_and_figure_say_what_the_record_holds(record):
     surveys = record.values["surveys"]
     assert f"{surveys[0]['field']['median_cm']:.3g} cm, of that" in density.finding(record)
-    assert len(figures.table(record)) == len(density.TIMES)
+    assert len(figures.table(record)) == len(density.TIMES) * len(density.METHODS)
     (plot,) = figures.errors(record).axes
     drawn, *_ = plot.containers[0]
     np.testing.assert_allclose(
@@ -58,7 +58,7 @@ def test_the_long_run_is_kept_and_can_be_shown():
     kept = notebook.reference("density")
     assert kept is not None and kept.values["floors"] == 10
     assert density.finding(kept).startswith("Surveyed for")
-    assert len(figures.table(kept)) == len(kept.values["surveys"])
+    assert len(figures.table(kept)) == len(kept.values["surveys"]) * len(density.METHODS)
     assert len(figures.errors(kept).axes[0].lines) >= kept.values["floors"]
 
 

@@ -13,6 +13,8 @@ from trexton.wording import distance, number, percent
 
 __all__ = ["errors", "table"]
 
+STROKES = ("-", ":", "-")
+
 
 def errors(record: Record) -> Figure:
     """Mean error over the distance to the nearest frame of the survey: all floors with their
@@ -25,12 +27,13 @@ def errors(record: Record) -> Figure:
         for place, (method, label) in enumerate(METHODS.items()):
             color = COLORS[method if method in COLORS else "field"]
             if record.values["floors"] > 1:
-                plot.plot(apart, np.array(by_floor[method]), color=color, alpha=0.3, linewidth=0.8)
+                alone = np.array(by_floor[method])
+                plot.plot(apart, alone, STROKES[place], color=color, alpha=0.3, linewidth=0.8)
             entries = [survey[method]["error_cm"] for survey in surveys]
             middle = np.array([entry["value"] for entry in entries])
             ends = np.array([[entry["low"], entry["high"]] for entry in entries]).T
             plot.errorbar(
-                apart, middle, yerr=np.abs(ends - middle), fmt=("o-", "s--", "D-")[place],
+                apart, middle, yerr=np.abs(ends - middle), fmt="osD"[place] + STROKES[place],
                 color=color, label=label,
             )  # fmt: skip
         plot.set(
@@ -42,17 +45,18 @@ def errors(record: Record) -> Figure:
 
 
 def table(record: Record) -> pd.DataFrame:
-    """Errors and regions, a row for each survey."""
+    """Errors and regions, a row for each survey and method."""
     rows = []
     for survey in record.values["surveys"]:
-        row = {
-            "survey": f"{number(survey['lasted_s'])} s",
-            "nearest frame (cm)": number(survey["apart_cm"]),
-        }
+        of_survey = f"{number(survey['lasted_s'])} s, {number(survey['apart_cm'])} cm"
         for name, label in METHODS.items():
-            row[f"{label}: mean"] = distance(survey[name]["error_cm"])
-            row[f"{label}: median"] = distance(survey[name]["median_cm"])
-        for name in ("field", "parts"):
-            row[f"{METHODS[name]}: 90 % region holds"] = percent(survey[name]["held"])
-        rows.append(row)
+            rows.append(
+                {
+                    "survey, nearest frame": of_survey,
+                    "method": label,
+                    "mean error": distance(survey[name]["error_cm"]),
+                    "median": distance(survey[name]["median_cm"]),
+                    "90 % region holds": percent(survey[name]["held"]),
+                }
+            )
     return pd.DataFrame(rows)
