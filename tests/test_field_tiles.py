@@ -134,7 +134,7 @@ def turned(flight: Flight, folder: Path, rng: np.random.Generator) -> Flight:
 
 @pytest.mark.parametrize("frames", [120, 160, 300])
 def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(
-    tmp_path, rng, frames
+    tmp_path, rng, frames, capsys
 ):
     held = picture_flight(tmp_path / "held", "held", frames=frames, turns=6)
     astray = turned(held, tmp_path, rng)
@@ -142,6 +142,7 @@ def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(
         TextonMap.train(flight, method="field", n_textons=6, rng=rng) for flight in (held, astray)
     ]
     assert [each.cells for each in maps] == [2, 1]
+    assert capsys.readouterr().err.count("show nothing of each other") == 1
     assert [each.provenance["parameters"]["cells"] for each in maps] == [2, 1]
     # A frame shows .8 m x .6 m.
     middles = [[-0.2, 0.15], [0.2, 0.15], [-0.2, -0.15], [0.2, -0.15]]

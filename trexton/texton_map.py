@@ -22,6 +22,7 @@ from trexton.map_files import DAMAGE, from_arrays, read_arrays, to_arrays
 from trexton.methods import changed, compose
 from trexton.options import whole
 from trexton.parts.base import Area, Part, Training
+from trexton.progress import say
 from trexton.rectification import Rectification
 from trexton.streams import generator
 from trexton.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
@@ -316,6 +317,7 @@ class TextonMap:
         offsets = getattr(fitted.parts.get("measurement"), "offsets", None)
         if self.cells == 1 or offsets is None or len(offsets) > 1:
             return fitted
+        say("parts of the images show nothing of each other: they are taken as a whole")
         return self.joined().with_parts(parts, flight=flight, rng=rng)
 
     def joined(self) -> TextonMap:
