@@ -63,11 +63,11 @@ def test_flights_over_one_floor_are_alike():
 def test_landers_are_compared_floor_by_floor(record):
     kept = notebook.reference("touchdown")
     landers = kept.values["landers"]
-    gain = touchdown.gain(kept, "fine", "field")
-    apart = landers["fine"]["inside"] - landers["field"]["inside"]
-    assert gain["value"] == pytest.approx(apart / landers["field"]["attempts"])
+    gain = touchdown.gain(kept, "fine", "paper")
+    apart = landers["fine"]["inside"] - landers["paper"]["inside"]
+    assert gain["value"] == pytest.approx(apart / landers["paper"]["attempts"])
     assert 0 < gain["low"] < gain["value"] < gain["high"] < 1
-    assert touchdown.gain(record, "fine", "field")["low"] is None  # over one floor
+    assert touchdown.gain(record, "fine", "paper")["low"] is None  # over one floor
 
 
 def test_who_asks_for_more_lands_less_often(record):
