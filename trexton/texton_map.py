@@ -147,11 +147,10 @@ class TextonMap:
         if neighbors is not None:
             choices["measurement.neighbors"] = neighbors
         rng = generator(rng)
-        usual = cells is None
-        if cells is None:
-            cells = USUAL_CELLS.get(method, 1) if flight.has_images else 1
+        usual, own = cells is None, USUAL_CELLS.get(method, 1) if flight.has_images else 1
+        cells = whole(own if cells is None else cells, "cells", 1, 8)
         n_textons = whole(n_textons, "n_textons", 1, MAX_TEXTONS)
-        patch, cells = whole(patch, "patch", 1, MAX_PATCH), whole(cells, "cells", 1, 8)
+        patch = whole(patch, "patch", 1, MAX_PATCH)
         parts: dict[str, Any] = compose(method)
         parts |= changed(parts, choices)
         given = flight.position if positions is None else np.ma.asarray(positions, dtype=float)
@@ -298,14 +297,11 @@ class TextonMap:
         """
         if method is None or method == self.method:
             return self
-        parts, own, cells = (
-            compose(method),
-            replace(self, method=method),
-            USUAL_CELLS.get(method, 1),
-        )
+        parts, own = compose(method), replace(self, method=method)
+        cells = USUAL_CELLS.get(method, 1)
         if flight is None or not flight.has_images:
-            usual = self.cells == USUAL_CELLS.get(self.method, 1)
-            own = own.joined() if usual and cells == 1 else own
+            as_usual = self.cells == USUAL_CELLS.get(self.method, 1)
+            own = own.joined() if as_usual and cells < self.cells else own
             return own.with_parts(parts, flight=flight, rng=rng)
         return own.counted(flight, cells)._with_parts_or_whole(parts, flight, rng)
 
@@ -322,8 +318,6 @@ class TextonMap:
 
     def joined(self) -> TextonMap:
         """This map with histograms of whole images; its parts stay, see `with_parts`."""
-        if self.cells == 1:
-            return self
         parts = self.histograms.reshape(len(self.histograms), self.cells**2, -1)
         return self._of(parts.sum(axis=1), 1)
 
