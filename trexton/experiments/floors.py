@@ -122,7 +122,7 @@ def judge_floor(
         base = TextonMap.train(train, rng=stream(flights.seed, "map"))
         maps = {
             method: base.for_method(method, flight=train, rng=stream(flights.seed, f"map {method}"))
-            for method in (METHOD, *methods)
+            for method in dict.fromkeys((METHOD, *methods))  # each once
         }
         runs = {method: _flown(maps[method], frames, flights.seed) for method in methods}
     expected = maps[METHOD].parts["measurement"].expected_error
