@@ -60,6 +60,7 @@ def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     size = os.stat(path).st_size
     if size > MOST_BYTES:
         raise MapError(f"{size} bytes: expected at most {MOST_BYTES}")
+    arrays = {}
     with zipfile.ZipFile(path) as archive:
         for member in archive.infolist():
             # Maps are stored as they are; what unpacks to more was not written by this library.
@@ -70,8 +71,10 @@ def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
                 )
             with archive.open(member) as stream:
                 _check_header(stream, member)
-    with np.load(path, allow_pickle=False) as stored:
-        return dict(stored)
+                stream.seek(0)
+                name = member.filename.removesuffix(".npy")
+                arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
+    return arrays
 
 
 def _check_header(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
