@@ -9,8 +9,9 @@ from small_survey import AREA, errors_of, look, observed, path, training
 from threadpoolctl import threadpool_limits
 
 from trexton.errors import MapError, ParameterError
-from trexton.field.error_model import ErrorModel
+from trexton.field.error_model import ErrorModel, unknown
 from trexton.field.grid import grid_cells
+from trexton.field.study import _growth
 from trexton.localizer import Localizer, TextonMap
 from trexton.parts.field import Field
 from trexton.parts.singer import Singer
@@ -57,6 +58,27 @@ def test_few_samples_are_believed_less(field, later):
 def test_expected_error_grows_where_nothing_was_flown(field):
     flown, corner = path(500)[0][100:101], np.array([[0.0, 3.0]])
     assert 0 < field.expected_error(flown)[0] < field.expected_error(corner)[0]
+
+
+def test_no_error_is_expected_beyond_what_two_places_of_the_area_lie_apart(field, rng):
+    """Nobody can err by more on average who stays inside."""
+    x_min, x_max, y_min, y_max = field.area
+    drawn = rng.uniform((x_min, y_min), (x_max, y_max), (2, 20_000, 2))
+    apart = np.hypot(*(drawn[0] - drawn[1]).T).mean()
+    hopeless = Field.from_arrays(field.arrays() | {"expected": np.full(3, 100.0)})
+    assert hopeless.expected_error(field.centers) == pytest.approx(apart, rel=0.03)
+
+
+def test_errors_of_places_that_are_hardly_known_grow_faster_than_of_those_known_badly(rng):
+    """Known badly, a place is found less exactly; hardly known, it is taken for another."""
+    variances = rng.uniform(0, 0.8, 4000)
+    known = variances / (1 - variances)
+    lengths = rng.exponential(0.05 + 0.1 * np.sqrt(known) + 0.4 * known)
+    turned = rng.uniform(0, 2 * np.pi, 4000)
+    factors = _growth(
+        lengths[:, None] * np.column_stack([np.cos(turned), np.sin(turned)]), variances
+    )
+    assert unknown(np.array([0.1, 0.8])) @ factors == pytest.approx([0.128, 1.85], rel=0.1)
 
 
 def test_lasting_errors_grow_where_less_is_known_than_where_they_were_learned(field):

@@ -119,8 +119,8 @@ class HomographyLocalizer:
     ----------
     map_image : MapImage
     scale : float
-        Size at which frames are searched for keypoints; 0.5 takes about a third of the time and
-        loses some frames.
+        Size at which frames are searched for keypoints; 0.5 takes two fifths of the time and loses
+        some frames.
     keypoints : int
         Most keypoints of a frame, the strongest.
     map_keypoints : int

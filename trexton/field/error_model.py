@@ -6,7 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["ErrorModel"]
+__all__ = ["ErrorModel", "unknown"]
+
+LEAST_KNOWN = 0.02  # share of the signal that is known of any place
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,3 +60,15 @@ class ErrorModel:
         share = float(np.clip(first / memory, 0.25, 1.0))
         fresh = max(np.sqrt(variance * (1 - share)), finest)
         return cls(np.sqrt(variance * share), fresh, -period / np.log(memory))
+
+
+def unknown(variances: np.ndarray) -> np.ndarray:
+    """``(M, 3)`` terms with which errors grow: always the same, as the root of what is unknown over
+    what is known of a place, and as that itself, of `variances` ``(M,)`` as shares of the signal.
+
+    A place that is known badly is found less exactly; one that is hardly known is not told from
+    others.
+    """
+    variances = np.maximum(variances, 0.0)
+    over_known = variances / np.maximum(1 - variances, LEAST_KNOWN)
+    return np.column_stack([np.ones_like(over_known), np.sqrt(over_known), over_known])

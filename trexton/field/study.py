@@ -6,10 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
 from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
-from trexton.field.error_model import ErrorModel
+from trexton.field.error_model import ErrorModel, unknown
 from trexton.field.grid import grid_cells
 from trexton.field.likelihood import Basis, Table, bumps, relative
 from trexton.field.process import Process, choose_length
@@ -34,7 +35,7 @@ class Study:
     signal : (d,) array
     noise : (d, d) array
     model : ErrorModel
-    expected : (2,) array
+    expected : (3,) array
         See `Field.expected_error`.
     learned_at : float
         Median of the field's variance where the left-out frames were.
@@ -173,13 +174,8 @@ def _strays(
 
 
 def _growth(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
-    """``(2,)`` non-negative a and b of |error| = a + b sqrt(variance), by least squares."""
-    length, root = np.hypot(*errors.T), np.sqrt(np.maximum(variances, 0))
-    if np.ptp(root) < 1e-9:
-        return np.array([length.mean(), 0.0])
-    slope, start = np.polyfit(root, length, 1)
-    if slope < 0:
-        return np.array([length.mean(), 0.0])
-    if start < 0:
-        return np.array([0.0, (length @ root) / (root @ root)])
-    return np.array([start, slope])
+    """``(3,)`` non-negative factors of `unknown` whose sum is nearest to the lengths of the
+    errors.
+    """
+    factors: np.ndarray = nnls(unknown(variances), np.hypot(*errors.T))[0]
+    return factors

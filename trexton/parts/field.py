@@ -16,7 +16,8 @@ from typing import Self
 import numpy as np
 
 from trexton.errors import MapError, ParameterError
-from trexton.field.error_model import ErrorModel
+from trexton.estimate import ignorance
+from trexton.field.error_model import ErrorModel, unknown
 from trexton.field.features import Features
 from trexton.field.grid import bilinear, grid_cells
 from trexton.field.likelihood import Basis, Table, bumps, relative
@@ -29,6 +30,7 @@ __all__ = ["Field"]
 # Cells times features: what a frame may cost, and how much of the processor's cache it may fill.
 LARGEST_TABLE = 600_000
 LEAST = 1e-3  # variance, as a share of the signal: no place is taken to be known better
+DRAWN = 1.28  # mean distance of two places drawn from a square, over that of one's deviation
 FARTHEST = 1e6  # deviations of a feature: beyond, squares would overflow
 
 
@@ -57,7 +59,7 @@ class Field(MeasurementModel):
     repeated: np.ndarray = learned()  # () see `lasting_growth`
     misfit: np.ndarray = learned()  # () see `strangeness`
     offsets: np.ndarray = learned()  # (C, 2) metres to what the parts of an image show, see `Tiles`
-    expected: np.ndarray = learned()  # (2,) expected error: without variance, times its root
+    expected: np.ndarray = learned()  # (3,) metres a term of `unknown`, see `expected_error`
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -152,7 +154,7 @@ class Field(MeasurementModel):
         shapes = {
             "axes": (len(self.axes), d), "signed": (), "signal": (d,), "noise": (d, d),
             "mean": (count, d), "prior": (count,), "area": (4,), "errors": (3,), "learned_at": (),
-            "repeated": (), "misfit": (), "offsets": (len(self.offsets), 2), "expected": (2,),
+            "repeated": (), "misfit": (), "offsets": (len(self.offsets), 2), "expected": (3,),
         }  # fmt: skip
         for name, shape in shapes.items():
             array = getattr(self, name)
@@ -211,18 +213,19 @@ class Field(MeasurementModel):
     def lasting_growth(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` factors, one at least, on the variance of lasting errors at `places` ``(M, 2)``.
 
-        Errors grow with the root of the field's variance (see `expected_error`). Between the
-        passes of a survey it is larger than where the errors were learned; and where a survey
-        repeats its passes, they were learned nearer to it than a later flight will be.
+        Errors grow with the root of the field's variance. Between the passes of a survey it is
+        larger than where the errors were learned; and where a survey repeats its passes, they were
+        learned nearer to it than a later flight will be.
         """
         between = self._variance_at(places) / max(float(self.learned_at), LEAST)
         return float(self.repeated) * np.maximum(1.0, between)
 
     def expected_error(self, places: np.ndarray) -> np.ndarray:
-        """``(M,)`` metres by which a single frame is expected to err at `places` ``(M, 2)``."""
-        root = np.sqrt(self._variance_at(places))
-        expected: np.ndarray = self.expected[0] + self.expected[1] * root
-        return expected
+        """``(M,)`` metres by which a single frame is expected to err at `places` ``(M, 2)``: at
+        most what two places drawn from the area lie apart.
+        """
+        expected: np.ndarray = unknown(self._variance_at(places)) @ self.expected
+        return np.minimum(expected, DRAWN * np.hypot(*ignorance(tuple(self.area.tolist()))))
 
     def _variance_at(self, places: np.ndarray) -> np.ndarray:
         return bilinear(self.variance.reshape(self.shape), self.area, places)
