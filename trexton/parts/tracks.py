@@ -46,6 +46,7 @@ FAR = 25.0  # log likelihoods this far below the best count as none
 APART = 5.0  # cells between the beginnings of two tracks
 DOUBT = 0.05  # chance of being somewhere else altogether from which on the vehicle is lost
 STRANGE = 2.5  # times as far from every place as frames of the survey: another camera or light
+FAMILIAR = 0.7  # the same, from which on errors are larger: frames of what the survey missed
 STRANGE_S = 1.0  # seconds over which that is taken
 STRANGEST = 10.0  # what a single frame counts for at most
 SHARE = 0.02  # of a frame's likelihood that a place must hold for a track to begin there
@@ -364,7 +365,7 @@ class TrackFilter:
 
     def estimate(self) -> Estimate:
         """Position of the best track, and the covariance of all about it, larger where the field
-        knows less than where its errors were learned.
+        knows less than where its errors were learned, and while frames are unlike the survey's.
 
         It is lost while tracks that are elsewhere may be right, no frame speaks for it, or the
         frames look like no place of the survey.
@@ -377,8 +378,9 @@ class TrackFilter:
         offset = self.states[:, :4] - self.states[0, :4]
         joint = np.einsum("t,tij->ij", self.weights, self.covariances[:, :4, :4])
         joint = joint + np.einsum("t,ti,tj->ij", self.weights, offset, offset)
-        grown = self.measurement.lasting_growth(self.states[:1, :2]) - 1
-        joint[:2, :2] += grown * self._rest[6:8, 6:8]
+        unfamiliar = max(1.0, min(self._strange, STRANGE) / FAMILIAR)
+        grown = self.measurement.lasting_growth(self.states[:1, :2]) * unfamiliar**4
+        joint[:2, :2] += (grown - 1) * self._rest[6:8, 6:8]
         elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * APART * self.measurement.cell
         doubted = self.weights[elsewhere].sum() > DOUBT
         lost = bool(doubted or self._missed >= 3 or self._strange > STRANGE)
