@@ -81,6 +81,25 @@ def test_frames_that_look_like_no_place_of_the_survey_are_called_lost(field, mot
     assert not any(lost[85:])  # and found again
 
 
+def test_more_is_claimed_while_frames_are_unlike_the_survey(field, motion, later, monkeypatch):
+    """The position is as before; familiar frames claim what they claimed."""
+    places, histograms = later
+
+    def claims(mixed: float) -> np.ndarray:
+        tracker = TrackFilter(motion, field, AREA)
+        for histogram in (1 - mixed) * histograms[:60] + mixed * histograms[::-1][:60]:
+            tracker.step(observed(histogram))
+        told = tracker.estimate()
+        assert not told.lost
+        return np.append(told.position, np.trace(told.about_position))
+
+    familiar, unlike = claims(0.0), claims(0.25)
+    monkeypatch.setattr("trexton.parts.tracks.FAMILIAR", np.inf)
+    np.testing.assert_array_equal(familiar, claims(0.0))
+    np.testing.assert_array_equal(unlike[:2], claims(0.25)[:2])
+    assert unlike[2] > 1.5 * claims(0.25)[2]
+
+
 def test_a_single_frame_however_strange_is_forgotten(field, motion, later):
     _, histograms = later
     tracker = TrackFilter(motion, field, AREA)
