@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from trexton import cli
-from trexton.bench import STAGES, Row, estimation, growth, images, measure, table
+from trexton.bench import STAGES, Row, estimation, growth, images, measure, start, table
 from trexton.bench.clock import Times, interleave
 from trexton.bench.estimation import _by_numpy, _map_by_einsum, _map_by_sums
 from trexton.bench.growth import exponent
@@ -239,3 +239,14 @@ def test_every_stage_runs():
         "onboard loop",
     }
     assert all(row.ours_s > 0 and row.yardstick_s > 0 for row in rows)
+
+
+def test_started_processes_have_bytecode_whatever_the_environment(scene, monkeypatch):
+    """Where Python writes none every source would be compiled anew, and that be measured."""
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    told = []
+    monkeypatch.setattr(start.subprocess, "run", lambda *_, env, **__: told.append(env))
+    list(start.start(scene, quick=True))
+    assert told and all(
+        "PYTHONDONTWRITEBYTECODE" not in env and env["PYTHONPYCACHEPREFIX"] for env in told
+    )

@@ -12,6 +12,7 @@ from test_methods import OWN
 
 from trexton.errors import MapError
 from trexton.localizer import TextonMap
+from trexton.map_files import DAMAGE, read_arrays
 from trexton.textons import TextonDictionary
 
 
@@ -188,3 +189,20 @@ def test_a_dictionary_needs_images_to_fit(texton_map, tmp_path):
     path = stored(tmp_path / "map.npz", texton_map, textons=textons, image_shape=np.array([24, 32]))
     loaded = TextonMap.load(path)
     assert isinstance(loaded.dictionary, TextonDictionary) and loaded.image_shape == (24, 32)
+
+
+def test_a_byte_that_changed_in_a_header_is_damage(tmp_path):
+    """Python's tokenizer reads it, and has errors of its own."""
+    np.savez(tmp_path / "map.npz", histograms=np.zeros((400, 20)))  # too large to be read at once
+    sound = (tmp_path / "map.npz").read_bytes()
+    begin, refused = sound.find(b"\x93NUMPY"), 0
+    for place in range(begin, begin + 128):
+        for flip in (1, 2, 4, 8, 16, 32, 64, 128, 255):
+            damaged = bytearray(sound)
+            damaged[place] ^= flip
+            (path := tmp_path / "damaged.npz").write_bytes(damaged)
+            try:
+                read_arrays(path)
+            except (MapError, *DAMAGE):
+                refused += 1
+    assert refused > 900

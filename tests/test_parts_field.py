@@ -61,7 +61,7 @@ def test_expected_error_grows_where_nothing_was_flown(field):
 
 
 def test_no_error_is_expected_beyond_what_two_places_of_the_area_lie_apart(field, rng):
-    """Nobody can err by more on average who stays inside."""
+    """On average over the floor: nobody errs by more who is sure to be inside."""
     x_min, x_max, y_min, y_max = field.area
     drawn = rng.uniform((x_min, y_min), (x_max, y_max), (2, 20_000, 2))
     apart = np.hypot(*(drawn[0] - drawn[1]).T).mean()
@@ -79,6 +79,33 @@ def test_errors_of_places_that_are_hardly_known_grow_faster_than_of_those_known_
         lengths[:, None] * np.column_stack([np.cos(turned), np.sin(turned)]), variances
     )
     assert unknown(np.array([0.1, 0.8])) @ factors == pytest.approx([0.128, 1.85], rel=0.1)
+
+
+@pytest.mark.parametrize("variance", [0.01, 0.49, 0.51, 0.99])
+def test_where_all_is_known_alike_the_mean_error_is_expected(variance):
+    errors = np.tile([[0.3, 0.0]], (40, 1))
+    assert _growth(errors, np.full(40, variance)).tolist() == [pytest.approx(0.3), 0, 0]
+
+
+def test_no_place_is_expected_to_be_found_better_than_what_is_new_in_each_frame(field):
+    flattered = Field.from_arrays(field.arrays() | {"expected": np.zeros(3)})
+    assert (flattered.expected_error(field.centers) == field.error_model.fresh).all()
+
+
+@pytest.mark.parametrize("spread", [1e-4, 1e-3, 0.03])
+@pytest.mark.parametrize("count", [3, 100])
+def test_a_flight_that_hovers_is_learned_or_refused_in_a_sentence(spread, count, rng):
+    """Its kernel may be so short that no cell lies near a frame."""
+    places = 1.0 + spread * rng.standard_normal((count, 2))
+    hovered = replace(
+        training(), histograms=look(places, rng), positions=places, time=np.arange(count) * 0.08
+    )
+    try:
+        learned = Field().fit(hovered)
+    except MapError as error:
+        assert "fly over" in str(error)
+    else:
+        assert np.isfinite(learned.expected_error(learned.centers)).all()
 
 
 def test_lasting_errors_grow_where_less_is_known_than_where_they_were_learned(field):

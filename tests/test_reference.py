@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import re
+import tomllib
 from importlib import import_module
 
 import pytest
@@ -55,3 +57,13 @@ def test_every_kept_record_of_a_page_is_shown():
     named = re.findall(r"notebook\.reference\(\"(.+?)\"\)", "".join(PAGES.values()))
     swept = re.findall(r"notebook\.swept\(\"(.+?)\"\)", "".join(PAGES.values()))
     assert files - others == {*named, *(f"sweep-{name}" for name in swept)}
+
+
+def test_a_kept_sweep_is_that_of_its_plan():
+    """What the page says of its settings is what the plan says."""
+    for kept in sorted((ROOT / "data" / "reference").glob("sweep-*.json")):
+        rows = json.loads(kept.read_text(encoding="utf-8"))["rows"]
+        plan = ROOT / "data" / "sweeps" / f"{kept.stem.removeprefix('sweep-')}.toml"
+        planned = tomllib.loads(plan.read_text(encoding="utf-8"))["set"]
+        for name, values in planned.items():
+            assert {row[name] for row in rows} <= set(values), f"{kept.name}: {name}"

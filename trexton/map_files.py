@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import json
 import os
+import tokenize
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -38,9 +39,9 @@ DAMAGE = (
     AttributeError,
     OverflowError,
     MemoryError,
-    NotImplementedError,
-    RecursionError,
+    RuntimeError,
     SyntaxError,
+    tokenize.TokenError,
     zipfile.BadZipFile,
 )
 

@@ -114,7 +114,7 @@ def judge_floor(
         ``measured``, for each method ``mean_cm``, ``low``, ``high``, ``p95_cm``; ``centre_cm``, the
         error of always guessing the middle; ``correlation`` of predicted and measured error of the
         first method over the test frames; ``heat``, predicted error over the floor in metres;
-        ``worst_m``, where it is largest.
+        ``worst_m``, where the field knows least.
     """
     with TemporaryDirectory(prefix="trexton-floor-") as name:
         train, test = flights.record(floor, Path(name))
@@ -125,8 +125,8 @@ def judge_floor(
             for method in dict.fromkeys((METHOD, *methods))  # each once
         }
         runs = {method: _flown(maps[method], frames, flights.seed) for method in methods}
-    expected = maps[METHOD].parts["measurement"].expected_error
-    heat = _over_floor(expected, floor.area)
+    field = maps[METHOD].parts["measurement"]
+    heat = _over_floor(field.expected_error, floor.area)
     rng = stream(flights.seed, "intervals")
     first = euclidean(next(iter(runs.values())), test.position)
     centre = constant_guess(base.positions, len(test))
@@ -138,9 +138,9 @@ def judge_floor(
         "predicted_cm": 100 * heat.mean(),
         "measured": {name: _summary(run, test, rng) for name, run in runs.items()},
         "centre_cm": _summary(centre, test, rng)["mean_cm"],
-        "correlation": rank_correlation(expected(test.position), first, rng=rng),
+        "correlation": rank_correlation(field.expected_error(test.position), first, rng=rng),
         "heat": {"error_m": heat.round(4), "extent_m": floor.area},
-        "worst_m": _worst(heat, floor.area),
+        "worst_m": _worst(_over_floor(field.variance_at, floor.area), floor.area),
     }
 
 

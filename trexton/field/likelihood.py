@@ -79,6 +79,11 @@ def bumps(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:
 
 
 def relative(density: np.ndarray) -> np.ndarray:
-    """``(M,)`` log of a density over the uniform one, part of which is mixed in."""
-    relative: np.ndarray = np.log((1 - UNFLOWN) * density / density.mean() + UNFLOWN)
+    """``(M,)`` log of a density over the uniform one, part of which is mixed in; 0 where there is
+    none anywhere.
+    """
+    mean = density.mean()
+    if mean == 0:
+        return np.zeros_like(density)
+    relative: np.ndarray = np.log((1 - UNFLOWN) * density / mean + UNFLOWN)
     return relative

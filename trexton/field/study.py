@@ -177,5 +177,8 @@ def _growth(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
     """``(3,)`` non-negative factors of `unknown` whose sum is nearest to the lengths of the
     errors.
     """
-    factors: np.ndarray = nnls(unknown(variances), np.hypot(*errors.T))[0]
+    lengths = np.hypot(*errors.T)
+    if np.ptp(np.sqrt(np.maximum(variances, 0))) < 1e-9:  # nothing to tell the terms apart
+        return np.array([lengths.mean(), 0.0, 0.0])
+    factors: np.ndarray = nnls(unknown(variances), lengths)[0]
     return factors

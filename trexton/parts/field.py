@@ -158,8 +158,13 @@ class Field(MeasurementModel):
         }  # fmt: skip
         for name, shape in shapes.items():
             array = getattr(self, name)
-            if array.shape != shape or not np.isfinite(array).all():
-                raise MapError(f"the field's {name} has shape {array.shape}: expected {shape}")
+            if array.shape != shape:
+                raise MapError(
+                    f"the field's {name} has shape {array.shape}: expected {shape}, train the map "
+                    "again"
+                )
+            if not np.isfinite(array).all():
+                raise MapError(f"the field's {name} is not finite: fly over more of the floor")
         wanted = min(self.cells, max(16, LARGEST_TABLE // d))
         self.centers, self.shape = grid_cells(tuple(self.area.tolist()), wanted)
         if len(self.centers) != count:
@@ -213,21 +218,25 @@ class Field(MeasurementModel):
     def lasting_growth(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` factors, one at least, on the variance of lasting errors at `places` ``(M, 2)``.
 
-        Errors grow with the root of the field's variance. Between the passes of a survey it is
-        larger than where the errors were learned; and where a survey repeats its passes, they were
-        learned nearer to it than a later flight will be.
+        What is claimed grows with the root of the field's variance. Between the passes of a survey
+        it is larger than where the errors were learned; and where a survey repeats its passes, they
+        were learned nearer to it than a later flight will be.
         """
-        between = self._variance_at(places) / max(float(self.learned_at), LEAST)
+        between = self.variance_at(places) / max(float(self.learned_at), LEAST)
         return float(self.repeated) * np.maximum(1.0, between)
 
     def expected_error(self, places: np.ndarray) -> np.ndarray:
-        """``(M,)`` metres by which a single frame is expected to err at `places` ``(M, 2)``: at
-        most what two places drawn from the area lie apart.
-        """
-        expected: np.ndarray = unknown(self._variance_at(places)) @ self.expected
-        return np.minimum(expected, DRAWN * np.hypot(*ignorance(tuple(self.area.tolist()))))
+        """``(M,)`` metres by which a single frame is expected to err at `places` ``(M, 2)``.
 
-    def _variance_at(self, places: np.ndarray) -> np.ndarray:
+        No less than what is new in each frame, and no more than what two places drawn from a
+        square as large as the area lie apart.
+        """
+        drawn = DRAWN * np.hypot(*ignorance(tuple(self.area.tolist())))
+        expected = unknown(self.variance_at(places)) @ self.expected
+        return np.clip(expected, min(self.error_model.fresh, drawn), drawn)
+
+    def variance_at(self, places: np.ndarray) -> np.ndarray:
+        """``(M,)`` the field's variance at `places` ``(M, 2)``, as a share of the signal."""
         return bilinear(self.variance.reshape(self.shape), self.area, places)
 
 
