@@ -178,7 +178,7 @@ def _growth(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
     errors.
     """
     lengths = np.hypot(*errors.T)
-    if np.ptp(np.sqrt(np.maximum(variances, 0))) < 1e-9:  # nothing to tell the terms apart
+    if np.ptp(variances) < 1e-9:  # nothing to tell the terms apart
         return np.array([lengths.mean(), 0.0, 0.0])
     factors: np.ndarray = nnls(unknown(variances), lengths)[0]
     return factors

@@ -233,7 +233,7 @@ class Field(MeasurementModel):
         """
         drawn = DRAWN * np.hypot(*ignorance(tuple(self.area.tolist())))
         expected = unknown(self.variance_at(places)) @ self.expected
-        return np.clip(expected, min(self.error_model.fresh, drawn), drawn)
+        return np.clip(expected, self.error_model.fresh, drawn)  # the latter where they cross
 
     def variance_at(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` the field's variance at `places` ``(M, 2)``, as a share of the signal."""
