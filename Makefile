@@ -102,7 +102,7 @@ audit: env  ## ask the advisory databases about every locked version (needs a ne
 	@$(BIN)/pip-audit --disable-pip --require-hashes -r environment.lock
 
 pdf: env  ## the built book for print: book/_build/trexton.pdf (needs chromium)
-	@$(BIN)/python -m trexton.book.pdf
+	@$(BIN)/python -m trexton.companion.build.pdf
 
 clean:  ## remove the environment, results, caches and the built book
 	rm -rf .venv .venv-lock results data/cache data/flights book/_build

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from trexton.base.progress import set_quiet
+from trexton.base.records import Record
 from trexton.flights import Flight, write_flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.registry import raw_files
-from trexton.progress import set_quiet
-from trexton.records import Record
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -78,7 +78,7 @@ def field():
     """A field that has learned the small survey; the one it flies with is `motion`."""
     from small_survey import training
 
-    from trexton.parts.field import Field
+    from trexton.field.field import Field
 
     return Field().fit(training())
 
@@ -88,7 +88,7 @@ def motion():
     """What the small survey says of how its vehicle moves."""
     from small_survey import training
 
-    from trexton.parts.singer import Singer
+    from trexton.field.singer import Singer
 
     return Singer().fit(training())
 

@@ -27,16 +27,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from trexton.errors import TrextonError
+from trexton.base.errors import TrextonError
+from trexton.base.progress import set_quiet
+from trexton.base.records import Record
 from trexton.flights import Flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.importers import importer
 from trexton.flights.importers.calibration import read_calibration
-from trexton.images import read_image
-from trexton.localizer import TextonMap
+from trexton.localization.localizer import TextonMap
 from trexton.onboard.logbook import replayed
-from trexton.progress import set_quiet
-from trexton.records import Record
+from trexton.vision.images import read_image
 
 CORPUS = Path(__file__).parent / "fuzz_corpus"
 SECONDS, MEGABYTES = 2, 500

@@ -141,7 +141,7 @@ class Grave:
             os.environ |= {MARK: self.token, "TREXTON_CACHE": str(self.work / "cache")}
             if step is not None:
                 sys.addaudithook(self._counting(step))
-            from trexton.cli import main
+            from trexton.cli.main import main
 
             status = main(list(words))
             sys.stdout.flush()

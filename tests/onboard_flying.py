@@ -10,7 +10,7 @@ import numpy as np
 from onboard_tools import AREA, room, room_map
 
 from trexton.flights import Flight
-from trexton.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer, TextonMap
 from trexton.onboard import Fix, Onboard
 from trexton.onboard.sinks import Guard, Sink
 from trexton.onboard.sources import Frame, Source

@@ -11,16 +11,16 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from trexton.camera import Camera, MapImage
 from trexton.flights.flight import Flight
-from trexton.localizer import Estimate, TextonMap
+from trexton.localization.localizer import Estimate, TextonMap
+from trexton.localization.motion import RandomWalk
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.sinks import Surroundings
 from trexton.onboard.sinks.mavlink import MavlinkOptions
 from trexton.onboard.tally import Tally
-from trexton.parts.motion import RandomWalk
 from trexton.simulator import Floor, Simulator, record_flight
+from trexton.vision.camera import Camera, MapImage
 
 CAMERA = Camera(128, 96, 104.0)
 AREA = (0.0, 4.0, 0.0, 4.0)

@@ -6,9 +6,9 @@ from functools import cache
 
 import numpy as np
 
-from trexton.camera import Camera
 from trexton.registration import FloorFix, FloorTracker
 from trexton.simulator import Effects, Floor, Plan, Simulator, random_waypoints
+from trexton.vision.camera import Camera
 
 CAMERA = Camera(320, 240, 260.0)
 

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from trexton.observation import Observation
-from trexton.parts.base import Training
-from trexton.parts.distances import Hellinger
-from trexton.parts.tracks import TrackFilter
+from trexton.field.tracks import TrackFilter
+from trexton.localization.base import Training
+from trexton.localization.distances import Hellinger
+from trexton.localization.observation import Observation
 
 AREA = (0.0, 4.0, 0.0, 3.0)
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from onboard_tools import colourful_flight
 
-from trexton.errors import ParameterError
-from trexton.experiments import aiding
-from trexton.figures import aiding as figures
+from trexton.base.errors import ParameterError
+from trexton.companion.experiments import aiding
+from trexton.companion.figures import aiding as figures
 
 CHOSEN = {"survey": 60, "frames": 24, "textons": 6, "samples": 100, "velocity_cm_s": 0.0}
 

@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trexton.book.report import write_report
-from trexton.camera import Camera
-from trexton.experiments.advice import advice
-from trexton.experiments.assessment import Parameters, finding, run
-from trexton.figures.assessment import error_shares, over_the_floor
-from trexton.figures.style import COLORS
+from trexton.companion.build.small_report import write_report
+from trexton.companion.experiments.advice import advice
+from trexton.companion.experiments.assessment import Parameters, finding, run
+from trexton.companion.experiments.style import COLORS
+from trexton.companion.figures.assessment import error_shares, over_the_floor
 from trexton.flights import Flight
 from trexton.simulator import record_flight
+from trexton.vision.camera import Camera
 
 
 def make_flight(

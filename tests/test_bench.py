@@ -12,27 +12,30 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from trexton import cli
-from trexton.bench import STAGES, Row, estimation, growth, images, measure, start, table
-from trexton.bench.clock import Times, interleave
-from trexton.bench.estimation import _by_numpy, _map_by_einsum, _map_by_sums
-from trexton.bench.growth import exponent
-from trexton.bench.images import _by_cdist, operations
-from trexton.bench.onboard import onboard
-from trexton.bench.scene import Scene, crowd, observations
-from trexton.clock import StageClock
-from trexton.errors import ParameterError
-from trexton.executor import limited_threads
-from trexton.histograms import texton_histogram
-from trexton.kernels import thread_count
-from trexton.neighbors import NearestHistograms
-from trexton.parts.estimation import MaximumAPosteriori
-from trexton.parts.filters import ParticleFilter
-from trexton.parts.measurement import RankMixture
-from trexton.parts.motion import RandomWalk
-from trexton.records import machine
-from trexton.textons import TextonDictionary
-from trexton.wording import duration
+from trexton.base.errors import ParameterError
+from trexton.base.executor import limited_threads
+from trexton.base.records import machine
+from trexton.base.wording import duration
+from trexton.cli import main as cli
+from trexton.companion.checks import bench_estimation as estimation
+from trexton.companion.checks import bench_images as images
+from trexton.companion.checks import growth, start
+from trexton.companion.checks.bench import STAGES, Row, measure, table
+from trexton.companion.checks.bench_estimation import _by_numpy, _map_by_einsum, _map_by_sums
+from trexton.companion.checks.bench_images import _by_cdist, operations
+from trexton.companion.checks.bench_onboard import onboard
+from trexton.companion.checks.growth import exponent
+from trexton.companion.checks.scene import Scene, crowd, observations
+from trexton.companion.checks.timing import Times, interleave
+from trexton.evaluation.clock import StageClock
+from trexton.localization.estimation import MaximumAPosteriori
+from trexton.localization.filters import ParticleFilter
+from trexton.localization.measurement import RankMixture
+from trexton.localization.motion import RandomWalk
+from trexton.localization.neighbors import NearestHistograms
+from trexton.vision.histograms import texton_histogram
+from trexton.vision.kernels.load import thread_count
+from trexton.vision.textons import TextonDictionary
 
 
 @pytest.fixture(scope="module")
@@ -205,7 +208,9 @@ def hurried(monkeypatch):
 @pytest.mark.parametrize("stage", STAGE_ROWS)
 def test_a_stage_is_beside_its_yardsticks(stage, scene, hurried):
     module, function = STAGES[stage]
-    rows = list(getattr(import_module(f"trexton.bench.{module}"), function)(scene, quick=True))
+    rows = list(
+        getattr(import_module(f"trexton.companion.checks.{module}"), function)(scene, quick=True)
+    )
     assert [row.yardstick for row in rows] == STAGE_ROWS[stage]
     assert all(row.ours_s > 0 and row.yardstick_s > 0 for row in rows)
     if stage == "neighbors":

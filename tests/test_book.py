@@ -9,20 +9,20 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, mocap_record, small_flight
 
-from trexton.book import build_small_book
-from trexton.book import flights as book_flights
-from trexton.book.audit import audit
-from trexton.book.flights import prepare_flights
-from trexton.book.library import MODULES, describe_module
-from trexton.book.prose import render
-from trexton.book.stage import Contents, stage
-from trexton.errors import DataError, TrextonError
+from trexton.base.errors import DataError, TrextonError
+from trexton.base.wording import Tree
+from trexton.companion.build import prepare_flights as book_flights
+from trexton.companion.build.api import build_small_book
+from trexton.companion.build.audit import audit
+from trexton.companion.build.formats import nbformat
+from trexton.companion.build.library import MODULES, describe_module
+from trexton.companion.build.plan import sole_writer
+from trexton.companion.build.prepare_flights import prepare_flights
+from trexton.companion.build.prose import render
+from trexton.companion.build.stage import Contents, stage
+from trexton.companion.build.workflow import FlightPair, Outcome
 from trexton.flights import read_flight, write_flight
-from trexton.landing import TouchdownZone
-from trexton.wording import Tree
-from trexton.workflow import FlightPair, Outcome
-from trexton.workflow.formats import nbformat
-from trexton.workflow.plan import sole_writer
+from trexton.localization.landing import TouchdownZone
 
 BUILT = ROOT / "book" / "_build" / "html"
 

@@ -10,13 +10,13 @@ from html import unescape
 import numpy as np
 import pytest
 
-from trexton.book.charts import inline_figure, is_figure
-from trexton.book.finish import finish_page
-from trexton.book.icons import with_icons
-from trexton.book.mathematics import mathml
-from trexton.errors import DataError
-from trexton.figures.drawing import chart_data, to_png, to_svg
-from trexton.figures.style import COLORS, canvas
+from trexton.base.errors import DataError
+from trexton.companion.build.charts import inline_figure, is_figure
+from trexton.companion.build.finish import finish_page
+from trexton.companion.build.icons import with_icons
+from trexton.companion.build.mathematics import mathml
+from trexton.companion.experiments.drawing import chart_data, to_png, to_svg
+from trexton.companion.experiments.style import COLORS, canvas
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ import shutil
 
 import pytest
 
-from trexton.book.pdf import print_book, whole_book
-from trexton.errors import TrextonError
+from trexton.base.errors import TrextonError
+from trexton.companion.build.pdf import print_book, whole_book
 
 
 @pytest.fixture

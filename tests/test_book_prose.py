@@ -9,9 +9,13 @@ import pandas as pd
 import pytest
 from conftest import ROOT
 
-from trexton.book.found import what_we_found
-from trexton.book.library import describe_module
-from trexton.book.pages import (
+from trexton.base.errors import ParameterError
+from trexton.base.records import Record
+from trexton.companion.build.formats import nbformat
+from trexton.companion.build.found import what_we_found
+from trexton.companion.build.library import describe_module
+from trexton.companion.build.notebook import show_table
+from trexton.companion.build.pages import (
     describe_notebook,
     description,
     name_figures,
@@ -19,16 +23,12 @@ from trexton.book.pages import (
     refer_by_number,
     with_flight,
 )
-from trexton.book.paper_map import load_map, map_table
-from trexton.book.prose import records_by_name
-from trexton.claims import load_claims
-from trexton.errors import ParameterError
-from trexton.experiments import EXPERIMENTS
+from trexton.companion.build.paper_map import load_map, map_table
+from trexton.companion.build.prose import records_by_name
+from trexton.companion.build.workflow import Outcome
+from trexton.companion.claims.api import load_claims
+from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.names import flight_title
-from trexton.notebook import show_table
-from trexton.records import Record
-from trexton.workflow import Outcome
-from trexton.workflow.formats import nbformat
 
 
 def entry(middle, low=None, high=None):
@@ -214,7 +214,7 @@ def test_pages_are_described_by_their_first_words_or_their_finding():
 
 
 def test_names_that_a_package_hands_on_are_described_where_it_stands():
-    text = describe_module("trexton.mosaic")
+    text = describe_module("trexton.registration.mosaic")
     assert "stitch(" in text and "Mosaic(" in text and text.count("```python") >= 4
 
 

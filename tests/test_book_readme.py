@@ -13,10 +13,10 @@ from conftest import ROOT
 from PIL import Image
 
 from trexton import __version__
-from trexton.book.moving import moving_picture
-from trexton.book.readme import is_current, kept_numbers, results_table, with_table
-from trexton.errors import TrextonError
-from trexton.records import Record
+from trexton.base.errors import TrextonError
+from trexton.base.records import Record
+from trexton.companion.build.moving import moving_picture
+from trexton.companion.build.readme import is_current, kept_numbers, results_table, with_table
 
 
 def test_the_table_of_the_readme_is_that_of_the_numbers_kept():
@@ -48,7 +48,9 @@ def test_numbers_are_kept_with_their_provenance(tmp_path):
     table = results_table(kept)
     assert "| the paper's filter | 86.9 cm [57.3, 122] |" in table and "fine" not in table
     readme = tmp_path / "README.md"
-    readme.write_text("<!-- results: python -m trexton.book.readme -->\n<!-- end of results -->\n")
+    readme.write_text(
+        "<!-- results: python -m trexton.companion.build.readme -->\n<!-- end of results -->\n"
+    )
     assert not is_current(readme, tmp_path) and is_current(readme, tmp_path / "nothing")
     readme.write_text(with_table(readme.read_text(), table))
     assert is_current(readme, tmp_path)

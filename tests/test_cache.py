@@ -8,15 +8,15 @@ import sys
 from pathlib import Path
 
 import trexton
-from trexton.cache import code_hashes
-from trexton.parts import ROLES
+from trexton.base.cache import code_hashes
+from trexton.localization.roles import ROLES
 
 # In a copy of the package: change a constant of one reached module after the other, ask each time.
 EDITS = """
 import importlib, sys
 from pathlib import Path
 import numpy as np
-import trexton.cache as cache
+import trexton.base.cache as cache
 
 def made():
     importlib.reload(cache)  # it reads every module once a process
@@ -27,7 +27,7 @@ def made():
 assert made() and not made()
 modules = list(cache.code_hashes(sys.argv[1]))
 places = [Path(importlib.util.find_spec(name).origin) for name in modules]
-for place in places + list(Path("trexton/player").glob("player.*")):
+for place in places + list(Path("trexton/companion/player").glob("player.*")):
     with open(place, "a") as stream:
         stream.write("\\nEDITED = 1\\n")
     if not made():
@@ -41,7 +41,7 @@ def test_a_change_in_any_module_that_is_reached_makes_it_anew(tmp_path):
     shutil.copytree(package, tmp_path / "trexton", ignore=shutil.ignore_patterns("__pycache__"))
     environment = {"PYTHONPATH": str(tmp_path), "TREXTON_CACHE": str(tmp_path / "cache")}
     done = subprocess.run(
-        [sys.executable, "-c", EDITS, "trexton.player"],
+        [sys.executable, "-c", EDITS, "trexton.companion.player"],
         capture_output=True, text=True, cwd=tmp_path, env=environment,
     )  # fmt: skip
     assert done.stdout.split() and done.stdout.split() == done.stdout.split()[:1], done
@@ -50,5 +50,5 @@ def test_a_change_in_any_module_that_is_reached_makes_it_anew(tmp_path):
 
 def test_parts_that_are_loaded_by_name_are_reached():
     named = {place.partition(":")[0] for names in ROLES.values() for place in names.values()}
-    assert named <= code_hashes("trexton.localizer").keys()
-    assert named <= code_hashes("trexton.experiments.beyond").keys()
+    assert named <= code_hashes("trexton.localization.localizer").keys()
+    assert named <= code_hashes("trexton.companion.experiments.beyond").keys()

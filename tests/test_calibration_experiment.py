@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from small_room import histogram_flight
 
-from trexton.experiments import calibration
-from trexton.figures import calibration as figures
+from trexton.companion.experiments import calibration
+from trexton.companion.figures import calibration as figures
 
 
 @pytest.fixture(scope="module")

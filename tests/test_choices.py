@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.experiments import choices
-from trexton.figures import choices as figures
+from trexton.companion.experiments import choices
+from trexton.companion.figures import choices as figures
 
 
 def test_counts_that_are_never_cleared_leave_one_nth_of_the_frame_before(rng):

@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from conftest import mocap_record
 
-from trexton.claims import (
+from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.records import Record
+from trexton.companion.claims.api import (
     VERDICTS,
     Claim,
     Finding,
@@ -17,11 +19,9 @@ from trexton.claims import (
     load_records,
     write_ledger,
 )
-from trexton.claims.page import claims_html, counts_html, filters_html
-from trexton.errors import ParameterError, TrextonError
-from trexton.experiments import EXPERIMENTS
-from trexton.paper import published
-from trexton.records import Record
+from trexton.companion.claims.page import claims_html, counts_html, filters_html
+from trexton.companion.experiments.printed import published
+from trexton.companion.experiments.registry import EXPERIMENTS
 
 REPRODUCED, DIRECTION, BETTER, INCONCLUSIVE, FAILED, CONSTRUCTED, UNTESTABLE = VERDICTS
 

@@ -11,7 +11,8 @@ from importlib import import_module
 
 import pytest
 
-from trexton import __version__, cli
+from trexton import __version__
+from trexton.cli import main as cli
 
 
 @pytest.mark.parametrize("name", sorted(cli.COMMANDS))
@@ -21,7 +22,7 @@ def test_every_command_has_help_and_does_what_the_table_says(name, capsys):
     assert stopped.value.code == 0
     text = capsys.readouterr().out
     assert f"usage: trexton {name}" in text and "--quiet" in text
-    module = import_module(f"trexton.commands.{cli.COMMANDS[name][0]}")
+    module = import_module(cli.COMMANDS[name][0])
     assert callable(module.run) and callable(module.add_arguments)
 
 
@@ -75,7 +76,7 @@ def test_check_says_usable_or_not(flight_folder, capsys):
 
 def run(
     words: list[str],
-    code: str = "from trexton.cli import main; raise SystemExit(main())",
+    code: str = "from trexton.cli.main import main; raise SystemExit(main())",
     **options,
 ):
     command = [sys.executable, "-c", f"import sys; sys.argv[0] = 'trexton'; {code}", *words]
@@ -85,7 +86,7 @@ def run(
 def test_version_and_help_load_none_of_the_heavy_packages():
     heavy = "'numpy', 'cv2', 'numba', 'pandas', 'matplotlib', 'scipy', 'papermill'"
     code = (
-        "from trexton.cli import main\n"
+        "from trexton.cli.main import main\n"
         "try: main(['--help'])\nexcept SystemExit: pass\n"
         f"loaded = [name for name in ({heavy}) if name in sys.modules]\n"
         "raise SystemExit(f'loaded: {loaded}' if loaded else 0)"
@@ -100,7 +101,7 @@ def test_version_and_help_load_none_of_the_heavy_packages():
 def test_no_file_takes_the_place_of_a_stream_that_was_closed(closed):
     """What libraries write to standard error would be written into it."""
     code = (
-        "import os, trexton.commands.check as check\nfrom trexton import cli\n"
+        "import os, trexton.cli.check as check\nfrom trexton import cli\n"
         "def opens(arguments):\n"
         "    print(os.open(os.devnull, os.O_RDONLY) > 2)\n"
         "    raise OSError('unsaid')\n"
@@ -113,7 +114,7 @@ def test_no_file_takes_the_place_of_a_stream_that_was_closed(closed):
 
 def test_an_interrupt_and_a_closed_pipe_leave_no_traceback(flight_folder):
     code = (
-        "from trexton import cli\nimport trexton.commands.check as check\n"
+        "from trexton import cli\nimport trexton.cli.check as check\n"
         "def stop(path): raise KeyboardInterrupt\ncheck.check_flight = stop\nraise "
         "SystemExit(cli.main())"
     )
@@ -122,7 +123,7 @@ def test_an_interrupt_and_a_closed_pipe_leave_no_traceback(flight_folder):
     reader, writer = os.pipe()
     os.close(reader)
     process = subprocess.run(
-        [sys.executable, "-m", "trexton.cli", "check", str(flight_folder)],
+        [sys.executable, "-m", "trexton.cli.main", "check", str(flight_folder)],
         stdout=writer,
         stderr=subprocess.PIPE,
         text=True,

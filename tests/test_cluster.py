@@ -21,13 +21,13 @@ from dask_tools import Cluster
 from patience import eventually
 from tiny_notebooks import BODY, write_notebook
 
-from trexton.errors import ParameterError, TrextonError
-from trexton.executor import connect, spread, working_on
-from trexton.experiments import EXPERIMENTS, Experiment
+from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.executor import connect, spread, working_on
+from trexton.companion.build.execution import Job, execute
+from trexton.companion.build.workers import workers
+from trexton.companion.build.workflow import FlightPair, run_experiments
+from trexton.companion.experiments.registry import EXPERIMENTS, Experiment
 from trexton.flights import write_flight
-from trexton.workflow import FlightPair, run_experiments
-from trexton.workflow.execution import Job, execute
-from trexton.workflow.workers import workers
 
 RECORDED = ("parameters", "values", "series", "images", "provenance")
 
@@ -93,7 +93,7 @@ def test_nothing_answers_or_nobody_works(flight, tmp_path):
 
 def test_what_is_no_scheduler_is_told_at_once(monkeypatch):
     """The address of the dashboard, or of another server, was waited for without end."""
-    monkeypatch.setattr("trexton.executor._GREETING_S", 0.2)
+    monkeypatch.setattr("trexton.base.executor._GREETING_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         port = silent.getsockname()[1]
         for address in (f"tcp://127.0.0.1:{port}", f"http://127.0.0.1:{port}"):
@@ -140,7 +140,7 @@ def begun(mark: str, wait_s: float) -> str:
 
 def test_a_cluster_without_workers_is_waited_for_with_a_word(tmp_path, monkeypatch, capsys):
     """As at the end of a job's time."""
-    monkeypatch.setattr("trexton.workflow.workers._LOOK_S", 0.5)
+    monkeypatch.setattr("trexton.companion.build.workers._LOOK_S", 0.5)
     mark, scheduler = tmp_path / "begun", ["--scheduler-file", tmp_path / "scheduler.json"]
     with Cluster(tmp_path, workers=1) as own:
         with workers(own.address, None) as crew, ThreadPoolExecutor() as pool:
@@ -158,7 +158,7 @@ def lacking() -> str:
 
 
 def test_a_worker_that_lacks_the_package_is_named(cluster, monkeypatch):
-    monkeypatch.setattr("trexton.workflow.workers._fingerprint", lacking)
+    monkeypatch.setattr("trexton.companion.build.workers._fingerprint", lacking)
     with pytest.raises(ParameterError, match="worker of .* does not run this trexton .none here"):
         with workers(cluster.address, None):
             pass
@@ -201,8 +201,8 @@ def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
     script = f"""if True:
         import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
         import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})
-        from trexton.experiments import Experiment
-        from trexton.workflow import FlightPair, run_experiments
+        from trexton.companion.experiments.registry import Experiment
+        from trexton.companion.build.workflow import FlightPair, run_experiments
         experiments = {{"first": Experiment("F", module="tiny_experiment"),
             "second": Experiment("S", after=("first",), module="tiny_experiment")}}
         run_experiments([FlightPair({str(flight)!r})], {str(tmp_path / "out")!r},

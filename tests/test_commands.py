@@ -11,16 +11,16 @@ import pytest
 from conftest import mocap_record, small_flight
 from test_assessment import make_flight
 
-import trexton.book
-import trexton.commands.run  # binds what is stood in for below, before that
-import trexton.workflow
-from trexton import cli
-from trexton.book.make import Made
-from trexton.experiments import assessment
+import trexton.companion.build.api
+import trexton.companion.build.workflow
+import trexton.companion.cli.run  # binds what is stood in for below, before that
+from trexton.base.progress import set_quiet
+from trexton.cli import main as cli
+from trexton.companion.build.display import Display, Outcome
+from trexton.companion.build.make import Made
+from trexton.companion.experiments import assessment
 from trexton.flights import write_flight
 from trexton.flights.pair import load_pair
-from trexton.progress import set_quiet
-from trexton.workflow.display import Display, Outcome
 
 OUTCOMES = [
     Outcome("room", "mocap_training", "ran", ("its code changed",), 2.0),
@@ -38,7 +38,7 @@ def asked(monkeypatch):
         seen.update(options, pairs=pairs, out=out)
         return OUTCOMES
 
-    monkeypatch.setattr("trexton.commands.run.run_experiments", stand_in)
+    monkeypatch.setattr("trexton.companion.cli.run.run_experiments", stand_in)
     return seen
 
 
@@ -55,7 +55,9 @@ def test_run_hands_settings_on_and_says_why_one_was_left_out(asked, capsys):
 
 
 def test_run_makes_a_small_book_of_what_there_is(asked, capsys, monkeypatch, tmp_path):
-    monkeypatch.setattr(trexton.book, "build_small_book", lambda *given: f"book of {given[2]}")
+    monkeypatch.setattr(
+        trexton.companion.build.api, "build_small_book", lambda *given: f"book of {given[2]}"
+    )
     assert cli.main(["run", "a", "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.endswith(f"book of {tmp_path}\n")
     monkeypatch.setattr(
@@ -85,7 +87,7 @@ def test_book_prints_what_it_made_and_found_and_fails_with_an_experiment(monkeyp
     made = Made(Path("book/index.html"), ["the flight is absent"], ["It works."], list(OUTCOMES))
     asked = {}
     monkeypatch.setattr(
-        "trexton.commands.book.make_book", lambda **given: asked.update(given) or made
+        "trexton.companion.cli.book.make_book", lambda **given: asked.update(given) or made
     )
     assert cli.main(["book", "--set", "repeats=2", "--jobs", "2"]) == 0
     assert asked == {"settings": {"repeats": "2"}, "jobs": 2}
@@ -106,7 +108,7 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
         assessment.run(train, test, options).save(out / pairs[0].name)
         return [Outcome(pairs[0].name, "assessment", "ran")]
 
-    monkeypatch.setattr(trexton.workflow, "run_experiments", stand_in)
+    monkeypatch.setattr(trexton.companion.build.workflow, "run_experiments", stand_in)
     out = tmp_path / "out"
     words = ["report", str(tmp_path / "loop"), "--no-book", "--methods", "paper"]
     assert cli.main([*words, "--out", str(out)]) == 0
@@ -117,7 +119,9 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
     assert (out / "report.html").read_text("utf-8").rstrip().endswith("</html>")
 
     failed = [Outcome("loop", "assessment", "failed", ("oops",))]
-    monkeypatch.setattr(trexton.workflow, "run_experiments", lambda *_, **__: failed)
+    monkeypatch.setattr(
+        trexton.companion.build.workflow, "run_experiments", lambda *_, **__: failed
+    )
     write_flight(small_flight(), tmp_path / "small")
     again = ["report", str(tmp_path / "small"), "--no-book", "--out", str(tmp_path / "again")]
     assert cli.main(again) == 1
@@ -145,8 +149,10 @@ def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkey
         assessment.run(train, test, assessment.Parameters()).save(out / pairs[0].name)
         return [Outcome(pairs[0].name, "assessment", "reused")]
 
-    monkeypatch.setattr(trexton.workflow, "run_experiments", stand_in)
-    monkeypatch.setattr(trexton.book, "build_small_book", lambda *given: f"book of {given[2]}")
+    monkeypatch.setattr(trexton.companion.build.workflow, "run_experiments", stand_in)
+    monkeypatch.setattr(
+        trexton.companion.build.api, "build_small_book", lambda *given: f"book of {given[2]}"
+    )
     words = ["report", str(tmp_path / "loop"), "--test-flight", "other"]
     assert cli.main([*words, "--out", str(tmp_path / "out")]) == 0
     assert f"book of {tmp_path / 'out'}\n" in capsys.readouterr().out

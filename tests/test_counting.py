@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from small_room import picture_flight
 
-from trexton import counting
-from trexton.counting import full_histograms
-from trexton.histograms import texton_histogram
-from trexton.textons import TextonDictionary
+from trexton.localization import counting
+from trexton.localization.counting import full_histograms
+from trexton.vision.histograms import texton_histogram
+from trexton.vision.textons import TextonDictionary
 
 
 @pytest.fixture(scope="module")

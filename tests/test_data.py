@@ -11,9 +11,9 @@ import threading
 import numpy as np
 import pytest
 
-from trexton import cli
-from trexton.cache import repository_root
-from trexton.errors import DataError, ParameterError
+from trexton.base.cache import repository_root
+from trexton.base.errors import DataError, ParameterError
+from trexton.cli import main as cli
 from trexton.flights import read_flight
 from trexton.flights import registry as data
 from trexton.flights.cyberzoo import read_cyberzoo

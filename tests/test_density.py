@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from onboard_tools import colourful_flight
 
-from trexton import notebook
-from trexton.errors import ParameterError
-from trexton.experiments import density
-from trexton.figures import density as figures
+from trexton.base.errors import ParameterError
+from trexton.companion.build import notebook
+from trexton.companion.experiments import density
+from trexton.companion.figures import density as figures
 
 CHOSEN = {"survey": 40, "frames": 24, "textons": 6, "samples": 100}
 

@@ -13,11 +13,11 @@ from dataclasses import replace
 import pytest
 from small_room import histogram_flight, picture_flight
 
-from trexton.cli import main
-from trexton.errors import TrextonError
+from trexton.base.errors import TrextonError
+from trexton.cli.main import main
+from trexton.companion.checks.verify import Verdict, update
 from trexton.flights import write_flight
 from trexton.onboard import voice
-from trexton.verify import Verdict, update
 
 READ_ONLY, REMOUNT = 1, 32  # of mount(2)
 

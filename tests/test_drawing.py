@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from trexton.figures.drawing import chart_data
-from trexton.figures.style import canvas
+from trexton.companion.experiments.drawing import chart_data
+from trexton.companion.experiments.style import canvas
 
 
 def told(draw) -> dict:

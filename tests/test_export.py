@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
-from trexton.cli import main
-from trexton.errors import TrextonError
+from trexton.base.errors import TrextonError
+from trexton.cli.main import main
 from trexton.flights import Flight, write_flight
 from trexton.flights.exporters import export, load_trajectory
 from trexton.flights.importers.photos import local_metres

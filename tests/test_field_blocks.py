@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
 from trexton.flights.flight import Flight
-from trexton.localizer import TextonMap
+from trexton.localization.localizer import TextonMap
 
 
 @pytest.mark.parametrize("count", [3, 18, 75])

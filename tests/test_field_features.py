@@ -5,9 +5,9 @@ import pytest
 from small_survey import errors_of, look, path, training
 
 from trexton.field.features import KEPT, MANY, Features
-from trexton.parts.field import Field
-from trexton.parts.singer import Singer
-from trexton.parts.tracks import TrackFilter
+from trexton.field.field import Field
+from trexton.field.singer import Singer
+from trexton.field.tracks import TrackFilter
 
 
 @pytest.fixture

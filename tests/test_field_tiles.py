@@ -9,17 +9,17 @@ import pytest
 from small_room import SHAPE, histogram_flight, picture_flight
 from small_survey import look, observed, training
 
-from trexton.camera import Camera
-from trexton.errors import MapError
+from trexton.base.errors import MapError
 from trexton.field.features import MANY, Features
+from trexton.field.field import Field
 from trexton.field.process import Process
 from trexton.field.tiles import Tiles
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.localizer import Localizer, TextonMap
-from trexton.parts.base import Training
-from trexton.parts.field import Field
-from trexton.textons import TextonDictionary
+from trexton.localization.base import Training
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.vision.camera import Camera
+from trexton.vision.textons import TextonDictionary
 
 RIGHT, DOWN = np.array([0.55, 0.2]), np.array([0.15, -0.45])  # of a camera that is turned
 OFFSETS = np.array([(c - 0.5) * RIGHT + (r - 0.5) * DOWN for r in (0, 1) for c in (0, 1)])

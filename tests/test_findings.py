@@ -7,11 +7,11 @@ import pytest
 from conftest import ROOT
 from jinja2 import UndefinedError
 
-from trexton.experiments import EXPERIMENTS, LEDGER
-from trexton.metrics import wilson_interval
-from trexton.notebook import Given, Page
-from trexton.records import Record
-from trexton.wording import apart, beside, fixed, interval, number, percent, times
+from trexton.base.records import Record
+from trexton.base.wording import apart, beside, fixed, interval, number, percent, times
+from trexton.companion.build.notebook import Given, Page
+from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
+from trexton.evaluation.metrics import wilson_interval
 
 
 def entry(middle, low, high):
@@ -20,12 +20,14 @@ def entry(middle, low, high):
 
 def found(experiment, values, timings=None, series=None, parameters=None):
     record = Record(experiment, "f", parameters or {}, values, series or {}, {}, timings or {})
-    return importlib.import_module(f"trexton.experiments.{experiment}").finding(record)
+    return importlib.import_module(f"trexton.companion.experiments.{experiment}").finding(record)
 
 
 def test_every_experiment_says_what_it_found_at_the_top_of_its_page():
     for name in EXPERIMENTS.keys() - {LEDGER}:
-        assert importlib.import_module(f"trexton.experiments.{name}").finding.__doc__, name
+        assert importlib.import_module(f"trexton.companion.experiments.{name}").finding.__doc__, (
+            name
+        )
         text = (ROOT / "notebooks" / f"{name}.md").read_text()
         assert text.count("page.finding(") == 1, name
         assert text.index("page.finding(") < text.index("page.show("), name
@@ -227,7 +229,9 @@ def test_numbers_as_words():
 def test_a_page_says_what_its_record_says(tmp_path):
     values = {"filter": {"mean_cm": entry(102, 85, 122)}, "pages": 3}
     record = Record("mocap_training", "f", {"samples": 400}, values, timings={"step_s": 0.5})
-    parameters = importlib.import_module("trexton.experiments.mocap_training").Parameters()
+    parameters = importlib.import_module(
+        "trexton.companion.experiments.mocap_training"
+    ).Parameters()
     page = Page(record, Given("f", None, str(tmp_path), parameters))
     text = "{{ filter.mean_cm | span }} of {{ parameters.samples }}, {{ timings.step_s }}, {{ x }}"
     assert page.say(text, x=7).data == "102 [85, 122] of 400, 0.5, 7"

@@ -7,14 +7,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from trexton import notebook
-from trexton.camera import Camera, MapImage
-from trexton.errors import MapError
-from trexton.experiments import fine
-from trexton.experiments.peers import PEERS, OrbLocalizer, make_peer
-from trexton.figures import fine as figures
-from trexton.metrics import wilson_interval
+from trexton.base.errors import MapError
+from trexton.companion.build import notebook
+from trexton.companion.experiments import fine
+from trexton.companion.experiments.peers import PEERS, OrbLocalizer, make_peer
+from trexton.companion.figures import fine as figures
+from trexton.evaluation.metrics import wilson_interval
 from trexton.simulator import Floor, Simulator, record_flight
+from trexton.vision.camera import Camera, MapImage
 
 
 @pytest.fixture(scope="module")

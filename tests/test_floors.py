@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.cli import main
-from trexton.errors import ParameterError
-from trexton.experiments import suitability
-from trexton.experiments.floors import VirtualFlights, judge_floor, named_floor, with_mat
-from trexton.figures.floors import foretold
+from trexton.base.errors import ParameterError
+from trexton.cli.main import main
+from trexton.companion.experiments import suitability
+from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor, with_mat
+from trexton.companion.figures.floors import foretold
 from trexton.simulator import Floor
 
 SMALL = VirtualFlights(frames=100, test_frames=30)

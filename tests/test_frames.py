@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
 from trexton.flights import read_flight, write_flight
 from trexton.flights.frames import Forward, ImageFiles, VideoFrames, select_frames
-from trexton.images import yuv_from_bgr
+from trexton.vision.images import yuv_from_bgr
 
 
 def grey(level: int) -> np.ndarray:

@@ -7,12 +7,12 @@ import pytest
 from onboard_consumers import ekf2, ekf3
 from small_room import histogram_flight
 
-from trexton.errors import ParameterError
-from trexton.estimate import Estimate
-from trexton.experiments import fused
-from trexton.experiments.receivers import RECEIVERS, Receiver, readings
-from trexton.experiments.track import Track, tracks
-from trexton.figures import fused as figures
+from trexton.base.errors import ParameterError
+from trexton.companion.experiments import fused
+from trexton.companion.experiments.receivers import RECEIVERS, Receiver, readings
+from trexton.companion.experiments.track import Track, tracks
+from trexton.companion.figures import fused as figures
+from trexton.localization.estimate import Estimate
 
 DT = 0.08
 LOST = np.zeros(2), np.eye(2)

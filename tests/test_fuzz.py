@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from trexton.progress import set_quiet
+from trexton.base.progress import set_quiet
 
 NAMES = (
     "flight.toml",
@@ -97,8 +97,8 @@ def test_a_picture_that_declares_too_much_is_refused_before_it_is_made(tmp_path,
     """The limit that OpenCV itself holds to, for formats whose heads are not parsed here."""
     (tmp_path / "bomb.ppm").write_bytes(bomb)
     code = (
-        "import sys\nfrom trexton.cli import sentence\nfrom trexton.images import read_image\n"
-        "try: read_image(sys.argv[1])\n"
+        "import sys\nfrom trexton.cli.main import sentence\n"
+        "from trexton.vision.images import read_image\ntry: read_image(sys.argv[1])\n"
         "except Exception as error: print(sentence(error))\n"
         # Not ru_maxrss, which a child inherits from whoever started it.
         "peak = next(line for line in open('/proc/self/status') if line.startswith('VmHWM'))\n"

@@ -6,14 +6,14 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.camera import Camera, MapImage
-from trexton.errors import ParameterError
-from trexton.experiments import heading
-from trexton.figures import heading as figures
-from trexton.figures.style import COLORS
-from trexton.histograms import texton_histogram
+from trexton.base.errors import ParameterError
+from trexton.companion.experiments import heading
+from trexton.companion.experiments.style import COLORS
+from trexton.companion.figures import heading as figures
 from trexton.simulator import Floor, record_flight
-from trexton.textons import TextonDictionary
+from trexton.vision.camera import Camera, MapImage
+from trexton.vision.histograms import texton_histogram
+from trexton.vision.textons import TextonDictionary
 
 
 @pytest.fixture(scope="module")

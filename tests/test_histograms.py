@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 from plain import plain_histogram, plain_labels
 
-from trexton.errors import ImageError, ParameterError
-from trexton.histograms import label_image, sample_positions, sampled_histogram, texton_histogram
-from trexton.kernels import in_strips, thread_count
-from trexton.patches import gather_patches
-from trexton.textons import TextonDictionary
+from trexton.base.errors import ImageError, ParameterError
+from trexton.vision.histograms import (
+    label_image,
+    sample_positions,
+    sampled_histogram,
+    texton_histogram,
+)
+from trexton.vision.kernels.load import in_strips, thread_count
+from trexton.vision.patches import gather_patches
+from trexton.vision.textons import TextonDictionary
 
 BACKENDS = ("numba", "numpy")
 

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.camera import Camera, MapImage, transform_points
-from trexton.errors import ImageError, MapError, ParameterError
-from trexton.homography import HomographyLocalizer, detect_keypoints, find_homography
-from trexton.images import yuv_from_bgr
+from trexton.base.errors import ImageError, MapError, ParameterError
+from trexton.registration.homography import HomographyLocalizer, detect_keypoints, find_homography
+from trexton.vision.camera import Camera, MapImage, transform_points
+from trexton.vision.images import yuv_from_bgr
 
 CAMERA = Camera(width=320, height=240, focal=260.0)
 PIXELS_PER_METRE = 280

@@ -4,15 +4,20 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.camera import Camera, MapImage
-from trexton.experiments import homography_baseline, homography_training, mosaic
-from trexton.experiments.homography_training import filtered_positions
-from trexton.experiments.stitched import drifting_map, floor_residual, locate_all, stitched_map
-from trexton.figures import homography_baseline as baseline_figures
-from trexton.figures import homography_training as training_figures
-from trexton.figures import mosaic as mosaic_figures
-from trexton.figures.style import COLORS
+from trexton.companion.experiments import homography_baseline, homography_training, mosaic
+from trexton.companion.experiments.homography_training import filtered_positions
+from trexton.companion.experiments.stitched import (
+    drifting_map,
+    floor_residual,
+    locate_all,
+    stitched_map,
+)
+from trexton.companion.experiments.style import COLORS
+from trexton.companion.figures import homography_baseline as baseline_figures
+from trexton.companion.figures import homography_training as training_figures
+from trexton.companion.figures import mosaic as mosaic_figures
 from trexton.simulator import Floor, record_flight
+from trexton.vision.camera import Camera, MapImage
 
 
 @pytest.fixture(scope="module")

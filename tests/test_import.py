@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.errors import ParameterError, TrextonError
+from trexton.base.errors import ParameterError, TrextonError
 from trexton.flights import importing, read_flight, rewriting
 from trexton.flights.importers import IMPORTERS, describe, guess_kind, importer
 from trexton.flights.importers.recording import Track

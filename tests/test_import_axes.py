@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from test_import import euroc
 
-from trexton.errors import TrextonError
+from trexton.base.errors import TrextonError
 from trexton.flights.importers.recording import Track, attitude_from_quaternions, match
 from trexton.flights.importers.tum import read_trajectory
 from trexton.flights.importing import import_flight
@@ -42,7 +42,7 @@ def test_axes_are_told_or_found_by_where_the_camera_looks(tmp_path, axes, turned
 def test_quaternions_agree_with_the_camera_model():
     from scipy.spatial.transform import Rotation
 
-    from trexton.camera import rotation_matrix
+    from trexton.vision.camera import rotation_matrix
 
     angles = np.random.default_rng(1).uniform(-1.2, 1.2, (40, 3))
     turned = [Rotation.from_matrix(rotation_matrix(*each)).as_quat() for each in angles]

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
 from trexton.flights.importers.calibration import read_calibration
 
 ASL = """resolution: [64, 48]
@@ -88,7 +88,7 @@ def test_hostile_ones_are_refused_at_once(tmp_path):
         (tmp_path / name).write_text(text)
     code = (
         "import resource, sys, time; from pathlib import Path\n"
-        "from trexton.errors import FlightError\n"
+        "from trexton.base.errors import FlightError\n"
         "from trexton.flights.importers.calibration import read_calibration\n"
         "resource.setrlimit(resource.RLIMIT_CPU, (20, 20))\n"
         "resource.setrlimit(resource.RLIMIT_DATA, (2**30, 2**30))\n"

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from test_import import euroc, picture, write_bag
 
-from trexton import cli
-from trexton.errors import TrextonError
+from trexton.base.errors import TrextonError
+from trexton.cli import main as cli
 from trexton.flights import importing, read_flight, rewriting
 from trexton.flights.importers.recording import Track
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
-from trexton.images import check_size
+from trexton.vision.images import check_size
 
 
 def table(folder, rows, head="t,x,y,image"):

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from plain import plain_labels
 
-from trexton.errors import ParameterError
-from trexton.kernels import compiled
+from trexton.base.errors import ParameterError
+from trexton.vision.kernels.load import compiled
 
 # Prints a digest of labels, dictionary and neighbours that depends on the seed alone.
 PROGRAM = """
@@ -19,10 +19,10 @@ import sys
 if "without-numba" in sys.argv:
     sys.modules["numba"] = None
 import numpy as np
-from trexton.files import digest
-from trexton.histograms import label_image, texton_histogram
-from trexton.neighbors import NearestHistograms
-from trexton.textons import TextonDictionary
+from trexton.base.files import digest
+from trexton.vision.histograms import label_image, texton_histogram
+from trexton.localization.neighbors import NearestHistograms
+from trexton.vision.textons import TextonDictionary
 rng = np.random.default_rng(5)
 patches = rng.integers(0, 256, (300, 6, 6, 3), dtype=np.uint8)
 dictionary = TextonDictionary.learn(patches, 11, rng=rng)
@@ -70,7 +70,7 @@ def test_a_processor_without_vector_dot_products_gives_the_same_bits(here, tmp_p
 
 
 def test_the_label_kernel_counts_what_it_labels(rng):
-    from trexton.textons import TextonDictionary
+    from trexton.vision.textons import TextonDictionary
 
     dictionary = TextonDictionary(rng.integers(0, 256, (6, 4, 4, 3), dtype=np.uint8))
     image = rng.integers(0, 256, (12, 80, 3), dtype=np.uint8)
@@ -84,7 +84,7 @@ def test_the_label_kernel_counts_what_it_labels(rng):
 
 def test_large_particle_sets_share_threads_and_keep_their_bits(rng, monkeypatch):
     """And equal the double sum, pairs further apart than exp(-500) aside."""
-    from trexton.parts.motion import RandomWalk
+    from trexton.localization.motion import RandomWalk
 
     motion = RandomWalk.of(np.array([[0.01, 0.004], [0.004, 0.02]]))
     particles, previous = rng.uniform(0, 6, (2100, 2)), rng.uniform(0, 3, (2100, 2))
@@ -104,19 +104,19 @@ def test_large_particle_sets_share_threads_and_keep_their_bits(rng, monkeypatch)
 
 @pytest.mark.parametrize("fault", [ImportError, RuntimeError])
 def test_kernels_that_cannot_be_loaded_are_done_without(monkeypatch, fault):
-    import trexton.kernels
+    import trexton.vision.kernels.load
 
     def fail(name):
         raise fault(name)
 
-    monkeypatch.setattr(trexton.kernels, "import_module", fail)
-    assert trexton.kernels._load.__wrapped__("label_rows") is None
+    monkeypatch.setattr(trexton.vision.kernels.load, "import_module", fail)
+    assert trexton.vision.kernels.load._load.__wrapped__("label_rows") is None
 
 
 def test_numba_asked_for_but_absent_is_an_error(monkeypatch):
-    import trexton.kernels
+    import trexton.vision.kernels.load
 
-    monkeypatch.setattr(trexton.kernels, "_load", lambda module: None)
+    monkeypatch.setattr(trexton.vision.kernels.load, "_load", lambda module: None)
     assert compiled("label_rows") is None
     with pytest.raises(ParameterError, match="'numba' was asked for"):
         compiled("label_rows", "numba")

@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 import pytest
 
-from trexton.errors import ParameterError
-from trexton.estimate import Estimate
-from trexton.landing import LandingZone, TouchdownZone
+from trexton.base.errors import ParameterError
+from trexton.localization.estimate import Estimate
+from trexton.localization.landing import LandingZone, TouchdownZone
 
 
 @dataclass

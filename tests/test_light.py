@@ -6,12 +6,12 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.camera import Camera, MapImage
-from trexton.errors import ParameterError
-from trexton.experiments import light
-from trexton.figures import light as figures
+from trexton.base.errors import ParameterError
+from trexton.base.wording import distance
+from trexton.companion.experiments import light
+from trexton.companion.figures import light as figures
 from trexton.simulator import Floor, record_flight
-from trexton.wording import distance
+from trexton.vision.camera import Camera, MapImage
 
 SMALL = Camera(160, 120, 130.0)
 

@@ -8,16 +8,16 @@ import pytest
 from conftest import small_flight
 from small_room import histogram_flight
 
-from trexton.camera import Camera
-from trexton.errors import ImageError, MapError, ParameterError
-from trexton.experiments.choices import with_trace
+from trexton.base.errors import ImageError, MapError, ParameterError
+from trexton.companion.experiments.choices import with_trace
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.localizer import Localizer, TextonMap
-from trexton.neighbors import NearestHistograms, neighbors_in_flight
-from trexton.parts.measurement import rank_covariances
-from trexton.parts.motion import process_covariance
-from trexton.textons import TextonDictionary
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.measurement import rank_covariances
+from trexton.localization.motion import process_covariance
+from trexton.localization.neighbors import NearestHistograms, neighbors_in_flight
+from trexton.vision.camera import Camera
+from trexton.vision.textons import TextonDictionary
 
 
 @pytest.fixture(scope="module")

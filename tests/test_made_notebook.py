@@ -8,12 +8,12 @@ import os
 import pytest
 from conftest import ROOT, small_flight
 
-from trexton.claims import load_claims
-from trexton.experiments import EXPERIMENTS, Experiment
+from trexton.companion.build.formats import nbformat
+from trexton.companion.build.notebooks import find_notebooks
+from trexton.companion.build.workflow import FlightPair, run_experiments
+from trexton.companion.claims.api import load_claims
+from trexton.companion.experiments.registry import EXPERIMENTS, Experiment
 from trexton.flights import write_flight
-from trexton.workflow import FlightPair, run_experiments
-from trexton.workflow.formats import nbformat
-from trexton.workflow.notebooks import find_notebooks
 
 
 @pytest.fixture

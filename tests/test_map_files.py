@@ -10,10 +10,10 @@ import pytest
 from small_room import histogram_flight
 from test_methods import OWN
 
-from trexton.errors import MapError
-from trexton.localizer import TextonMap
-from trexton.map_files import DAMAGE, read_arrays
-from trexton.textons import TextonDictionary
+from trexton.base.errors import MapError
+from trexton.localization.localizer import TextonMap
+from trexton.localization.map_files import DAMAGE, read_arrays
+from trexton.vision.textons import TextonDictionary
 
 
 @pytest.fixture(scope="module")

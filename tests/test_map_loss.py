@@ -7,15 +7,15 @@ import pytest
 from scipy.stats import spearmanr
 from small_room import histogram_flight, picture_flight
 
-from trexton.claims import judge_all, load_claims
-from trexton.errors import MapError
-from trexton.experiments import map_loss
-from trexton.experiments.correlation import pair_correlation, rank_correlation
-from trexton.figures import map_loss as figures
-from trexton.files import canonical_json
-from trexton.parts.measurement import EXCLUDED_SECONDS
-from trexton.records import Record
-from trexton.suitability import cosine_similarity, global_loss, local_losses
+from trexton.base.errors import MapError
+from trexton.base.files import canonical_json
+from trexton.base.records import Record
+from trexton.companion.claims.api import judge_all, load_claims
+from trexton.companion.experiments import map_loss
+from trexton.companion.experiments.correlation import pair_correlation, rank_correlation
+from trexton.companion.figures import map_loss as figures
+from trexton.evaluation.suitability import cosine_similarity, global_loss, local_losses
+from trexton.localization.measurement import EXCLUDED_SECONDS
 
 
 @pytest.fixture(scope="module")

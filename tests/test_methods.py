@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from small_room import histogram_flight
 
-from trexton.errors import MapError, ParameterError
-from trexton.localizer import Localizer, TextonMap
-from trexton.methods import METHODS, changed, compose, parse_choices
-from trexton.parts import ROLES, make, name_of
-from trexton.parts.base import Part, learned
-from trexton.parts.distances import Euclidean, Hellinger
-from trexton.parts.motion import RandomWalk
+from trexton.base.errors import MapError, ParameterError
+from trexton.localization.base import Part, learned
+from trexton.localization.distances import Euclidean, Hellinger
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.methods import METHODS, changed, compose, parse_choices
+from trexton.localization.motion import RandomWalk
+from trexton.localization.roles import ROLES, make, name_of
 
 
 @dataclass(eq=False)
@@ -55,13 +55,13 @@ def test_every_part_in_the_table_can_be_made_and_is_called_so(role):
 @pytest.mark.parametrize(
     "choices",
     [
-        {"view": "trexton.parts.distances:Hellinger"},
+        {"view": "trexton.localization.distances:Hellinger"},
         {"motion": Hellinger()},
-        {"view": "trexton.parts.view:View"},  # a base does nothing
+        {"view": "trexton.localization.view:View"},  # a base does nothing
     ],
 )
 def test_a_part_of_another_role_is_refused(choices):
-    with pytest.raises(ParameterError, match="expected a subclass of trexton.parts"):
+    with pytest.raises(ParameterError, match="expected a subclass of trexton.localization.roles"):
         changed(compose("paper"), choices)
 
 
@@ -150,7 +150,7 @@ def test_the_growth_is_that_of_the_motion():
         {"colour": "red"},
         {"motion": "teleport"},
         {"motion": "no_such_module:Walk"},
-        {"motion": "trexton.errors:MapError"},
+        {"motion": "trexton.base.errors:MapError"},
         {"motion": 3},
         {"motion.speed": 1},
         {"motion.sigma": "fast"},

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from trexton.errors import ParameterError
-from trexton.metrics import (
+from trexton.base.errors import ParameterError
+from trexton.evaluation.metrics import (
     absolute_errors,
     block_rows,
     constant_guess,

@@ -11,13 +11,13 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.experiments import mocap_training
-from trexton.figures import mocap_training as figures
+from trexton.companion.experiments import mocap_training
+from trexton.companion.figures import mocap_training as figures
 
 SCRIPT = """
 import sys
-from trexton.experiments import mocap_training
-from trexton.camera import Camera
+from trexton.companion.experiments import mocap_training
+from trexton.vision.camera import Camera
 from trexton.simulator import Floor, record_flight
 
 folder = sys.argv[1]

@@ -9,19 +9,20 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.camera import Camera, transform_points
-from trexton.errors import FlightError, MapError, ParameterError
+from trexton.base.errors import FlightError, MapError, ParameterError
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.homography import Keypoints
-from trexton.mosaic import map_from_links, stitch, stitching
-from trexton.mosaic.adjust import adjust, link_errors
-from trexton.mosaic.layout import layout
-from trexton.mosaic.links import Anchors, Links
-from trexton.mosaic.matching import match_frames
-from trexton.mosaic.poses import floor_jacobian, floor_points, world_from_pixel
-from trexton.mosaic.sparse import assemble, connected, differences, solve, steps
+from trexton.registration import stitching
+from trexton.registration.adjust import adjust, link_errors
+from trexton.registration.homography import Keypoints
+from trexton.registration.layout import layout
+from trexton.registration.links import Anchors, Links
+from trexton.registration.matching import match_frames
+from trexton.registration.mosaic import map_from_links, stitch
+from trexton.registration.poses import floor_jacobian, floor_points, world_from_pixel
+from trexton.registration.sparse import assemble, connected, differences, solve, steps
 from trexton.simulator import Effects, record_flight
+from trexton.vision.camera import Camera, transform_points
 
 CAMERA = Camera(width=320, height=240, focal=260.0)
 POSE = np.array([0.3, -0.2, 1.1, 0.05, -0.08, 2.1, 0.01, -0.02])

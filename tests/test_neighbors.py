@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trexton.errors import MapError, ParameterError
-from trexton.neighbors import NearestHistograms, neighbors_in_flight
-from trexton.parts.distances import Hellinger
+from trexton.base.errors import MapError, ParameterError
+from trexton.localization.distances import Hellinger
+from trexton.localization.neighbors import NearestHistograms, neighbors_in_flight
 
 
 def plain_neighbors(histograms, histogram, k):

@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, small_flight
 
-from trexton import notebook
-from trexton.errors import ParameterError
-from trexton.experiments import mocap_training
-from trexton.experiments.declaration import SeedParameters, option
+from trexton.base.errors import ParameterError
+from trexton.companion.build import notebook
+from trexton.companion.experiments import mocap_training
+from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.printed import published
 from trexton.flights import write_flight
-from trexton.paper import published
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def test_sliders_begin_at_the_first_row_that_is_most_like_the_record(names):
 
 def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):
     """Papermill, as a person runs it in a folder of their own; parameters as papermill has them."""
-    from trexton.workflow.formats import jupytext
+    from trexton.companion.build.formats import jupytext
 
     write_flight(small_flight(), tmp_path / "room")
     jupytext.write(jupytext.read(ROOT / "notebooks" / "mocap_training.md"), tmp_path / "mine.ipynb")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trexton.camera import Camera
-from trexton.errors import ImageError, ParameterError
-from trexton.odometry import VisualOdometry, shrink, shrunken_camera
+from trexton.base.errors import ImageError, ParameterError
 from trexton.simulator import PERIOD, Effects, Simulator
+from trexton.vision.camera import Camera
+from trexton.vision.visual_odometry import VisualOdometry, shrink, shrunken_camera
 
 CAMERA = Camera(320, 240, 260.0)
 

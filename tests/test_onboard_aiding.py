@@ -13,9 +13,9 @@ from onboard_tools import AREA, CAMERA, Clock, colourful_floor
 from small_survey import AREA as SURVEYED
 from small_survey import look, path
 
-from trexton.aiding import Aiding
+from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
-from trexton.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer, TextonMap
 from trexton.onboard.aids import Aids
 from trexton.onboard.sinks import Guard
 from trexton.onboard.sources import Delayed, Frame

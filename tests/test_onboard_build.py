@@ -7,9 +7,9 @@ import pytest
 from conftest import small_flight
 from onboard_tools import colourful_flight, room_map
 
-from trexton.cli import main
+from trexton.cli.main import main
 from trexton.flights import write_flight
-from trexton.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer, TextonMap
 from trexton.onboard import Settings, build
 from trexton.onboard.settings import Flying
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from onboard_tools import make_fix, surroundings
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 from trexton.onboard import sinks
 from trexton.onboard.edges import add_options, chosen_options, markdown_table
 from trexton.onboard.sources import source_classes
@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 from trexton.onboard.sinks.base import Sink
 from trexton.onboard.sinks.lines import LineFile, named_file
-from trexton.options import Options, option
+from trexton.base.options import Options, option
 
 
 @dataclass(frozen=True)

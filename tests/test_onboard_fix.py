@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from onboard_tools import make_estimate, make_fix
 
-from trexton.estimate import LOST_SHARE, Measurement, ignorance
-from trexton.localizer import Estimate
+from trexton.localization.estimate import LOST_SHARE, Measurement, ignorance
+from trexton.localization.localizer import Estimate
 from trexton.onboard.fix import Fix, JumpCounter
 from trexton.onboard.local import LocalFrame, decoupled
 

@@ -11,7 +11,7 @@ import pytest
 from conftest import small_flight
 from onboard_tools import AREA, room, room_map
 
-from trexton.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer, TextonMap
 from trexton.onboard import Onboard
 from trexton.onboard.sinks import Guard, open_sink
 from trexton.onboard.sources import Frame, Source

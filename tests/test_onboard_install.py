@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.cli import main
-from trexton.localizer import TextonMap
+from trexton.cli.main import main
+from trexton.localization.localizer import TextonMap
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.tally import FAULTS
 
@@ -41,7 +41,7 @@ def test_import_pulls_in_nothing_heavy():
         "import sys, pkgutil, importlib, trexton.onboard as package\n"
         "for found in pkgutil.walk_packages(package.__path__, 'trexton.onboard.'):\n"
         "    importlib.import_module(found.name)\n"
-        "import trexton.commands.onboard\n"
+        "import trexton.cli.onboard\n"
         f"print([name for name in {HEAVY!r} if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -53,7 +53,7 @@ def test_a_flight_of_the_script_pulls_in_nothing_heavy_either(flight_folder, tmp
         tmp_path / "map.npz"
     )
     code = (
-        "import sys\nfrom trexton.cli import main\n"
+        "import sys\nfrom trexton.cli.main import main\n"
         f"words = ['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', "
         "'csv:/dev/null', '-q']\n"
         "status = main(words)\n"
@@ -70,7 +70,7 @@ def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
     )
     output = {"pymavlink": "udpout:127.0.0.1:14540", "ivy": "paparazzi:1"}[extra]
     code = (
-        f"import sys\nsys.modules[{extra!r}] = None\nfrom trexton.cli import main\n"
+        f"import sys\nsys.modules[{extra!r}] = None\nfrom trexton.cli.main import main\n"
         f"words = ['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', "
         f"{output!r}]\n"
         "sys.exit(main(words))"

@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trexton.errors import FlightError
-from trexton.experiments import kidnapping
-from trexton.experiments.kidnapping import Trial
-from trexton.figures import kidnapping as figures
+from trexton.base.errors import FlightError
+from trexton.base.streams import stream
+from trexton.companion.experiments import kidnapping
+from trexton.companion.experiments.kidnapping import Trial
+from trexton.companion.figures import kidnapping as figures
+from trexton.evaluation.metrics import wilson_interval
 from trexton.flights import Flight
-from trexton.metrics import wilson_interval
-from trexton.streams import stream
 
 
 def wandering_flight(name: str, seed: int, frames: int = 240) -> Flight:
@@ -124,8 +124,8 @@ def test_equal_seeds_give_equal_values(flights):
 
 def test_trials_are_what_the_localizer_gives(flights):
     """One trial against a plain loop over the same frames."""
-    from trexton.experiments.evaluation import trained_map
-    from trexton.localizer import Localizer
+    from trexton.companion.experiments.evaluation import trained_map
+    from trexton.localization.localizer import Localizer
 
     texton_map = trained_map(flights[0], seed=3)
     plan = np.array([[60, 150]])

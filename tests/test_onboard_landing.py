@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from onboard_tools import make_estimate, make_fix
 
-from trexton.landing import LandingZone
+from trexton.localization.landing import LandingZone
 from trexton.onboard.commander import NAV_LAND, Commander, State
 
 INSIDE, OUTSIDE = (2.5, 2.5), (4.5, 2.5)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from onboard_tools import make_fix
 
-from trexton.cli import main
+from trexton.cli.main import main
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.sinks.json_lines import JsonLines, row
 from trexton.onboard.voice import flush, say

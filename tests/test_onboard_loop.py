@@ -15,13 +15,13 @@ from onboard_flying import Film, filmed, histogram_map, room_localizer, run
 from onboard_tools import AREA, Clock, room
 from patience import eventually
 
+from trexton.base.streams import stream
 from trexton.flights import write_flight
-from trexton.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer, TextonMap
 from trexton.onboard import Fix, Onboard
 from trexton.onboard.sources.flight import FlightSource
 from trexton.onboard.tally import Tally
 from trexton.simulator import Plan, random_waypoints
-from trexton.streams import stream
 
 
 @pytest.fixture
@@ -53,7 +53,7 @@ class TestReplayEquality:
         command = [
             sys.executable,
             "-m",
-            "trexton.cli",
+            "trexton.cli.main",
             "onboard",
             str(path),
             "--camera",
@@ -150,7 +150,7 @@ def test_signals_end_the_flight_in_order(number, tmp_path):
     command = [
         sys.executable,
         "-m",
-        "trexton.cli",
+        "trexton.cli.main",
         "onboard",
         str(path),
         "--camera",

@@ -13,7 +13,7 @@ pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
-from trexton.errors import ParameterError  # noqa: E402
+from trexton.base.errors import ParameterError  # noqa: E402
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
 from trexton.onboard.mavlink.listener import Answer, Listener  # noqa: E402

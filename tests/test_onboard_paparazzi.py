@@ -13,7 +13,7 @@ from patience import eventually
 
 ivy = pytest.importorskip("ivy.ivy", reason="the extra 'paparazzi' is not installed")
 
-from trexton.errors import ParameterError  # noqa: E402
+from trexton.base.errors import ParameterError  # noqa: E402
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.sinks import open_sink  # noqa: E402
 from trexton.onboard.sinks.paparazzi import remote_gps_local  # noqa: E402

@@ -11,16 +11,16 @@ import numpy as np
 import pytest
 from onboard_tools import CAMERA, colourful_floor, mavlink, room_map
 
-from trexton.camera import Camera
-from trexton.cli import main
+from trexton.cli.main import main
 from trexton.flights import read_flight, write_flight
-from trexton.localizer import TextonMap
+from trexton.localization.localizer import TextonMap
 from trexton.onboard import Settings
 from trexton.onboard import preflight as module
 from trexton.onboard.preflight import blur_effect, preflight
 from trexton.onboard.settings import Flying, Landing, Placement
 from trexton.onboard.sources import Playback
 from trexton.simulator import Effects, record_flight
+from trexton.vision.camera import Camera
 
 
 @pytest.fixture(scope="module")

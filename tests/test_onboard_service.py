@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer, TextonMap
 from trexton.onboard import Onboard
 from trexton.onboard.service import Service
 from trexton.onboard.sources.flight import FlightSource

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from onboard_tools import Clock, make_fix, surroundings
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 from trexton.onboard.sinks import Guard, open_sink
 from trexton.onboard.sinks.base import Sink
 from trexton.onboard.sinks.json_lines import JsonLines

@@ -14,9 +14,8 @@ from conftest import small_flight
 from onboard_tools import Clock
 from patience import eventually
 
-from trexton.errors import FlightError, ImageError, ParameterError, TrextonError
+from trexton.base.errors import FlightError, ImageError, ParameterError, TrextonError
 from trexton.flights import read_flight
-from trexton.images import yuv_from_bgr, yuv_from_uyvy
 from trexton.onboard.edges import load
 from trexton.onboard.grabber import Grabber, Recording
 from trexton.onboard.sources import SOURCES, CameraLost, Frame, Playback, Source, View, open_source
@@ -26,6 +25,7 @@ from trexton.onboard.sources.simulator import SimulatorSource
 from trexton.onboard.sources.v4l2 import V4l2Source
 from trexton.onboard.sources.video import StreamSource, VideoFile
 from trexton.onboard.tally import Tally
+from trexton.vision.images import yuv_from_bgr, yuv_from_uyvy
 
 
 def everything(source: Source) -> list[Frame]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import pytest
 
-from trexton.errors import ParameterError
-from trexton.options import Options, option
+from trexton.base.errors import ParameterError
+from trexton.base.options import Options, option
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ def test_what_does_not_fit_is_refused_in_a_sentence(settings, message):
 
 
 def test_every_option_says_what_it_means():
-    from trexton.experiments import EXPERIMENTS
+    from trexton.companion.experiments.registry import EXPERIMENTS
 
     for name, experiment in EXPERIMENTS.items():
         for each in experiment.parameters(name).declared():

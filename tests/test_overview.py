@@ -5,16 +5,16 @@ import pytest
 from matplotlib.colors import to_rgba
 from small_room import histogram_flight, picture_flight
 
-from trexton.errors import FlightError
-from trexton.experiments import overview
-from trexton.experiments.evaluation import frames_of, trained_map
-from trexton.experiments.track import fly
-from trexton.figures import overview as figures
-from trexton.files import canonical_json
-from trexton.images import bgr_from_yuv
-from trexton.localizer import Localizer
-from trexton.records import Record
-from trexton.streams import stream
+from trexton.base.errors import FlightError
+from trexton.base.files import canonical_json
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.companion.experiments import overview
+from trexton.companion.experiments.evaluation import frames_of, trained_map
+from trexton.companion.experiments.track import fly
+from trexton.companion.figures import overview as figures
+from trexton.localization.localizer import Localizer
+from trexton.vision.images import bgr_from_yuv
 
 OPTIONS = {"samples": 60, "textons": 6, "particles": 15, "neighbors": 3}
 

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from small_room import histogram_flight
 
-from trexton.bench.scene import observations
-from trexton.errors import MapError, ParameterError
-from trexton.estimate import Estimate, Measurement
-from trexton.localizer import Localizer, TextonMap
-from trexton.parts.calibration import Evidence, Replay
-from trexton.parts.integrity import Elsewhere
-from trexton.parts.measurement import EXCLUDED_SECONDS
-from trexton.parts.scale import ErrorScale, independent_after
-from trexton.replay import STRETCH_S, WARM_S, replay, stretches
-from trexton.unseen import flown_unseen
+from trexton.base.errors import MapError, ParameterError
+from trexton.companion.checks.scene import observations
+from trexton.field.integrity import Elsewhere
+from trexton.localization.calibration import Evidence, Replay
+from trexton.localization.estimate import Estimate, Measurement
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.measurement import EXCLUDED_SECONDS
+from trexton.localization.replay import STRETCH_S, WARM_S, replay, stretches
+from trexton.localization.scale import ErrorScale, independent_after
+from trexton.localization.unseen import flown_unseen
 
 
 @pytest.fixture(scope="module")

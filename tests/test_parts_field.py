@@ -8,14 +8,14 @@ from small_room import histogram_flight
 from small_survey import AREA, errors_of, look, observed, path, training
 from threadpoolctl import threadpool_limits
 
-from trexton.errors import MapError, ParameterError
+from trexton.base.errors import MapError, ParameterError
 from trexton.field.error_model import ErrorModel, unknown
+from trexton.field.field import Field
 from trexton.field.grid import grid_cells
+from trexton.field.singer import Singer
 from trexton.field.study import _growth
-from trexton.localizer import Localizer, TextonMap
-from trexton.parts.field import Field
-from trexton.parts.singer import Singer
-from trexton.parts.tracks import TrackFilter
+from trexton.field.tracks import TrackFilter
+from trexton.localization.localizer import Localizer, TextonMap
 
 
 def test_cells_fill_the_area():

@@ -5,14 +5,14 @@ its parts.
 import numpy as np
 import pytest
 
-from trexton.bench.scene import observations
-from trexton.errors import ParameterError
-from trexton.parts import ROLES, make
-from trexton.parts.estimation import Belief, HighestWeight, MaximumAPosteriori, WeightedMean
-from trexton.parts.filters import ParticleFilter
-from trexton.parts.measurement import RankMixture
-from trexton.parts.motion import RandomWalk
-from trexton.parts.resampling import Systematic, Wheel
+from trexton.base.errors import ParameterError
+from trexton.companion.checks.scene import observations
+from trexton.localization.estimation import Belief, HighestWeight, MaximumAPosteriori, WeightedMean
+from trexton.localization.filters import ParticleFilter
+from trexton.localization.measurement import RankMixture
+from trexton.localization.motion import RandomWalk
+from trexton.localization.resampling import Systematic, Wheel
+from trexton.localization.roles import ROLES, make
 
 RESAMPLERS = list(ROLES["resampling"])
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trexton.aiding import Aiding
-from trexton.camera import Camera
-from trexton.errors import MapError, ParameterError
-from trexton.localizer import Localizer, TextonMap
-from trexton.parts.odometry import LEAST, Visual
+from trexton.base.errors import MapError, ParameterError
+from trexton.base.streams import stream
+from trexton.flights.aiding import Aiding
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.odometry import LEAST, Visual
 from trexton.simulator import record_flight
-from trexton.streams import stream
+from trexton.vision.camera import Camera
 
 FRAMES = 60
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from trexton.bench.scene import observations
-from trexton.errors import ParameterError
-from trexton.parts import make
-from trexton.parts.filters import ParticleFilter
-from trexton.parts.measurement import RankMixture
-from trexton.parts.motion import RandomWalk
-from trexton.parts.recovery import Augmented
+from trexton.base.errors import ParameterError
+from trexton.companion.checks.scene import observations
+from trexton.localization.filters import ParticleFilter
+from trexton.localization.measurement import RankMixture
+from trexton.localization.motion import RandomWalk
+from trexton.localization.recovery import Augmented
+from trexton.localization.roles import make
 
 
 def test_the_averages_follow_their_definition():

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trexton.aiding import Aiding
-from trexton.camera import Camera
-from trexton.errors import MapError, ParameterError
-from trexton.localizer import Localizer, TextonMap
-from trexton.parts.registration import Registration
+from trexton.base.errors import MapError, ParameterError
+from trexton.flights.aiding import Aiding
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.registration.filter import Registration
 from trexton.simulator import Effects, record_flight
+from trexton.vision.camera import Camera
 
 CAMERA = Camera(160, 120, 130.0)
 

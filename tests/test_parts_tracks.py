@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from small_survey import AREA, errors_of, look, observed, path
 
-from trexton.aiding import Aiding
-from trexton.errors import ParameterError
-from trexton.observation import Observation
-from trexton.parts.motion import RandomWalk
-from trexton.parts.tracks import TrackFilter, Tracks
+from trexton.base.errors import ParameterError
+from trexton.field.tracks import TrackFilter, Tracks
+from trexton.flights.aiding import Aiding
+from trexton.localization.motion import RandomWalk
+from trexton.localization.observation import Observation
 
 
 def test_tracks_follow_the_vehicle(field, motion, later):
@@ -94,7 +94,7 @@ def test_more_is_claimed_while_frames_are_unlike_the_survey(field, motion, later
         return np.append(told.position, np.trace(told.about_position))
 
     familiar, unlike = claims(0.0), claims(0.25)
-    monkeypatch.setattr("trexton.parts.tracks.FAMILIAR", np.inf)
+    monkeypatch.setattr("trexton.field.tracks.FAMILIAR", np.inf)
     np.testing.assert_array_equal(familiar, claims(0.0))
     np.testing.assert_array_equal(unlike[:2], claims(0.25)[:2])
     assert unlike[2] > 1.5 * claims(0.25)[2]

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from onboard_tools import CAMERA, colourful_flight, colourful_floor
 
-from trexton.aiding import Aiding
-from trexton.camera import Camera
-from trexton.errors import MapError, ParameterError
-from trexton.histograms import texton_histogram
-from trexton.localizer import Localizer, TextonMap
-from trexton.parts.view import Nadir
+from trexton.base.errors import MapError, ParameterError
+from trexton.flights.aiding import Aiding
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.view import Nadir
+from trexton.vision.camera import Camera
+from trexton.vision.histograms import texton_histogram
 
 LENS = np.array([CAMERA.width, CAMERA.height, CAMERA.focal, *CAMERA.principal_point, 1.0])
 PLACE = np.array([2.0, 2.0])
@@ -177,7 +177,7 @@ def test_counts_of_a_view_of_ones_own_are_told_apart_by_its_code(flight, tmp_pat
 
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.setattr(sys, "dont_write_bytecode", True)
-    code = "from trexton.parts.view import Nadir\n\n\nclass Own(Nadir):\n    pass\n"
+    code = "from trexton.localization.view import Nadir\n\n\nclass Own(Nadir):\n    pass\n"
     changed = code + "\n    def frame(self, image, aiding):\n        return image\n"
     assert digest(code) == digest(code) != digest(changed)
     session = type("Own", (Nadir,), {"__module__": "builtins"})

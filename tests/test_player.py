@@ -20,15 +20,15 @@ from conftest import small_flight
 from onboard_tools import colourful_flight
 from small_room import picture_flight
 
-from trexton.cli import main
-from trexton.commands.play import serve
-from trexton.errors import ParameterError
-from trexton.experiments import mocap_training
-from trexton.experiments.replay import replay
-from trexton.figures.style import COLORS
-from trexton.localizer import Localizer, TextonMap
-from trexton.patches import gather_patches
-from trexton.player import player_html, record_replay
+from trexton.base.errors import ParameterError
+from trexton.cli.main import main
+from trexton.companion.cli.play import serve
+from trexton.companion.experiments import mocap_training
+from trexton.companion.experiments.replay import replay
+from trexton.companion.experiments.style import COLORS
+from trexton.companion.player import player_html, record_replay
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.vision.patches import gather_patches
 
 
 def localizer(texton_map, seed=5, **options):
@@ -163,7 +163,7 @@ def test_a_flight_called_as_a_place_of_the_page_is_text(texton_map):
 
 
 def test_the_player_has_the_colours_of_the_figures():
-    style = (files("trexton.player") / "player.css").read_text(encoding="utf-8")
+    style = (files("trexton.companion.player") / "player.css").read_text(encoding="utf-8")
     light, dark = (dict(re.findall(r"--(\w+): (#\w+)", line)) for line in style.splitlines()[:2])
     book = Path("book/_static/book.css").read_text(encoding="utf-8")
     for name in ("truth", "paper", "guarded", "field", "fine", "neighbors", "particles"):
@@ -194,7 +194,7 @@ def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, monkeypatch,
             assert answer.read().decode() == page
         with pytest.raises(ParameterError, match=f"--port {server.server_port}: Address already"):
             serve(page, server.server_port)
-        monkeypatch.setattr("trexton.player.record_replay", None)  # refused before it
+        monkeypatch.setattr("trexton.companion.player.record_replay", None)  # refused before it
         assert main([*words, "--port", str(server.server_port)]) == 1
         assert "Address already in use" in capsys.readouterr().err
         with pytest.raises(HTTPError, match="404"):

@@ -14,20 +14,20 @@ import pytest
 from conftest import ROOT
 
 import trexton
-from trexton.aiding import Aiding
-from trexton.camera import Camera
-from trexton.cli import COMMANDS, build_parser
-from trexton.estimate import Estimate
-from trexton.experiments import EXPERIMENTS, LEDGER
-from trexton.histograms import sampled_histogram
-from trexton.homography import HomographyLocalizer
-from trexton.landing import LandingZone, TouchdownZone
-from trexton.mosaic import stitch
-from trexton.observation import Observation
+from trexton.base.wording import template_environment
+from trexton.cli.main import COMMANDS, build_parser
+from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
+from trexton.evaluation.suitability import heat_map, local_losses
+from trexton.flights.aiding import Aiding
+from trexton.localization.estimate import Estimate
+from trexton.localization.landing import LandingZone, TouchdownZone
+from trexton.localization.observation import Observation
+from trexton.registration.homography import HomographyLocalizer
+from trexton.registration.mosaic import stitch
 from trexton.simulator import Floor, Light, Simulator, record_flight
-from trexton.suitability import heat_map, local_losses
-from trexton.textons import draw_patches, learn_textons
-from trexton.wording import template_environment
+from trexton.vision.camera import Camera
+from trexton.vision.histograms import sampled_histogram
+from trexton.vision.textons import draw_patches, learn_textons
 
 PAGES = [
     ROOT / "README.md",

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from trexton.cache import cached, code_hashes
-from trexton.errors import TrextonError
-from trexton.files import atomic_file, atomic_folder, digest
-from trexton.records import SCHEMA, Record, plain, upgraded
+from trexton.base.cache import cached, code_hashes
+from trexton.base.errors import TrextonError
+from trexton.base.files import atomic_file, atomic_folder, digest
+from trexton.base.records import SCHEMA, Record, plain, upgraded
 
 
 def make_record(**changes):
@@ -87,26 +87,26 @@ def test_the_cache_computes_once_and_again_when_an_input_changes(tmp_path, monke
 
     for inputs, expected in (({"n": 1}, 1), ({"n": 1}, 1), ({"n": 2}, 2)):
         np.testing.assert_array_equal(
-            cached("kind", "trexton.files", inputs, compute)["x"], [0, 1, 2]
+            cached("kind", "trexton.base.files", inputs, compute)["x"], [0, 1, 2]
         )
         assert len(calls) == expected
-    cached("kind", "trexton.metrics", {"n": 1}, compute)  # other code
+    cached("kind", "trexton.evaluation.metrics", {"n": 1}, compute)  # other code
     assert len(calls) == 3
     for path in tmp_path.iterdir():
         path.write_bytes(path.read_bytes()[:40])  # a damaged file is made again
-    cached("kind", "trexton.files", {"n": 1}, compute)
+    cached("kind", "trexton.base.files", {"n": 1}, compute)
     assert len(calls) == 4
 
 
 def test_code_hashes_follow_imports():
-    found = code_hashes("trexton.localizer")
+    found = code_hashes("trexton.localization.localizer")
     assert {
-        "trexton.localizer",
-        "trexton.parts.filters",
-        "trexton.histograms",
-        "trexton.errors",
+        "trexton.localization.localizer",
+        "trexton.localization.filters",
+        "trexton.vision.histograms",
+        "trexton.base.errors",
     } <= found.keys()
-    assert "trexton.cli" not in found and all(len(value) == 64 for value in found.values())
+    assert "trexton.cli.main" not in found and all(len(value) == 64 for value in found.values())
 
 
 def test_atomic_writes_leave_all_or_nothing(tmp_path):

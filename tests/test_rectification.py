@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 from onboard_tools import colourful_floor
 
-from trexton.camera import Camera
-from trexton.cli import main
-from trexton.errors import ImageError, MapError, ParameterError
+from trexton.base.errors import ImageError, MapError, ParameterError
+from trexton.cli.main import main
 from trexton.flights import read_flight, write_flight
 from trexton.flights.importing import import_flight
-from trexton.images import yuv_from_bgr
-from trexton.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer, TextonMap
 from trexton.onboard.sources import Frame, Rectified, View, open_source
-from trexton.rectification import Rectification
 from trexton.simulator import record_flight
+from trexton.vision.camera import Camera
+from trexton.vision.images import yuv_from_bgr
+from trexton.vision.rectification import Rectification
 
 LENS = (-0.28, 0.09, 0.0, 0.0)
 CAMERA = Camera(256, 192, 190.0)

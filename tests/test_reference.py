@@ -10,10 +10,10 @@ from importlib import import_module
 import pytest
 from conftest import ROOT, small_flight
 
-from trexton import notebook
-from trexton.experiments import suitability
-from trexton.records import Record
-from trexton.workflow.formats import jupytext
+from trexton.base.records import Record
+from trexton.companion.build import notebook
+from trexton.companion.build.formats import jupytext
+from trexton.companion.experiments import suitability
 
 PAGES = {
     path.stem: path.read_text(encoding="utf-8")
@@ -37,7 +37,7 @@ def kept_record(name: str, given: notebook.Given) -> Record:
 @pytest.mark.parametrize("name", PAGES)
 def test_the_page_can_show_what_is_kept(name, tmp_path, monkeypatch):
     """Its own cells are run, with the kept record as that of this run too."""
-    module = import_module(f"trexton.experiments.{name}")
+    module = import_module(f"trexton.companion.experiments.{name}")
     monkeypatch.setattr(notebook.Given, "_pair", (small_flight(), small_flight()))
     monkeypatch.setattr(notebook.Page, "show", lambda page, name, figure: figure.canvas.draw())
     monkeypatch.setattr(module, "run", lambda *given: kept_record(name, names["given"]))

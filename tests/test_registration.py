@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 from registration_tools import CAMERA, errors, flight, waypoints
 
-from trexton.camera import MapImage, transform_points
-from trexton.errors import ImageError, MapError, ParameterError
-from trexton.odometry import shrink, shrunken_camera
+from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.registration import FloorFix, FloorTracker, Trust
 from trexton.registration.alignment import Aligner
 from trexton.registration.belief import CellBelief
-from trexton.registration.calibration import learn_trust
 from trexton.registration.correlation import CoarseMatcher
 from trexton.registration.ground import Ground
 from trexton.registration.tracker import fine_cell
+from trexton.registration.trust import learn_trust
 from trexton.simulator import Floor, Simulator
+from trexton.vision.camera import MapImage, transform_points
+from trexton.vision.visual_odometry import shrink, shrunken_camera
 
 SMALL = shrunken_camera(CAMERA, 4)
 

@@ -11,10 +11,10 @@ import pytest
 
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.homography import HomographyLocalizer
-from trexton.mosaic import stitch
-from trexton.mosaic.stitching import flight_camera
 from trexton.registration import FloorTracker, Trust
+from trexton.registration.homography import HomographyLocalizer
+from trexton.registration.mosaic import stitch
+from trexton.registration.stitching import flight_camera
 
 FOLDER = Path(os.environ.get("TREXTON_DATA", "../shared/data")) / "seneca"
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import pytest
 from tiny_notebooks import write_notebook
 
-from trexton.errors import ParameterError
-from trexton.experiments import Experiment
-from trexton.workflow import FlightPair, run_experiments
-from trexton.workflow.sweep import Plan, sweep
+from trexton.base.errors import ParameterError
+from trexton.companion.build.sweep import Plan, sweep
+from trexton.companion.build.workflow import FlightPair, run_experiments
+from trexton.companion.experiments.registry import Experiment
 
 KEPT = "mend it, what was there before is kept"
 

@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.cli import main, sentence
-from trexton.errors import ImageError, TrextonError
-from trexton.files import atomic_file, atomic_folder, check_replaceable, clean_leftovers
+from trexton.base.errors import ImageError, TrextonError
+from trexton.base.files import atomic_file, atomic_folder, check_replaceable, clean_leftovers
+from trexton.cli.main import main, sentence
 from trexton.flights import Flight, write_flight
 from trexton.flights.folder import load_folder
 from trexton.flights.frames import ImageFiles
 from trexton.flights.tables import read_table, read_text
-from trexton.images import check_size, declared_size, decode, read_image
 from trexton.simulator import Floor
+from trexton.vision.images import check_size, declared_size, decode, read_image
 
 
 def flight_with_images(folder):
@@ -104,7 +104,7 @@ def test_a_full_disk_is_one_sentence_and_the_old_stays(words, tmp_path, shared_d
     words = [word.replace("FLIGHT", str(flight)) for word in words]
     code = (
         "import resource, sys\nresource.setrlimit(resource.RLIMIT_FSIZE, (4000, 4000))\n"
-        "from trexton.cli import main\nsys.exit(main(sys.argv[1:]))"
+        "from trexton.cli.main import main\nsys.exit(main(sys.argv[1:]))"
     )
     command = [sys.executable, "-c", code, *words, *out]
     # Not measured: what coverage writes at the end would be too large as well.
@@ -160,8 +160,8 @@ def test_what_cannot_be_written_is_said_before_the_work(words, told, tmp_path, m
 
 def test_what_a_killed_run_left_goes_with_the_next(tmp_path):
     code = (
-        "import os, sys; from trexton.files import atomic_file, atomic_folder; from pathlib import "
-        "Path\n"
+        "import os, sys; from pathlib import Path\n"
+        "from trexton.base.files import atomic_file, atomic_folder\n"
         "with atomic_folder(Path(sys.argv[1]) / 'flight') as f, atomic_file(Path(sys.argv[1]) / "
         "'r') as s:\n"
         "    (f / 'm').write_text('half'); s.write('half'); s.flush(); os.kill(os.getpid(), 9)\n"
@@ -285,7 +285,7 @@ def test_a_read_only_folder_is_one_sentence(tmp_path, capsys, monkeypatch):
     def full(*_, **__):
         raise OSError(30, "Read-only file system", str(tmp_path / "x"))
 
-    monkeypatch.setattr("trexton.files.tempfile.mkdtemp", full)
+    monkeypatch.setattr("trexton.base.files.tempfile.mkdtemp", full)
     assert main(["simulate", "--out", str(tmp_path / "x"), "--frames", "3", "--quiet"]) == 1
     assert capsys.readouterr().err.count("\n") == 1
 

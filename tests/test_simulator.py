@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.camera import Camera, MapImage, transform_points
-from trexton.errors import ImageError, ParameterError
-from trexton.images import read_image
+from trexton.base.errors import ImageError, ParameterError
 from trexton.simulator import Effects, Floor, Light, Simulator
 from trexton.simulator.hall import SIDE
 from trexton.simulator.sensor import Sensor
+from trexton.vision.camera import Camera, MapImage, transform_points
+from trexton.vision.images import read_image
 
 SMALL = Camera(160, 120, 130.0)
 DOTS = np.array([[x, y] for x in np.arange(0.3, 2.8, 0.21) for y in np.arange(0.31, 2.8, 0.21)])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 from trexton.simulator import LAYOUTS
 from trexton.simulator.hall import paint_hall
 from trexton.simulator.layouts import HALL, layout

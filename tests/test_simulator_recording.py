@@ -8,11 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
-from trexton.camera import Camera, MapImage
-from trexton.cli import main
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
+from trexton.cli.main import main
 from trexton.flights.folder import load_folder
 from trexton.simulator import Effects, Floor, Simulator, record_flight
+from trexton.vision.camera import Camera, MapImage
 
 SMALL = Camera(160, 120, 130.0)
 

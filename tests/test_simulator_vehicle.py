@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 from trexton.simulator import PERIOD, Plan, Vehicle, random_waypoints, survey
 from trexton.simulator.vehicle import STEP
 

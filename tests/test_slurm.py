@@ -11,9 +11,9 @@ import pytest
 from conftest import ROOT, small_flight
 from slurm_tools import LocalSlurm, missing
 
-from trexton.experiments import EXPERIMENTS
+from trexton.companion.build.workflow import FlightPair, run_experiments
+from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights import write_flight
-from trexton.workflow import FlightPair, run_experiments
 
 
 @pytest.mark.slow

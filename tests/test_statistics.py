@@ -10,20 +10,20 @@ from conftest import small_flight
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from trexton.bench.scene import observations
-from trexton.estimate import Estimate
+from trexton.companion.checks.scene import observations
+from trexton.evaluation.metrics import block_rows, bootstrap_interval, summarize, wilson_interval
+from trexton.evaluation.suitability import global_loss, local_losses
 from trexton.flights import read_flight, write_flight
-from trexton.landing import LandingZone
-from trexton.metrics import block_rows, bootstrap_interval, summarize, wilson_interval
-from trexton.neighbors import NearestHistograms
+from trexton.localization.estimate import Estimate
+from trexton.localization.filters import ParticleFilter
+from trexton.localization.landing import LandingZone
+from trexton.localization.measurement import RankMixture
+from trexton.localization.motion import RandomWalk
+from trexton.localization.neighbors import NearestHistograms
+from trexton.localization.resampling import Systematic
+from trexton.localization.roles import ROLES, make
 from trexton.onboard.clock import StampKeeper
 from trexton.onboard.tally import Tally
-from trexton.parts import ROLES, make
-from trexton.parts.filters import ParticleFilter
-from trexton.parts.measurement import RankMixture
-from trexton.parts.motion import RandomWalk
-from trexton.parts.resampling import Systematic
-from trexton.suitability import global_loss, local_losses
 
 PROCESS, NOISE = np.diag([0.02, 0.03]), np.diag([0.1, 0.06])
 AREA = (0.0, 4.0, 0.0, 3.0)

@@ -5,8 +5,8 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from trexton.errors import ParameterError
-from trexton.streams import MOST_SEED, stream
+from trexton.base.errors import ParameterError
+from trexton.base.streams import MOST_SEED, stream
 
 
 def test_equal_names_give_equal_numbers_and_others_do_not():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from trexton.errors import MapError, ParameterError
-from trexton.suitability import (
+from trexton.base.errors import MapError, ParameterError
+from trexton.evaluation.suitability import (
     cosine_similarity,
     global_loss,
     heat_map,

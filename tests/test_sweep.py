@@ -9,12 +9,12 @@ import pandas as pd
 import pytest
 from conftest import small_flight
 
-from trexton import cli
-from trexton.errors import ParameterError
-from trexton.experiments import mocap_training
+from trexton.base.errors import ParameterError
+from trexton.cli import main as cli
+from trexton.companion.build.sweep import Floors, Plan, sweep
+from trexton.companion.build.workflow import FlightPair
+from trexton.companion.experiments import mocap_training
 from trexton.flights import write_flight
-from trexton.workflow import FlightPair
-from trexton.workflow.sweep import Floors, Plan, sweep
 
 
 @pytest.fixture

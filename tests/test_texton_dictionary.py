@@ -7,13 +7,13 @@ import pytest
 from plain import plain_labels
 from small_room import picture_flight
 
-from trexton.experiments import texton_dictionary
-from trexton.experiments.texton_dictionary import place_frequencies
-from trexton.figures import texton_dictionary as figures
-from trexton.files import canonical_json
-from trexton.images import bgr_from_yuv
-from trexton.records import Record
-from trexton.streams import stream
+from trexton.base.files import canonical_json
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.companion.experiments import texton_dictionary
+from trexton.companion.experiments.texton_dictionary import place_frequencies
+from trexton.companion.figures import texton_dictionary as figures
+from trexton.vision.images import bgr_from_yuv
 
 OPTIONS = {"textons": 6, "images": 10, "patches_per_image": 200, "cells": 4}
 
@@ -56,7 +56,7 @@ def test_values(record, flights):
 def test_the_labelled_frame_shows_mean_colours(flights, record):
     strip = record.images["textons"]
     assert strip.shape == (6, 36, 3)
-    from trexton.textons import TextonDictionary
+    from trexton.vision.textons import TextonDictionary
 
     dictionary = TextonDictionary.learn(
         flights[0], 6, rng=stream(1, "training"), images=10, patches_per_image=200

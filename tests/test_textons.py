@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from trexton.errors import ImageError, MapError, ParameterError, TrextonError
+from trexton.base.errors import ImageError, MapError, ParameterError, TrextonError
 from trexton.flights import read_flight
-from trexton.patches import draw_patches, gather_patches
-from trexton.textons import METHODS, TextonDictionary, learn_textons
+from trexton.vision.patches import draw_patches, gather_patches
+from trexton.vision.textons import METHODS, TextonDictionary, learn_textons
 
 
 def clusters(rng, n=3000, patch=2, noise=3.0):

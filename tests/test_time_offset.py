@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from trexton.camera import Camera
 from trexton.flights import write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.flight import Flight
 from trexton.simulator import Effects, Floor, Simulator, record_flight
-from trexton.time_offset import small, time_offset, turns
+from trexton.vision.camera import Camera
+from trexton.vision.time_offset import small, time_offset, turns
 
 PERIOD = 0.08
 

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from small_room import histogram_flight, picture_flight
 
-from trexton.bench import Row
-from trexton.bench.clock import Times
-from trexton.claims import judge_all, load_claims
-from trexton.experiments import speed, timing
-from trexton.figures import speed as speed_figures
-from trexton.figures import timing as figures
-from trexton.files import canonical_json
-from trexton.paper import published
-from trexton.records import Record
+from trexton.base.files import canonical_json
+from trexton.base.records import Record
+from trexton.companion.checks.bench import Row
+from trexton.companion.checks.timing import Times
+from trexton.companion.claims.api import judge_all, load_claims
+from trexton.companion.experiments import speed, timing
+from trexton.companion.experiments.printed import published
+from trexton.companion.figures import speed as speed_figures
+from trexton.companion.figures import timing as figures
 
 OPTIONS = {
     "samples": 40,

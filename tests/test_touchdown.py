@@ -7,16 +7,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from trexton import notebook
-from trexton.camera import Camera
-from trexton.experiments import touchdown
-from trexton.experiments.closed_loop import Lander, fly_together
-from trexton.experiments.triggered_landing import mission_over
-from trexton.figures import touchdown as figures
+from trexton.base.records import Record
+from trexton.companion.build import notebook
+from trexton.companion.experiments import touchdown
+from trexton.companion.experiments.closed_loop import Lander, fly_together
+from trexton.companion.experiments.triggered_landing import mission_over
+from trexton.companion.figures import touchdown as figures
 from trexton.flights.flight import Flight
-from trexton.landing import LandingZone, TouchdownZone
-from trexton.records import Record
+from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.simulator import PERIOD, record_flight
+from trexton.vision.camera import Camera
 
 OPTIONS = {
     "flights": 2, "time_limit": 4.0, "armed_after": 1.0, "samples": 100, "textons": 8, "seed": 5,

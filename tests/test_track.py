@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from small_room import histogram_flight
 
-from trexton.experiments.evaluation import trained_map
-from trexton.experiments.track import fly, tracks
-from trexton.localizer import Localizer
-from trexton.metrics import euclidean
-from trexton.streams import stream
+from trexton.base.streams import stream
+from trexton.companion.experiments.evaluation import trained_map
+from trexton.companion.experiments.track import fly, tracks
+from trexton.evaluation.metrics import euclidean
+from trexton.localization.localizer import Localizer
 
 
 @pytest.fixture(scope="module")

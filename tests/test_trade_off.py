@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from small_room import histogram_flight, picture_flight
 
-from trexton.claims import judge_all, load_claims
-from trexton.clock import frequency, milliseconds
-from trexton.experiments import stored, trade_off, tuned
-from trexton.experiments.evaluation import frames_of, trained_map
-from trexton.experiments.track import tracks
-from trexton.figures import trade_off as figures
-from trexton.files import canonical_json
-from trexton.histograms import texton_histogram
-from trexton.metrics import absolute_errors
-from trexton.records import Record
+from trexton.base.files import canonical_json
+from trexton.base.records import Record
+from trexton.companion.claims.api import judge_all, load_claims
+from trexton.companion.experiments import stored, trade_off, tuned
+from trexton.companion.experiments.evaluation import frames_of, trained_map
+from trexton.companion.experiments.track import tracks
+from trexton.companion.figures import trade_off as figures
+from trexton.evaluation.clock import frequency, milliseconds
+from trexton.evaluation.metrics import absolute_errors
+from trexton.vision.histograms import texton_histogram
 
 SWEPT = {"samples": (20, 80, None), "particles": (5, 30), "neighbors": (1, 3), "training": (24, 40)}
 OPTIONS = {"samples": 40, "particles": 20, "neighbors": 4, "repeats": 3, "stored": 300}

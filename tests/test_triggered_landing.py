@@ -12,15 +12,15 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton.camera import Camera, MapImage
-from trexton.errors import ParameterError
-from trexton.executor import working_on
-from trexton.experiments import triggered_landing
-from trexton.experiments.closed_loop import Attempt
-from trexton.experiments.triggered_landing import summarize_attempts
-from trexton.figures import triggered_landing as figures
-from trexton.records import Record
+from trexton.base.errors import ParameterError
+from trexton.base.executor import working_on
+from trexton.base.records import Record
+from trexton.companion.experiments import triggered_landing
+from trexton.companion.experiments.closed_loop import Attempt
+from trexton.companion.experiments.triggered_landing import summarize_attempts
+from trexton.companion.figures import triggered_landing as figures
 from trexton.simulator import Floor, record_flight
+from trexton.vision.camera import Camera, MapImage
 
 SMALL = Camera(160, 120, 130.0)
 OPTIONS = {

@@ -11,15 +11,23 @@ import numpy as np
 import pytest
 from conftest import small_flight
 
-from trexton import cli
-from trexton.aiding import Aiding
-from trexton.camera import Camera
-from trexton.errors import MapError, ParameterError
+from trexton.base.errors import MapError, ParameterError
+from trexton.base.streams import stream
+from trexton.cli import main as cli
+from trexton.companion.checks.tuning import (
+    Bench,
+    Setting,
+    Tried,
+    choose,
+    frontier,
+    replayed_errors,
+    search,
+)
 from trexton.flights import Flight, write_flight
-from trexton.localizer import TextonMap
+from trexton.flights.aiding import Aiding
+from trexton.localization.localizer import TextonMap
 from trexton.simulator import record_flight
-from trexton.streams import stream
-from trexton.tuning import Bench, Setting, Tried, choose, frontier, replayed_errors, search
+from trexton.vision.camera import Camera
 
 
 def told_apart(frames: int = 90) -> Flight:

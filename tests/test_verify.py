@@ -8,13 +8,13 @@ from types import SimpleNamespace
 import pytest
 from conftest import small_flight
 
-from trexton import verify as module
-from trexton.cli import main
-from trexton.errors import TrextonError
-from trexton.experiments import mocap_training
+from trexton.base.errors import TrextonError
+from trexton.base.records import SCHEMA
+from trexton.cli.main import main
+from trexton.companion.checks import verify as module
+from trexton.companion.checks.verify import VARIANTS, differences, moved, references, update, verify
+from trexton.companion.experiments import mocap_training
 from trexton.flights import write_flight
-from trexton.records import SCHEMA
-from trexton.verify import VARIANTS, differences, moved, references, update, verify
 
 VALUES = {"error_cm": 12.5, "frames": 40, "ranks": [1.0, 2.0]}
 

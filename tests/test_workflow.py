@@ -17,15 +17,15 @@ from conftest import small_flight
 from patience import alive, eventually
 from tiny_notebooks import BODY, FAILING, write_notebook
 
-from trexton import cli
-from trexton.errors import FlightError, ParameterError, TrextonError
-from trexton.experiments import Experiment
+from trexton.base.errors import FlightError, ParameterError, TrextonError
+from trexton.cli import main as cli
+from trexton.companion.build.execution import Done
+from trexton.companion.build.formats import nbformat
+from trexton.companion.build.notebooks import Notebook
+from trexton.companion.build.workflow import FlightPair, run_experiments
+from trexton.companion.experiments.registry import Experiment
 from trexton.flights import read_flight, write_flight
 from trexton.flights.pair import load_pair
-from trexton.workflow import FlightPair, run_experiments
-from trexton.workflow.execution import Done
-from trexton.workflow.formats import nbformat
-from trexton.workflow.notebooks import Notebook
 
 
 @pytest.fixture
@@ -85,7 +85,7 @@ def without_kernels(monkeypatch):
             files = {path.name: path.read_bytes() for path in left}
         return Done(files | {f"{job.name}.ipynb": b"executed"})
 
-    monkeypatch.setattr("trexton.workflow.execution.execute", direct)
+    monkeypatch.setattr("trexton.companion.build.execution.execute", direct)
 
 
 LEDGER = """import json
@@ -343,7 +343,8 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     write_notebook(house.notebooks, "first", body)
     script = (
         f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
-        "from trexton.experiments import Experiment; from trexton.workflow import *\n"
+        "from trexton.companion.experiments.registry import Experiment\n"
+        "from trexton.companion.build.workflow import *\n"
         "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3],\n"
         "                experiments={'first': Experiment('F', module='tiny_experiment')})"
     )

@@ -8,27 +8,31 @@ import pytest
 from conftest import ROOT
 from tiny_notebooks import write_notebook
 
-from trexton.errors import TrextonError
-from trexton.experiments import EXPERIMENTS
-from trexton.workflow.facts import Fact, inputs_of, reasons
-from trexton.workflow.notebooks import Notebook, find_notebooks
+from trexton.base.errors import TrextonError
+from trexton.companion.build.facts import Fact, inputs_of, reasons
+from trexton.companion.build.notebooks import Notebook, find_notebooks
+from trexton.companion.experiments.registry import EXPERIMENTS
 
 
 def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
-    body = "from trexton import TextonMap\nfrom trexton.experiments import mocap_training\n"
+    body = (
+        "from trexton import TextonMap\nfrom trexton.companion.experiments import mocap_training\n"
+    )
     code = read(write_notebook(tmp_path, "deep", body)).code
     assert {
-        "trexton.localizer",
-        "trexton.parts.filters",
-        "trexton.experiments.mocap_training",
-        "trexton.files",
+        "trexton.localization.localizer",
+        "trexton.localization.filters",
+        "trexton.companion.experiments.mocap_training",
+        "trexton.base.files",
     } <= code.keys()
-    assert "trexton.experiments" not in code  # the registry: a new line in it changes no result
+    assert (
+        "trexton.companion.experiments.registry" not in code
+    )  # the registry: a new line in it changes no result
 
 
 def test_commands_of_ipython_are_understood_and_faults_named(tmp_path):
     body = "%matplotlib inline\n!true\nfrom trexton import metrics\n"
-    assert "trexton.metrics" in read(write_notebook(tmp_path, "commands", body)).code
+    assert "trexton.evaluation.metrics" in read(write_notebook(tmp_path, "commands", body)).code
     broken = read(write_notebook(tmp_path, "broken", "from from trexton\n"))
     with pytest.raises(TrextonError, match="broken.md: a cell is no Python .*'from from trexton'"):
         _ = broken.code

@@ -12,11 +12,11 @@ import pytest
 from conftest import ROOT
 from small_room import histogram_flight, picture_flight
 
-from trexton.book import shell
-from trexton.book.prose import render
-from trexton.book.shell import with_output
-from trexton.cli import main
-from trexton.errors import DataError
+from trexton.base.errors import DataError
+from trexton.cli.main import main
+from trexton.companion.build import shell
+from trexton.companion.build.prose import render
+from trexton.companion.build.shell import with_output
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.importers import IMPORTERS, importer
 

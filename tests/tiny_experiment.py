@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from trexton.options import Options, option
+from trexton.base.options import Options, option
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.experiments.declaration import SeedParameters, option
+from trexton.base.records import Record
+from trexton.companion.experiments.declaration import SeedParameters, option
 from trexton.flights import Flight
-from trexton.records import Record
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trexton.histograms import SUM_TOLERANCE
+from trexton.vision.histograms import SUM_TOLERANCE
 
 __all__ = ["Features"]
 

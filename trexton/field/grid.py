@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trexton.parts.base import Area
+from trexton.localization.base import Area
 
 __all__ = ["bilinear", "grid_cells"]
 

@@ -15,7 +15,7 @@ from trexton.field.grid import grid_cells
 from trexton.field.likelihood import Basis, Table, bumps, relative
 from trexton.field.process import Process, choose_length
 from trexton.field.tiles import Tiles
-from trexton.parts.base import Area
+from trexton.localization.base import Area
 
 __all__ = ["Study"]
 

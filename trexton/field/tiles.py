@@ -19,7 +19,7 @@ from scipy.spatial.distance import cdist
 from trexton.field.blocks import Block, blocks_in_time
 from trexton.field.grid import bilinear, grid_cells
 from trexton.field.process import Process, surprise
-from trexton.parts.base import Area
+from trexton.localization.base import Area
 
 __all__ = ["Tiles"]
 

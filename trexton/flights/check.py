@@ -11,12 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.errors import FlightError, ImageError
+from trexton.base.errors import FlightError, ImageError
+from trexton.base.progress import progress
 from trexton.flights.doubts import doubts
 from trexton.flights.flight import Flight
 from trexton.flights.folder import Reading, load_folder
-from trexton.images import read_image
-from trexton.progress import progress
+from trexton.vision.images import read_image
 
 __all__ = ["Report", "check_flight"]
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
 from trexton.flights.tables import read_text
 
 __all__ = ["Table", "read_columns"]

@@ -8,7 +8,7 @@ import os
 
 import numpy as np
 
-from trexton.errors import DataError
+from trexton.base.errors import DataError
 from trexton.flights.flight import Flight
 
 __all__ = ["read_cyberzoo"]

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from trexton.errors import TrextonError
+from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.time_offset import small, time_offset, turns
+from trexton.vision.time_offset import small, time_offset, turns
 
 __all__ = ["doubts"]
 

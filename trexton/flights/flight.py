@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from trexton.aiding import Aiding
-from trexton.camera import Camera, MapImage
-from trexton.errors import FlightError
-from trexton.files import digest
+from trexton.base.errors import FlightError
+from trexton.base.files import digest
+from trexton.flights.aiding import Aiding
 from trexton.flights.frames import Frames, select_frames
-from trexton.histograms import SUM_TOLERANCE
-from trexton.images import read_picture
-from trexton.rectification import Rectification
+from trexton.vision.camera import Camera, MapImage
+from trexton.vision.histograms import SUM_TOLERANCE
+from trexton.vision.images import read_picture
+from trexton.vision.rectification import Rectification
 
 __all__ = ["Flight"]
 
@@ -43,7 +43,7 @@ class Flight:
     height : (N,) array or None
         Metres above the floor.
     attitude : (N, 3) array or None
-        Roll, pitch, yaw in radians; see `trexton.camera`.
+        Roll, pitch, yaw in radians; see `trexton.vision.camera`.
     frames : Frames or None
         The images, read when asked for: files, a video, a bag.
     histograms : (N, K) float64 array or None

@@ -17,8 +17,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.errors import FlightError
-from trexton.files import atomic_folder
+from trexton.base.errors import FlightError
+from trexton.base.files import atomic_folder
 from trexton.flights.columns import read_columns
 from trexton.flights.flight import Flight
 from trexton.flights.frames import Frames, ImageFiles
@@ -28,9 +28,9 @@ from trexton.flights.header import (
     header_text,
     read_header,
 )
-from trexton.histograms import SUM_TOLERANCE
-from trexton.images import bgr_from_yuv
-from trexton.rectification import Rectification
+from trexton.vision.histograms import SUM_TOLERANCE
+from trexton.vision.images import bgr_from_yuv
+from trexton.vision.rectification import Rectification
 
 __all__ = ["Reading", "load_folder", "read_flight", "write_flight", "write_tables"]
 

@@ -13,9 +13,9 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
-from trexton.errors import FlightError
-from trexton.files import digest
-from trexton.images import read_image, yuv_from_bgr
+from trexton.base.errors import FlightError
+from trexton.base.files import digest
+from trexton.vision.images import read_image, yuv_from_bgr
 
 __all__ = [
     "Forward",

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from trexton.camera import Camera
-from trexton.errors import FlightError, ParameterError
+from trexton.base.errors import FlightError, ParameterError
 from trexton.flights.flight import Flight
 from trexton.flights.tables import read_text
-from trexton.rectification import Rectification
+from trexton.vision.camera import Camera
+from trexton.vision.rectification import Rectification
 
 __all__ = ["FORMAT", "camera_from_header", "header_text", "read_header"]
 

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.camera import Camera
-from trexton.errors import FlightError, ParameterError, TrextonError
-from trexton.files import (
+from trexton.base.errors import FlightError, ParameterError, TrextonError
+from trexton.base.files import (
     check_not_read,
     check_replaceable,
     clean_leftovers,
@@ -21,14 +20,15 @@ from trexton.files import (
     naming,
     replace_folder,
 )
+from trexton.base.options import Options, option
+from trexton.base.progress import say
 from trexton.flights.flight import Flight
 from trexton.flights.folder import FARTHEST, load_folder, read_flight, write_tables
 from trexton.flights.frames import ImageFiles, select_frames
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.recording import NANO, Recording, match
 from trexton.flights.rewriting import Change, write_images
-from trexton.options import Options, option
-from trexton.progress import say
+from trexton.vision.camera import Camera
 
 __all__ = ["Common", "import_flight"]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
 from trexton.flights.flight import Flight
 from trexton.flights.folder import read_flight
 

@@ -15,12 +15,12 @@ from io import BufferedRandom
 from pathlib import Path
 from typing import Any, cast
 
-from trexton.cache import cache_folder, shipped
-from trexton.errors import DataError
-from trexton.files import atomic_file, check_not_read, digest
+from trexton.base.cache import cache_folder, shipped
+from trexton.base.errors import DataError
+from trexton.base.files import atomic_file, check_not_read, digest
+from trexton.base.progress import say
 from trexton.flights.flight import Flight
 from trexton.flights.folder import write_flight
-from trexton.progress import say
 
 __all__ = ["data_folder", "fetch", "locate", "raw_files", "registry"]
 

@@ -11,13 +11,13 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.camera import Camera
-from trexton.errors import FlightError, ParameterError
+from trexton.base.errors import FlightError, ParameterError
+from trexton.base.progress import progress
 from trexton.flights.frames import Frames, ImageFiles
 from trexton.flights.importers.recording import Recording
-from trexton.images import bgr_from_yuv, check_size, checked_bytes, decode
-from trexton.progress import progress
-from trexton.rectification import Rectification
+from trexton.vision.camera import Camera
+from trexton.vision.images import bgr_from_yuv, check_size, checked_bytes, decode
+from trexton.vision.rectification import Rectification
 
 __all__ = ["Change", "write_images"]
 

@@ -10,7 +10,7 @@ import stat
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
 
 if TYPE_CHECKING:
     import pandas as pd

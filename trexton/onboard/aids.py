@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from trexton.aiding import Aiding
+from trexton.flights.aiding import Aiding
 from trexton.onboard.sinks.base import Guard
 from trexton.onboard.sources.base import Frame
 

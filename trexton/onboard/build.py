@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from trexton.errors import MapError, ParameterError, TrextonError
-from trexton.files import check_not_read
-from trexton.landing import TouchdownZone
-from trexton.localizer import Localizer, TextonMap
-from trexton.methods import parse_choices
+from trexton.base.errors import MapError, ParameterError, TrextonError
+from trexton.base.files import check_not_read
+from trexton.base.streams import stream
+from trexton.localization.landing import TouchdownZone
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.methods import parse_choices
 from trexton.onboard.commander import Lander
 from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, Placement, Settings
@@ -21,7 +22,6 @@ from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.json_lines import JsonLines
 from trexton.onboard.sources import Delayed, Rectified, Source, View, open_source
 from trexton.onboard.tally import Tally
-from trexton.streams import stream
 
 __all__ = ["build"]
 

@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
-from trexton.estimate import Estimate
-from trexton.landing import LandingZone
+from trexton.localization.estimate import Estimate
+from trexton.localization.landing import LandingZone
 from trexton.onboard.fix import STALE_AFTER, Fix
 
 __all__ = ["Answer", "Commander", "Lander", "State"]

@@ -12,8 +12,8 @@ from importlib import import_module
 from types import NoneType
 from typing import Any
 
-from trexton.errors import ParameterError
-from trexton.options import Option, Options
+from trexton.base.errors import ParameterError
+from trexton.base.options import Option, Options
 
 __all__ = ["Edge", "add_options", "chosen_options", "load", "markdown_table"]
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.estimate import Estimate, Measurement
+from trexton.localization.estimate import Estimate, Measurement
 
 __all__ = ["STALE_AFTER", "Fix", "JumpCounter"]
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from trexton.errors import DataError
+from trexton.base.errors import DataError
 from trexton.onboard.voice import readable
 
 __all__ = ["replayed"]

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from trexton.aiding import Aiding
-from trexton.errors import TrextonError
-from trexton.estimate import Estimate
-from trexton.landing import LandingZone
-from trexton.localizer import Localizer
+from trexton.base.errors import TrextonError
+from trexton.flights.aiding import Aiding
+from trexton.localization.estimate import Estimate
+from trexton.localization.landing import LandingZone
+from trexton.localization.localizer import Localizer
 from trexton.onboard.aids import Aids
 from trexton.onboard.clock import OLDEST, StampKeeper
 from trexton.onboard.commander import Commander, Lander

@@ -13,9 +13,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.errors import TrextonError
-from trexton.localizer import Localizer
-from trexton.neighbors import neighbors_in_flight
+from trexton.base.errors import TrextonError
+from trexton.localization.localizer import Localizer
+from trexton.localization.measurement import EXCLUDED_SECONDS
+from trexton.localization.neighbors import neighbors_in_flight
 from trexton.onboard.aids import Aids
 from trexton.onboard.build import build
 from trexton.onboard.inspection import BLACK, WHITE
@@ -24,10 +25,9 @@ from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, Placement, 
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import Frame, Playback, Source
 from trexton.onboard.sources.wrapped import Wrapped
-from trexton.parts.measurement import EXCLUDED_SECONDS
-from trexton.parts.registration import Registration
 from trexton.registration import FloorTracker
-from trexton.time_offset import small, time_offset, turns
+from trexton.registration.filter import Registration
+from trexton.vision.time_offset import small, time_offset, turns
 
 __all__ = ["Check", "blur_effect", "preflight"]
 

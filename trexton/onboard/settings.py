@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
-from trexton.defaults import SAMPLES
-from trexton.errors import ParameterError
-from trexton.landing import LandingZone, TouchdownZone
+from trexton.base.defaults import SAMPLES
+from trexton.base.errors import ParameterError
+from trexton.base.options import Options, option
+from trexton.base.streams import MOST_SEED
+from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.onboard.aids import AIDS
 from trexton.onboard.edges import Edge
 from trexton.onboard.local import LocalFrame
-from trexton.options import Options, option
-from trexton.streams import MOST_SEED
 
 __all__ = ["GROUPS", "LONGEST_DELAY", "Flying", "Landing", "Placement", "Settings", "numbers"]
 
@@ -142,7 +142,7 @@ class Settings:
     outputs : tuple of str
         See `trexton.onboard.sinks`.
     choices : tuple of str
-        ``role=part`` and ``role.option=value``; see `trexton.methods`.
+        ``role=part`` and ``role.option=value``; see `trexton.localization.methods`.
     options : mapping
         An object for each class of options that differs from its defaults: `Flying`, `Placement`,
         `Landing`, and those of sinks and sources.

@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 
 __all__ = ["FAULTS", "Latencies", "Tally"]
 

@@ -13,7 +13,7 @@ import threading
 import time
 from contextlib import suppress
 
-from trexton.progress import is_quiet
+from trexton.base.progress import is_quiet
 
 __all__ = ["Voice", "flush", "readable", "say"]
 

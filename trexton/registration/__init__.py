@@ -6,7 +6,7 @@ frame by visual odometry; optical flow against the view expected at the most lik
 camera's pose.
 """
 
-from trexton.registration.calibration import FloorFix, Trust
 from trexton.registration.tracker import FloorTracker
+from trexton.registration.trust import FloorFix, Trust
 
 __all__ = ["FloorFix", "FloorTracker", "Trust"]

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 
-from trexton.camera import Camera, rotation_matrix, transform_points
 from trexton.registration.ground import Ground
+from trexton.vision.camera import Camera, rotation_matrix, transform_points
 
 __all__ = ["Aligner", "Alignment"]
 

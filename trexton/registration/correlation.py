@@ -7,8 +7,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.camera import Camera, transform_points
 from trexton.registration.ground import Ground
+from trexton.vision.camera import Camera, transform_points
 
 __all__ = ["CoarseMatcher"]
 

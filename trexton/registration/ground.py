@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from trexton.camera import MapImage
-from trexton.errors import MapError
-from trexton.images import MOST_PIXELS
-from trexton.odometry import shrink
+from trexton.base.errors import MapError
+from trexton.vision.camera import MapImage
+from trexton.vision.images import MOST_PIXELS
+from trexton.vision.visual_odometry import shrink
 
 __all__ = ["Ground"]
 

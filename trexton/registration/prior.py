@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.camera import wrapped
 from trexton.registration.alignment import Alignment
-from trexton.registration.calibration import FloorFix
 from trexton.registration.tilt import TiltError
+from trexton.registration.trust import FloorFix
+from trexton.vision.camera import wrapped
 
 Array = NDArray[Any]
 

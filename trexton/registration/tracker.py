@@ -10,15 +10,15 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.camera import Camera, MapImage, transform_points, wrapped
-from trexton.errors import ParameterError
-from trexton.odometry import VisualOdometry
+from trexton.base.errors import ParameterError
 from trexton.registration.alignment import Aligner, Alignment
 from trexton.registration.belief import CellBelief, Window
-from trexton.registration.calibration import FloorFix, Trust
 from trexton.registration.correlation import CoarseMatcher
 from trexton.registration.ground import Ground
 from trexton.registration.prior import Prior, Told
+from trexton.registration.trust import FloorFix, Trust
+from trexton.vision.camera import Camera, MapImage, transform_points, wrapped
+from trexton.vision.visual_odometry import VisualOdometry
 
 Array = NDArray[Any]
 

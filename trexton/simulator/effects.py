@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 
 __all__ = ["Effects", "Light"]
 

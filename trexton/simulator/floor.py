@@ -12,13 +12,13 @@ from functools import lru_cache
 import cv2
 import numpy as np
 
-from trexton.camera import MapImage
-from trexton.errors import ImageError, ParameterError
-from trexton.images import read_picture
+from trexton.base.errors import ImageError, ParameterError
 from trexton.simulator.effects import Light
 from trexton.simulator.hall import paint_hall
 from trexton.simulator.layouts import layout
 from trexton.simulator.mats import PIXELS_PER_METRE
+from trexton.vision.camera import MapImage
+from trexton.vision.images import read_picture
 
 __all__ = ["Floor", "Texture"]
 

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import cv2
 import numpy as np
 
-from trexton.camera import MapImage
 from trexton.simulator.layouts import HALL, Placement
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE, bgr, grain, polygon
+from trexton.vision.camera import MapImage
 
 __all__ = ["SIDE", "LANDING_CIRCLE", "paint_hall"]
 

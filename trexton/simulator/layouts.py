@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 
 __all__ = ["HALL", "LAYOUTS", "Placement", "layout"]
 

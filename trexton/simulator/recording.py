@@ -7,17 +7,17 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.camera import Camera
-from trexton.errors import ParameterError
-from trexton.files import atomic_folder
+from trexton.base.errors import ParameterError
+from trexton.base.files import atomic_folder
+from trexton.base.progress import progress
 from trexton.flights import Flight, read_flight
 from trexton.flights.folder import write_tables
 from trexton.flights.frames import ImageFiles
-from trexton.progress import progress
 from trexton.simulator.effects import Effects, Light
 from trexton.simulator.floor import Floor
 from trexton.simulator.plans import Plan, random_waypoints, survey
 from trexton.simulator.simulator import PERIOD, Simulator
+from trexton.vision.camera import Camera
 
 __all__ = ["PATTERNS", "record_flight"]
 

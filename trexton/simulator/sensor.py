@@ -8,8 +8,8 @@ import cv2
 import numba
 import numpy as np
 
-from trexton.camera import Camera
 from trexton.simulator.effects import Effects
+from trexton.vision.camera import Camera
 
 __all__ = ["Sensor"]
 

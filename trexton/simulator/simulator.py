@@ -7,11 +7,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from trexton.camera import Camera, MapImage, transform_points
 from trexton.simulator.effects import Effects, Light
 from trexton.simulator.floor import Floor
 from trexton.simulator.sensor import Sensor
 from trexton.simulator.vehicle import Vehicle, VehicleState
+from trexton.vision.camera import Camera, MapImage, transform_points
 
 __all__ = ["Simulator", "PERIOD"]
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 
 __all__ = ["Vehicle", "VehicleState"]
 
@@ -158,7 +158,7 @@ class Vehicle:
             (wanted - self._velocity) / VELOCITY_LAG + DRAG * self._velocity, ACCELERATION
         )
         cosine, sine = math.cos(self._wander[1]), math.sin(self._wander[1])
-        # Right side down pushes to the right, nose up pushes back (see trexton.camera).
+        # Right side down pushes to the right, nose up pushes back (see trexton.vision.camera).
         command = (
             np.array([cosine * push[0] + sine * push[1], sine * push[0] - cosine * push[1]])
             / GRAVITY

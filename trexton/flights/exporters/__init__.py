@@ -14,8 +14,8 @@ from typing import IO, Protocol, cast
 
 import numpy as np
 
-from trexton.errors import FlightError, ParameterError
-from trexton.files import atomic_file
+from trexton.base.errors import FlightError, ParameterError
+from trexton.base.files import atomic_file
 from trexton.flights.folder import read_flight
 from trexton.flights.tables import read_text
 

@@ -1,8 +1,8 @@
 """Flights from the formats that people have: one file each, and one line here.
 
-A module declares its options (`Settings`, a dataclass of `trexton.options`), says whether a source
-looks like its own (``recognises(path)``) and reads it (``read(path, settings) -> Recording``).
-Command line, checks and the table in the documentation are made from these.
+A module declares its options (`Settings`, a dataclass of `trexton.base.options`), says whether a
+source looks like its own (``recognises(path)``) and reads it (``read(path, settings) ->
+Recording``). Command line, checks and the table in the documentation are made from these.
 """
 
 from __future__ import annotations
@@ -11,9 +11,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol, cast
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
+from trexton.base.options import Options
 from trexton.flights.importers.recording import Recording
-from trexton.options import Options
 
 __all__ = ["IMPORTERS", "Importer", "describe", "guess_kind", "importer"]
 

@@ -10,7 +10,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
+from trexton.base.options import Options, option
 from trexton.flights.frames import Forward
 from trexton.flights.importers.recording import (
     NANO,
@@ -19,8 +20,7 @@ from trexton.flights.importers.recording import (
     axes_option,
     camera_attitude,
 )
-from trexton.images import decode
-from trexton.options import Options, option
+from trexton.vision.images import decode
 
 __all__ = ["Settings", "read", "recognises"]
 

@@ -9,10 +9,10 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from trexton.camera import Camera
-from trexton.errors import FlightError, ParameterError
+from trexton.base.errors import FlightError, ParameterError
 from trexton.flights.tables import read_text
-from trexton.images import MOST_PIXELS
+from trexton.vision.camera import Camera
+from trexton.vision.images import MOST_PIXELS
 
 __all__ = ["read_calibration", "read_mounting"]
 

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
+from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.calibration import read_calibration, read_mounting
 from trexton.flights.importers.recording import (
@@ -21,7 +22,6 @@ from trexton.flights.importers.recording import (
     camera_attitude,
 )
 from trexton.flights.tables import column, read_table
-from trexton.options import Options, option
 
 __all__ = ["Settings", "read", "recognises"]
 

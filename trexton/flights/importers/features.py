@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
+from trexton.base.options import Options, option
 from trexton.flights.importers import table as tables
 from trexton.flights.importers.recording import NANO, Recording, Track, beside
 from trexton.flights.tables import column, read_table
-from trexton.options import Options, option
 
 __all__ = ["Settings", "read", "recognises"]
 

@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
+from trexton.base.options import Options, option
 from trexton.flights.earth import plane
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.recording import NANO, Recording, Track, beside
 from trexton.flights.tables import column, read_table
-from trexton.options import Options, option
 
 __all__ = ["Settings", "local_metres", "read", "recognises"]
 

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.camera import Camera, wrapped
-from trexton.errors import FlightError, ParameterError
+from trexton.base.errors import FlightError, ParameterError
+from trexton.base.options import option
 from trexton.flights.frames import Frames
-from trexton.options import option
+from trexton.vision.camera import Camera, wrapped
 
 __all__ = [
     "AXES",
@@ -39,7 +39,7 @@ class Track:
     position : (M, 3) array
         Metres; z is NaN where it was not recorded.
     attitude : (M, 3) array or None
-        Roll, pitch, yaw in radians; see `trexton.camera`.
+        Roll, pitch, yaw in radians; see `trexton.vision.camera`.
     """
 
     time_ns: np.ndarray
@@ -180,7 +180,7 @@ def beside(folder: Path, name: str) -> Path:
 
 
 # What a quaternion may turn, to the world, z up: right, forward and up of this project's vehicle
-# (`trexton.camera`), as columns in those axes.
+# (`trexton.vision.camera`), as columns in those axes.
 AXES = {
     "rfu": np.eye(3),
     "flu": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),  # REP 103
@@ -202,7 +202,8 @@ def axes_option() -> str:
 def attitude_from_quaternions(
     quaternions: Sequence[Sequence[float]] | np.ndarray, axes: np.ndarray = AXES["rfu"]
 ) -> np.ndarray:
-    """``(N, 3)`` roll, pitch, yaw as `trexton.camera` defines them, from ``(N, 4)`` x, y, z, w.
+    """``(N, 3)`` roll, pitch, yaw as `trexton.vision.camera` defines them, from ``(N, 4)`` x, y, z,
+    w.
 
     Parameters
     ----------

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
+from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.recording import NANO, Recording, Track
 from trexton.flights.tables import column, read_table
-from trexton.options import Options, option
 
 __all__ = ["LENGTHS", "Settings", "nanoseconds", "read", "read_track", "recognises"]
 

@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from trexton.errors import FlightError
+from trexton.base.errors import FlightError
+from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.recording import (
     NANO,
@@ -18,7 +19,6 @@ from trexton.flights.importers.recording import (
     camera_attitude,
 )
 from trexton.flights.tables import read_text
-from trexton.options import Options, option
 
 __all__ = ["Settings", "nanoseconds", "read", "read_trajectory", "recognises"]
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from trexton.errors import FlightError, ParameterError
+from trexton.base.errors import FlightError, ParameterError
+from trexton.base.options import Options, option
+from trexton.base.progress import progress
 from trexton.flights.frames import Selected, VideoFrames, stamped_frames
 from trexton.flights.importers import table as tables
 from trexton.flights.importers.recording import NANO, Recording, Track, beside
-from trexton.options import Options, option
-from trexton.progress import progress
 
 __all__ = ["Settings", "estimate_offset", "read", "recognises"]
 

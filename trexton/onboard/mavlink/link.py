@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 
 __all__ = ["Link", "make_link"]
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.aiding import Aiding
+from trexton.flights.aiding import Aiding
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.mavlink.messages import COMPONENT, mavlink
 

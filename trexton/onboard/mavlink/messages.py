@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from trexton.estimate import ignorance
+from trexton.localization.estimate import ignorance
 from trexton.onboard.local import LocalFrame, decoupled
 
 __all__ = [

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.mavlink.messages import odometry, quality, vision_position

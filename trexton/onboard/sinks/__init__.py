@@ -9,10 +9,10 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
+from trexton.base.options import Options
 from trexton.onboard.edges import load
 from trexton.onboard.sinks.base import Guard, Sink, Surroundings
-from trexton.options import Options
 
 __all__ = ["Guard", "SINKS", "Sink", "Surroundings", "open_sink", "sink_classes"]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.aiding import Aiding
+from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from trexton.base.options import Options
 from trexton.onboard.fix import Fix
 from trexton.onboard.sinks.base import Sink, Surroundings
 from trexton.onboard.sinks.json_lines import row
 from trexton.onboard.sinks.lines import LineFile, named_file
-from trexton.options import Options
 
 __all__ = ["COLUMNS", "CsvTable"]
 

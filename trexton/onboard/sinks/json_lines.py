@@ -6,11 +6,11 @@ from __future__ import annotations
 import json
 from typing import Any
 
+from trexton.base.options import Options
+from trexton.base.records import plain
 from trexton.onboard.fix import Fix
 from trexton.onboard.sinks.base import Sink, Surroundings
 from trexton.onboard.sinks.lines import LineFile
-from trexton.options import Options
-from trexton.records import plain
 
 __all__ = ["JsonLines", "row"]
 

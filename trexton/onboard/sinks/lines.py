@@ -8,7 +8,7 @@ import select
 import stat
 import sys
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
 
 __all__ = ["LineFile", "named_file"]
 

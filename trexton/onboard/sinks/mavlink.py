@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from trexton.aiding import Aiding
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
+from trexton.base.options import Options, option
+from trexton.flights.aiding import Aiding
 from trexton.onboard.fix import Fix
 from trexton.onboard.mavlink.link import Link, make_link
 from trexton.onboard.sinks.base import Sink, Surroundings
 from trexton.onboard.tally import Tally
-from trexton.options import Options, option
 
 if TYPE_CHECKING:
     from trexton.onboard.mavlink.speaker import Speaker

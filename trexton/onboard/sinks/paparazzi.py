@@ -16,11 +16,11 @@ import threading
 from contextlib import suppress
 from typing import Any
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
+from trexton.base.options import Options
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.sinks.base import Sink, Surroundings
-from trexton.options import Options
 
 __all__ = ["PaparazziSink", "remote_gps_local"]
 

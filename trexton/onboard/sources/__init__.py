@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
+from trexton.base.options import Options
 from trexton.onboard.edges import load
 from trexton.onboard.sources.base import CameraLost, Frame, Playback, Source, View
 from trexton.onboard.sources.wrapped import Delayed, Rectified
-from trexton.options import Options
 
 __all__ = [
     "CameraLost", "Delayed", "Frame", "Playback", "Rectified", "SOURCES", "Source", "View",

@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from trexton.aiding import Aiding
-from trexton.errors import TrextonError
+from trexton.base.errors import TrextonError
+from trexton.base.options import Options, option
+from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge
-from trexton.options import Options, option
 
 __all__ = ["CameraLost", "Frame", "Playback", "Source", "View"]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from trexton.errors import FlightError, ImageError
+from trexton.base.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight
 from trexton.onboard.sources.base import Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced

@@ -5,10 +5,10 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from trexton.errors import ImageError
-from trexton.images import read_image
+from trexton.base.errors import ImageError
 from trexton.onboard.sources.base import Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced
+from trexton.vision.images import read_image
 
 __all__ = ["ImageFolder"]
 

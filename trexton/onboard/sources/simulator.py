@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
-from trexton.errors import ParameterError
+from trexton.base.errors import ParameterError
+from trexton.base.streams import stream
 from trexton.onboard.sources.base import Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced
-from trexton.streams import stream
 
 __all__ = ["SimulatorSource"]
 

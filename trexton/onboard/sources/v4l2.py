@@ -9,10 +9,10 @@ from typing import Any
 
 import cv2
 
-from trexton.errors import ImageError
-from trexton.images import yuv_from_uyvy
+from trexton.base.errors import ImageError
+from trexton.base.options import Options
 from trexton.onboard.sources.base import CameraLost, Frame, Source, View
-from trexton.options import Options
+from trexton.vision.images import yuv_from_uyvy
 
 __all__ = ["V4l2Source"]
 

@@ -13,11 +13,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.errors import ImageError, ParameterError
-from trexton.images import decode_image, yuv_from_bgr
+from trexton.base.errors import ImageError, ParameterError
+from trexton.base.options import Options
 from trexton.onboard.sources.base import CameraLost, Frame, Playback, Source, View
 from trexton.onboard.sources.pacing import Paced
-from trexton.options import Options
+from trexton.vision.images import decode_image, yuv_from_bgr
 
 __all__ = ["StreamSource", "VideoFile"]
 

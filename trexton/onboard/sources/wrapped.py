@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from trexton.onboard.sources.base import Frame, Source
-from trexton.rectification import Rectification
+from trexton.vision.rectification import Rectification
 
 __all__ = ["Delayed", "Rectified", "Wrapped"]
 

@@ -1,0 +1,149 @@
+"""Intermediate results, keyed by all that went in: code, parameters, data; not by file name."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import os
+import re
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trexton.base.errors import DataError
+from trexton.base.files import atomic_file, digest
+from trexton.base.progress import say
+from trexton.base.records import software_versions
+
+__all__ = [
+    "cache_folder",
+    "cached",
+    "code_hashes",
+    "kept_results",
+    "repository_root",
+    "shipped",
+]
+
+_PACKAGE = Path(__file__).resolve().parent.parent
+_ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")
+
+
+def repository_root() -> Path | None:
+    """The clone this package runs from, or None for an installed package."""
+    root = _PACKAGE.parent
+    return root if (root / "pyproject.toml").is_file() and (root / "notebooks").is_dir() else None
+
+
+def shipped(name: str) -> Path:
+    """A folder of the repository that also travels with an installed package: ``notebooks``, ...
+
+    Raises
+    ------
+    DataError
+        It is in neither place.
+    """
+    root = repository_root()
+    place = (root or _PACKAGE / "_shipped") / name
+    if not place.is_dir():
+        raise DataError(f"{place} is missing: install trexton again, or work in a whole clone")
+    return place
+
+
+def kept_results() -> list[Path]:
+    """``data/reference/*.json`` of the clone: results of longer runs, kept with the code."""
+    root = repository_root()
+    return sorted((root / "data" / "reference").glob("*.json")) if root else []
+
+
+def cache_folder() -> Path:
+    """``$TREXTON_CACHE``, else ``data/cache`` of the clone, else the user's cache."""
+    if folder := os.environ.get("TREXTON_CACHE"):
+        return Path(folder)
+    root = repository_root()
+    return root / "data" / "cache" if root else Path.home() / ".cache" / "trexton"
+
+
+@cache
+def code_hashes(module: str) -> dict[str, str]:
+    """SHA-256 of the source of `module` and of all of this package it imports, however deep.
+
+    To a package belong the pages, styles and scripts beside its modules. What tables name as
+    ``"trexton.module:name"`` counts as imported.
+    """
+    hashes: dict[str, str] = {}
+    waiting = [module]
+    while waiting:
+        name = waiting.pop()
+        if name not in hashes and (found := _hash_and_imports(name)):
+            hashes[name], imported = found
+            waiting += imported
+    return dict(sorted(hashes.items()))
+
+
+@cache
+def _hash_and_imports(module: str) -> tuple[str, list[str]] | None:
+    """Of one module, read once a process; None for what is no module of this package."""
+    package, *inner = module.split(".")
+    place = _PACKAGE.joinpath(*inner)
+    files = (place / "__init__.py", place.with_suffix(".py")) if package == "trexton" else ()
+    file = next((file for file in files if file.is_file()), None)
+    if file is None:
+        return None
+    source = file.read_bytes()
+    names: list[str] = []
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Import):
+            names += [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names += [node.module, *(f"{node.module}.{alias.name}" for alias in node.names)]
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            if _ADDRESS.fullmatch(node.value):  # in a table of what is imported when asked for
+                names.append(node.value.partition(":")[0])
+    total = hashlib.sha256(source)
+    for asset in _assets(place):
+        total.update(asset.read_bytes())
+    return total.hexdigest(), names
+
+
+def _assets(place: Path) -> list[Path]:
+    """What the modules of a package read from beside them; none where `place` is no package."""
+    return sorted(path for path in place.glob("*") if path.suffix in (".css", ".html", ".js"))
+
+
+def cached(
+    kind: str, module: str, inputs: dict[str, Any], compute: Callable[[], dict[str, np.ndarray]]
+) -> dict[str, np.ndarray]:
+    """Return the arrays that `compute` gives, from the cache if the same inputs were seen before.
+
+    Parameters
+    ----------
+    kind : str
+        A word that names the file, for people.
+    module : str
+        The module whose code (with all it imports from this package) makes the result.
+    inputs : dict
+        JSON values: parameters and data hashes.
+    compute : callable
+        Makes a dict of arrays; called only on a miss.
+    """
+    key = digest(kind, inputs, code_hashes(module), software_versions())
+    path = cache_folder() / f"{kind}-{key[:24]}.npz"
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            return dict(stored)
+    except (FileNotFoundError, NotADirectoryError):
+        pass
+    except (OSError, ValueError, zipfile.BadZipFile):
+        path.unlink(missing_ok=True)  # damaged: make it again
+    arrays = compute()
+    try:
+        with atomic_file(path, "wb") as stream:
+            save: Any = np.savez  # whose stubs take every name for an option
+            save(stream, **arrays)
+    except OSError as error:  # of a disk that is full or not ours: what was computed is right
+        say(f"{path.parent}: nothing is kept there ({error.strerror or error})")
+    return {name: np.asarray(array) for name, array in arrays.items()}

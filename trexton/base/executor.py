@@ -1,0 +1,190 @@
+"""One seam for many independent things: done here, by processes of this machine, or by a cluster.
+
+Repeats, grids and trials go through `spread`; where they run is settled outside, so that the same
+function gives the same values everywhere::
+
+    errors = spread(partial(fly, mission), range(200), "landings")
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import Any, TypeVar
+
+from trexton.base.errors import ParameterError
+from trexton.base.progress import progress
+
+__all__ = [
+    "CLUSTER",
+    "PROCESSES",
+    "THREAD_VARIABLES",
+    "connect",
+    "end_with_parent",
+    "limited",
+    "limited_threads",
+    "spread",
+    "working_on",
+]
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+# The environment carries the choice to the kernels of notebooks and to worker processes.
+CLUSTER, PROCESSES = "TREXTON_CLUSTER", "TREXTON_PROCESSES"
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
+    "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
+)  # fmt: skip
+_GREETING_S = 30.0
+_task: Callable[[Any], Any] | None = None
+
+
+@contextmanager
+def working_on(cluster: str | None = None, processes: int = 1) -> Iterator[None]:
+    """Within the block, `spread` uses a Dask cluster, so many processes, or (default) neither."""
+    before = {name: os.environ.get(name) for name in (CLUSTER, PROCESSES)}
+    os.environ |= {CLUSTER: cluster or "", PROCESSES: str(processes)}
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+@contextmanager
+def limited(threads: int | None) -> Iterator[None]:
+    """Within the block, started processes give their libraries so many threads (None: all)."""
+    before = dict(os.environ)
+    if threads is not None:
+        os.environ |= dict.fromkeys(THREAD_VARIABLES, str(threads))
+    try:
+        yield
+    finally:
+        for name in THREAD_VARIABLES:
+            os.environ.pop(name, None)
+        os.environ |= {name: before[name] for name in THREAD_VARIABLES if name in before}
+
+
+@contextmanager
+def limited_threads(count: int) -> Iterator[None]:
+    """BLAS, OpenCV and this package's kernels use `count` threads within the block."""
+    import cv2
+    from threadpoolctl import threadpool_limits
+
+    before, cv_before = os.environ.get("OMP_NUM_THREADS"), cv2.getNumThreads()
+    os.environ["OMP_NUM_THREADS"] = str(count)
+    cv2.setNumThreads(count)
+    try:
+        with threadpool_limits(count):
+            yield
+    finally:
+        cv2.setNumThreads(cv_before)
+        os.environ.pop("OMP_NUM_THREADS")
+        if before is not None:
+            os.environ["OMP_NUM_THREADS"] = before
+
+
+def end_with_parent() -> None:
+    """End this process soon after the one that started it, which may be killed at any moment."""
+    parent = os.getppid()
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def spread(function: Callable[[T], R], items: Iterable[T], label: str = "") -> list[R]:
+    """``[function(item) for item in items]``, wherever there is room for it.
+
+    Parameters
+    ----------
+    function : callable
+        Picklable, and a function of its item alone: random numbers come from the item's own stream.
+    items : iterable
+        Picklable.
+    label : str
+        Names the bar that shows progress.
+
+    Returns
+    -------
+    list
+        Results in the order of `items`.
+    """
+    items = list(items)
+    if address := os.environ.get(CLUSTER):
+        return _on_cluster(address, function, items)
+    processes = min(int(os.environ.get(PROCESSES) or 1), len(items))
+    if processes <= 1:
+        return [function(item) for item in progress(items, label, len(items))]
+    with ProcessPoolExecutor(
+        processes, get_context("spawn"), initializer=_keep, initargs=(function,)
+    ) as pool:
+        return list(progress(pool.map(_apply, items), label, len(items)))
+
+
+def _keep(function: Callable[[Any], Any]) -> None:
+    """Receive the function once a process: it may carry a map or a floor."""
+    global _task
+    end_with_parent()
+    _task = function
+    os.environ |= {CLUSTER: "", PROCESSES: "1"}  # whatever is inside is done in place
+
+
+def _apply(item: Any) -> Any:
+    assert _task is not None
+    return _task(item)
+
+
+def connect(address: str) -> Any:
+    """A client of the Dask scheduler at `address`; raises `ParameterError` if none answers."""
+    from distributed import Client
+    from distributed.comm.addressing import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+
+    try:
+        scheme, place = parse_address(address)
+        get_backend(scheme)  # a client of an unknown one takes minutes to close
+        # Where nothing listens it is known at once. A scheduler greets whoever comes: a client of
+        # something else, such as a web server, would wait for that for ever.
+        if scheme in ("tcp", "tls"):
+            with socket.create_connection(parse_host_port(place, 8786), timeout=10) as there:
+                there.settimeout(_GREETING_S)
+                if scheme == "tcp" and not there.recv(1):
+                    raise OSError("it hung up")
+        return Client(address, timeout="60s", set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise ParameterError(
+            f"no Dask scheduler answers at {address} ({error}): start one with dask scheduler, and "
+            "workers with dask worker, in environments with the same trexton"
+        ) from None
+
+
+def _on_cluster(address: str, function: Callable[[T], R], items: list[T]) -> list[R]:
+    """Every item a task of its own: a worker that dies costs only what it was at."""
+    with connect(address) as client:
+        # A task too, and not scattered: what is scattered cannot be made again where the worker
+        # that has it dies, and takes with it all that waits for it. As bytes the scheduler, which
+        # reads what it is sent, need not know what a worker is to do.
+        shipped = client.submit(pickle.loads, pickle.dumps(function), pure=False)
+        futures = [client.submit(_call, shipped, item, pure=False) for item in items]
+        return list(client.gather(futures))
+
+
+def _call(function: Callable[[T], R], item: T) -> R:
+    """Run one item in a worker; whatever is spread inside it is done in place."""
+    with working_on():
+        return function(item)

@@ -1,0 +1,274 @@
+"""Writing goes through one place: to a temporary name first, then renamed: nothing is
+half-written.
+"""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from trexton.base.errors import ParameterError, TrextonError
+
+__all__ = [
+    "atomic_file",
+    "atomic_folder",
+    "canonical_json",
+    "check_not_read",
+    "check_replaceable",
+    "check_writable",
+    "clean_leftovers",
+    "digest",
+    "naming",
+    "put_in_place",
+    "replace_folder",
+    "work_folder",
+]
+
+
+MANIFEST = ".trexton.json"  # in a folder of ours: what was written into it
+
+
+@contextmanager
+def atomic_file(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
+    """Open a temporary file beside `path`; it is renamed to `path` if the block succeeds.
+
+    It is deleted otherwise; an `OSError` of the disk names `path`.
+    """
+    path = Path(path)
+    with naming(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        clean_leftovers(path)
+        descriptor, temporary = tempfile.mkstemp(prefix=_prefix(path, "new"), dir=path.parent)
+        text: dict[str, Any] = {} if "b" in mode else {"encoding": "utf-8", "newline": "\n"}
+        try:
+            with os.fdopen(descriptor, mode, **text) as stream:
+                yield stream
+            os.chmod(temporary, 0o644)
+            os.replace(temporary, path)
+        except BaseException:
+            Path(temporary).unlink(missing_ok=True)
+            raise
+
+
+@contextmanager
+def atomic_folder(path: str | os.PathLike[str], replace: bool = False) -> Iterator[Path]:
+    """Yield a temporary folder beside `path`; it replaces `path` if the block succeeds.
+
+    It vanishes otherwise. Only a folder that was written like this and holds nothing else is
+    replaced, or any if `replace`; see `check_replaceable`.
+    """
+    path = Path(path)
+    clean_leftovers(path)
+    check_replaceable(path, replace)
+    with naming(path), work_folder(path) as temporary:
+        folder = temporary / "new"
+        folder.mkdir()
+        yield folder
+        replace_folder(folder, path)
+
+
+@contextmanager
+def work_folder(path: Path) -> Iterator[Path]:
+    """A folder beside `path` to prepare it in, gone after the block; first goes what runs that
+    were killed left there.
+    """
+    clean_leftovers(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = Path(tempfile.mkdtemp(prefix=_prefix(path, "new"), dir=path.parent))
+    try:
+        yield temporary
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors of the disk name `path`, not a temporary file or nothing at all."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno and (error.filename is None or f".{path.name}." in str(error.filename)):
+            error.filename = str(path)
+        raise
+
+
+def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) -> None:
+    """Refuse to write over a file that is read, one in a folder that is read, or a folder that
+    holds what is read.
+
+    Raises
+    ------
+    ParameterError
+        It would be.
+    """
+    real = Path(os.path.realpath(path))
+    for other in read:
+        there = Path(os.path.realpath(other))
+        inside = real.is_relative_to(there) or there.is_relative_to(real)
+        if inside and (real.exists() or Path(other).is_file()):
+            raise ParameterError(
+                f"{path}: is read here ({other}) and would be written over: give another name"
+            )
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Refuse a file that could not be written, before the work that would be lost.
+
+    Raises
+    ------
+    ParameterError
+        It is a folder, or lies below a file or in a folder where nothing may be written.
+    """
+    path = Path(path)
+    above = next(each for each in path.absolute().parents if each.exists())
+    if path.is_dir():
+        raise ParameterError(f"{path}: is a folder: give the name of a file")
+    if not above.is_dir() or not os.access(above, os.W_OK):
+        found = "may not be written to" if above.is_dir() else "is no folder"
+        raise ParameterError(f"{path}: cannot be written, {above} {found}: give another name")
+
+
+def check_replaceable(path: Path, replace: bool, ours: bool = True) -> None:
+    """Refuse to write a folder over something of a person's.
+
+    Parameters
+    ----------
+    path : Path
+    replace : bool
+        A person said that the folder may go.
+    ours : bool
+        It may also go if it is one of ours: what its manifest lists, unchanged, and nothing else.
+
+    Raises
+    ------
+    TrextonError
+        `path` is the folder one stands in, a link, a file, or a folder that may not go.
+    """
+    if path.resolve() in (Path.cwd(), *Path.cwd().parents):
+        raise TrextonError(
+            f"{path}: a folder cannot replace the one you stand in: name a new folder"
+        )
+    if path.is_symlink():
+        raise TrextonError(f"{path}: is a link: name the folder itself, or a new one")
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise TrextonError(f"{path}: is a file, not a folder: name a new folder, or remove it")
+    if replace or not any(path.iterdir()):
+        return
+    if foreign := _foreign(path):
+        raise TrextonError(
+            f"{path}: {foreign}, and would be lost: name a new folder, or say --replace"
+        )
+    if not ours:
+        raise TrextonError(f"{path}: is there already: name a new folder, or say --replace")
+
+
+def _foreign(folder: Path) -> str | None:
+    """What is in a folder that is not as it was written there; None if it is ours entirely."""
+    try:
+        written = json.loads((folder / MANIFEST).read_text(encoding="utf-8"))["files"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return "holds files that were not written there by trexton"
+    for name, state in _contents(folder).items():
+        if name not in written:
+            return f"{name} was put there"
+        if written[name] != state:
+            return f"{name} was changed"
+    return None
+
+
+def _contents(folder: Path) -> dict[str, list[Any]]:
+    """Size of every file below a folder, and the digest of those right in it, which people edit."""
+    contents: dict[str, list[Any]] = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_dir() and not path.is_symlink() or path == folder / MANIFEST:
+            continue
+        edited = path.parent == folder and path.is_file()
+        state = [path.lstat().st_size, digest(path) if edited else ""]
+        contents[path.relative_to(folder).as_posix()] = state
+    return contents
+
+
+def replace_folder(new: Path, path: Path) -> None:
+    """Put the folder `new` in the place of `path`, with a manifest of what is in it."""
+    manifest = {"written_by": "trexton", "files": _contents(new)}
+    (new / MANIFEST).write_text(canonical_json(manifest), encoding="utf-8")
+    put_in_place(new, path)
+
+
+def put_in_place(new: Path, path: Path) -> None:
+    """Move the folder `new` to `path`; what is there is moved aside first, and then removed."""
+    if path.exists():
+        old = Path(tempfile.mkdtemp(prefix=_prefix(path, "old"), dir=path.parent))
+        os.replace(path, old / "was")
+        os.replace(new, path)
+        shutil.rmtree(old)
+    else:
+        os.replace(new, path)
+
+
+def clean_leftovers(path: Path) -> None:
+    """Remove what a run that was killed left beside `path`; put back what it had moved aside."""
+    for left in path.parent.glob(f".{glob.escape(path.name)}.*-*.*"):
+        kind, _, process = left.name[len(path.name) + 2 :].partition(".")[0].partition("-")
+        if kind not in ("new", "old") or not process.isdecimal() or _alive(int(process)):
+            continue
+        if kind == "old" and (left / "was").exists() and not path.exists():
+            os.replace(left / "was", path)
+        if left.is_dir():
+            shutil.rmtree(left, ignore_errors=True)
+        else:
+            left.unlink(missing_ok=True)
+
+
+def _prefix(path: Path, kind: str) -> str:
+    """Names the process, so that what a killed one left can be told from what another is
+    writing.
+    """
+    return f".{path.name}.{kind}-{os.getpid()}."
+
+
+def _alive(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        pass  # another person's
+    return True
+
+
+def canonical_json(value: object) -> str:
+    """JSON with sorted keys and full float precision: equal values give equal bytes."""
+    return json.dumps(value, sort_keys=True, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def digest(*parts: object) -> str:
+    """SHA-256 (hex) of arrays, bytes, files (as `Path`) and JSON values; type and shape count."""
+    total = hashlib.sha256()
+    for part in parts:
+        if isinstance(part, np.ndarray):
+            head, body = (
+                f"array {part.dtype.str} {part.shape}",
+                np.ascontiguousarray(part).tobytes(),
+            )
+        elif isinstance(part, bytes):
+            head, body = "bytes", part
+        elif isinstance(part, Path):
+            head, body = "file", part.read_bytes()
+        else:
+            head, body = "json", canonical_json(part).encode()
+        total.update(f"{head} {len(body)}\n".encode())
+        total.update(body)
+    return total.hexdigest()

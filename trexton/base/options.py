@@ -1,0 +1,213 @@
+"""Options declared once: a frozen dataclass whose fields say type, default, range and meaning.
+
+The command line, the checks, the documentation and the record of whatever has options are made from
+the dataclass::
+
+    @dataclass(frozen=True)
+    class Parameters(Options):
+        particles: int = option(50, "particles of the filter", low=1)
+
+    Parameters(particles=0)  # ParameterError: particles is 0: expected 1 or more
+    Parameters.parse({"particles": "80"})  # text, as typed after --set particles=
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from types import NoneType
+from typing import TYPE_CHECKING, Any, Self, SupportsIndex, TypeVar, get_args, get_type_hints
+
+from trexton.base.errors import ParameterError
+
+if TYPE_CHECKING:
+    import argparse
+
+__all__ = ["Option", "Options", "add_assignments", "assignments", "option", "whole"]
+
+T = TypeVar("T")
+_WORDS = {"true": True, "false": False, "none": None}
+_ANSWERS = {"yes": True, "no": False}
+
+
+def option(
+    default: T,
+    meaning: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: Sequence[str] = (),
+) -> T:
+    """A field of an `Options` class.
+
+    Parameters
+    ----------
+    default : object
+        The only place where the default stands.
+    meaning : str
+        One line for people, without a full stop.
+    low, high : float, optional
+        Smallest and largest value allowed.
+    choices : sequence of str
+        The words allowed, where not every text is.
+    """
+    metadata = {"meaning": meaning, "low": low, "high": high, "choices": tuple(choices)}
+    return field(default=default, metadata=metadata)
+
+
+def whole(value: object, what: str, low: int = 1, high: int | None = None) -> int:
+    """A count as an int, NumPy's integers among them.
+
+    Parameters
+    ----------
+    what : str
+        Names it in the error.
+    low, high : int
+        The smallest and the largest that will do; None is without end.
+
+    Raises
+    ------
+    ParameterError
+        It is no whole number, or out of range.
+    """
+    if isinstance(value, SupportsIndex) and not isinstance(value, bool):
+        number = value.__index__()
+        if low <= number and (high is None or number <= high):
+            return number
+    span = f"of at least {low}" if high is None else f"from {low} to {high}"
+    raise ParameterError(f"{what} is {value!r}: expected a whole number {span}")
+
+
+def add_assignments(parser: argparse.ArgumentParser, metavar: str, words: str) -> None:
+    """Give the parser ``--set``, repeatable; see `assignments`.
+
+    Parameters
+    ----------
+    metavar, words : str
+        How a word should look, and the option's help.
+    """
+    parser.add_argument(
+        "--set", nargs="+", action="extend", default=[], metavar=metavar, dest="settings",
+        help=words,
+    )  # fmt: skip
+
+
+def assignments(words: Iterable[str], form: str) -> dict[str, str]:
+    """What was typed after ``--set``: ``key=value`` words as a mapping.
+
+    Parameters
+    ----------
+    form : str
+        How a word should look, for the error.
+
+    Raises
+    ------
+    ParameterError
+        A word is no assignment, or a key comes twice.
+    """
+    found: dict[str, str] = {}
+    for word in words:
+        key, equals, value = word.partition("=")
+        if not equals or not key:
+            raise ParameterError(f"--set {word!r}: expected {form}")
+        if key in found:
+            raise ParameterError(
+                f"--set has {key} twice, {found[key]!r} and {value!r}: give it once, as {form}"
+            )
+        found[key] = value
+    return found
+
+
+@dataclass(frozen=True)
+class Option:
+    """One declared option: its name, the types it may have, its default, its meaning and range."""
+
+    name: str
+    types: tuple[type, ...]
+    default: object
+    meaning: str = ""
+    low: float | None = None
+    high: float | None = None
+    choices: tuple[str, ...] = ()
+
+    def parse(self, text: str) -> object:
+        """The value that `text` stands for, checked; raises `ParameterError`."""
+        if self.types == (str,):
+            return self.check(text)
+        value: object = text
+        if text.lower() in _WORDS:
+            value = _WORDS[text.lower()]
+        elif bool in self.types and text.lower() in _ANSWERS:
+            value = _ANSWERS[text.lower()]
+        else:
+            try:
+                value = ast.literal_eval(text)
+            except (ValueError, SyntaxError):
+                pass
+        if str in self.types and type(value) not in self.types:
+            value = text  # "2.5,2.5" is a tuple to Python, and text to whom text is enough
+        return self.check(value)
+
+    def check(self, value: object) -> object:
+        """`value` if type and range fit (an int also stands for a float); else `ParameterError`."""
+        if type(value) is int and float in self.types and int not in self.types:
+            value = float(value)
+        if type(value) not in self.types:
+            names = ("None" if kind is NoneType else kind.__name__ for kind in self.types)
+            raise self._refusal(value, f"{' or '.join(names)}, as in {self.name}={self.default!r}")
+        if isinstance(value, float) and not math.isfinite(value):
+            raise self._refusal(value, "a finite number")
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            if self.low is not None and value < self.low:
+                raise self._refusal(value, f"{self.low:g} or more")
+            if self.high is not None and value > self.high:
+                raise self._refusal(value, f"{self.high:g} or less")
+        if self.choices and value is not None and value not in self.choices:
+            raise self._refusal(value, f"one of {', '.join(self.choices)}")
+        return value
+
+    def _refusal(self, value: object, expected: str) -> ParameterError:
+        return ParameterError(f"parameter {self.name} is {value!r}: expected {expected}")
+
+
+@dataclass(frozen=True)
+class Options:
+    """Base of declared options; every object of it has been checked."""
+
+    def __post_init__(self) -> None:
+        for each in self.declared():
+            object.__setattr__(self, each.name, each.check(getattr(self, each.name)))
+
+    @classmethod
+    def declared(cls) -> Iterator[Option]:
+        """What is declared, in the order of the class."""
+        hints = get_type_hints(cls)
+        for each in fields(cls):
+            kinds = get_args(hints[each.name]) or (hints[each.name],)
+            yield Option(each.name, kinds, each.default, **each.metadata)
+
+    @classmethod
+    def parse(cls, settings: Mapping[str, object], owner: str = "this") -> Self:
+        """Defaults with `settings` in their place: values, or text as a person typed it.
+
+        Raises
+        ------
+        ParameterError
+            A name is unknown (the message lists those of `owner`), a type or a range does not fit.
+        """
+        known = {each.name: each for each in cls.declared()}
+        for name in settings:
+            if name not in known:
+                names = ", ".join(known) or "none"
+                raise ParameterError(f"{owner} has no parameter {name!r}: it has {names}")
+        values: dict[str, Any] = {
+            name: known[name].parse(value) if isinstance(value, str) else value
+            for name, value in settings.items()
+        }
+        return cls(**values)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Names and values, in the order of the class."""
+        return asdict(self)

@@ -1,0 +1,193 @@
+"""What an experiment returns: one frozen record, written as JSON with its pictures beside it.
+
+Equal inputs give equal bytes, except under ``timings``: what depends on the clock belongs there.
+
+A number with its 95 % interval is an entry, ``{"value": 45.1, "low": 40.2, "high": 51.0}``: it says
+``value`` whichever statistic it is, for the key that holds it tells that, as ``mean_cm``. An end of
+which nothing is known is None; counts such as ``trials`` may stand beside. What says ``median`` is
+one: among several statistics of one sample (``median``, ``p95``), in bands that figures draw, and
+under ``timings``, where ``low`` and ``high`` are of medians over stretches.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import platform
+from dataclasses import dataclass, field
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from trexton.base.errors import TrextonError
+from trexton.base.files import atomic_file, canonical_json
+
+__all__ = ["Record", "machine", "plain", "software_versions", "upgraded"]
+
+SCHEMA = 2
+_PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "matplotlib", "pandas")
+
+
+def plain(value: object) -> object:
+    """Arrays and NumPy scalars as JSON values; NaN and infinities become None."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    return str(value)
+
+
+def software_versions() -> dict[str, str]:
+    """Versions of Python and of the packages that results depend on."""
+    versions = {"python": platform.python_version()}
+    for name in _PACKAGES:
+        try:
+            versions[name] = version(name)
+        except PackageNotFoundError:
+            continue
+    return versions
+
+
+def machine() -> dict[str, Any]:
+    """What the figures depend on: processor, how many of them, how busy they are."""
+    model = platform.processor() or platform.machine()
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as stream:
+            names = (
+                line.split(":", 1)[1].strip() for line in stream if line.startswith("model name")
+            )
+            model = next(names, model)
+    except OSError:
+        pass
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
+    return {
+        "processor": model,
+        "processors": os.cpu_count(),
+        "load": load,
+        "system": platform.platform(),
+    }
+
+
+def upgraded(content: dict[str, Any]) -> dict[str, Any]:
+    """What a record's file holds, as it would be written today.
+
+    Until schema 2 entries said ``median`` for ``value``. Whatever reads entries from files that may
+    be of any age reads them through this.
+    """
+    if content["schema"] >= 2:
+        return content
+    renamed = {section: _with_value(content[section]) for section in ("values", "series")}
+    return content | renamed | {"schema": SCHEMA}
+
+
+def _with_value(tree: Any) -> Any:
+    if isinstance(tree, list):
+        return [_with_value(each) for each in tree]
+    if not isinstance(tree, dict):
+        return tree
+    found = {key: _with_value(each) for key, each in tree.items()}
+    # Lists are bands: their middle is a median.
+    if found.keys() >= {"median", "low", "high"} and not isinstance(found["median"], list):
+        found["value"] = found.pop("median")
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """The result of one experiment on one flight.
+
+    Attributes
+    ----------
+    experiment, flight : str
+    parameters : dict
+        Everything that was chosen, seed included.
+    values : dict
+        Reproducible results, nested, in SI units unless the key's suffix says otherwise (``_cm``).
+    series : dict
+        Arrays that figures draw (lists in the file).
+    images : dict of str to (H, W[, 3]) uint8 array
+        Pictures (BGR), written as PNG files beside the record.
+    timings : dict
+        What depends on the clock and the machine.
+    provenance : dict
+        Data hashes and versions.
+    """
+
+    experiment: str
+    flight: str
+    parameters: dict[str, Any]
+    values: dict[str, Any]
+    series: dict[str, Any] = field(default_factory=dict)
+    images: dict[str, np.ndarray] = field(default_factory=dict)
+    timings: dict[str, Any] = field(default_factory=dict)
+    provenance: dict[str, Any] = field(default_factory=dict)
+    schema: int = SCHEMA
+
+    def __post_init__(self) -> None:
+        for name in ("parameters", "values", "series", "timings", "provenance"):
+            object.__setattr__(self, name, plain(getattr(self, name)))
+
+    def save(self, folder: str | Path) -> Path:
+        """Write ``<experiment>.json`` and its pictures into `folder`; the path of the JSON file."""
+        import cv2
+
+        folder, pictures = Path(folder), {}
+        for name, image in self.images.items():
+            data = cv2.imencode(".png", image)[1].tobytes()
+            file = f"{self.experiment}-{name}.png"
+            with atomic_file(folder / file, "wb") as stream:
+                stream.write(data)
+            pictures[name] = {"file": file, "sha256": hashlib.sha256(data).hexdigest()}
+        content = {key: getattr(self, key) for key in self.__dataclass_fields__} | {
+            "images": pictures
+        }
+        with atomic_file(folder / f"{self.experiment}.json") as stream:
+            stream.write(canonical_json(content))
+        return folder / f"{self.experiment}.json"
+
+    @classmethod
+    def load(cls, path: str | Path) -> Record:
+        """Read a record and its pictures; an older one as it would be written today.
+
+        Raises
+        ------
+        TrextonError
+            The file is missing, damaged or of a newer schema.
+        """
+        import cv2
+
+        path = Path(path)
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            if content["schema"] > SCHEMA:
+                raise TrextonError(
+                    f"{path}: record schema {content['schema']} is newer than {SCHEMA}: "
+                    "update trexton"
+                )
+            content = upgraded(content)
+            pictures = content.pop("images")
+            record = cls(**content)
+        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            raise TrextonError(
+                f"{path}: not a readable record ({error}): run its experiment again"
+            ) from None
+        for name, entry in pictures.items():
+            picture = cv2.imread(str(path.parent / entry["file"]), cv2.IMREAD_UNCHANGED)
+            if picture is None:
+                raise TrextonError(
+                    f"{path}: its picture {entry['file']} is missing or damaged: "
+                    "run its experiment again"
+                )
+            record.images[name] = picture
+        return record

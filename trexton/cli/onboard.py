@@ -1,0 +1,86 @@
+"""``trexton onboard MAP``: an option for each field that settings, sources and sinks declare."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING
+
+from trexton.base.options import add_assignments
+
+if TYPE_CHECKING:
+    from trexton.onboard.edges import Edge
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from trexton.onboard.edges import add_options
+    from trexton.onboard.sinks import SINKS
+    from trexton.onboard.sources import SOURCES
+
+    parser.add_argument("map", metavar="MAP", help="texton map made by trexton train")
+    parser.add_argument(
+        "--output",
+        dest="outputs",
+        action="append",
+        default=[],
+        metavar="SINK",
+        help=f"KIND or KIND:ADDRESS, repeatable; kinds: {', '.join(SINKS)} (default json)",
+    )
+    words = "another part, or an option of one, repeatable: recovery=augmented"
+    add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
+    parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {', '.join(SOURCES)}."
+    parser.add_argument(
+        "--preflight", action="store_true",
+        help="check camera, map and autopilot for some seconds, a line each, and command nothing",
+    )  # fmt: skip
+    add_options(parser, _edges())
+
+
+def run(arguments: argparse.Namespace) -> int:
+    import json
+
+    from trexton.base.errors import TrextonError
+    from trexton.base.records import plain
+    from trexton.onboard import Settings, build
+    from trexton.onboard.edges import chosen_options
+    from trexton.onboard.signals import stopped_by_signals
+    from trexton.onboard.voice import flush, say
+
+    settings = Settings(
+        arguments.map,
+        tuple(arguments.outputs or ["json"]),
+        tuple(arguments.settings),
+        chosen_options(arguments, _edges()),
+    )
+    if arguments.preflight:
+        from trexton.onboard.preflight import preflight
+
+        checks = preflight(settings)
+        print("\n".join(map(str, checks)))
+        return int(not all(check.holds for check in checks))
+    with stopped_by_signals() as stop:
+        summary = build(settings).run(stop)
+    say("trexton onboard: " + json.dumps(plain(summary)))
+    flush()
+    if left_out := summary["left_out"]:
+        file, lines = next(iter(left_out.items()))
+        raise TrextonError(
+            f"{file}: {lines} lines were left out while the rest went on (a full disk?): make "
+            "room, or name another place"
+        )
+    if summary["frames"] and not summary["observed"]:
+        faults = ", ".join(f"{name} {count}" for name, count in summary["faults"].items())
+        raise TrextonError(
+            f"not one of {summary['frames']} frames could be localized ({faults}): check --camera, "
+            "and that the map is of such frames"
+        )
+    return 0
+
+
+def _edges() -> list[type[Edge]]:
+    from trexton.onboard.settings import GROUPS
+    from trexton.onboard.sinks import sink_classes
+    from trexton.onboard.sources import source_classes
+
+    return [*GROUPS, *source_classes(), *sink_classes()]

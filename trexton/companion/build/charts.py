@@ -1,0 +1,103 @@
+"""Figures set into the page itself: they follow its theme, tell their values, and weigh less."""
+
+from __future__ import annotations
+
+import base64
+import re
+from html import escape
+
+import cv2
+import numpy as np
+
+from trexton.base.errors import DataError
+
+__all__ = ["is_figure", "inline_figure"]
+
+_PICTURE = re.compile(r'"data:image/png;base64,\s*([^"]+)"')
+_MARK = r'<use href="{}" x="[^"]+" y="[^"]+" style="{}"/>'
+_MARKS = re.compile(
+    _MARK.format('(?P<mark>[^"]+)', '(?P<style>[^"]+)')
+    + rf"(?:\s*{_MARK.format('(?P=mark)', '(?P=style)')})+"
+)
+_LIGHTER = 20_000  # characters from which a picture is worth compressing
+_QUALITY = 72
+_NARROW = 400  # points, up to which a figure can be read on a phone as it is
+
+
+def is_figure(svg: str) -> bool:
+    """Whether this is one of our figures, which carry their data."""
+    return 'class="chart-data"' in svg
+
+
+def inline_figure(svg: str, name: str, alt: str) -> str:
+    """An ``<svg>`` element for a page.
+
+    Parameters
+    ----------
+    svg : str
+        A file that `trexton.companion.experiments.drawing.to_svg` wrote.
+    name : str
+        Put before every identifier, so that several figures go on one page.
+    alt : str
+        What it shows, for who cannot see it.
+
+    Raises
+    ------
+    DataError
+        It is no SVG.
+    """
+    start = svg.find("<svg")
+    if start < 0:
+        raise DataError(f"figure {name}: no SVG: run its experiment again")
+    body = re.sub(r"<metadata>.*?</metadata>", "", svg[start:], flags=re.DOTALL)
+    body = _with_short_names(body)
+    body = re.sub(r'\b(id|href)="(#?)([^":]+)"', rf'\1="\2{name}-\3"', body)
+    body = body.replace("url(#", f"url(#{name}-")
+    body = re.sub(r"#[0-9a-fA-F]{6}\b(?!-)", _themed, body)
+    body = _MARKS.sub(_styled_once, body)
+    body = _PICTURE.sub(_lighter, body)
+    for side in ("width", "height"):  # points to the pixels that a browser counts in
+        body = re.sub(
+            rf'(<svg[^>]*?)\s{side}="([\d.]+)pt"',
+            lambda found, side=side: f'{found[1]} {side}="{float(found[2]) * 4 / 3:.0f}"',  # type: ignore[misc]
+            body,
+            count=1,
+        )
+    box = re.search(r'viewBox="\S+ \S+ ([\d.]+)', body)
+    kind = "chart narrow" if box and float(box[1]) <= _NARROW else "chart"
+    label = f'<svg class="{kind}" role="img" aria-label="{escape(alt, quote=True)}"'
+    return body.replace("<svg", label, 1).replace("\n", " ")
+
+
+def _with_short_names(body: str) -> str:
+    """Marks are named by a hash, some thousand times; a number will do."""
+    hashes = dict.fromkeys(re.findall(r'(?<=id=")m[0-9a-f]{10}(?=")', body))
+    for index, name in enumerate(hashes):
+        body = body.replace(f'"{name}"', f'"m{index}"').replace(f'"#{name}"', f'"#m{index}"')
+    return body.replace("xlink:href=", "href=")
+
+
+def _styled_once(found: re.Match[str]) -> str:
+    """Marks of one kind: their style stands on the group, not on each of some thousand."""
+    style = f' style="{found["style"]}"'
+    return f"<g{style}>{found[0].replace(style, '')}</g>"
+
+
+def _themed(found: re.Match[str]) -> str:
+    """A colour that a theme may change: grey and black turn round in the dark, hues get lighter."""
+    color = found[0].lower()
+    return f"var(--fig-{color[1:]}, {color})"
+
+
+def _lighter(found: re.Match[str]) -> str:
+    data = found[1].replace("\n", "").replace(" ", "")
+    if len(data) < _LIGHTER:
+        return found[0]
+    raw = np.frombuffer(base64.b64decode(data), np.uint8)
+    picture = cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
+    if picture is None:
+        return found[0]
+    coded = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1].tobytes()
+    if len(coded) >= len(raw):
+        return found[0]
+    return f'"data:image/webp;base64,{base64.b64encode(coded).decode()}"'

@@ -1,0 +1,180 @@
+"""Make a book: flights, experiments, pages, HTML; only what changed is made again."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+
+from trexton.companion.build.audit import audit
+from trexton.companion.build.finish import finish_book
+from trexton.companion.build.prepare_flights import prepare_flights
+from trexton.companion.build.found import what_we_found
+from trexton.companion.build.prose import records_by_name
+from trexton.companion.build.readme import is_current
+from trexton.companion.build.stage import Contents, stage
+from trexton.base.cache import code_hashes, repository_root, shipped
+from trexton.base.errors import TrextonError
+from trexton.base.files import atomic_file, digest, put_in_place, work_folder
+from trexton.base.progress import say
+from trexton.companion.build.workflow import FlightPair, Outcome, outputs_of, run_experiments
+from trexton.companion.build.plan import sole_writer
+
+_BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
+
+__all__ = ["Made", "build_small_book", "make_book"]
+
+
+@dataclass
+class Made:
+    """What `make_book` did and found, as sentences for a person; outcomes; where the book is."""
+
+    index: Path
+    said: list[str] = field(default_factory=list)
+    found: list[str] = field(default_factory=list)
+    outcomes: list[Outcome] = field(default_factory=list)
+
+    @property
+    def failed(self) -> bool:
+        return any(outcome.status == "failed" for outcome in self.outcomes)
+
+
+def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None = None) -> Made:
+    """Make the book of this clone: ``book/_build/html/index.html``.
+
+    The authors' flight may be out of reach; the book then says so and goes without it.
+
+    Raises
+    ------
+    TrextonError
+        Outside a clone, or where Jupyter Book or the audit of its pages finds a fault.
+    """
+    root = repository_root()
+    if root is None:
+        raise TrextonError(
+            "the book belongs to the repository and this is an installed package: "
+            "make it in a clone"
+        )
+    # The notebooks show the paths they were given: relative ones read the same on every machine.
+    os.chdir(root)
+    prepared = prepare_flights(Path("data") / "flights")
+    results = Path("results")
+    outcomes = run_experiments(prepared.pairs, results, settings=settings, jobs=jobs)
+    contents = Contents(
+        Path("book"), Path("notebooks"), results, prepared.pairs, outcomes, prepared.absent
+    )
+    made = Made(Path("book") / "_build" / "html" / "index.html", prepared.said, outcomes=outcomes)
+    made.said.append(_build(contents, made.index.parent))
+    made.found += [each.text for each in what_we_found(records_by_name(results, outcomes))]
+    if not is_current(Path("README.md"), results):
+        made.said.append(
+            "README.md tells other numbers than these results: "
+            "python -m trexton.companion.build.readme renews it"
+        )
+    return made
+
+
+def build_small_book(
+    pairs: list[FlightPair],
+    outcomes: list[Outcome],
+    results: Path,
+    notebooks: str | os.PathLike[str] | None = None,
+) -> Path:
+    """A book of one run only, in ``<results>/book/html``; returns its index page.
+
+    `notebooks` is the folder of those that ran, this package's own by default.
+
+    Raises
+    ------
+    TrextonError
+        Another run is writing to `results`, or Jupyter Book or the audit finds a fault.
+    """
+    place = shipped("notebooks") if notebooks is None else Path(notebooks)
+    contents = Contents(shipped("book"), place, results, pairs, outcomes)
+    say(_build(contents, results / "book" / "html", "_toc_small.yml"))
+    return results / "book" / "html" / "index.html"
+
+
+def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
+    """Stage and build, unless the sources are those of the last build; returns a sentence."""
+    html.parent.mkdir(parents=True, exist_ok=True)
+    stamp = html.parent / ".book.stamp"
+    with sole_writer(contents.results), work_folder(html) as work:
+        source = work / "source"
+        source.mkdir()
+        stage(contents, source, toc_file)
+        key = digest(
+            _tree_hash(source),
+            code_hashes("trexton.companion.build.api"),
+            {name: version(name) for name in _BUILDERS},
+        )
+        if (html / "index.html").is_file() and stamp.is_file() and stamp.read_text() == key:
+            return f"book: reused, none of its pages changed ({html / 'index.html'})"
+        stamp.unlink(missing_ok=True)
+        built = _jupyter_book(source, work)
+        _put_beside(contents, built)
+        finish_book(built)
+        if faults := audit(built.resolve()):
+            raise TrextonError("the built book has faults:\n" + "\n".join(faults))
+        put_in_place(built, html)
+    with atomic_file(stamp) as stream:
+        stream.write(key)
+    return f"book: built ({html / 'index.html'})"
+
+
+def _tree_hash(folder: Path) -> str:
+    return digest(
+        {
+            str(path.relative_to(folder)): digest(path)
+            for path in sorted(folder.rglob("*"))
+            if path.is_file()
+        }
+    )
+
+
+def _jupyter_book(source: Path, work: Path) -> Path:
+    """Run Jupyter Book with warnings as errors; returns the folder of HTML."""
+    say("building the pages")
+    command = [
+        sys.executable,
+        "-c",
+        "from jupyter_book.cli.main import main; main()",
+        "build",
+        str(source),
+        "--path-output",
+        str(work),
+    ]
+    command += ["--all", "-W", "-n", "--keep-going", "-q"]
+    run = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | {"PYTHONWARNINGS": "ignore"}
+    )
+    built = work / "_build" / "html"
+    if run.returncode or not (built / "index.html").is_file():
+        lines = [
+            line
+            for line in (run.stdout + run.stderr).splitlines()
+            if "WARNING" in line or "ERROR" in line or "rror:" in line
+        ]
+        lines = lines or (run.stdout + run.stderr).splitlines()[-20:]
+        raise TrextonError(
+            "Jupyter Book did not accept the pages:\n"
+            + "\n".join(line.replace(f"{source}/", "") for line in lines)
+        )
+    return built
+
+
+def _put_beside(contents: Contents, built: Path) -> None:
+    """Downloads beside the pages that offer them: what the run left, and the notebook as text."""
+    for flight in ["", *(pair.name for pair in contents.pairs)]:
+        for name in contents.good(flight):
+            (built / flight).mkdir(exist_ok=True)
+            for path in outputs_of(contents.results / flight, name):
+                shutil.copyfile(path, built / flight / path.name)
+            text = contents.notebooks / f"{name}.md"
+            if text.is_file():
+                shutil.copyfile(text, built / flight / text.name)

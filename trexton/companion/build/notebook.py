@@ -1,0 +1,332 @@
+"""What every notebook does around its one library call: flights, record, figures, tables."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import shlex
+from collections.abc import Mapping
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from IPython.display import HTML, SVG, Markdown
+from matplotlib.figure import Figure
+
+from trexton.base.cache import kept_results, repository_root
+from trexton.companion.claims.api import judge_all, load_claims, write_ledger
+from trexton.companion.claims.page import claims_html, counts_html, filters_html
+from trexton.base.errors import ParameterError
+from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.experiments.drawing import to_png, to_svg
+from trexton.base.files import atomic_file
+from trexton.flights import Flight
+from trexton.flights.names import flight_title
+from trexton.flights.pair import load_pair
+from trexton.base.options import Options
+from trexton.companion.experiments.printed import look_up, published
+from trexton.companion.player import Recording, player_html
+from trexton.base.records import Record
+from trexton.base.wording import Tree, as_html, middle, template_environment
+
+__all__ = ["Given", "Page", "given", "ledger", "reference", "show_table"]
+
+
+def _resolve(path: str) -> Path:
+    """`path` from here or, for a notebook opened in its own folder, from the top of the clone."""
+    here, root = Path(path), repository_root()
+    return root / path if root and not here.exists() and (root / path).exists() else here
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a notebook was given: flights, folder of results, and the experiment's parameters."""
+
+    flight: str
+    test_flight: str | None
+    out: str
+    parameters: Any
+
+    @cached_property
+    def _pair(self) -> tuple[Flight, Flight]:
+        test_flight = None if self.test_flight is None else _resolve(self.test_flight)
+        return load_pair(_resolve(self.flight), test_flight)
+
+    @property
+    def train(self) -> Flight:
+        """The training flight: the first folder, of it the split ``train`` where there is one."""
+        return self._pair[0]
+
+    @property
+    def test(self) -> Flight:
+        """The test flight: the second folder, or the split ``test`` of the first."""
+        return self._pair[1]
+
+
+def given(parameters: type[Options], names: Mapping[str, object]) -> Given:
+    """Read flights, folder and parameters from the `names` of a notebook (its ``globals()``).
+
+    A parameter that the notebook does not name has its default, which stands in the class alone.
+
+    Raises
+    ------
+    ParameterError
+        A value has the wrong type or is out of its range, or a name is nearly that of a parameter.
+    """
+    mine = ("flight", "test_flight", "out")
+    declared = {each.name for each in parameters.declared()}.union(mine)
+    for name, value in names.items():
+        near = get_close_matches(name, declared - names.keys(), n=1, cutoff=0.75)
+        if near and name not in declared and isinstance(value, (int, float, str)):
+            raise ParameterError(
+                f"the notebook sets {name} = {value!r}, which is no parameter: write {near[0]}, or "
+                "give what is your own a name less like it"
+            )
+    chosen = {each.name: names[each.name] for each in parameters.declared() if each.name in names}
+    flight, test_flight, out = (names.get(name) for name in mine)
+    return Given(
+        str(flight), None if test_flight is None else str(test_flight), str(out),
+        parameters(**chosen),
+    )  # fmt: skip
+
+
+class Page:
+    """A record and the folder its notebook writes to.
+
+    Parameters
+    ----------
+    record : Record
+    given : Given
+        What the notebook was given; the record goes to ``<out>/<flight>/``, seen from the working
+        folder.
+    """
+
+    def __init__(self, record: Record, given: Given):
+        self.record, self.given = record, given
+        self.folder = Path(given.out) / record.flight
+        self._tables = 0
+        record.save(self.folder)
+
+    def show(self, name: str, figure: Figure) -> SVG:
+        """Write ``<experiment>-<name>.svg`` and ``-<name>-print.png`` beside the record.
+
+        Displays the SVG.
+        """
+        svg = to_svg(figure)
+        for suffix, content in ((".svg", svg), ("-print.png", to_png(figure))):
+            file = self.folder / f"{self.record.experiment}-{name}{suffix}"
+            with atomic_file(file, "wb") as stream:
+                stream.write(content)
+        return SVG(svg)
+
+    def play(self, recording: Recording) -> HTML:
+        """Write ``<experiment>-player.html`` beside the record, and show it in the page."""
+        name = f"{self.record.experiment}-player.html"
+        with atomic_file(self.folder / name) as stream:
+            stream.write(player_html(recording, flight_title(self.record.flight)))
+        return HTML(
+            f'<iframe class="player" src="{name}" title="Flight player" loading="lazy"></iframe>'
+        )
+
+    def explore(
+        self,
+        rows: list[dict[str, Any]],
+        chosen: dict[str, str],
+        answers: dict[str, str],
+        caption: str,
+    ) -> HTML:
+        """A table that sliders explore: what was chosen, and what each choice gave.
+
+        Parameters
+        ----------
+        rows : list of dict
+            One a choice. Sliders begin at the first that is most like the record's parameters.
+        chosen, answers : dict of str to str
+            Head of each column, and its key in the rows; the chosen ones come first.
+        caption : str
+        """
+        table = pd.DataFrame(
+            [
+                {
+                    head: "all" if row[key] is None else _number(row[key])
+                    for head, key in chosen.items()
+                }
+                | {head: _interval(row[key]) for head, key in answers.items()}
+                for row in rows
+            ]
+        )
+        given = self.record.parameters
+        like = [sum(given.get(key) == row[key] for key in chosen.values()) for row in rows]
+        head, body = self.frame(table, caption).data.split("<tbody>")
+        lines = body.split("<tr>")
+        first = like.index(max(like)) + 1
+        html = "<tbody>".join([head, "<tr>".join(lines[:first])])
+        html += "<tr data-start>" + "<tr>".join(lines[first:])
+        return HTML(html.replace("<table", f'<table data-explore="{len(chosen)}"', 1))
+
+    def finding(self, sentence: str | None = None) -> HTML:
+        """What the experiment found on this flight, in one sentence made from the record.
+
+        Or `sentence`, where the record of a longer run says it.
+        """
+        module = importlib.import_module(type(self.given.parameters).__module__)
+        said = module.finding(self.record) if sentence is None else sentence
+        return HTML(f'<p class="finding">{as_html(said)}</p>')
+
+    def say(self, text: str, **more: object) -> Markdown:
+        """A paragraph with its numbers and its verdicts from the record.
+
+        Parameters
+        ----------
+        text : str
+            A template as in the book's prose: values of the record by name, ``timings``,
+            ``parameters``, as in ``{{ filter.mean_cm | span }} cm``.
+        **more
+            Further names for the template.
+        """
+        names = {"timings": self.record.timings, "parameters": self.record.parameters}
+        template = template_environment().from_string(text.strip())
+        return Markdown(template.render(Tree(self.record.values | names | more)))
+
+    def claims(self) -> HTML:
+        """What the paper claims of this experiment, and the verdicts of this flight."""
+        records = {self.record.experiment: self.record}
+        for name in EXPERIMENTS[self.record.experiment].after:
+            if (path := self.folder / f"{name}.json").exists():
+                records[name] = Record.load(path)
+        mine = [claim for claim in load_claims() if claim.experiment == self.record.experiment]
+        self._tables += 1
+        caption = f"Table {self._tables}. What the paper claims, and our test of it."
+        return HTML(claims_html(judge_all({self.record.flight: records}, mine), caption))
+
+    def frame(self, table: pd.DataFrame, caption: str, name: str = "") -> HTML:
+        """A table with its caption, numbered within the page; text refers to it by its name, as in
+        ``[the table](#name)``.
+        """
+        self._tables += 1
+        return show_table(table, f"Table {self._tables}. {caption}", name)
+
+    def table(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
+        """Errors per axis in cm beside the paper's.
+
+        Parameters
+        ----------
+        rows : dict of str to str
+            Label of each row, and the place of its summary in the record's values.
+        caption, name : str
+            See `frame`.
+        """
+        columns = {"error_cm": "Error", "std_cm": "STD"}
+        printed = published().get(self.record.experiment, {})
+        table = []
+        if "error_cm" in printed:
+            cells = {
+                f"{title} in {axis}": f"{printed[key][axis]}"
+                for key, title in columns.items()
+                for axis in "xy"
+            }
+            table.append({"cm": "Paper", **cells})
+        for label, path in rows.items():
+            summary: Any = look_up(self.record.values, path) or {}
+            cells = {
+                f"{title} in {axis}": _interval(summary.get(f"{key}_{axis}"))
+                for key, title in columns.items()
+                for axis in "xy"
+            }
+            table.append(
+                {"cm": label, **cells, "Euclidean median": _interval(summary.get("median_cm"))}
+            )
+        return self.frame(pd.DataFrame(table).fillna(""), caption, name)
+
+    def quantities(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
+        """Single numbers of the record: label, and place in its values; the absent are left out."""
+        found: dict[str, Any] = {
+            label: look_up(self.record.values, path) for label, path in rows.items()
+        }
+        table = [
+            {"": label, " ": _number(value)} for label, value in found.items() if value is not None
+        ]
+        return self.frame(pd.DataFrame(table), caption, name)
+
+    def footer(self) -> HTML:
+        """The command that runs this experiment again, its parameters, and the downloads."""
+        record = self.record
+        files = sorted(
+            path.name
+            for path in self.folder.glob(f"{record.experiment}[-.]*")
+            if path.suffix in (".json", ".svg", ".png")
+        )
+        links = " · ".join(
+            f'<a href="{name}" download>{name}</a>'
+            for name in [f"{record.experiment}.ipynb", *files]
+        )
+        settings = ", ".join(f"{key} = {value}" for key, value in record.parameters.items())
+        return HTML(
+            f'<p>Parameters: {settings}.</p><pre class="command">{self.command()}</pre>'
+            f'<p class="downloads">Take home: {links}</p>'
+        )
+
+    def command(self) -> str:
+        """The command that makes this record, with the parameters that are not the defaults."""
+        defaults = {each.name: each.default for each in type(self.given.parameters).declared()}
+        chosen = self.given.parameters.as_dict()
+        changed = [f"{name}={value}" for name, value in chosen.items() if value != defaults[name]]
+        words = ["trexton", "run", self.given.flight]
+        if self.given.test_flight is not None:
+            words += ["--test-flight", self.given.test_flight]
+        words += ["--only", self.record.experiment]
+        words += ["--set", *changed] if changed else []
+        return escape(shlex.join([*words, "--out", "my-results"]))
+
+
+def reference(experiment: str) -> Record | None:
+    """The record of a run too long for every book, kept with the code; None where there is none."""
+    path = _kept(experiment)
+    return Record.load(path) if path else None
+
+
+def swept(plan: str) -> dict[str, Any] | None:
+    """The table of a plan in ``data/sweeps``, kept with the code; None where there is none."""
+    path = _kept(f"sweep-{plan}")
+    return json.loads(path.read_text(encoding="utf-8")) if path else None
+
+
+def _kept(name: str) -> Path | None:
+    return next((path for path in kept_results() if path.stem == name), None)
+
+
+def show_table(table: pd.DataFrame, caption: str = "", name: str = "") -> HTML:
+    """A plain HTML table without an index."""
+    html = table.to_html(
+        index=False, border=0, escape=False, classes="table", table_id=name or None
+    )
+    if caption:
+        html = html.replace("<thead>", f"<caption>{escape(caption)}</caption>\n  <thead>", 1)
+    return HTML(html)
+
+
+def _interval(entry: dict[str, Any] | float | None) -> str:
+    """A value and its interval; a decimal where the value is below ten."""
+    if entry is None:
+        return ""
+    value = middle(entry)
+    digits = 1 if abs(value) < 9.95 else 0
+    if not isinstance(entry, dict):
+        return f"{value:.{digits}f}"
+    ends = f"[{entry['low']:.{digits}f}, {entry['high']:.{digits}f}]"
+    return f"{value:.{digits}f} <small>{ends}</small>"
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
+def ledger(out: str) -> tuple[HTML, HTML]:
+    """Judge all records below `out`, write ``claims.json``; counts of verdicts, and the ledger."""
+    rows = write_ledger(Path(out))
+    table = claims_html(rows, "Table 2. Every claim of the paper, and our test of it.")
+    return HTML(counts_html(rows, "Table 1. Verdicts by flight.")), HTML(filters_html(rows) + table)

@@ -1,0 +1,131 @@
+"""Text notebooks as the workflow sees them: what they import, and their hash."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import trexton
+from trexton.base.cache import code_hashes, kept_results, shipped
+from trexton.base.errors import ParameterError, TrextonError
+from trexton.companion.experiments.registry import Experiment
+from trexton.base.files import digest
+from trexton.flights.tables import read_text
+from trexton.companion.build.formats import jupytext
+from trexton.companion.build.made import made_notebook
+
+__all__ = ["GIVEN", "Notebook", "find_notebooks"]
+
+# The workflow fills these in; nobody sets them by hand.
+GIVEN = ("flight", "test_flight", "out")
+# The registry of experiments changes no result: a new line in it must not run everything again.
+_NOT_AN_INPUT = ("trexton.companion.experiments.registry", "trexton")
+
+
+def find_notebooks(
+    folder: str | os.PathLike[str] | None, experiments: Mapping[str, Experiment]
+) -> dict[str, Notebook]:
+    """The notebook of each experiment, in the order of the registry.
+
+    It is ``<name>.md`` of the folder (this package's own by default); an experiment without one has
+    the notebook that its module makes: see `made_notebook`.
+
+    Raises
+    ------
+    ParameterError
+        The folder has none.
+    """
+    place = shipped("notebooks") if folder is None else Path(folder)
+    if folder and not any((place / f"{name}.md").is_file() for name in experiments):
+        raise ParameterError(
+            f"{place}: holds no notebook of an experiment: expected files such as "
+            f"{next(iter(experiments))}.md"
+        )
+    found = {}
+    for name, experiment in experiments.items():
+        path = place / f"{name}.md"
+        if path.is_file():
+            found[name] = Notebook(name, str(path), read_text(path))
+        elif text := made_notebook(name, experiment):
+            found[name] = Notebook(name, f"the notebook of {name}", text)
+    return found
+
+
+@dataclass(frozen=True)
+class Notebook:
+    """A MyST text notebook and what can be known of it without running it."""
+
+    name: str
+    source: str
+    text: str
+
+    @property
+    def text_hash(self) -> str:
+        """SHA-256 of the text."""
+        return hashlib.sha256(self.text.encode()).hexdigest()
+
+    @cached_property
+    def content(self) -> Any:
+        """The notebook as nbformat cells."""
+        try:
+            return jupytext.reads(self.text, fmt="md:myst")
+        except Exception as error:  # jupytext raises whatever its parsers do
+            raise TrextonError(
+                f"{self.source}: not a MyST notebook ({error}): correct its cells"
+            ) from None
+
+    @cached_property
+    def code(self) -> dict[str, str]:
+        """SHA-256 of every module of this package that the notebook's code reaches."""
+        hashes: dict[str, str] = {}
+        for node in self._nodes:
+            for name in _imported_modules(node):
+                hashes |= code_hashes(name)
+        return {name: hashes[name] for name in sorted(hashes) if name not in _NOT_AN_INPUT}
+
+    @property
+    def kept(self) -> dict[str, str]:
+        """SHA-256 of every result of a longer run, kept with the code, that its code names."""
+        words = {node.value for node in self._nodes if isinstance(node, ast.Constant)}
+        return {
+            path.name: digest(path)
+            for path in kept_results()
+            if path.stem.removeprefix("sweep-") in words
+        }
+
+    @cached_property
+    def _nodes(self) -> list[ast.AST]:
+        """Of the code of all cells, IPython's own commands as the calls that they stand for."""
+        from IPython.core.inputtransformer2 import TransformerManager
+
+        nodes: list[ast.AST] = []
+        for cell in self.content.cells:
+            if cell.cell_type == "code":
+                try:
+                    nodes += ast.walk(ast.parse(TransformerManager().transform_cell(cell.source)))
+                except SyntaxError as error:
+                    line = (error.text or "").strip()
+                    raise TrextonError(
+                        f"{self.source}: a cell is no Python ({error.msg}: {line!r}): correct it"
+                    ) from None
+        return nodes
+
+
+def _imported_modules(node: ast.AST) -> list[str]:
+    """Modules that an import statement may load, names of what is in them too."""
+    names: list[str] = []
+    if isinstance(node, ast.Import):
+        names = [alias.name for alias in node.names]
+    elif isinstance(node, ast.ImportFrom) and node.module:
+        lazy = trexton._EXPORTS if node.module == "trexton" else {}
+        names = [
+            node.module,
+            *(lazy.get(alias.name, f"{node.module}.{alias.name}") for alias in node.names),
+        ]
+    return names

@@ -1,0 +1,174 @@
+"""Names that prose may use beside the records: what was found, the paper map, the version."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from html import unescape
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from trexton.companion.build.found import what_we_found
+from trexton.companion.build.paper_map import map_table
+from trexton.companion.claims.api import load_records
+from trexton.flights.names import flight_title
+from trexton.localization.measurement import EXCLUDED_SECONDS
+from trexton.companion.build.formats import nbformat
+
+__all__ = [
+    "describe_notebook",
+    "description",
+    "name_figures",
+    "page_names",
+    "refer_by_number",
+    "with_flight",
+]
+
+_TABLE = re.compile(r'<table[^>]* id="(\w+)"[^>]*>\s*<caption>Table (\d+)\.')
+_LONGEST = 200  # characters of a description, about what search engines show
+
+
+def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[str, object]:
+    """``found``, ``paper_map`` (a function of ``see``), ``version``, ``excluded_s``.
+
+    Parameters
+    ----------
+    results : Path
+        Folder of records.
+    values : mapping
+        Values by flight and experiment of the pages that the book has.
+    """
+
+    def paper_map(see: Callable[[str, str], str]) -> str:
+        records = {
+            flight: {name: each for name, each in found.items() if name in values[flight]}
+            for flight, found in load_records(results).items()
+            if flight in values
+        }
+        return map_table(records, see)
+
+    return {
+        "found": what_we_found(values),
+        "paper_map": paper_map,
+        "version": version("trexton"),
+        "excluded_s": EXCLUDED_SECONDS,
+    }
+
+
+def name_figures(notebook: nbformat.NotebookNode, page: str) -> list[str]:
+    """Give each captioned figure of an executed notebook the name by which text refers to it.
+
+    Returns
+    -------
+    list of str
+        The names, in order: the page's and the figure's, as in ``cyberzoo-mocap-training-floor``.
+    """
+    names = []
+    for cell in notebook.cells:
+        figure = cell.metadata.get("mystnb", {}).get("figure")
+        shown = re.search(r"""page\.show\(\s*["'](\w+)["']""", cell.source)
+        drawn = any("image/svg+xml" in output.get("data", {}) for output in cell.get("outputs", ()))
+        if figure is not None and shown and drawn:
+            figure["name"] = _figure_name(page, shown[1])
+            names.append(figure["name"])
+    return names
+
+
+def refer_by_number(notebook: nbformat.NotebookNode, page: str, figures: Sequence[str]) -> None:
+    """Make links to a page's own figures and tables numbered references: ``[the plan](#floor)``.
+
+    Parameters
+    ----------
+    notebook : nbformat.NotebookNode
+        Changed in place: its text, and the text that its cells show.
+    figures : sequence of str
+        Names of the figures that are there; a link to what is not becomes the words it stands on.
+    """
+    shown = (
+        output.get("data", {}).get("text/html", "")
+        for cell in notebook.cells
+        for output in cell.get("outputs", ())
+    )
+    tables = {name: number for html in shown for name, number in _TABLE.findall(html)}
+
+    def refer(found: re.Match[str]) -> str:
+        name = found["name"]
+        if (figure := _figure_name(page, name)) in figures:
+            return f"{{numref}}`{figure}`"
+        return f'<a href="#{name}">Table {tables[name]}</a>' if name in tables else found["words"]
+
+    def referred(text: str) -> str:
+        return re.sub(r"\[(?P<words>[^\]]+)\]\(#(?P<name>\w+)\)", refer, text)
+
+    for cell in notebook.cells:
+        if cell.cell_type == "markdown":
+            cell.source = referred(cell.source)
+        for output in cell.get("outputs", ()):
+            if said := output.get("data", {}).get("text/markdown"):
+                output.data["text/markdown"] = referred(said)
+
+
+def _figure_name(page: str, figure: str) -> str:
+    return re.sub(r"[/_]", "-", f"{page}-{figure}").lower()
+
+
+def with_flight(
+    notebook: nbformat.NotebookNode,
+    flight: str,
+    twins: Mapping[str, str],
+    figures: Mapping[str, Sequence[str]],
+) -> None:
+    """End the heading of an experiment's page with its flight, and the page with its twins.
+
+    Parameters
+    ----------
+    notebook : nbformat.NotebookNode
+        Changed in place.
+    twins : mapping of str to str
+        The page of the same experiment on other flights, by flight.
+    figures : mapping of str to sequence of str
+        Names of the figures of each page.
+    """
+    first = notebook.cells[0] if notebook.cells else None
+    if not flight or first is None or not first.source.startswith("# "):
+        return
+    heading, _, rest = first.source.partition("\n")
+    between = "" if heading.endswith("?") else ":"
+    first.source = f"{heading}{between} {flight_title(flight)}\n{rest}"
+    links = ", ".join(
+        f"{{doc}}`{flight_title(each)} </{page}>`"
+        + "".join(f", {{numref}}`{name}`" for name in figures.get(page, ()))
+        for each, page in twins.items()
+    )
+    if links:
+        notebook.cells.append(
+            nbformat.v4.new_markdown_cell(f"The same on another flight: {links}.", id="twins")
+        )
+
+
+def description(text: str) -> str:
+    """The first sentences of a page of Markdown in plain words, for its meta description."""
+    for paragraph in re.split(r"\n\s*\n", text):
+        plain = re.sub(r"{\w+}`([^`<]*?)\s*(?:<[^`]*>)?`|[*`$]", r"\1", paragraph)
+        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", plain)
+        plain = re.sub(r"(?m)^:::.*$", "", plain)
+        plain = " ".join(plain.split())
+        if plain and plain[0] not in "#|:<!`-{(":
+            return _shortened(plain)
+    return ""
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST else text[:_LONGEST].rsplit(" ", 1)[0] + " …"
+
+
+def describe_notebook(notebook: nbformat.NotebookNode) -> None:
+    """Give an executed notebook its finding, or its first words, as a meta description."""
+    outputs = [o for cell in notebook.cells for o in cell.get("outputs", ())]
+    html = "".join(str(output.get("data", {}).get("text/html", "")) for output in outputs)
+    found = re.search(r'<p class="finding">(.*?)</p>', html, re.S)
+    words = "\n\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+    text = _shortened(unescape(found[1])) if found else description(words)
+    if text:
+        notebook.metadata["myst"] = {"html_meta": {"description": text}}

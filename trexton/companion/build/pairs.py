@@ -1,0 +1,103 @@
+"""What experiments run on: a flight to train on and one to test on."""
+
+from __future__ import annotations
+
+import re
+import reprlib
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from trexton.base.errors import FlightError, ParameterError
+from trexton.companion.experiments.registry import NEEDS, Experiment
+from trexton.flights import Flight, read_flight
+from trexton.flights.pair import with_splits
+from trexton.base.progress import say
+
+__all__ = ["FlightPair", "check_names", "check_out"]
+
+
+def check_names(names: Iterable[str]) -> None:
+    """Refuse two flights whose results would lie in one folder, one for the other.
+
+    Raises
+    ------
+    ParameterError
+        A name comes twice.
+    """
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise ParameterError(
+            f"two flights are named {twice[0]!r}: give each its own name in flight.toml"
+        )
+
+
+def check_out(out: Path, pairs: Iterable[FlightPair]) -> None:
+    """Refuse results among the files of a flight: ``--out FLIGHT``, or ``--out .`` beside it.
+
+    Raises
+    ------
+    ParameterError
+        They would lie there.
+    """
+    for pair in pairs:
+        for flight in filter(None, (pair.flight, pair.test_flight)):
+            if Path(flight).resolve() in (out.resolve(), (out / pair.name).resolve()):
+                raise ParameterError(
+                    f"{out}: results would lie among the files of the flight {flight}: name "
+                    "another folder with --out"
+                )
+
+
+@dataclass(frozen=True)
+class FlightPair:
+    """Two Flight folders, or one by its splits; paths as notebooks will see them."""
+
+    flight: str
+    test_flight: str | None = None
+
+    @cached_property
+    def train(self) -> Flight:
+        flight = read_flight(self.flight)
+        if self.test_flight is None:
+            own, flight = flight.split, with_splits(flight)
+            if flight.split != own:
+                first, last = flight.split["train"]
+                say(
+                    f"{self.flight} has no splits train and test: frames {first} to {last} of "
+                    f"{len(flight)} train, the later ones test"
+                )
+        if not re.fullmatch(r"\w[\w .+-]{0,79}", flight.name):  # longer ones no disk takes
+            raise FlightError(
+                f"{self.flight}: the name {reprlib.repr(flight.name)} cannot name a folder of "
+                "results: use at most 80 letters, digits, - and _"
+            )
+        return flight
+
+    @cached_property
+    def test(self) -> Flight:
+        return self.train if self.test_flight is None else read_flight(self.test_flight)
+
+    @property
+    def name(self) -> str:
+        """The name of the training flight, which names the folder of results too."""
+        return self.train.name
+
+    @cached_property
+    def hashes(self) -> dict[str, str]:
+        """Hash of all data, by role."""
+        both = {"train": self.train.data_hash}
+        return both if self.test_flight is None else both | {"test": self.test.data_hash}
+
+    def parameters(self, out: Path) -> dict[str, str | None]:
+        """What the workflow gives to a notebook."""
+        return {"flight": self.flight, "test_flight": self.test_flight, "out": str(out)}
+
+    def obstacle(self, experiment: Experiment) -> str | None:
+        """Why the flights cannot serve the experiment; None if they can."""
+        for need in experiment.needs:
+            for flight in (self.train, self.test):
+                if not NEEDS[need].has(flight):
+                    return f"{flight.name} {NEEDS[need].lacking}"
+        return None

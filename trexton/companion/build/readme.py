@@ -1,0 +1,166 @@
+"""The README's moving picture and its table of results, made from the results of a book.
+
+``python -m trexton.companion.build.readme`` renews both, and ``data/reference/readme.json``, the few numbers
+behind the table with where they come from.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from trexton.companion.build.found import PLACES
+from trexton.base.cache import repository_root
+from trexton.base.errors import TrextonError
+from trexton.base.files import atomic_file, canonical_json
+from trexton.companion.experiments.printed import look_up
+from trexton.base.records import Record
+from trexton.base.wording import middle, number, percent
+
+__all__ = ["is_current", "kept_numbers", "results_table", "with_table"]
+
+_KEPT = Path("data") / "reference" / "readme.json"
+_PICTURE = Path("book") / "_static" / "flight.webp"
+_BEGIN, _END = "<!-- results: python -m trexton.companion.build.readme -->", "<!-- end of results -->"
+_MOST_BYTES = 300_000
+# label: experiment, mean distance to the truth, share of frames that the 90 % region holds
+_ROWS: dict[str, tuple[str, str, tuple[str, str] | None]] = {
+    "the paper's filter": ("mocap_training", "filter.mean_cm", ("beyond", "paper.held")),
+    "its neighbours alone": ("mocap_training", "knn.mean_cm", None),
+    "`field`, beyond the paper": ("beyond", "field.mean_cm", ("beyond", "field.held")),
+    "`field`, with odometry": (
+        "beyond",
+        "field_camera.mean_cm",
+        ("beyond", "field_camera.held"),
+    ),
+    "`fine`, which compares images": ("fine", "flight.stitched.free.mean_cm", None),
+}
+
+
+def kept_numbers(results: Path) -> dict[str, Any]:
+    """The numbers of the table, and the provenance of the records that they are from.
+
+    Raises
+    ------
+    TrextonError
+        There are no results of either flight.
+    """
+    flights: dict[str, Any] = {}
+    for flight in PLACES:
+        records = {
+            path.stem: Record.load(path)
+            for path in sorted((results / flight).glob("*.json"))
+            if path.stem in {"mocap_training", "beyond", "fine"}
+        }
+        rows = {label: _row(records, *place) for label, place in _ROWS.items()}
+        if rows := {label: row for label, row in rows.items() if row}:
+            flights[flight] = {
+                "rows": rows,
+                "from": {
+                    name: {"parameters": each.parameters, "provenance": each.provenance}
+                    for name, each in records.items()
+                },
+            }
+    if not flights:
+        raise TrextonError(f"{results}: no records of {', '.join(PLACES)}: make book first")
+    return flights
+
+
+def _row(
+    records: Mapping[str, Record], experiment: str, place: str, held: tuple[str, str] | None
+) -> dict[str, Any] | None:
+    found = _value(records, experiment, place)
+    if found is None:
+        return None
+    row = {"cm": middle(found)}
+    if isinstance(found, dict):
+        row |= {"low": found["low"], "high": found["high"]}
+    share = _value(records, *held) if held else None
+    return row if share is None else row | {"held": middle(share)}
+
+
+def _value(records: Mapping[str, Record], experiment: str, place: str) -> Any:
+    return look_up(records[experiment].values, place) if experiment in records else None
+
+
+def results_table(flights: Mapping[str, Any]) -> str:
+    """The table as Markdown: a row a method, a column a flight."""
+    heads = ["mean distance to the truth", *(PLACES[flight] for flight in flights)]
+    lines = [heads, ["---"] * len(heads)]
+    for label in _ROWS:
+        cells = [_cell(flights[flight]["rows"].get(label)) for flight in flights]
+        if any(cells):
+            lines.append([label, *cells])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _cell(row: Mapping[str, float] | None) -> str:
+    if row is None:
+        return ""
+    text = f"{number(row['cm'])} cm"
+    if "low" in row:
+        text += f" [{number(row['low'])}, {number(row['high'])}]"
+    return text + (f", 90 % region holds {percent(row['held'])}" if "held" in row else "")
+
+
+def with_table(text: str, table: str) -> str:
+    """The README's text with this table between its two marks.
+
+    Raises
+    ------
+    TrextonError
+        The marks are not there, once each.
+    """
+    if text.count(_BEGIN) != 1 or text.count(_END) != 1:
+        raise TrextonError(f"README.md: expected {_BEGIN} and {_END} once each: put them back")
+    head, _, rest = text.partition(_BEGIN)
+    return f"{head}{_BEGIN}\n{table}\n{_END}{rest.partition(_END)[2]}"
+
+
+def is_current(readme: Path, results: Path) -> bool:
+    """Whether the README's table tells the numbers of these results; True where there are none."""
+    try:
+        text = readme.read_text(encoding="utf-8")
+        return with_table(text, results_table(kept_numbers(results))) == text
+    except (OSError, TrextonError):
+        return True
+
+
+def main(root: Path, results: Path) -> None:
+    """Renew numbers, table and picture of the clone at `root`."""
+    from trexton.companion.build.moving import moving_picture
+
+    flights = kept_numbers(results)
+    player = next(
+        (
+            p
+            for f in reversed(PLACES)
+            if (p := results / f / "mocap_training-player.html").is_file()
+        ),
+        None,
+    )
+    if player is None:
+        raise TrextonError(f"{results}: no player of mocap_training: make book first")
+    data = re.search(r'type="application/json">(.*?)</script>', player.read_text("utf-8"), re.S)
+    assert data is not None
+    picture = moving_picture(json.loads(data[1]))
+    if len(picture) > _MOST_BYTES:
+        raise TrextonError(f"the moving picture has {len(picture)} bytes: {_MOST_BYTES} at most")
+    text = with_table((root / "README.md").read_text("utf-8"), results_table(flights))
+    for path, content in (
+        (root / _KEPT, canonical_json(flights).encode()),
+        (root / _PICTURE, picture),
+        (root / "README.md", text.encode()),
+    ):
+        with atomic_file(path, "wb") as stream:
+            stream.write(content)
+        print(f"{path}: {len(content):,} bytes")
+
+
+if __name__ == "__main__":
+    clone = repository_root() or Path(".")
+    main(clone, Path(sys.argv[1]) if len(sys.argv) > 1 else clone / "results")

@@ -1,0 +1,70 @@
+"""The onboard loop as a process of its own: what it costs a small computer."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from trexton.companion.checks.scene import Scene
+from trexton.companion.checks.timing import Row, Times
+
+__all__ = ["onboard"]
+
+# Counts the whole process, its threads included, from the first frame after the caches are warm.
+_LOOP = """
+import json, sys, threading, time
+import numpy as np
+from trexton.onboard import Settings
+from trexton.onboard import build
+from trexton.onboard.sources import Frame, Source
+from trexton.onboard.status import resident_bytes
+
+class Film(Source):
+    live, gives = False, "images"
+
+    def __init__(self, pictures, frames, warm):
+        self.pictures, self.frames, self.warm, self.index = pictures, frames, warm, 0
+        self.cpu = self.wall = 0.0
+
+    def open(self):
+        pass
+
+    def read(self):
+        if self.index == self.warm:
+            self.cpu, self.wall = time.process_time(), time.perf_counter()
+        self.index += 1
+        if self.index > self.frames + self.warm:
+            self.cpu, self.wall = time.process_time() - self.cpu, time.perf_counter() - self.wall
+            return None
+        return Frame(0.08 * self.index, self.pictures[self.index % len(self.pictures)])
+
+loop = build(Settings(sys.argv[1], ("csv:/dev/null",)))  # its camera is never opened
+pictures = list(np.load(sys.argv[2]))
+loop.source = film = Film(pictures, int(sys.argv[3]), 50)
+loop.run(threading.Event())
+seconds = [film.cpu / film.frames, film.wall / film.frames]
+print(json.dumps({"seconds": seconds, "bytes": resident_bytes() - sum(p.nbytes for p in pictures)}))
+"""
+
+
+def onboard(scene: Scene, quick: bool) -> Iterator[Row]:
+    """CPU time of a frame, all threads of the process together, beside the time that passed; and
+    the memory it holds. Pictures come from memory: no camera is read, no JPEG decoded."""
+    frames = 500 if quick else 5000
+    with tempfile.TemporaryDirectory() as folder:
+        texton_map, pictures = scene.map.save(Path(folder) / "map.npz"), Path(folder) / "film.npy"
+        np.save(pictures, np.stack(scene.views[0][:12]))
+        command = [sys.executable, "-c", _LOOP, str(texton_map), str(pictures), str(frames)]
+        done = subprocess.run(command, check=True, capture_output=True, text=True)
+    found = json.loads(done.stdout.splitlines()[-1])
+    cpu, wall = found["seconds"]
+    yield Row.compare(
+        "onboard loop, CPU a frame", f"{frames} frames", 1, Times(cpu, cpu, 1), "time passed",
+        wall, None, f"{1e3 * cpu:.2f} ms CPU, {found['bytes'] / 2**20:.0f} MiB resident",
+    )  # fmt: skip

@@ -1,0 +1,322 @@
+"""Claims read from ``data/paper/claims.toml``, judged by the records of each flight."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.files import atomic_file, canonical_json
+from trexton.base.records import Record, plain
+from trexton.companion.claims import rules
+from trexton.companion.claims.rules import Quantity
+from trexton.companion.experiments.printed import look_up, paper_file, published
+from trexton.companion.experiments.registry import EXPERIMENTS, NEEDS
+
+__all__ = [
+    "Claim",
+    "Finding",
+    "count_verdicts",
+    "judge",
+    "judge_all",
+    "load_claims",
+    "load_records",
+    "write_ledger",
+]
+
+SCHEMA = 2
+Records = dict[str, Record]
+Rows = list[tuple["Claim", list["Finding"]]]
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One claim of the paper and our test of it.
+
+    Attributes
+    ----------
+    id, place, text : str
+        What the paper says, in our words, and where.
+    kind : str
+        The rule: a key of `trexton.companion.claims.rules.KINDS`.
+    experiment : str
+        The page that tests it, or "none".
+    printed : float or str, optional
+        The value that the paper prints, or its place in ``published.toml``.
+    measure : str
+        What our test measures.
+    bound, at_most_times : float, optional
+        This project's own thresholds: of "below" and "above", and of the ratio of an "order".
+    better : str
+        "less" or "more", where one side of the printed value is better.
+    ours, less, greater : str, optional
+        ``experiment:path`` into a record's values or timings.
+    needs : str
+        What a flight must have for the test, in words; where it lacks that, it is the reason.
+    by_construction : str
+        Why the claim holds whatever was measured, where it does.
+    reason : str
+        Why it cannot be tested here, where it cannot.
+    """
+
+    id: str
+    place: str
+    text: str
+    kind: str
+    experiment: str
+    printed: str | float | None = None
+    measure: str = ""
+    bound: float | None = None
+    at_most_times: float | None = None
+    better: str = ""
+    unit: str = ""
+    ours: str | None = None
+    less: str | None = None
+    greater: str | None = None
+    needs: str = ""
+    by_construction: str = ""
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        if self.kind not in rules.KINDS:
+            raise ParameterError(
+                f"claim {self.id!r} has kind {self.kind!r}: "
+                f"expected one of {', '.join(rules.KINDS)}"
+            )
+        for reference in self.references:
+            experiment, _, path = reference.partition(":")
+            if experiment not in EXPERIMENTS or not path:
+                raise ParameterError(
+                    f"claim {self.id!r} refers to {reference!r}: expected EXPERIMENT:PATH with one "
+                    f"of the experiments {', '.join(EXPERIMENTS)}"
+                )
+        expected = {"order": 2, "untestable": len(self.references)}.get(self.kind, 1)
+        if len(self.references) != expected or (self.kind == "untestable" and not self.reason):
+            raise ParameterError(
+                f"claim {self.id!r} of kind {self.kind!r} has {len(self.references)} references: "
+                "expected less and greater for an order, ours else, a reason where untestable"
+            )
+
+    @property
+    def references(self) -> list[str]:
+        """What it reads of the records."""
+        return [each for each in (self.ours, self.less, self.greater) if each]
+
+    @property
+    def printed_value(self) -> float | None:
+        """The number that the paper prints, looked up where `printed` is a place; or None."""
+        if not isinstance(self.printed, str):
+            return self.printed
+        value = look_up(published(), self.printed)
+        if not isinstance(value, (int, float)):
+            raise ParameterError(
+                f"claim {self.id!r} names {self.printed!r}: "
+                "expected a number of data/paper/published.toml"
+            )
+        return float(value)
+
+    @property
+    def threshold(self) -> float:
+        """What ours is held against: our bound, or the value that the paper prints."""
+        value = self.printed_value if self.bound is None else self.bound
+        if value is None:
+            raise ParameterError(f"claim {self.id!r} has neither a bound nor a printed value")
+        return value
+
+    @property
+    def rule(self) -> str:
+        """The rule as a reader may read it."""
+        unit = f" {self.unit}" if self.unit else ""
+        if self.kind in ("below", "above"):
+            side = "at most" if self.kind == "below" else "at least"
+            return f"{side} {self.threshold:g}{unit}, with the whole interval"
+        return {
+            "value": "the printed value in our interval, and within a quarter",
+            "order": "the first is smaller, intervals apart",
+            "exact": "equal",
+            "untestable": "",
+        }[self.kind]
+
+
+@dataclass(frozen=True)
+class Finding:
+    """What one flight says about a claim."""
+
+    flight: str
+    verdict: str
+    ours: Quantity | None = None
+    other: Quantity | None = None
+    reason: str = ""
+
+
+def load_claims(path: Path | None = None) -> list[Claim]:
+    """All claims, in the order of the paper, then those that experiments declare themselves.
+
+    Raises
+    ------
+    ParameterError
+        An entry refers to an experiment or to a printed value that there is not.
+    """
+    file = path or paper_file("claims.toml")
+    tables = tomllib.loads(file.read_text(encoding="utf-8"))["claim"]
+    if path is None:
+        for name, experiment in EXPERIMENTS.items():
+            own = experiment.load(name).CLAIMS if experiment.claims else ()
+            tables += [{"experiment": name} | table for table in own]
+    claims = [Claim(**table) for table in tables]
+    for claim in claims:
+        if claim.kind in ("value", "below", "above", "exact"):
+            claim.threshold  # noqa: B018 - looked up now rather than when a page is made
+    return claims
+
+
+def load_records(folder: Path) -> dict[str, Records]:
+    """Records below `folder`, by flight and experiment."""
+    records: dict[str, Records] = {}
+    for path in sorted(Path(folder).glob("*/*.json")):
+        if not path.name.startswith((".", "claims")):
+            record = Record.load(path)
+            records.setdefault(record.flight, {})[record.experiment] = record
+    return records
+
+
+def _quantity(claim: Claim, reference: str, records: Records) -> Quantity | None:
+    """The quantity that a claim names; None where the flight lacks it.
+
+    Raises `ParameterError` where the record lacks the path though the claim `needs` nothing.
+    """
+    experiment, _, path = reference.partition(":")
+    if experiment not in records:
+        return None
+    record = records[experiment]
+    found = look_up(record.values, path)
+    if found is None:
+        found = look_up(record.timings, path)
+    if isinstance(found, dict):
+        value = found.get("value", found.get("median"))  # the latter of times
+        if value is None:
+            return None
+        low, high = (value if found.get(end) is None else found[end] for end in ("low", "high"))
+        return Quantity(float(value), float(low), float(high))
+    if isinstance(found, (int, float)):
+        return Quantity(found, found, found)
+    if not _present(record, path) and not (claim.needs or claim.reason):
+        raise ParameterError(
+            f"claim {claim.id!r} reads {reference!r}, which the record of flight "
+            f"{record.flight!r} does not have: correct its path in data/paper/claims.toml"
+        )
+    return None
+
+
+def _present(record: Record, path: str) -> bool:
+    """Whether the record has an entry there, be it empty."""
+    above, _, last = path.rpartition(".")
+    trees = (record.values, record.timings)
+    parents = [look_up(tree, above) if above else tree for tree in trees]
+    return any(isinstance(parent, dict) and last in parent for parent in parents)
+
+
+def judge(claim: Claim, records: Records, flight: str = "") -> Finding:
+    """The verdict of one flight's records on one claim."""
+    quantities = [_quantity(claim, reference, records) for reference in claim.references]
+    first, second = (quantities + [None, None])[:2]
+    if claim.kind == "untestable":
+        return Finding(flight, rules.UNTESTABLE, first, second, claim.reason)
+    if first is None or (claim.kind == "order" and second is None):
+        return Finding(flight, rules.UNTESTABLE, first, second, _absence(claim, records))
+    verdict, reason = _apply(claim, first, second), ""
+    if claim.by_construction and verdict == rules.REPRODUCED:
+        verdict, reason = rules.CONSTRUCTED, claim.by_construction
+    elif verdict == rules.BETTER:
+        reason = _times(first.value, claim.threshold)
+    elif verdict == rules.FAILED and claim.at_most_times and second is not None:
+        if second.value > first.value:
+            reason = f"{second.value / first.value:.0f} times as much, where at most "
+            reason += f"{claim.at_most_times:g} times was claimed"
+    return Finding(flight, verdict, first, second, reason)
+
+
+def _apply(claim: Claim, first: Quantity, second: Quantity | None) -> str:
+    if second is not None:
+        return rules.in_order(first, second, claim.at_most_times)
+    if claim.kind == "value":
+        return rules.near(first, claim.threshold, claim.better)
+    if claim.kind == "exact":
+        return rules.equal(first, claim.threshold)
+    return rules.within_bound(first, claim.threshold, claim.kind)
+
+
+def _times(ours: float, printed: float) -> str:
+    ratio = max(ours / printed, printed / ours) if ours * printed > 0 else float("inf")
+    if ratio == float("inf"):
+        return ""
+    return f"{ratio:.0f} times better" if ratio >= 2 else f"better by {100 * (1 - 1 / ratio):.0f} %"
+
+
+def _absence(claim: Claim, records: Records) -> str:
+    """Why a flight cannot answer, in a reader's words."""
+    names = [reference.partition(":")[0] for reference in claim.references]
+    missing = [name for name in names if name not in records]
+    if missing:
+        title = EXPERIMENTS[missing[0]].title
+        needs = claim.needs or " and ".join(
+            NEEDS[key].words for key in EXPERIMENTS[missing[0]].needs
+        )
+        return f"“{title}” was not run on this flight" + (f"; it needs {needs}" if needs else "")
+    # All that its experiments need the flight had, or they had not run.
+    had = {NEEDS[key].words for name in names for key in EXPERIMENTS[name].needs}
+    if claim.needs and claim.needs not in had:
+        return f"this needs {claim.needs}, and the flight came without"
+    return "nothing of the kind happened on this flight"
+
+
+def judge_all(records: dict[str, Records], claims: list[Claim] | None = None) -> Rows:
+    """Every claim, in the order of the paper, with its finding on each flight."""
+    claims = load_claims() if claims is None else claims
+    return [
+        (claim, [judge(claim, records[flight], flight) for flight in sorted(records)])
+        for claim in claims
+    ]
+
+
+def count_verdicts(rows: Rows) -> dict[str, dict[str, int]]:
+    """How often each verdict was given, by flight."""
+    flights = [finding.flight for finding in rows[0][1]] if rows else []
+    return {
+        flight: {
+            verdict: sum(findings[i].verdict == verdict for _, findings in rows)
+            for verdict in rules.VERDICTS
+        }
+        for i, flight in enumerate(flights)
+    }
+
+
+def write_ledger(folder: Path) -> Rows:
+    """Judge the records below `folder` and write ``claims.json`` there.
+
+    Raises `TrextonError` where there are none.
+    """
+    records = load_records(folder)
+    if not records:
+        raise TrextonError(
+            f"{folder}: no records found: run the experiments first "
+            f"(trexton run FLIGHT --out {folder})"
+        )
+    rows = judge_all(records)
+    entries = [
+        asdict(claim)
+        | {
+            "printed": claim.printed_value,
+            "rule": claim.rule,
+            "findings": [asdict(finding) for finding in findings],
+        }
+        for claim, findings in rows
+    ]
+    with atomic_file(Path(folder) / "claims.json") as stream:
+        stream.write(
+            canonical_json(
+                {"schema": SCHEMA, "counts": count_verdicts(rows), "claims": plain(entries)}
+            )
+        )
+    return rows

@@ -1,0 +1,146 @@
+"""The ledger as a reader sees it: one table, plain without scripts, with filters where they run."""
+
+from __future__ import annotations
+
+from html import escape
+
+from trexton.base.wording import number
+from trexton.companion.claims.ledger import Claim, Finding, Rows, count_verdicts
+from trexton.companion.claims.rules import VERDICTS, Quantity
+from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.flights.names import flight_title
+
+__all__ = ["claims_html", "counts_html", "filters_html", "quantities"]
+
+
+def _span(quantity: Quantity) -> str:
+    if quantity.low == quantity.high:
+        return number(quantity.value)
+    interval = f"[{number(quantity.low)}, {number(quantity.high)}]"
+    return f"{number(quantity.value)} <small>{interval}</small>"
+
+
+def quantities(finding: Finding, unit: str) -> str:
+    """Our side of a claim as HTML; empty where nothing was measured."""
+    spans = [_span(each) for each in (finding.ours, finding.other) if each is not None]
+    return f"{' against '.join(spans)} {escape(unit)}".strip() if spans else ""
+
+
+def _verdict(finding: Finding) -> str:
+    name = finding.verdict.replace(" ", "-")
+    badge = f'<span class="verdict {name}">{finding.verdict}</span>'
+    return badge + (f"<br><small>{escape(finding.reason)}</small>" if finding.reason else "")
+
+
+def _cell(label: str, content: str) -> str:
+    return f'<td data-label="{escape(label)}">{content}</td>'
+
+
+def _test(claim: Claim) -> str:
+    """Our test of a claim; a phone folds it, and with it all but the claim and its verdicts."""
+    small = f"<br><small>{escape(claim.rule)}</small>" if claim.rule else ""
+    handle = f'<summary aria-label="Test and numbers: {escape(claim.text)}"></summary>'
+    words = f"{escape(claim.measure)}{small}" if claim.measure else ""
+    return f'<details class="fold" open>{handle}{words}</details>' if words else ""
+
+
+def _row(claim: Claim, findings: list[Finding]) -> str:
+    printed = claim.printed_value
+    unit = f" {escape(claim.unit)}" if claim.unit else ""
+    cells = [
+        _cell("The paper says", f"{escape(claim.text)}<br><small>{escape(claim.place)}</small>"),
+        _cell("It printed", "" if printed is None else number(printed) + unit),
+        _cell("Our test", _test(claim)),
+    ]
+    for finding in findings:
+        found = quantities(finding, claim.unit)
+        content = (f"<span>{found}</span><br>" if found else "") + _verdict(finding)
+        cells.append(_cell(flight_title(finding.flight), content))
+    verdicts = "|".join(finding.verdict for finding in findings)
+    return (
+        f'<tr id="claim-{claim.id}" data-experiment="{claim.experiment}" '
+        f'data-verdicts="{verdicts}">{"".join(cells)}</tr>'
+    )
+
+
+def _caption(text: str) -> str:
+    return f"<caption>{escape(text)}</caption>" if text else ""
+
+
+def claims_html(rows: Rows, caption: str = "") -> str:
+    """Claims in three columns that never mix: said, printed, tested; then each flight's verdict."""
+    flights = [flight_title(finding.flight) for finding in rows[0][1]] if rows else []
+    heads = ["The paper says", "It printed", "Our test", *flights]
+    head = "".join(f'<th scope="col">{escape(each)}</th>' for each in heads)
+    body = "\n".join(_row(claim, findings) for claim, findings in rows)
+    return (
+        '<table class="table '
+        f'ledger stacked">{_caption(caption)}<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n'
+        "</tbody></table>"
+    )
+
+
+def counts_html(rows: Rows, caption: str = "") -> str:
+    """How often each verdict was given, a column for each flight."""
+    counts = count_verdicts(rows)
+    head = "".join(f'<th scope="col">{escape(flight_title(each))}</th>' for each in counts)
+    body = "\n".join(
+        f'<tr><th scope="row"><span class="verdict {name.replace(" ", "-")}">{name}</span></th>'
+        + "".join(f"<td>{counts[flight][name]}</td>" for flight in counts)
+        + "</tr>"
+        for name in VERDICTS
+    )
+    return (
+        f'<table class="table counts">{_caption(caption)}<thead><tr><th scope="col">Verdict</th>'
+        f"{head}</tr></thead>"
+        f"\n<tbody>\n{body}\n</tbody></table>"
+    )
+
+
+def _select(name: str, title: str, options: list[tuple[str, str]]) -> str:
+    every = [("", "all"), *options]
+    choices = "".join(f'<option value="{escape(v)}">{escape(t)}</option>' for v, t in every)
+    return f'<label>{title} <select data-filter="{name}">{choices}</select></label>'
+
+
+def filters_html(rows: Rows) -> str:
+    """Controls over the table that follows them; hidden until the script that serves them runs."""
+    flights = [finding.flight for finding in rows[0][1]] if rows else []
+    tested = {claim.experiment for claim, _ in rows}
+    experiments = [(n, e.title) for n, e in EXPERIMENTS.items() if n in tested]
+    controls = [
+        _select("verdict", "Verdict", [(each, each) for each in VERDICTS]),
+        _select("flight", "on", [(str(i), flight_title(f)) for i, f in enumerate(flights)]),
+        _select("experiment", "tested by", experiments),
+        '<label>with the words <input type="search" data-filter="words"></label>',
+        f'<output aria-live="polite">{len(rows)} of {len(rows)} claims</output>',
+    ]
+    return f'<form class="ledger-filters" hidden>{" ".join(controls)}</form>{_SCRIPT}'
+
+
+_SCRIPT = """
+<script>
+document.querySelector(".ledger-filters").hidden = false;
+addEventListener("DOMContentLoaded", () => {
+  const form = document.querySelector(".ledger-filters");
+  const rows = [...document.querySelectorAll("table.ledger tbody tr")];
+  const value = name => form.querySelector(`[data-filter=${name}]`).value;
+  const show = () => {
+    const [verdict, flight, experiment] = ["verdict", "flight", "experiment"].map(value);
+    const words = value("words").toLowerCase().split(/\\s+/).filter(Boolean);
+    let count = 0;
+    for (const row of rows) {
+      const all = row.dataset.verdicts.split("|");
+      const given = flight === "" ? all : [all[+flight]];
+      const text = row.textContent.toLowerCase();
+      row.hidden = (verdict && !given.includes(verdict)) ||
+        (experiment && row.dataset.experiment !== experiment) ||
+        !words.every(word => text.includes(word));
+      count += !row.hidden;
+    }
+    form.querySelector("output").textContent = `${count} of ${rows.length} claims`;
+  };
+  form.addEventListener("input", show);
+  form.addEventListener("submit", event => event.preventDefault());
+});
+</script>"""

@@ -1,0 +1,37 @@
+"""``trexton book``: flights, experiments and pages of the book; what has not changed is reused."""
+
+from __future__ import annotations
+
+import argparse
+import time
+
+from trexton.base.options import add_assignments, assignments
+from trexton.companion.build.api import make_book
+from trexton.companion.cli.run import print_outcomes
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--explain", action="store_true", help="say why each experiment was reused or run"
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="notebooks at once (default: as many as fit this machine)",
+    )
+    add_assignments(parser, "KEY=VALUE", "parameters of the notebooks")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    started = time.monotonic()
+    made = make_book(settings=assignments(arguments.settings, "key=value"), jobs=arguments.jobs)
+    print_outcomes(made.outcomes, arguments.explain)
+    for sentence in made.said:
+        print(sentence)
+    print(
+        f"\nThe book, made in {time.monotonic() - started:.0f} s: open {made.index} in a browser."
+    )
+    for sentence in made.found:
+        print(f"- {sentence}")
+    return int(made.failed)

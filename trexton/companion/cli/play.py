@@ -1,0 +1,115 @@
+"""``trexton play FLIGHT --map MAP``: a flight frame by frame in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from functools import partial
+from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
+
+from trexton.base.defaults import SAMPLES
+from trexton.base.errors import ParameterError
+from trexton.base.progress import say
+
+__all__ = ["add_arguments", "run"]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("flight", help="flight folder; its test split is played where it has one")
+    parser.add_argument("--map", required=True, metavar="MAP", help="the texton map (.npz)")
+    parser.add_argument(
+        "--method", action="append", metavar="NAME",
+        help="a method that the map was trained for, repeatable; the first is shown in detail "
+        "(default: the map's own)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--samples",
+        type=int,
+        default=SAMPLES,
+        help="a frame, 0 for all patches (default %(default)s)",
+    )
+    parser.add_argument("--frames", type=int, default=180, help="to show (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=1, help="(default %(default)s)")
+    parser.add_argument(
+        "--out", metavar="FILE", help="write the page to this file instead of serving it"
+    )
+    parser.add_argument(
+        "--port",
+        type=int,
+        default=0,
+        help="to serve on, of this machine only (default: a free one)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from trexton.base.files import atomic_file, check_not_read, check_writable
+    from trexton.base.streams import stream
+    from trexton.companion.player import player_html, record_replay
+    from trexton.flights import read_flight
+    from trexton.localization.localizer import Localizer, TextonMap
+
+    if not 0 <= arguments.port <= 65535:
+        raise ParameterError(f"--port {arguments.port}: expected 1 to 65535, or 0 for a free one")
+    if arguments.out:
+        check_not_read(arguments.out, arguments.map, arguments.flight)
+        check_writable(arguments.out)
+    else:
+        serve("", arguments.port).server_close()  # before the flight is replayed
+    texton_map = TextonMap.load(arguments.map)
+    flight = read_flight(arguments.flight).part_or_all("test")
+    localizers = {
+        name or texton_map.method: Localizer(
+            texton_map,
+            method=name,
+            samples=arguments.samples or None,
+            rng=stream(arguments.seed, "flight", 0),
+        )
+        for name in arguments.method or [None]
+    }
+    say(f"replaying {len(flight)} frames of {flight.name}")
+    page = player_html(record_replay(localizers, flight, most_frames=arguments.frames))
+    if arguments.out:
+        with atomic_file(arguments.out) as out:
+            out.write(page)
+        say(f"the player is {arguments.out}: open it in a browser")
+        return 0
+    with serve(page, arguments.port) as server:
+        print(f"http://127.0.0.1:{server.server_port}/ (Ctrl-C ends)", flush=True)
+        server.serve_forever()
+    return 0
+
+
+def serve(page: str, port: int = 0) -> HTTPServer:
+    """A server of one page on this machine, to be started with ``serve_forever``; raises
+    `ParameterError` where the port is not to be had."""
+    try:
+        return _Server(("127.0.0.1", port), partial(_Handler, page.encode()))
+    except OSError as error:
+        raise ParameterError(
+            f"--port {port}: {error.strerror}: give another, or leave it out for a free one"
+        ) from None
+
+
+class _Server(ThreadingHTTPServer):
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A tab that was closed while it loaded is no fault to tell of."""
+        if not isinstance(sys.exception(), ConnectionError):
+            super().handle_error(request, client_address)  # type: ignore[arg-type]
+
+
+class _Handler(BaseHTTPRequestHandler):
+    def __init__(self, page: bytes, *arguments: object):
+        self._page = page
+        super().__init__(*arguments)  # type: ignore[arg-type]
+
+    def do_GET(self) -> None:
+        found = self.path.split("?")[0] == "/"
+        answer = self._page if found else b"no such page"
+        self.send_response(200 if found else 404)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.send_header("Content-Length", str(len(answer)))
+        self.end_headers()
+        self.wfile.write(answer)
+
+    def log_message(self, format: str, *arguments: object) -> None:
+        """The terminal belongs to the person."""

@@ -1,0 +1,56 @@
+"""``trexton report FLIGHT --out DIR``: will it work here? A printable page and a small book."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+__all__ = ["add_arguments", "run"]
+
+PAGES = ("assessment", "mocap_training", "map_loss", "overview", "texton_dictionary")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("flight", metavar="FLIGHT", help="Flight folder to train on")
+    parser.add_argument("--test-flight", metavar="FLIGHT", help="another Flight folder to test on")
+    parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
+    parser.add_argument(
+        "--methods", default="paper field", metavar="NAMES", help="to compare (default %(default)s)"
+    )
+    parser.add_argument("--no-book", action="store_true", help="the printable page only")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    from trexton.base.records import Record
+    from trexton.companion.build.small_report import write_report
+    from trexton.companion.build.workflow import FlightPair, run_experiments
+    from trexton.companion.cli.run import print_outcomes
+
+    out = Path(arguments.out)
+    pairs = [FlightPair(arguments.flight, arguments.test_flight)]
+    outcomes = run_experiments(
+        pairs,
+        out,
+        only=["assessment"] if arguments.no_book else list(PAGES),
+        settings={"assessment.methods": arguments.methods},
+    )
+    print_outcomes(outcomes, explain=False)
+    good = [
+        each
+        for each in outcomes
+        if each.experiment == "assessment" and each.status in ("ran", "reused")
+    ]
+    if not good:
+        return 1
+    record = Record.load(out / pairs[0].name / "assessment.json")
+    player = f"{pairs[0].name}/mocap_training-player.html"
+    page = write_report(record, out / "report.html", player if (out / player).is_file() else "")
+    from trexton.companion.experiments.assessment import finding
+
+    print(finding(record))
+    if not arguments.no_book:
+        from trexton.companion.build.api import build_small_book
+
+        print(build_small_book(pairs, outcomes, out))
+    print(page)
+    return 0

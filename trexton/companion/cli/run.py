@@ -1,0 +1,78 @@
+"""``trexton run``: the experiment notebooks on a flight, with records, figures and a small book."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from trexton.base.errors import ParameterError
+from trexton.base.options import add_assignments, assignments
+from trexton.companion.build.workflow import FlightPair, Outcome, run_experiments
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "flights",
+        nargs="+",
+        metavar="FLIGHT",
+        help="Flight folders to train on (and to test on, by their splits)",
+    )
+    parser.add_argument("--test-flight", metavar="FLIGHT", help="another Flight folder to test on")
+    parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="these experiments only")
+    words = "a parameter of the notebooks, or of one: mocap_training.samples=200"
+    add_assignments(parser, "KEY=VALUE", words)
+    parser.add_argument(
+        "--explain", action="store_true", help="say why each experiment was reused or run"
+    )
+    parser.add_argument(
+        "--jobs",
+        type=int,
+        metavar="N",
+        help="notebooks at once (default: as many as fit this machine)",
+    )
+    parser.add_argument("--notebooks", metavar="DIR", help="another folder of notebooks")
+    parser.add_argument(
+        "--cluster", metavar="ADDRESS",
+        help="run on a Dask cluster, such as tcp://HOST:8786, whose workers see the same folders",
+    )  # fmt: skip
+    parser.add_argument("--no-book", action="store_true", help="leave out the small book")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    if arguments.test_flight is not None and len(arguments.flights) > 1:
+        raise ParameterError("--test-flight belongs to one flight: run the others by themselves")
+    pairs = [FlightPair(flight, arguments.test_flight) for flight in arguments.flights]
+    outcomes = run_experiments(
+        pairs,
+        arguments.out,
+        only=arguments.only,
+        settings=assignments(arguments.settings, "key=value"),
+        jobs=arguments.jobs,
+        notebooks=arguments.notebooks,
+        cluster=arguments.cluster,
+    )
+    print_outcomes(outcomes, arguments.explain)
+    if not arguments.no_book and any(outcome.status in ("ran", "reused") for outcome in outcomes):
+        from trexton.companion.build.api import build_small_book
+
+        print(build_small_book(pairs, outcomes, Path(arguments.out), arguments.notebooks))
+    return int(any(outcome.status == "failed" for outcome in outcomes))
+
+
+def print_outcomes(outcomes: list[Outcome], explain: bool) -> None:
+    """One line an experiment; reasons where it failed or was skipped, or everywhere (`explain`).
+    What failed is told on stderr.
+    """
+    for outcome in outcomes:
+        stream = sys.stderr if outcome.status == "failed" else sys.stdout
+        print(outcome, file=stream)
+        if explain or outcome.status in ("failed", "skipped"):
+            for reason in outcome.reasons:
+                print(f"        {reason}", file=stream)
+    counts = {
+        status: sum(outcome.status == status for outcome in outcomes)
+        for status in ("ran", "reused", "skipped", "failed")
+    }
+    print(", ".join(f"{count} {status}" for status, count in counts.items() if count))

@@ -1,0 +1,253 @@
+"""Will it work here? What a person asks who brings a flight, in plain words, with what limits
+it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.base.wording import distance, middle, times
+from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.evaluation import (
+    evenly_spread,
+    floor_picture,
+    frames_of,
+    neighbor_means,
+    whereabouts,
+)
+from trexton.companion.experiments.track import fly
+from trexton.evaluation.clock import of_frames
+from trexton.evaluation.metrics import (
+    constant_guess,
+    euclidean,
+    mean_with_interval,
+    shuffled_neighbors,
+    summarize,
+)
+from trexton.field.grid import grid_cells
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.measurement import EXCLUDED_SECONDS
+from trexton.localization.methods import compose
+from trexton.localization.roles import make
+
+__all__ = ["STRETCH_S", "Parameters", "best_method", "finding", "run"]
+
+BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
+SHARPNESS_FRAMES = 200  # are enough to tell
+PLACES = 3  # hardest places that are named
+APART = 0.15  # of the area's diagonal, between hardest places
+STRETCH_S = 5.0  # of a survey: every other one makes half of it
+FEWEST = 20  # frames that make half a survey
+
+
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    methods: str = option("paper field", "methods to compare, separated by blanks")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.methods.split():
+            raise ParameterError("no methods to compare: name some, as in methods='paper field'")
+        for method in self.methods.split():
+            compose(method)  # refuses what is none
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly every method over the test flight and say what limits them.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms; test frames without a position are flown and not judged.
+    """
+    frames = frames_of(test)
+    known = test.located
+    runs, timings, field_map, halves = {}, {}, None, []
+    base = TextonMap.train(
+        train, n_textons=parameters.textons, rng=stream(parameters.seed, "training")
+    )
+    located = train.select(train.located)
+    for method in parameters.methods.split():
+        rng = stream(parameters.seed, f"map {method}")
+        texton_map = base.for_method(method, flight=located, rng=rng)
+        track = fly(_localizer(texton_map, parameters), frames)
+        runs[method], timings[method] = track.position, of_frames(track.step_s, "_s")
+        if hasattr(texton_map.parts["measurement"], "expected_error"):
+            field_map = texton_map
+            halves = _with_half(texton_map, frames, parameters)
+    rng = stream(parameters.seed, "intervals")
+    k = min(parameters.neighbors, len(base.positions))
+    runs["knn"] = neighbor_means(
+        base, frames, k=k, samples=parameters.samples, seed=parameters.seed
+    )
+    runs["centre"] = constant_guess(base.positions, len(test))
+    runs["shuffled"] = shuffled_neighbors(base.positions, len(test), k, rng=rng)
+    values: dict[str, Any] = {
+        "errors": {
+            name: summarize([track[known]], test.position[known], test.diagonal, rng=rng)
+            for name, track in runs.items()
+        },
+        "limits": _limits(base, train, test),
+        "counts": {"train": len(base.positions), "test": int(known.sum())},
+        "features": train.features,
+    }
+    series: dict[str, Any] = {
+        "area_m": train.area,
+        "train_m": base.positions,
+        "truth_m": test.position[known],
+        "time_s": (test.time - test.time[0])[known],
+        "start_s": test.time[0],
+        **{f"{name}_m": track[known] for name, track in runs.items()},
+        **whereabouts(train),
+    }
+    if field_map is not None:
+        expected = field_map.parts["measurement"].expected_error
+        foretold = 100 * float(expected(test.position[known]).mean())
+        values["expected"] = {"method": field_map.method, "error_cm": foretold}
+        series["expected"], values["hardest"] = _expected(expected, train)
+        if halves:
+            off = euclidean(np.array(halves)[:, known], test.position[known])
+            error = 100 * float(off.mean())
+            values["half"] = {"method": field_map.method, "error_cm": error}
+        if moving := _with_odometry(field_map, located, parameters):
+            track = fly(moving, frames)
+            timings["odometry"] = of_frames(track.step_s, "_s")
+            off = 100 * track.errors(test.position)[known]
+            error_cm = mean_with_interval(off[None], rng)
+            values["odometry"] = {"method": field_map.method, "error_cm": error_cm}
+    floor, pictures = floor_picture(train)
+    return parameters.record(
+        train, test, values=values, series=series | floor, images=pictures, timings=timings
+    )
+
+
+def _with_odometry(
+    texton_map: TextonMap, flight: Flight, parameters: Parameters
+) -> Localizer | None:
+    """One that sees how the frames move, where the training flight has what that takes."""
+    try:
+        seeing = texton_map.with_parts({"odometry": make("odometry", "visual")}, flight=flight)
+    except TrextonError:
+        return None
+    return _localizer(seeing, parameters)
+
+
+def _with_half(
+    texton_map: TextonMap, frames: Sequence[np.ndarray], parameters: Parameters
+) -> list[np.ndarray]:
+    """Estimates of a map's method when trained on every other stretch of the survey, and on those
+    between; none where a half is too short, or all alike.
+    """
+    odd = (texton_map.time - texton_map.time[0]) // STRETCH_S % 2 == 1
+    if not FEWEST <= odd.sum() <= len(odd) - FEWEST:
+        return []
+    tracks = []
+    for rows in (~odd, odd):
+        try:
+            rng = stream(parameters.seed, f"map {texton_map.method}")
+            parts = {role: part.untrained() for role, part in texton_map.parts.items()}
+            half = replace(texton_map.select(rows), parts={}).with_parts(parts, rng=rng)
+            localizer = _localizer(half, parameters)
+            tracks.append(fly(localizer, frames).position)
+        except TrextonError:
+            return []
+    return tracks
+
+
+def _localizer(texton_map: TextonMap, parameters: Parameters) -> Localizer:
+    options: dict[str, Any] = (
+        {"particles": parameters.particles} if texton_map.method == "paper" else {}
+    )
+    return Localizer(
+        texton_map, samples=parameters.samples, rng=stream(parameters.seed, "flight", 0), **options
+    )
+
+
+def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]:
+    """What may be wrong with the flights, as shares of their frames."""
+    known = test.located
+    positions, diagonal = texton_map.positions, train.diagonal
+    gaps = np.array([euclidean(positions, place).min() for place in test.position[known]])
+    limits: dict[str, Any] = {"gap_m": float(np.percentile(gaps, 95))}
+    try:
+        rows = texton_map.training().neighbors(1, EXCLUDED_SECONDS)[:, 0]
+        far = euclidean(positions[rows], positions) > diagonal / 4
+        limits["repeated"] = float(far.mean())
+    except TrextonError:  # too short a flight to leave neighbours in time out
+        limits["repeated"] = None
+    if test.has_images:
+        chosen = evenly_spread(len(test), SHARPNESS_FRAMES)
+        sharp = np.array(
+            [cv2.Laplacian(test.image(row)[..., 0], cv2.CV_64F).var() for row in chosen]
+        )
+        limits["blurred"] = float((sharp < BLURRED * np.median(sharp)).mean())
+    return limits
+
+
+def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[str, float]]]:
+    """The expected error over the floor, and its hardest places near where was flown."""
+    sides = np.diff(np.reshape(flight.area, (2, 2)), axis=1)
+    places, shape = grid_cells(flight.area, round(sides.prod() / (flight.diagonal / 70) ** 2))
+    error = expected(places)
+    known = flight.position[flight.located]
+    apart = np.array([euclidean(known, place).min() for place in places])
+    near = apart < flight.diagonal / 10
+    flown = apart < flight.diagonal / 40
+    hardest: list[dict[str, float]] = []
+    for cell_number in np.argsort(-np.where(flown, error, -np.inf)):
+        place = places[cell_number]
+        if len(hardest) == PLACES or not flown[cell_number]:
+            break
+        if all(
+            np.hypot(place[0] - other["x_m"], place[1] - other["y_m"]) > APART * flight.diagonal
+            for other in hardest
+        ):
+            hardest.append(
+                {"x_m": place[0], "y_m": place[1], "expected_cm": 100 * float(error[cell_number])}
+            )
+    heat = np.where(near, error, np.nan).reshape(shape).T
+    return {"error_m": heat.round(4), "extent_m": flight.area}, hardest
+
+
+def finding(record: Record) -> str:
+    """One sentence: will it work here?"""
+    best, error = best_method(record)
+    errors = record.values["errors"]
+    centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
+    if middle(error) >= centre:
+        judgement = "It will not work here: no method does better than always guessing the centre"
+    elif error["high"] > 0.5 * centre:
+        judgement = "It works poorly here"
+    else:
+        judgement = "It works here"
+    words = (
+        f"{judgement}: with the method `{best}` the estimate was off by {distance(error)} on "
+        f"average, in one frame of twenty by more than {distance(middle(errors[best]['p95_cm']))}, "
+        f"against {distance(errors['centre']['mean_cm']['value'])} for always guessing the centre"
+    )
+    paper = errors.get("paper")
+    if paper and middle(paper["mean_cm"]) > 1.1 * knn:
+        ratio = times(middle(paper["mean_cm"]) / knn)
+        words += (
+            f"; the paper's filter errs {ratio} as much as the plain mean of its own neighbours"
+        )
+    return words + "."
+
+
+def best_method(record: Record) -> tuple[str, dict[str, float]]:
+    """The method of least mean error, and that error."""
+    methods = record.parameters["methods"].split()
+    errors = record.values["errors"]
+    name = min(methods, key=lambda method: middle(errors[method]["mean_cm"]))
+    return name, errors[name]["mean_cm"]

@@ -1,0 +1,283 @@
+"""Beyond the paper: why its filter trails, and what a field of histograms does instead."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.base.wording import beside, interval, middle, percent
+from trexton.companion.experiments.correlation import rank_correlation
+from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.evaluation import (
+    floor_picture,
+    frames_of,
+    map_of,
+    neighbor_means,
+)
+from trexton.companion.experiments.printed import paper_file
+from trexton.companion.experiments.track import Track, fly
+from trexton.evaluation.metrics import euclidean, mean_with_interval
+from trexton.evaluation.suitability import local_losses, smooth, usual_sigma
+from trexton.flights.aiding import Aiding
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.roles import make
+
+__all__ = ["VARIANTS", "Parameters", "Variant", "finding", "run"]
+
+WIDE_M = 0.25  # process noise and rank widths of the ablations
+MOST_LAG = 36  # frames
+SIGMA = 0.5  # of the paper's loss, metres
+DRAWS = 50  # of errors as long as they are expected to be, on average
+ATTITUDE_NOISE = np.radians(0.3)  # of the autopilot's roll, pitch and yaw
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to localize: a method, and what of it is changed."""
+
+    label: str
+    method: str
+    choices: Mapping[str, object]
+    draws: bool = True  # whether repeats differ by more than the patches
+    whole: bool = False  # whether the field counts in whole images, and not in their parts
+    odometry: bool = False  # whether frames tell it a velocity too
+    told: bool = False  # whether an autopilot's attitude and height come beside them
+
+
+VARIANTS: dict[str, Variant] = {
+    "paper": Variant("The paper's filter", "paper", {}),
+    "agile": Variant("with more process noise", "paper", {"motion.sigma": WIDE_M}),
+    "narrow": Variant("with narrower ranks", "paper", {"measurement.sigma": WIDE_M}),
+    "both": Variant(
+        "with both", "paper", {"motion.sigma": WIDE_M, "measurement.sigma": WIDE_M}
+    ),
+    "field_particles": Variant(
+        "The field, weighing particles", "paper",
+        {
+            "measurement": "field", "motion": "singer", "estimation": "mean",
+            "recovery": "augmented", "filter.particles": 500,
+        },
+    ),
+    "field_whole": Variant("The field of whole images, with its tracks", "field", {}, draws=False,
+                           whole=True),
+    "field": Variant("The field with its tracks", "field", {}, draws=False),
+    "field_camera": Variant("and a velocity from the same frames", "field", {}, draws=False,
+                            odometry=True),
+    "field_odometry": Variant("and attitude and height beside them", "field", {}, draws=False,
+                              odometry=True, told=True),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    repeats: int = option(3, "independent runs of every filter that draws", low=1)
+    sigma: float = option(
+        0.0,
+        f"width in metres of the paper's ideal similarity; 0 is {SIGMA}, and over a field a tenth "
+        "of its diagonal",
+        low=0,
+    )
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly every variant over the test flight, from a uniform start, and see how it errs.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms; then `samples` and `textons` do not apply.
+    """
+    texton_map, located = map_of(train, parameters), train.select(train.located)
+    frames, truth = frames_of(test), test.position
+    told = _told(test, parameters.seed)
+    flown, timings = {}, {}
+    changed: dict[str, TextonMap] = {}
+    for name, variant in VARIANTS.items():
+        if not _possible(variant, train, told):
+            continue
+        started = perf_counter()
+        base = changed["field"] if variant.odometry else texton_map
+        changed[name] = _map_for(variant, base, located)
+        timings[name] = {"learn_s": perf_counter() - started}
+        runs = []
+        for repeat in range(parameters.repeats if variant.draws else 1):
+            rng = stream(parameters.seed, f"beyond {name}", repeat)
+            localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
+            runs.append(fly(localizer, frames, aiding=told if variant.told else None))
+        flown[name] = runs
+        timings[name]["step_s"] = float(np.median(runs[0].step_s))
+    values: dict[str, Any] = {
+        name: _summary(runs, truth, test.diagonal, stream(parameters.seed, f"intervals {name}"))
+        for name, runs in flown.items()
+    }
+    neighbors = neighbor_means(
+        texton_map, frames, k=texton_map.neighbors, samples=parameters.samples,
+        seed=parameters.seed,
+    )  # fmt: skip
+    errors = {
+        "field": flown["field"][0].errors(truth),
+        "knn": euclidean(neighbors, truth),
+    }
+    sigma = parameters.sigma or usual_sigma(train.diagonal, SIGMA)
+    lag = _lag(flown["paper"], truth, float(np.median(np.diff(test.time))))
+    values |= {
+        "lag": lag["values"],
+        "ratio": middle(values["field"]["mean_cm"]) / middle(values["paper"]["mean_cm"]),
+        "predictor": _predictor(changed["field"], truth, errors, sigma, parameters.seed),
+        "protocol": _protocol(),
+        "frames": len(test),
+    }
+    floor, pictures = floor_picture(test)
+    return parameters.record(
+        train,
+        test,
+        values=values,
+        series={
+            "time_s": test.time - test.time[0],
+            "truth_m": truth,
+            "paper_m": flown["paper"][0].position,
+            "field_m": flown["field"][0].position,
+            "lag": lag["series"],
+            "errors_cm": {
+                name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
+                for name, runs in flown.items()
+            },
+            "expected_cm": 100 * changed["field"].parts["measurement"].expected_error(truth),
+            "field_error_cm": 100 * flown["field"][0].errors(truth),
+            "area_m": test.area,
+        }
+        | floor,
+        images=pictures,
+        timings=timings,
+    )
+
+
+def _possible(variant: Variant, train: Flight, told: list[Aiding] | None) -> bool:
+    """Whether the flights have what a variant needs."""
+    seen = train.camera is not None and train.height is not None
+    return (
+        (train.has_images or not variant.whole)
+        and (not variant.odometry or (seen and train.has_images))
+        and (not variant.told or told is not None)
+    )
+
+
+def _map_for(variant: Variant, base: TextonMap, located: Flight) -> TextonMap:
+    """The map that a variant flies with: the paper's with other parts, or the field's with more."""
+    if variant.odometry:
+        return base.with_parts({"odometry": make("odometry", "visual")}, flight=located)
+    counted = located if variant.method == "field" and not variant.whole else None
+    return base.for_method(variant.method, flight=counted).changed(variant.choices)
+
+
+def _told(flight: Flight, seed: int) -> list[Aiding] | None:
+    """Attitude, as an autopilot knows it, and height; None where the flight has none."""
+    if flight.attitude is None or flight.height is None:
+        return None
+    rng = stream(seed, "autopilot")
+    noisy = flight.attitude + ATTITUDE_NOISE * rng.standard_normal(flight.attitude.shape)
+    known = replace(flight, attitude=noisy)
+    return [known.aiding(row) for row in range(len(flight))]
+
+
+def _summary(
+    runs: list[Track], truth: np.ndarray, diagonal: float, rng: np.random.Generator
+) -> dict[str, Any]:
+    """Errors in cm over all runs, and how often the claimed region held, in quarters too."""
+    errors = 100 * np.stack([each.errors(truth) for each in runs])
+    held = np.stack([each.held(truth) for each in runs])
+    quarters = [part.mean() for part in np.array_split(held, 4, axis=1)]
+    return {
+        "mean_cm": mean_with_interval(errors, rng),
+        "median_cm": np.median(errors),
+        "p95_cm": np.percentile(errors, 95),
+        "held": mean_with_interval(held, rng),
+        "held_least": min(quarters),
+        "held_most": max(quarters),
+        "relative": errors.mean() / (100 * diagonal),
+    }
+
+
+def _lag(runs: list[Track], truth: np.ndarray, period_s: float) -> dict[str, dict[str, Any]]:
+    """Mean error if the estimates were so many frames late."""
+    shifts = np.arange(min(MOST_LAG, len(truth) // 4) + 1)
+    errors = [
+        100
+        * np.mean(
+            [euclidean(each.position[shift:], truth[: len(truth) - shift]).mean() for each in runs]
+        )
+        for shift in shifts
+    ]
+    best = int(np.argmin(errors))
+    return {
+        "values": {"s": best * period_s, "error_cm": errors[best], "unshifted_cm": errors[0]},
+        "series": {"shift_s": shifts * period_s, "error_cm": errors},
+    }
+
+
+def _predictor(
+    texton_map: TextonMap,
+    places: np.ndarray,
+    errors: dict[str, np.ndarray],
+    sigma: float,
+    seed: int,
+) -> dict[str, Any]:
+    """How what was known of the places before the flight ranks the errors made there, of the field
+    and of others, and how near it is to the mean of the field's.
+    """
+    from scipy.stats import spearmanr
+
+    expected = texton_map.parts["measurement"].expected_error(places)
+    losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
+    loss = smooth(losses, texton_map.positions, places, sigma)
+
+    rng = stream(seed, "predictor intervals")
+
+    def ranks(made: np.ndarray) -> dict[str, Any]:
+        both = {"rank": expected, "loss_rank": loss}
+        return {name: rank_correlation(known, made, rng=rng) for name, known in both.items()}
+
+    # Lengths of normal errors scatter about their mean however well that is known.
+    scatter = stream(seed, "predictor").rayleigh(size=(DRAWS, len(expected)))
+    limit = [spearmanr(expected, expected * drawn).statistic for drawn in scatter]
+    ranked = {name: ranks(made) for name, made in errors.items()}
+    return (
+        ranked.pop("field")
+        | ranked
+        | {
+            "rank_limit": float(np.mean(limit)),
+            "expected_cm": 100 * expected.mean(),
+            "error_cm": 100 * errors["field"].mean(),
+            "level": expected.mean() / errors["field"].mean(),
+        }
+    )
+
+
+def _protocol() -> dict[str, Any]:
+    """How the method was chosen, and every look at a test part so far."""
+    written = tomllib.loads(paper_file("protocol.toml").read_text(encoding="utf-8"))
+    looks = [
+        {key: value for key, value in look.items() if key != "date"} for look in written["looks"]
+    ]
+    return {"rules": written["rules"], "looks": looks, "count": len(looks)}
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    paper, field = record.values["paper"], record.values["field"]
+    return (
+        f"Method field errs by {interval(field['mean_cm'], 'cm')} on average, "
+        f"{beside(record.values['ratio'])} the paper's filter "
+        f"({interval(paper['mean_cm'], 'cm')}); the region that should hold the vehicle in 90 % of "
+        f"the frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
+    )

@@ -1,0 +1,215 @@
+"""What several experiments share: a trained map, frames to fly, what tracks are worth."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.base.cache import cached
+from trexton.base.progress import progress
+from trexton.base.streams import stream
+from trexton.companion.experiments.declaration import MapParameters
+from trexton.companion.experiments.track import Track
+from trexton.evaluation.metrics import (
+    absolute_errors,
+    block_rows,
+    bootstrap_interval,
+    constant_guess,
+    shuffled_neighbors,
+    summarize,
+)
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.neighbors import NearestHistograms
+from trexton.vision.histograms import sampled_histogram
+
+__all__ = [
+    "drawn_histograms",
+    "drift",
+    "evaluate",
+    "evenly_spread",
+    "floor_picture",
+    "frames_of",
+    "map_of",
+    "neighbor_means",
+    "trained_map",
+    "whereabouts",
+]
+
+
+def trained_map(
+    train: Flight,
+    *,
+    textons: int = 20,
+    patch: int = 6,
+    neighbors: int = 5,
+    seed: int = 1,
+    positions: np.ndarray | None = None,
+) -> TextonMap:
+    """The texton map of `train`, from the cache if the same inputs were seen before."""
+    inputs = {
+        "flight": train.data_hash,
+        "textons": textons,
+        "patch": patch,
+        "neighbors": neighbors,
+        "seed": seed,
+    }
+    if positions is not None:
+        inputs["positions"] = [[float(value).hex() for value in row] for row in positions]
+
+    def compute() -> Any:
+        rng = stream(seed, "training")
+        options: dict[str, Any] = {
+            "n_textons": textons,
+            "patch": patch,
+            "neighbors": neighbors,
+            "positions": positions,
+        }
+        return TextonMap.train(train, rng=rng, **options).to_arrays()
+
+    return TextonMap.from_arrays(cached("map", "trexton.localization.localizer", inputs, compute))
+
+
+def map_of(
+    train: Flight, parameters: MapParameters, positions: np.ndarray | None = None
+) -> TextonMap:
+    """`trained_map` with an experiment's parameters."""
+    return trained_map(
+        train,
+        textons=parameters.textons,
+        neighbors=parameters.neighbors,
+        seed=parameters.seed,
+        positions=positions,
+    )
+
+
+def frames_of(flight: Flight) -> Sequence[np.ndarray]:
+    """What the localizer takes, one a frame: the images where there are any, else the
+    histograms.
+    """
+    if flight.has_images:
+        return list(flight.images())
+    assert flight.histograms is not None  # a flight has one or the other
+    return list(flight.histograms)
+
+
+def evenly_spread(count: int, most: int) -> np.ndarray:
+    """Rows of at most `most` of `count` frames, evenly spread from the first to the last."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).astype(int))
+
+
+def drawn_histograms(test: Flight, texton_map: TextonMap, samples: int, seed: int) -> np.ndarray:
+    """``(N, K)`` one drawn for each frame, so that several runs see the same, and maps of images in
+    other parts the same patches; as they are where the flight came as histograms.
+    """
+    if test.histograms is not None and not test.has_images:
+        return test.histograms
+    rng, dictionary = stream(seed, "samples"), texton_map.alphabet
+    images = progress(test.images(), "histograms", len(test))
+    return np.stack(
+        [
+            sampled_histogram(image, dictionary, samples, rng=rng, cells=texton_map.cells)
+            for image in images
+        ]
+    )
+
+
+def neighbor_means(
+    texton_map: TextonMap, frames: Sequence[np.ndarray], *, k: int, samples: int, seed: int
+) -> np.ndarray:
+    """``(N, 2)`` plain means of the k neighbours of each frame, the paper's method without its
+    filter.
+    """
+    nearest = NearestHistograms(texton_map.histograms, texton_map.positions, k)
+    looking = Localizer(texton_map, samples=samples, rng=stream(seed, "neighbours"))
+    return np.array(
+        [nearest.query(looking.observe(frame)).position.mean(axis=0) for frame in frames]
+    )
+
+
+def drift(
+    runs: list[Track], test: Flight, *, rng: np.random.Generator, draws: int = 500
+) -> dict[str, Any]:
+    """Slope of the Euclidean error over time in cm a minute, with its 95 % interval: does the error
+    accumulate?
+    """
+    minutes = (test.time - test.time[0]) / 60
+    error_cm = [100 * run.errors(test.position) for run in runs]
+
+    def slope(run: int, rows: np.ndarray) -> float:
+        return float(np.polyfit(minutes[rows], error_cm[run][rows], 1)[0])
+
+    drawn = [slope(int(rng.integers(len(runs))), block_rows(len(test), rng)) for _ in range(draws)]
+    low, high = bootstrap_interval(drawn, len(test))
+    return {
+        "value": np.median([slope(run, np.arange(len(test))) for run in range(len(runs))]),
+        "low": low,
+        "high": high,
+    }
+
+
+def evaluate(
+    runs: list[Track], train_positions: np.ndarray, test: Flight, *, k: int, seed: int
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Values and series of a set of runs beside the k-NN alone and the yardsticks.
+
+    Returns
+    -------
+    values : dict
+        ``filter``, ``knn``, ``constant_guess``, ``shuffled_neighbors``: each what
+        `trexton.evaluation.metrics.summarize` gives.
+    series : dict
+        Time, truth, estimate, spread, k-NN mean of the typical run, the one of median mean error.
+    """
+    rng = stream(seed, "intervals")
+
+    def summary(estimates: list[np.ndarray]) -> dict[str, Any]:
+        return summarize(estimates, test.position, test.diagonal, rng=rng)
+
+    values = {
+        "filter": summary([run.position for run in runs]),
+        "knn": summary([run.knn for run in runs]),
+        "constant_guess": summary([constant_guess(train_positions, len(test))]),
+        "shuffled_neighbors": summary([shuffled_neighbors(train_positions, len(test), k, rng=rng)]),
+    }
+    means = [absolute_errors(run.position, test.position).mean() for run in runs]
+    run = runs[int(np.argsort(means, kind="stable")[(len(means) - 1) // 2])]
+    series = {
+        "time_s": test.time - test.time[0],
+        "start_s": test.time[0],
+        "truth_m": test.position,
+        "estimate_m": run.position,
+        "spread_m": run.spread,
+        "knn_m": run.knn,
+        "area_m": test.area,
+    }
+    return values, series
+
+
+def whereabouts(train: Flight) -> dict[str, Any]:
+    """What puts the tracks of a record in its place: ``height_m`` at which the map was flown, and
+    ``origin_deg`` on Earth; what is not known is left out.
+    """
+    place: dict[str, Any] = {} if train.origin is None else {"origin_deg": train.origin}
+    if train.height is not None and np.isfinite(train.height).any():
+        place["height_m"] = float(np.nanmedian(train.height))
+    return place
+
+
+def floor_picture(flight: Flight, width: int = 700) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The floor as figures draw it: its extent (a series) and a picture of `width` pixels; both
+    empty where unknown.
+    """
+    if flight.floor is None:
+        return {}, {}
+    rows, columns = flight.floor.image.shape[:2]
+    (left, top), (right, bottom) = flight.floor.to_world(
+        np.array([(-0.5, -0.5), (columns - 0.5, rows - 0.5)])
+    )
+    picture = cv2.resize(
+        flight.floor.image, (width, round(width * rows / columns)), interpolation=cv2.INTER_AREA
+    )
+    return {"floor": {"extent_m": [left, right, bottom, top]}}, {"floor": picture}

@@ -1,0 +1,249 @@
+"""Coarse to fine: textons say where about, the image says exactly where.
+
+Beyond the paper. Virtual flights over floors on which nothing was tuned, repeating ones among them;
+the same camera carried away and put down elsewhere; light that drifts; keypoint methods beside it.
+Times are those of the processor, whatever else it does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from trexton.base import wording
+from trexton.base.executor import spread
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.companion.experiments.declaration import option
+from trexton.companion.experiments.followed import (
+    GROSS,
+    KNOWN,
+    MISSING,
+    QUARTERS,
+    SETTLED,
+    FollowedParameters,
+    carried_away,
+    follow,
+    in_light,
+    over_floor,
+    told,
+)
+from trexton.companion.experiments.stitched import stitched_map
+from trexton.companion.experiments.track import HELD
+from trexton.evaluation.clock import of_frames
+from trexton.evaluation.metrics import euclidean, mean_over_groups, mean_with_interval, success_rate
+from trexton.flights.flight import Flight
+from trexton.registration import FloorTracker
+from trexton.vision.camera import MapImage
+
+__all__ = ["KNOWN", "Parameters", "finding", "kidnapping_summary", "over_floors", "run"]
+
+
+@dataclass(frozen=True)
+class Parameters(FollowedParameters):
+    """What can be chosen."""
+
+    kidnappings: int = option(3, "times that the vehicle is carried away", low=1)
+    drifts: int = option(2, "strengths of the light's drift, none and 5 % first", low=2, high=4)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly coarse to fine over the test flight, over virtual floors, kidnapped, in drifting light.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, a picture of the floor, and a camera.
+    """
+    given, given_series, seconds = _recorded(train, test, parameters)
+    trials = spread(partial(over_floor, parameters), range(parameters.floors), "floors")
+    carried = spread(
+        partial(carried_away, parameters), range(parameters.kidnappings), "kidnappings"
+    )
+    strengths = np.array([0.0, 0.05, 0.1, 0.02])[: parameters.drifts]
+    light = spread(partial(in_light, parameters), strengths.tolist(), "light")
+    pooled = {
+        name: _summary(np.concatenate([trial["rows"][name] for trial in trials])) for name in KNOWN
+    }
+    drift = {f"{100 * share:.0f}": mean for share, mean in zip(strengths, light, strict=True)}
+    return parameters.record(
+        train, test,
+        values={
+            "flight": given,
+            "floors": {
+                trial["name"]: {name: _summary(rows) for name, rows in trial["rows"].items()}
+                for trial in trials
+            },
+            "all": pooled,
+            "missing": _missing(trials),
+            "peers": _peers(trials),
+            "kidnapped": kidnapping_summary(carried),
+            "light_cm": drift,
+            "light_ratio": light[1] / light[0],
+        },
+        series=given_series | {
+            "errors_cm": {name: _quantiles(trials, name) for name in KNOWN},
+            "coverage": {name: _coverage(trials, name) for name in KNOWN},
+        },
+        timings={
+            name: of_frames(np.concatenate([trial["seconds"][name] for trial in trials]), "_s")
+            for name in trials[0]["seconds"]
+        } | {"flight": seconds},
+    )  # fmt: skip
+
+
+def _summary(rows: np.ndarray) -> dict[str, Any]:
+    error, distance, lost, quarter = rows.T
+    inside = distance < HELD
+    return {
+        "frames": len(rows),
+        "mean_cm": 100 * error.mean(),
+        "median_cm": 100 * np.median(error),
+        "p95_cm": 100 * np.percentile(error, 95),
+        "max_cm": 100 * error.max(),
+        "gross": int((error > GROSS).sum()),
+        "lost": lost.mean(),
+        "region_90": inside.mean(),
+        "region_90_quarters": [inside[quarter == part].mean() for part in range(QUARTERS)],
+        "nees": distance.mean() / 2,
+    }
+
+
+def _missing(trials: list[dict[str, Any]]) -> dict[str, Any]:
+    """Where one of so many frames came, with attitude and without."""
+    found: dict[str, Any] = {f"{every}": {} for every in MISSING}
+    for key, every in trials[0]["bridged"]:
+        rows = np.concatenate([trial["bridged"][key, every] for trial in trials])
+        found[f"{every}"][key] = _summary(rows)
+    return found
+
+
+def _quantiles(trials: list[dict[str, Any]], name: str) -> dict[str, Any]:
+    shares = np.linspace(0, 100, 101)
+    error = np.concatenate([trial["rows"][name][:, 0] for trial in trials])
+    return {"share": shares, "error": 100 * np.percentile(error, shares)}
+
+
+def _coverage(trials: list[dict[str, Any]], name: str) -> dict[str, Any]:
+    """Claimed share of regions, and the share of them that hold the truth."""
+    claimed = np.linspace(0.05, 0.95, 19)
+    distance = np.concatenate([trial["rows"][name][:, 1] for trial in trials])
+    bounds = -2 * np.log1p(-claimed)  # chi-squared in the plane
+    return {"claimed": claimed, "held": [(distance < bound).mean() for bound in bounds]}
+
+
+def _recorded(
+    train: Flight, test: Flight, parameters: Parameters
+) -> tuple[dict[str, Any], dict[str, Any], dict[str, float]]:
+    """The test flight on the surveyed and on the stitched map."""
+    assert test.floor is not None and test.camera is not None
+    assert test.height is not None and test.attitude is not None
+    height = float(np.median(test.height))
+    pictures: dict[str, MapImage] = {"surveyed": test.floor, "stitched": stitched_map(train).map}
+    trackers = {
+        (where, name): FloorTracker(picture, test.camera, height)
+        for where, picture in pictures.items()
+        for name in KNOWN
+    }
+    rng = stream(parameters.seed, "recorded")
+    track: dict[tuple[str, str], list[np.ndarray]] = {key: [] for key in trackers}
+    seconds = []
+    for row, image in enumerate(test.images()):
+        for key, tracker in trackers.items():
+            attitude = told(test.attitude[row], key[1], parameters, rng)
+            fix, taken = follow(tracker, image, attitude)
+            track[key].append(fix.position)
+            seconds.append(taken)
+    values: dict[str, Any] = {where: {} for where in pictures}
+    series: dict[str, Any] = {"time_s": test.time - test.time[0], "truth_m": test.position}
+    for (where, name), positions in track.items():
+        drawing = stream(parameters.seed, f"intervals {where} {name}")
+        error = euclidean(np.array(positions), test.position)
+        settled = error[SETTLED:]
+        values[where][name] = {
+            "mean_cm": mean_with_interval(100 * settled[None], drawing),
+            "p95_cm": 100 * np.percentile(settled, 95),
+            "max_cm": 100 * settled.max(),
+            "gross": int((settled > GROSS).sum()),
+        }
+        series[f"{where}_{name}_cm"] = 100 * error
+    return values, series, of_frames(np.array(seconds), "_s")
+
+
+def kidnapping_summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
+    """What many kidnappings say: how often found, and whether lost was said of the right frames.
+
+    Kidnappings over one floor, and their frames, may be alike: rates are over floors.
+    """
+    floors = [trial["floor"] for trial in trials]
+    calm = slice(5, SETTLED)
+
+    def rate(happened: Sequence[Any], of: Sequence[Any]) -> dict[str, Any] | None:
+        counts = ([np.sum(each) for each in column] for column in (happened, of))
+        return success_rate(*(np.bincount(floors, each).astype(int) for each in counts))
+
+    found = [trial["found"] for trial in trials if trial["found"] is not None]
+    right, lost = ([trial[key] for trial in trials] for key in ("right", "lost"))
+    both = list(zip(right, lost, strict=True))
+    return {
+        "found_rate": rate([trial["found"] is not None for trial in trials], [True] * len(trials)),
+        "frames": {"median": float(np.median(found)), "longest": max(found)} if found else None,
+        "wrong_not_lost": rate([~near & ~told for near, told in both], [~near for near in right]),
+        "right_lost": rate(
+            [(near & told)[calm] for near, told in both], [near[calm] for near in right]
+        ),
+    }
+
+
+def _peers(trials: list[dict[str, Any]]) -> dict[str, Any]:
+    """For each keypoint method: frames tried, share within 30 cm, errors of those."""
+    values = {}
+    for name in trials[0]["peers"]:
+        error = np.concatenate([trial["peers"][name] for trial in trials])
+        right = error[error < GROSS]  # NaN, where nothing was found, is not
+        values[name] = {
+            "frames": len(error),
+            "right": len(right) / len(error),
+            "mean_cm": 100 * right.mean() if len(right) else None,
+        }
+    return values
+
+
+def over_floors(
+    record: Record, name: str, quantity: str, highest: float = np.inf
+) -> dict[str, float | None]:
+    """Mean of what stands in the record for each floor, with its 95 % interval over floors: frames
+    over one floor share its print, and what was learned over it.
+    """
+    values = [floor[name][quantity] for floor in record.values["floors"].values()]
+    return mean_over_groups(values, highest=highest)
+
+
+def finding(record: Record, long: Record | None = None) -> str:
+    """What the experiment found, in two sentences; over floors in the longer run, if there is
+    one.
+    """
+    over = long or record
+    everything = over.values["all"]
+    words = {
+        "attitude": "with the autopilot's attitude",
+        "askew": f"with one that is {over.parameters['askew_deg']:g} degrees off",
+        "free": "without",
+    }
+    parts = [
+        f"{wording.interval(over_floors(over, key, 'mean_cm'), 'cm')} {words[key]}" for key in KNOWN
+    ]
+    frames = sum(everything[key]["frames"] for key in KNOWN)
+    gross = sum(everything[key]["gross"] for key in KNOWN)
+    stitched = [record.values["flight"]["stitched"][key]["mean_cm"] for key in ("attitude", "free")]
+    known, alone = map(wording.distance, stitched)
+    return (
+        f"Over {len(over.values['floors'])} floors the image says where to "
+        f"{', '.join(parts[:-1])} and {parts[-1]}; {gross} of {frames} frames are off by more than "
+        f"{100 * GROSS:.0f} cm. On the stitched map of the recorded flight the mean error is "
+        f"{known} with attitude and {alone} without."
+    )

@@ -1,0 +1,304 @@
+"""Which floor will do, from a picture alone: fly over it virtually, learn, and see how far off one
+would be.
+
+The prediction uses the training part of the virtual flight only; the error beside it is measured on
+a second flight, under another light.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.base.errors import ParameterError
+from trexton.base.options import Options, option
+from trexton.base.streams import stream
+from trexton.companion.experiments.correlation import rank_correlation
+from trexton.companion.experiments.declaration import SeedParameters
+from trexton.companion.experiments.evaluation import frames_of
+from trexton.companion.experiments.track import fly
+from trexton.evaluation.metrics import block_rows, bootstrap_interval, constant_guess, euclidean
+from trexton.evaluation.suitability import local_losses
+from trexton.field.grid import grid_cells
+from trexton.flights.flight import Flight
+from trexton.flights.registry import data_folder
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.simulator import LAYOUTS, PERIOD, Floor, record_flight
+from trexton.simulator.mats import MATS, PIXELS_PER_METRE
+from trexton.vision.camera import Camera, MapImage
+
+__all__ = [
+    "METHOD",
+    "FloorParameters",
+    "VirtualFlights",
+    "helpful_changes",
+    "judge_floor",
+    "lent_floor",
+    "named_floor",
+    "painted_floor",
+]
+
+LANE = 0.5  # metres between the lanes of a survey that sees everything twice
+SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
+EVERY = 2  # frames: half the camera's rate, so that fewer frames cover the floor
+CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
+METHOD = "field"  # the one whose error is predicted
+MAT = 1.2  # side of the mat that is laid on the worst place, in metres
+
+
+@dataclass(frozen=True)
+class FloorParameters(SeedParameters):
+    """Those of experiments over painted floors, or over the one that a flight lends."""
+
+    floors: int = option(
+        0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
+    )
+
+
+@dataclass(frozen=True)
+class VirtualFlights(Options):
+    """How a floor is flown over."""
+
+    frames: int = option(0, "of the survey; 0 takes as many as its lanes need", low=0, high=20000)
+    test_frames: int = option(200, "of the flight on which errors are measured", low=20, high=20000)
+    height: float = option(1.0, "metres above the floor", low=0.2, high=10)
+    seed: int = option(1, "of the flights", low=0)
+
+    def record(self, floor: Floor, folder: Path) -> tuple[Flight, Flight]:
+        """A survey, and a flight between random places an hour later."""
+        x_min, x_max, y_min, y_max = floor.area
+        path = 2 * (x_max - x_min) * (y_max - y_min) / LANE
+        frames = self.frames or int(np.clip(path / (SURVEY_SPEED * PERIOD * EVERY), 200, 2000))
+        common: dict[str, Any] = {"floor": floor, "height": self.height, "every": EVERY}
+        return (
+            record_flight(
+                folder / "survey", pattern="survey", frames=frames, seed=self.seed, **common
+            ),
+            record_flight(
+                folder / "later", pattern="waypoints", frames=self.test_frames,
+                seed=self.seed + 1, **common,
+            ),
+        )  # fmt: skip
+
+
+def judge_floor(
+    floor: Floor,
+    *,
+    flights: VirtualFlights = VirtualFlights(),
+    methods: Sequence[str] = (METHOD,),
+    sigma: float = 0.8,
+) -> dict[str, Any]:
+    """Predict how far off one would be over a floor, and measure it on a virtual flight.
+
+    Parameters
+    ----------
+    floor : Floor
+    flights : VirtualFlights
+    methods : sequence of str
+        Flown over the second flight; see `trexton.localization.methods.METHODS`.
+    sigma : float
+        Of the paper's map loss, in metres.
+
+    Returns
+    -------
+    dict
+        ``area_m``; ``loss``, the paper's L(D); ``predicted_cm``, the error to expect over the
+        floor, from the survey alone;
+        ``measured``, for each method ``mean_cm``, ``low``, ``high``, ``p95_cm``; ``centre_cm``, the
+        error of always guessing the middle; ``correlation`` of predicted and measured error of the
+        first method over the test frames; ``heat``, predicted error over the floor in metres;
+        ``worst_m``, where the field knows least.
+    """
+    with TemporaryDirectory(prefix="trexton-floor-") as name:
+        train, test = flights.record(floor, Path(name))
+        frames = frames_of(test)
+        base = TextonMap.train(train, rng=stream(flights.seed, "map"))
+        maps = {
+            method: base.for_method(method, flight=train, rng=stream(flights.seed, f"map {method}"))
+            for method in dict.fromkeys((METHOD, *methods))  # each once
+        }
+        runs = {method: _flown(maps[method], frames, flights.seed) for method in methods}
+    field = maps[METHOD].parts["measurement"]
+    heat = _over_floor(field.expected_error, floor.area)
+    rng = stream(flights.seed, "intervals")
+    first = euclidean(next(iter(runs.values())), test.position)
+    centre = constant_guess(base.positions, len(test))
+    losses = local_losses(base.histograms, base.positions, sigma)
+    return {
+        "area_m": floor.area,
+        "frames": {"survey": len(train), "test": len(test)},
+        "loss": losses.mean(),
+        "predicted_cm": 100 * heat.mean(),
+        "measured": {name: _summary(run, test, rng) for name, run in runs.items()},
+        "centre_cm": _summary(centre, test, rng)["mean_cm"],
+        "correlation": rank_correlation(field.expected_error(test.position), first, rng=rng),
+        "heat": {"error_m": heat.round(4), "extent_m": floor.area},
+        "worst_m": _worst(_over_floor(field.variance_at, floor.area), floor.area),
+    }
+
+
+def _over_floor(
+    expected: Callable[[np.ndarray], np.ndarray], area: tuple[float, float, float, float]
+) -> np.ndarray:
+    """``(rows, columns)`` expected errors at the centres of cells, row 0 at the smallest y."""
+    sides = area[1] - area[0], area[3] - area[2]
+    places, shape = grid_cells(area, min(CELLS, round(sides[0] * sides[1] / CELL**2)))
+    return expected(places).reshape(shape).T
+
+
+def _flown(texton_map: TextonMap, frames: Sequence[np.ndarray], seed: int) -> np.ndarray:
+    """``(N, 2)`` estimates over the frames."""
+    localizer = Localizer(texton_map, rng=stream(seed, "flight", 0))
+    return fly(localizer, frames).position
+
+
+def _summary(estimates: np.ndarray, flight: Flight, rng: np.random.Generator) -> dict[str, float]:
+    """Mean error in cm with its 95 % interval over stretches of the flight, and the 95th
+    percentile.
+    """
+    errors = 100 * euclidean(estimates, flight.position)
+    drawn = [errors[block_rows(len(errors), rng)].mean() for _ in range(400)]
+    low, high = bootstrap_interval(drawn, len(errors))
+    return {
+        "mean_cm": errors.mean(),
+        "low": low,
+        "high": high,
+        "p95_cm": np.percentile(errors, 95),
+    }
+
+
+def _worst(heat: np.ndarray, extent: Sequence[float]) -> tuple[float, float]:
+    """Centre of the cell of the largest value, metres."""
+    row, column = np.unravel_index(np.nanargmax(heat), heat.shape)
+    x_min, x_max, y_min, y_max = extent
+    rows, columns = heat.shape
+    return (
+        float(x_min + (column + 0.5) * (x_max - x_min) / columns),
+        float(y_min + (row + 0.5) * (y_max - y_min) / rows),
+    )
+
+
+def helpful_changes(
+    floor: Floor, judged: dict[str, Any], *, flights: VirtualFlights = VirtualFlights()
+) -> list[dict[str, Any]]:
+    """What could be changed, each tried on a virtual flight: the most helpful first.
+
+    A mat of one print on the worst place, one and a half times the height, twice the frames of the
+    survey.
+
+    Returns
+    -------
+    list of dict
+        ``change`` in words, ``predicted_cm`` and measured ``mean_cm`` with it, ``gain_cm``.
+    """
+    x, y = judged["worst_m"]
+    changes = [
+        (
+            f"a patterned mat of {MAT:g} m x {MAT:g} m at x = {x:.1f} m, y = {y:.1f} m",
+            with_mat(floor, (x, y), flights.seed),
+            flights,
+        ),
+        (
+            f"flying at {1.5 * flights.height:g} m instead of {flights.height:g} m",
+            floor,
+            replace(flights, height=1.5 * flights.height),
+        ),
+        (
+            f"a survey of {2 * judged['frames']['survey']} frames",
+            floor,
+            replace(flights, frames=2 * judged["frames"]["survey"]),
+        ),
+    ]
+    before, result = _mean(judged), []
+    for words, changed, how in changes:
+        after = judge_floor(changed, flights=how)
+        mean = _mean(after)
+        result.append(
+            {
+                "change": words,
+                "predicted_cm": after["predicted_cm"],
+                "mean_cm": mean,
+                "gain_cm": before - mean,
+            }
+        )
+    return sorted(result, key=lambda change: -change["gain_cm"])
+
+
+def with_mat(floor: Floor, center: tuple[float, float], seed: int) -> Floor:
+    """The floor with a mat laid at `center` in metres, its print painted from `seed`."""
+    picture = floor.picture
+    side = round(MAT * PIXELS_PER_METRE)
+    mat = MATS["bauhaus"]((side, side), stream(seed, "mat"))
+    half, edge = MAT / 2, side - 0.5
+    x, y = center
+    corners = [
+        [x - half, y + half],
+        [x + half, y + half],
+        [x + half, y - half],
+        [x - half, y - half],
+    ]
+    source = np.array([[-0.5, -0.5], [edge, -0.5], [edge, edge], [-0.5, edge]], np.float32)
+    target = picture.to_pixels(np.array(corners)).astype(np.float32)
+    matrix = cv2.getPerspectiveTransform(source, target)
+    extent = picture.image.shape[1::-1]
+    laid = cv2.warpPerspective(mat, matrix, extent, flags=cv2.INTER_AREA)
+    covered = cv2.warpPerspective(np.ones((side, side), np.uint8), matrix, extent) > 0
+    image = np.where(covered[..., None], laid, picture.image)
+    mask = None if picture.mask is None else picture.mask | covered
+    return Floor(MapImage(image, picture.world_from_pixel, mask))
+
+
+def named_floor(name: str) -> Floor:
+    """A floor by name: a layout, a colon and a seed, as in ``moved:3``; or a picture and its width
+    in metres, as in ``maps/hall.png@5``, found in the folder of the data unless absolute.
+
+    Raises
+    ------
+    ImageError
+        There is no such picture.
+    ParameterError
+        The name is of another form, the layout unknown, or the width out of range.
+    """
+    if painted := re.fullmatch(r"([a-z]+):(\d+)", name):
+        return Floor.painted(painted[1], int(painted[2]))
+    if photographed := re.fullmatch(r"(.+)@(\d+(?:\.\d+)?)", name):
+        return Floor.from_file(data_folder() / photographed[1], float(photographed[2]))
+    raise ParameterError(
+        f"floor {name!r}: expected a layout and a seed, as in moved:3, "
+        "or a picture and its width in metres, as in maps/hall.png@5"
+    )
+
+
+def painted_floor(number: int, seed: int) -> tuple[str, Floor]:
+    """The name and the floor that `seed` paints; its layout is the next for each number."""
+    layout = list(LAYOUTS)[number % len(LAYOUTS)]
+    return f"{layout} {seed}", Floor.painted(layout, seed)
+
+
+def lent_floor(flight: Flight) -> tuple[Floor, Camera, float]:
+    """What a recorded flight lends to a virtual one: its floor, its camera, its height in metres.
+
+    Raises
+    ------
+    ParameterError
+        The flight has no floor or camera.
+    """
+    if flight.floor is None or flight.camera is None:
+        raise ParameterError(
+            f"flight {flight.name!r} has no picture of its floor or no camera: a virtual flight "
+            "over it needs both, as trexton simulate gives them"
+        )
+    height = 1.0 if flight.height is None else float(np.nanmean(flight.height))
+    return Floor(flight.floor), flight.camera, height
+
+
+def _mean(judged: dict[str, Any]) -> float:
+    """Measured mean error of the first method, cm."""
+    return float(next(iter(judged["measured"].values()))["mean_cm"])

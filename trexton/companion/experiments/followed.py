@@ -1,0 +1,223 @@
+"""Virtual flights that coarse to fine follows: over floors, carried away, in drifting light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from trexton.base.streams import stream
+from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.floors import painted_floor
+from trexton.companion.experiments.kidnapping import found_after
+from trexton.companion.experiments.peers import PEERS, make_peer
+from trexton.evaluation.metrics import euclidean
+from trexton.registration import FloorFix, FloorTracker, Trust
+from trexton.registration.trust import learn_trust
+from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
+from trexton.simulator.vehicle import VehicleState
+
+__all__ = [
+    "GROSS",
+    "KNOWN",
+    "MISSING",
+    "QUARTERS",
+    "SETTLED",
+    "FollowedParameters",
+    "carried_away",
+    "follow",
+    "in_light",
+    "over_floor",
+    "told",
+]
+
+# The autopilot tells roll, pitch and yaw; tells them though the camera looks askew; tells nothing.
+KNOWN = {"attitude": "with attitude", "askew": "with attitude askew", "free": "without attitude"}
+MISSING = (2, 4)  # of so many frames one comes, in further runs
+SETTLED = 25  # frames, two seconds, in which the vehicle may be found for the first time
+GROSS = 0.3  # metres: further off is another place
+QUARTERS = 4
+SPEED = 0.6  # metres a second
+CARRIED = 63  # frames of each kidnapping: two seconds before it, three after
+FOUND = 5  # frames in a row
+CAMERA = Effects().without("jpeg")  # as the camera delivers; files are for recorded flights
+Row = tuple[FloorFix, VehicleState]
+
+
+@dataclass(frozen=True)
+class FollowedParameters(SeedParameters):
+    """Those of the virtual flights."""
+
+    floors: int = option(2, "floors flown over, the layouts of the hall in turn", low=1)
+    frames: int = option(100, "frames of each flight", low=50)
+    training: int = option(60, "frames from which each floor's fits are calibrated", low=50)
+    attitude_deg: float = option(0.3, "noise of the autopilot's attitude in degrees", low=0)
+    askew_deg: float = option(
+        3.0,
+        "degrees that the camera rolled in its mount since the survey, in one of the runs",
+        low=0,
+    )
+    peer_frames: int = option(0, "frames a floor that keypoint methods try, too", low=0)
+
+
+def _frames(room: Simulator, count: int, rng: np.random.Generator) -> Iterator[VehicleState]:
+    """The states of a flight between random places."""
+    plan = Plan(random_waypoints(room.floor.area, rng))
+    for _ in range(count):
+        yield room.step(plan.goal(room.state.position))
+
+
+def follow(
+    tracker: FloorTracker, image: np.ndarray, attitude: np.ndarray | None
+) -> tuple[FloorFix, float]:
+    """What the tracker says of an image, and the processor's seconds."""
+    start = process_time()
+    fix = tracker.step(image, attitude=attitude)
+    return fix, process_time() - start
+
+
+def told(
+    attitude: np.ndarray, known: str, parameters: FollowedParameters, rng: np.random.Generator
+) -> np.ndarray | None:
+    """``(3,)`` roll, pitch and yaw as the autopilot tells them, radians: see `KNOWN`."""
+    noise = np.radians(parameters.attitude_deg) * rng.standard_normal(3)
+    if known == "askew":
+        noise[0] += np.radians(parameters.askew_deg)
+    return None if known == "free" else attitude + noise
+
+
+def _room(
+    floor: Floor, parameters: FollowedParameters, name: str, index: int, effects: Effects = CAMERA
+) -> Simulator:
+    rng = stream(parameters.seed, name, index)
+    return Simulator(floor, effects=effects, light=Light.later(), speed=SPEED, rng=rng)
+
+
+def _floor(index: int) -> tuple[str, Floor]:
+    """The layouts of the hall in turn, the repeating ones first, each time from another seed."""
+    return painted_floor(index + 2, 100 + index)
+
+
+def _trackers(
+    floor: Floor, room: Simulator, parameters: FollowedParameters, index: int
+) -> dict[str, FloorTracker]:
+    """Trackers that trust their fits as a flight of their own has taught them."""
+    trusts = {}
+    for known in ("attitude", "free"):
+        rng = stream(parameters.seed, "training", index)
+        taught = _room(floor, parameters, "training room", index)
+        tracker = FloorTracker(floor.picture, room.camera, 1.0)
+        fixes, truth = [], []
+        for state in _frames(taught, parameters.training, rng):
+            attitude = told(state.attitude, known, parameters, rng)
+            fixes.append(tracker.step(taught.render(), attitude=attitude))
+            truth.append(state.position[:2])
+        trusts[known] = learn_trust(fixes, np.array(truth), 1.0, Trust())
+    trusts["askew"] = trusts["attitude"]
+    return {
+        name: FloorTracker(floor.picture, room.camera, 1.0, trust=trusts[name]) for name in KNOWN
+    }
+
+
+def over_floor(parameters: FollowedParameters, index: int) -> dict[str, Any]:
+    """One flight over one floor, attitude known or not, with all frames and with some; keypoint
+    methods at some frames."""
+    name, floor = _floor(index)
+    room = _room(floor, parameters, "room", index)
+    trackers = _trackers(floor, room, parameters, index)
+    thinned = {
+        (key, every): FloorTracker(floor.picture, room.camera, 1.0, trust=trackers[key].trust)
+        for key in ("attitude", "free")
+        for every in MISSING
+    }
+    rng = stream(parameters.seed, "attitude", index)
+    every = max(1, parameters.frames // max(1, parameters.peer_frames))
+    peers = {key: make_peer(key, floor.picture) for key in PEERS if parameters.peer_frames}
+    fixes: dict[str, list[Row]] = {key: [] for key in trackers}
+    bridged: dict[tuple[str, int], list[Row]] = {key: [] for key in thinned}
+    tried: dict[str, list[float]] = {key: [] for key in peers}
+    seconds: dict[str, list[float]] = {key: [] for key in (*trackers, *peers)}
+    for number, state in enumerate(
+        _frames(room, parameters.frames, stream(parameters.seed, "waypoints", index))
+    ):
+        image = room.render()
+        for key, tracker in trackers.items():
+            attitude = told(state.attitude, key, parameters, rng)
+            fix, taken = follow(tracker, image, attitude)
+            fixes[key].append((fix, state))
+            seconds[key].append(taken)
+            for (known, nth), other in thinned.items():
+                if known != key:
+                    continue
+                came = number % nth == 0
+                fix = other.step(image if came else None, attitude=attitude)
+                if came and number >= SETTLED:
+                    bridged[known, nth].append((fix, state))
+        if number % every == 0:
+            for key, peer in peers.items():
+                start = process_time()
+                found = peer.locate(image).position
+                seconds[key].append(process_time() - start)
+                tried[key].append(float(euclidean(found, state.position[:2])))
+    return {
+        "name": name,
+        "rows": {key: _rows(found[SETTLED:]) for key, found in fixes.items()},
+        "bridged": {key: _rows(found) for key, found in bridged.items()},
+        "seconds": seconds,
+        "peers": tried,
+    }
+
+
+def _rows(settled: list[Row]) -> np.ndarray:
+    """``(N, 4)``: error in metres, squared Mahalanobis distance, lost, quarter of the flight."""
+    rows = []
+    for number, (fix, state) in enumerate(settled):
+        error = fix.position - state.position[:2]
+        distance = float(error @ np.linalg.solve(fix.covariance, error))
+        rows.append(
+            (np.hypot(*error), distance, float(fix.lost), QUARTERS * number // len(settled))
+        )
+    return np.array(rows)
+
+
+def carried_away(parameters: FollowedParameters, index: int) -> dict[str, Any]:
+    """One kidnapping: frames until found; which frames are right, which called lost."""
+    rng = stream(parameters.seed, "kidnapping", index)
+    number = index % parameters.floors
+    _, floor = _floor(number)
+    room = _room(floor, parameters, "kidnapping room", index)
+    tracker = FloorTracker(floor.picture, room.camera, 1.0)
+    x_min, x_max, y_min, y_max = floor.area
+    error, lost = [], []
+    for frame, state in enumerate(_frames(room, CARRIED, rng)):
+        if frame == SETTLED:
+            place = state.position[:2]
+            while euclidean(place, state.position[:2]) < (x_max - x_min) / 2:
+                place = rng.uniform((x_min + 0.3, y_min + 0.3), (x_max - 0.3, y_max - 0.3))
+            room.vehicle.teleport(place)
+            state = room.state
+        fix, _ = follow(tracker, room.render(), told(state.attitude, "attitude", parameters, rng))
+        error.append(float(euclidean(fix.position, state.position[:2])))
+        lost.append(fix.lost)
+    right = np.array(error) < GROSS
+    return {
+        "floor": number,
+        "found": found_after(right[SETTLED:], FOUND),
+        "right": right,
+        "lost": np.array(lost),
+    }
+
+
+def in_light(parameters: FollowedParameters, drift: float) -> float:
+    """Mean error in centimetres with attitude, the camera's gain drifting so much."""
+    _, floor = painted_floor(0, 100)
+    room = _room(floor, parameters, "light", 0, replace(CAMERA, exposure=drift))
+    tracker = FloorTracker(floor.picture, room.camera, 1.0)
+    rng, error = stream(parameters.seed, "light attitude"), []
+    for state in _frames(room, parameters.frames, stream(parameters.seed, "light waypoints")):
+        fix, _ = follow(tracker, room.render(), told(state.attitude, "attitude", parameters, rng))
+        error.append(euclidean(fix.position, state.position[:2]))
+    return 100 * float(np.mean(error[SETTLED:]))

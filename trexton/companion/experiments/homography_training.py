@@ -1,0 +1,142 @@
+"""Training on homography positions (paper, Analysis, "Training Set based on Homography-finding
+Method").
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, median_filter
+
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.base.wording import middle, number
+from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.evaluation import evaluate, floor_picture, frames_of, map_of
+from trexton.companion.experiments.stitched import homography_maps, locate_all
+from trexton.companion.experiments.track import tracks
+from trexton.evaluation.clock import of_frames
+from trexton.evaluation.metrics import absolute_errors, euclidean, summarize
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import TextonMap
+
+__all__ = ["filtered_positions", "finding", "Parameters", "run"]
+
+OUTLIER_M = 0.4  # a fix that is this far from the running median was no motion of the vehicle
+MEDIAN_FRAMES = 11
+SMOOTHING_FRAMES = 2.0
+
+
+def filtered_positions(position: np.ndarray) -> np.ndarray:
+    """The remedy the paper suggests: fixes ``(N, 2)`` without outliers, smoothed over time, gaps
+    interpolated.
+
+    A fix counts as an outlier if it is more than 0.4 m from the running median over eleven frames.
+    """
+    rows = np.arange(len(position))
+    kept = np.isfinite(position).all(axis=1)
+
+    def filled(values: np.ndarray) -> np.ndarray:
+        return np.column_stack([np.interp(rows, rows[kept], column[kept]) for column in values.T])
+
+    running = median_filter(filled(position), size=(MEDIAN_FRAMES, 1), mode="nearest")
+    kept &= euclidean(position, running) <= OUTLIER_M
+    return gaussian_filter1d(filled(position), SMOOTHING_FRAMES, axis=0, mode="nearest")
+
+
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    repeats: int = option(10, "independent runs of the filter over the test flight", low=1)
+    anchors: int = option(
+        0, "training frames whose position places the mosaic; 0 chooses as the flight needs", low=0
+    )
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """The motion-capture experiment again, its training positions from homographies on the flight's
+    own mosaic.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images.
+    """
+    found = locate_all(homography_maps(train, parameters.anchors), train)
+    located = found["mosaic"]
+    sources = {"filter": located.position, "remedy": filtered_positions(located.position)}
+    if "drifting" in found:
+        sources["drifting"] = found["drifting"].position
+    frames = frames_of(test)
+    rng = stream(parameters.seed, "intervals")
+    values: dict[str, Any] = {
+        "failures": int((~located.found).sum()),
+        "remedy_uses": {
+            "median_frames": MEDIAN_FRAMES,
+            "outlier_cm": 100 * OUTLIER_M,
+            "smoothing_frames": SMOOTHING_FRAMES,
+        },
+    }
+    series: dict[str, Any] = {}
+    step_s = []
+    for name, positions in sources.items():
+        texton_map = map_of(train, parameters, positions=positions)
+        runs = tracks(
+            texton_map,
+            frames,
+            repeats=parameters.repeats,
+            seed=parameters.seed,
+            samples=parameters.samples,
+            particles=parameters.particles,
+        )
+        errors, drawn = evaluate(
+            runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
+        )
+        values[name] = errors["filter"]
+        values[f"{name}_knn"] = errors["knn"]
+        values[f"{name}_process_std_cm"] = _process_std_cm(texton_map)
+        values[f"{name}_training"] = summarize([positions], train.position, train.diagonal, rng=rng)
+        series = series or drawn
+        series[f"{name}_training_error_m"] = absolute_errors(positions, train.position)
+        series[f"{name}_estimate_m"] = drawn["estimate_m"]
+        step_s += [run.step_s for run in runs]
+    mocap = map_of(train, parameters)
+    values["mocap_process_std_cm"] = _process_std_cm(mocap)
+    floor, pictures = floor_picture(test)
+    return parameters.record(
+        train, test,
+        values=values,
+        series=series | floor,
+        images=pictures,
+        timings={"step_s": of_frames(np.concatenate(step_s))},
+    )  # fmt: skip
+
+
+def _process_std_cm(texton_map: TextonMap) -> float:
+    """Root mean square over the axes of the process noise that the training positions give."""
+    return 100 * float(
+        np.sqrt(np.trace(texton_map.parts["motion"].growth(texton_map.period_s)) / 2)
+    )
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    values = record.values
+    names = {"filter": "as found", "remedy": "filtered first", "drifting": "on a map that drifts"}
+    names = {name: words for name, words in names.items() if name in values}
+    each = [f"{number(middle(values[name]['mean_cm']))} cm {names[name]}" for name in names]
+    noise = [values[f"{name}_process_std_cm"] for name in names]
+    errors = [middle(values[name]["mean_cm"]) for name in names]
+    knn = [middle(values[f"{name}_knn"]["mean_cm"]) for name in names]
+    text = f"Trained on homography positions the filter errs by {', '.join(each)}"
+    if np.argsort(noise).tolist() == np.argsort(errors)[::-1].tolist():
+        text += (
+            ": the more those positions jitter, the wider its motion noise "
+            f"({number(min(noise))} to {number(max(noise))} cm a frame) and the less it errs"
+        )
+    return (
+        text + f", while the neighbours alone err by {number(min(knn))} to {number(max(knn))} cm."
+    )

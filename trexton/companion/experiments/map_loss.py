@@ -1,0 +1,272 @@
+"""Which floors are suitable (paper, Methods, "Map evaluation" and its figure), what the loss
+foretells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.base.wording import interval, number
+from trexton.companion.experiments.correlation import pair_correlation, pearson, rank_correlation
+from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.evaluation import evenly_spread, floor_picture, frames_of, map_of
+from trexton.companion.experiments.track import fly
+from trexton.evaluation.metrics import block_rows, bootstrap_interval, euclidean
+from trexton.evaluation.suitability import (
+    cosine_similarity,
+    heat_map,
+    ideal_similarity,
+    local_losses,
+    smooth,
+    usual_sigma,
+)
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.measurement import EXCLUDED_SECONDS
+
+__all__ = ["finding", "Parameters", "run"]
+
+AUTHORS = 0.8  # sigma in metres
+SWEPT = (0.125, 0.25, 0.375, 0.5, 0.75, 1, 1.5, 2, 3, 4)  # times the usual sigma
+PAIRED_FRAMES = 1000  # at most so many, evenly spaced, where all pairs are compared
+GROUPS = 10
+
+
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    sigma: float = option(
+        0.0,
+        f"of ideal similarity and smoothing, in metres; 0 is the authors' {AUTHORS}, and over a "
+        "field a tenth of its diagonal",
+        low=0,
+    )
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Evaluate the training set of one flight, and compare its loss with the errors that are then
+    made.
+
+    Two kinds of error: on the training flight each frame is localized by its k-NN among the others,
+    those within half a second left out; on the test flight by the k-NN and by the filter. There the
+    loss is that of the place, smoothed from the training samples around it.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms.
+    """
+    texton_map = map_of(train, parameters)
+    histograms, positions = texton_map.histograms, texton_map.positions
+    usual = usual_sigma(train.diagonal, AUTHORS)
+    sigma = parameters.sigma or usual
+    losses = local_losses(histograms, positions, sigma)
+    rows = texton_map.training().neighbors(parameters.neighbors, EXCLUDED_SECONDS)
+    errors = euclidean(positions[rows].mean(axis=1), positions)
+    similarity, similarity_series = _similarity(histograms, positions, parameters.seed)
+    sigmas = [round(share * usual, 4) for share in SWEPT]
+    sweep, chosen = _sweep(histograms, positions, errors, sigma, sigmas, parameters.seed)
+    prediction, prediction_series = _prediction(positions, losses, errors, sigma, parameters.seed)
+    options = {"samples": parameters.samples, "particles": parameters.particles}
+    unseen, unseen_series = _unseen(texton_map, test, losses, sigma, options, parameters.seed)
+    heat = heat_map(losses, positions, train.area, sigma)
+    wrong = heat_map(errors, positions, train.area, sigma)
+    floor, pictures = floor_picture(train)
+    return parameters.record(
+        train,
+        test,
+        values={
+            "global_loss": losses.mean(),
+            "similarity": similarity,
+            "prediction": prediction | unseen,
+            "sigma": chosen | {"used_m": sigma},
+            "counts": {"train": len(histograms), "test": len(test), "textons": histograms.shape[1]},
+        },
+        series={
+            "area_m": train.area,
+            "positions_m": positions,
+            "local_loss": losses,
+            "error_m": errors,
+            "heat": {
+                "loss": heat.values.round(5),
+                "error_m": wrong.values.round(5),
+                "extent_m": heat.extent,
+            },
+            "sweep": sweep,
+            "similarity": similarity_series,
+            "groups": prediction_series | unseen_series,
+            **floor,
+        },
+        images=pictures,
+    )
+
+
+def _similarity(
+    histograms: np.ndarray, positions: np.ndarray, seed: int
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Actual similarity of all pairs of frames against their distance."""
+    rows = evenly_spread(len(histograms), PAIRED_FRAMES)
+    alike, place = cosine_similarity(histograms[rows]), positions[rows]
+    distance = euclidean(place[:, None], place)
+    rng = stream(seed, "similarity")
+    values = {
+        "lowest": alike.min(),
+        "mean": alike.mean(),
+        "distance_correlation": pair_correlation(alike, distance, rng=rng),
+    }
+    upper = np.triu_indices(len(rows), 1)
+    edges = np.linspace(0, distance.max(), 25)
+    bins = np.digitize(distance[upper], edges[1:-1])
+    groups = [alike[upper][bins == b] for b in range(24)]
+    quartiles = [
+        np.percentile(group, (25, 50, 75)) if len(group) else [np.nan] * 3 for group in groups
+    ]
+    low, median, high = np.array(quartiles).T
+    return values, {
+        "distance_m": (edges[1:] + edges[:-1]) / 2,
+        "low": low,
+        "median": median,
+        "high": high,
+    }
+
+
+def _sweep(
+    histograms: np.ndarray,
+    positions: np.ndarray,
+    errors: np.ndarray,
+    sigma: float,
+    others: list[float],
+    seed: int,
+) -> tuple[list[Any], dict[str, Any]]:
+    """What another sigma would have given."""
+    frames = evenly_spread(len(histograms), PAIRED_FRAMES)
+    alike, place = cosine_similarity(histograms[frames]), positions[frames]
+    upper = np.triu_indices(len(frames), 1)
+    default = local_losses(histograms, positions, sigma)
+    sweep = []
+    for value in others:
+        losses = local_losses(histograms, positions, value)
+        ideal = ideal_similarity(place, place, value)
+        sweep.append(
+            {
+                "sigma_m": value,
+                "global_loss": losses.mean(),
+                "agreement": pearson(alike[upper], ideal[upper]),
+                "prediction": rank_correlation(losses, errors, rng=stream(seed, "prediction")),
+                "same_order": rank_correlation(losses, default, rng=stream(seed, "same order")),
+            }
+        )
+    half, double = (local_losses(histograms, positions, factor * sigma) for factor in (0.5, 2))
+    return sweep, {
+        "rank_correlation": rank_correlation(half, double, rng=stream(seed, "sigma")),
+        "best_agreement_m": max(sweep, key=lambda row: row["agreement"])["sigma_m"],
+        "half_sigma_loss": half.mean(),
+        "double_sigma_loss": double.mean(),
+    }
+
+
+def _prediction(
+    positions: np.ndarray, losses: np.ndarray, errors: np.ndarray, sigma: float, seed: int
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Does the loss of a training frame tell its error, and which part of the loss does?
+
+    The loss is mean similarity less mean ideal, and the ideal knows nothing of the floor: its mean
+    only counts the frames around each frame, so it is small at the border and wherever few frames
+    were taken.
+    """
+    crowding = ideal_similarity(positions, positions, sigma).mean(axis=1)
+
+    def correlation(a: np.ndarray, b: np.ndarray) -> Any:
+        return rank_correlation(a, b, rng=stream(seed, "parts"))
+
+    values = {
+        "correlation": correlation(losses, errors),
+        "similarity_alone": correlation(losses + crowding, errors),
+        "sparseness_alone": correlation(-crowding, errors),
+    }
+    return values, {"train_knn": _grouped(losses, errors, seed)}
+
+
+def _unseen(
+    texton_map: TextonMap,
+    test: Flight,
+    losses: np.ndarray,
+    sigma: float,
+    options: dict[str, Any],
+    seed: int,
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The same on another flight: the smoothed loss of each place against the errors made there."""
+    expected = smooth(losses, texton_map.positions, test.position, sigma)
+    track = fly(Localizer(texton_map, rng=stream(seed, "flight"), **options), frames_of(test))
+    errors = {
+        "test_knn": euclidean(track.knn, test.position),
+        "test_filter": track.errors(test.position),
+    }
+    rng = stream(seed, "unseen")
+    values = {name: rank_correlation(expected, wrong, rng=rng) for name, wrong in errors.items()}
+    return values, {name: _grouped(expected, wrong, seed) for name, wrong in errors.items()}
+
+
+def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict[str, Any]]:
+    """Mean error in cm in tenths of the frames by rising loss, intervals over stretches of the
+    flight.
+    """
+    order = np.argsort(losses, kind="stable")
+    group = np.empty(len(order), dtype=np.int64)
+    group[order] = np.arange(len(order)) * GROUPS // len(order)
+    rng = stream(seed, "groups")
+
+    def means(values: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        with np.errstate(invalid="ignore"):
+            return np.bincount(group[rows], values[rows], GROUPS) / np.bincount(
+                group[rows], minlength=GROUPS
+            )
+
+    drawn = [means(100 * errors, block_rows(len(errors), rng)) for _ in range(400)]
+    low, high = bootstrap_interval(drawn, len(errors))
+    loss, error = (means(values, np.arange(len(order))) for values in (losses, 100 * errors))
+    return [
+        {"loss": loss[i], "error_cm": {"value": error[i], "low": low[i], "high": high[i]}}
+        for i in range(GROUPS)
+    ]
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    told = record.values["prediction"]
+    cases = {
+        "on the training flight": told["correlation"],
+        "of the filter in flight": told["test_filter"],
+    }
+    if None in (entry["value"] for entry in cases.values()):
+        return (
+            "Here the paper's loss cannot be compared with errors: frames lie farther apart than "
+            f"sigma reaches, which was {number(record.values['sigma']['used_m'])} m."
+        )
+    said = {
+        where: "foretells"
+        if entry["low"] > 0
+        else "misleads on"
+        if entry["high"] < 0
+        else "does not tell"
+        for where, entry in cases.items()
+    }
+    parts = [
+        f"{said[where]} the errors {where} (rank correlation {interval(entry)})"
+        for where, entry in cases.items()
+    ]
+    alone = told["sparseness_alone"]
+    foretold = said["on the training flight"] == "foretells"
+    if alone["low"] > 0:
+        does = "does too" if foretold else "does"
+    else:
+        does = "does not" if foretold else "does not either"
+    parts.append(f"on the training flight being far from other frames {does} ({interval(alone)})")
+    joined = "and" if len(set(said.values())) == 1 else "but"
+    return f"The paper's loss {parts[0]} {joined} {parts[1]}; {parts[2]}."

@@ -1,0 +1,32 @@
+"""The paper's published numbers, read from ``data/paper/published.toml``."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from trexton.base.cache import shipped
+
+__all__ = ["look_up", "paper_file", "published"]
+
+
+def paper_file(name: str) -> Path:
+    """The file `name` of ``data/paper``; raises `DataError` where the installation is not whole."""
+    return shipped("data/paper") / name
+
+
+@lru_cache
+def published() -> dict[str, Any]:
+    """All published values, by experiment."""
+    return tomllib.loads(paper_file("published.toml").read_text(encoding="utf-8"))
+
+
+def look_up(tree: Any, path: str) -> Any:
+    """The entry at a dotted `path` of nested dicts; None where there is none."""
+    for key in path.split("."):
+        if not isinstance(tree, dict) or key not in tree:
+            return None
+        tree = tree[key]
+    return tree

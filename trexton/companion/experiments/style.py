@@ -1,0 +1,156 @@
+"""The look that all figures share: colours for all eyes, readable on light and dark pages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, cast
+
+import matplotlib.pyplot as plt
+import numpy as np
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+
+from trexton.base.wording import METRES_FROM
+
+__all__ = [
+    "COLORS",
+    "SERIES",
+    "canvas",
+    "floor_axes",
+    "landed",
+    "legend_above",
+    "legend_below",
+    "length_unit",
+    "mean_line",
+    "show_floor",
+]
+
+# What a colour means, in every figure and in the player: Okabe & Ito (2008), without yellow, which
+# fades on white. Kinds of one method differ by their strokes. A page lightens them in the dark.
+COLORS = {
+    "truth": "#4d4d4d",  # and lines that stand still: a limit, a rate, a tolerance
+    "paper": "#D55E00",  # the paper's filter
+    "guarded": "#CC79A7",
+    "field": "#0072B2",
+    "fine": "#009E73",
+    "neighbors": "#56B4E9",
+    "particles": "#E69F00",
+    "homography": "#8C5A2B",  # keypoints and a homography, whatever the map
+    "printed": "#8A63D2",  # a value that the paper prints; it needs no other shade in the dark
+    "zone": "#777777",
+}
+# Where no methods are compared: one after another.
+SERIES = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#4d4d4d")
+
+_STYLE: dict[str, Any] = {
+    "svg.hashsalt": "trexton",
+    "svg.fonttype": "path",
+    "font.size": 10,
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.labelcolor": "#333333",
+    "axes.edgecolor": "#999999",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.prop_cycle": cycler(color=SERIES),
+    "grid.color": "#e3e3e3",
+    "grid.linewidth": 0.6,
+    "xtick.color": "#555555",
+    "ytick.color": "#555555",
+    "lines.linewidth": 1.4,
+    "legend.frameon": False,
+    "legend.fontsize": 9,
+    # A page in dark mode shows its figures on their own white card.
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "figure.constrained_layout.use": True,
+    "image.interpolation": "nearest",
+}
+
+
+@contextmanager
+def canvas(
+    rows: int = 1, columns: int = 1, *, size: tuple[float, float] = (7.2, 3.2), **options: Any
+) -> Iterator[tuple[Figure, np.ndarray]]:
+    """A figure and its axes (always a 2-D array) in the common style; it is not kept by pyplot."""
+    with plt.rc_context(cast(Any, _STYLE)):
+        figure = Figure(figsize=size)
+        yield figure, figure.subplots(rows, columns, squeeze=False, **options)
+        # Text and ticks take their style when they are drawn.
+        figure.draw_without_rendering()
+
+
+def floor_axes(axes: Axes, area: Sequence[float]) -> None:
+    """Axes of a floor plan in metres, both to the same scale."""
+    x_min, x_max, y_min, y_max = area
+    axes.set(
+        xlim=(x_min, x_max), ylim=(y_min, y_max), xlabel="x (m)", ylabel="y (m)", aspect="equal"
+    )
+    axes.grid(False)
+
+
+def show_floor(
+    axes: Axes, floor: dict[str, Any] | None, picture: np.ndarray | None, fade: float = 0.45
+) -> None:
+    """Put the floor's picture (BGR) under a plan; `floor` holds its extent, as records carry it."""
+    if floor is None or picture is None:
+        axes.grid(True)
+        return
+    # Transparent rather than mixed with white, so that it fades into a dark page too.
+    alpha = np.full(picture.shape[:2], round(255 * fade), np.uint8)
+    faded = np.dstack([picture[..., 2::-1], alpha])
+    axes.imshow(faded, extent=floor["extent_m"], interpolation="bilinear", zorder=0)
+
+
+def landed(
+    axes: Axes, places: np.ndarray, color: str, label: str, inside: bool = True
+) -> PathCollection:
+    """Landings of one outcome: full dots inside their zone, open triangles outside."""
+    return axes.scatter(
+        places[:, 0], places[:, 1], s=26, marker="o" if inside else "^", label=label, zorder=5,
+        facecolors=color if inside else "white", edgecolors="white" if inside else color,
+        linewidths=0.6 if inside else 1.1,
+    )  # fmt: skip
+
+
+def length_unit(metres: float) -> tuple[str, float]:
+    """What lengths of this size are told in, and how many of it a metre has; as in words."""
+    return ("m", 1.0) if 100 * metres >= METRES_FROM else ("cm", 100.0)
+
+
+def legend_above(axes: Axes, columns: int = 3) -> None:
+    """A legend between the axes and whatever is above them, where no data are."""
+    axes.legend(
+        loc="lower left",
+        bbox_to_anchor=(0, 1.0),
+        ncols=columns,
+        borderaxespad=0.2,
+        columnspacing=1.4,
+    )
+
+
+def legend_below(axes: Axes, drop: float, columns: int = 1) -> None:
+    """A legend below the axes, by a share of their height that clears the label of x."""
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -drop), ncols=columns)
+
+
+def mean_line(axes: Axes, values: np.ndarray, color: str, unit: str) -> None:
+    """A dashed line at the mean, its value at its right end, clear of the one drawn before it."""
+    mean = float(np.mean(values))
+    axes.axhline(mean, color=color, linestyle="--", linewidth=1.0)
+    before = [text for text in axes.texts if isinstance(text, Annotation)]
+    label = axes.annotate(
+        f"mean {mean:.0f} {unit}", (1, mean), xycoords=("axes fraction", "data"), xytext=(4, 0),
+        textcoords="offset points", color=color, fontsize=8.5, va="center", annotation_clip=False,
+    )  # fmt: skip
+    if before:
+        lower, upper = sorted((label, before[-1]), key=lambda text: text.xy[1])
+        lower.set_verticalalignment("top")
+        upper.set_verticalalignment("bottom")

@@ -1,0 +1,156 @@
+"""Which floors will do: the error foretold from a survey alone against that of a later flight.
+
+Every floor is flown over virtually, whether it is painted or a photograph. A good predictor ranks
+floors as they will turn out, and is right about the centimetres; the paper's loss stands beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from trexton.base.errors import ImageError
+from trexton.base.executor import spread
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.base.wording import number, percent
+from trexton.companion.experiments.correlation import rank_correlation
+from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor
+from trexton.flights.flight import Flight
+
+__all__ = [
+    "Parameters", "finding", "interval", "kept_rows", "obstacle", "run", "sentence", "validation"
+]  # fmt: skip
+
+METHODS = ("field", "paper")  # flown; the error of the first is predicted, the loss is the second's
+LEVEL = 0.3  # share by which a prediction may differ from what is measured, to count as level
+
+
+@dataclass(frozen=True)
+class Parameters(SeedParameters):
+    """What can be chosen."""
+
+    floors: str = option(
+        "hall:21 few:23 carpet:24",
+        "LAYOUT:SEED paints one, PICTURE@METRES lays a picture so wide; separated by blanks",
+    )
+    frames: int = option(160, "of each survey; 0 takes as many as its lanes need", low=0)
+    test_frames: int = option(60, "of the flight on which errors are measured", low=20)
+    height: float = option(1.0, "metres above the floor", low=0.2, high=10)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Judge every floor.
+
+    Parameters
+    ----------
+    train, test : Flight
+        Name the record; the flights over the floors are recorded here.
+    """
+    names = parameters.floors.split()
+    rows = spread(partial(_judged, parameters), names, "floors")
+    means = {key: float(np.mean([row[key] for row in rows])) for key in rows[0]}
+    values = {
+        "floors": dict(zip(names, rows, strict=True)),
+        "mean": means,
+        "validation": validation(rows, parameters.seed),
+    }
+    return parameters.record(train, test, values=values)
+
+
+def _judged(parameters: Parameters, name: str) -> dict[str, float]:
+    flights = VirtualFlights(
+        parameters.frames, parameters.test_frames, parameters.height, parameters.seed
+    )
+    judged = judge_floor(named_floor(name), flights=flights, methods=METHODS)
+    measured = {
+        f"{method}_cm": float(found["mean_cm"]) for method, found in judged["measured"].items()
+    }
+    kept = {key: float(judged[key]) for key in ("predicted_cm", "loss", "centre_cm")}
+    return kept | measured | {f"{key}_frames": n for key, n in judged["frames"].items()}
+
+
+def kept_rows(table: Mapping[str, Any] | None) -> dict[str, dict[str, float]]:
+    """By floor, the rows of a sweep that flew over one floor a cell; empty without a table."""
+    return {
+        row["floors"]: {
+            key.removeprefix("mean."): value
+            for key, value in row.items()
+            if key.startswith("mean.")
+        }
+        for row in (table or {"rows": []})["rows"]
+    }
+
+
+def validation(rows: Iterable[Mapping[str, float]], seed: int) -> dict[str, Any]:
+    """How well floors are ranked, and how level the centimetres are.
+
+    Parameters
+    ----------
+    rows : iterable of mapping
+        One a floor, with ``predicted_cm``, ``loss``, and a measured ``METHOD_cm`` each.
+
+    Returns
+    -------
+    dict
+        ``count``; ``rank``, Spearman's rho of predicted and measured error with its interval over
+        floors; ``loss_rank`` and ``loss_paper_rank``, the same of the paper's loss with the error
+        of the first method and of the paper's own; ``ratio``, median of measured over predicted;
+        ``level``, share of floors within `LEVEL`.
+    """
+    rows = list(rows)
+    columns = {key: np.array([row[key] for row in rows]) for key in rows[0]}
+    measured, predicted = columns[f"{METHODS[0]}_cm"], columns["predicted_cm"]
+    ratio = measured / predicted
+
+    def rank(a: np.ndarray, b: np.ndarray) -> dict[str, Any]:
+        return rank_correlation(a, b, rng=stream(seed, "floors"), block=1, draws=2000)
+
+    return {
+        "count": len(rows),
+        "rank": rank(predicted, measured),
+        "loss_rank": rank(columns["loss"], measured),
+        "loss_paper_rank": rank(columns["loss"], columns[f"{METHODS[1]}_cm"]),
+        "ratio": float(np.median(ratio)),
+        "level": float((np.abs(ratio - 1) <= LEVEL).mean()),
+    }
+
+
+def obstacle(parameters: Parameters) -> str | None:
+    """Why these floors cannot be flown over here, for a sweep that goes on without them."""
+    for name in parameters.floors.split():
+        try:
+            named_floor(name)
+        except ImageError as error:
+            return str(error)
+    return None
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    return sentence(record.values["validation"])
+
+
+def sentence(found: Mapping[str, Any]) -> str:
+    """What a validation says."""
+    rank, loss = found["rank"], found["loss_rank"]
+    return (
+        f"Over {found['count']} floors the error foretold from a survey alone ranks them as a "
+        f"later flight does with a rank correlation of {interval(rank)}, the paper's loss with "
+        f"{interval(loss)}; the error is typically {number(found['ratio'])} times what was "
+        f"foretold, and within {percent(LEVEL)} of it on {percent(found['level'])} of the floors."
+    )
+
+
+def interval(entry: Mapping[str, float]) -> str:
+    """A correlation with its interval, or that there is none."""
+    if not np.isfinite([entry["value"], entry["low"], entry["high"]]).all():
+        return "nothing, for want of floors"
+    if entry["low"] == entry["high"]:
+        return f"{entry['value']:.2f} (too few floors for an interval)"
+    return f"{entry['value']:.2f} [{entry['low']:.2f}, {entry['high']:.2f}]"

@@ -1,0 +1,174 @@
+"""The texton dictionary (paper, Methods, "Texton Dictionary Generation"): textons, learning,
+places.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.base.defaults import TEXTONS
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.base.wording import number
+from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.evaluation import floor_picture, trained_map
+from trexton.flights.flight import Flight
+from trexton.vision.histograms import label_image
+from trexton.vision.images import bgr_from_yuv
+from trexton.vision.patches import draw_patches, position_grid
+from trexton.vision.textons import METHODS, Learning, TextonDictionary, learn_textons
+
+__all__ = ["finding", "Parameters", "place_frequencies", "run"]
+
+_BLOCK = 1000  # patches: one point of the convergence
+_SHOWN = 320  # pixels: width of the labelled frame
+
+
+@dataclass(frozen=True)
+class Parameters(SeedParameters):
+    """What can be chosen."""
+
+    textons: int = option(TEXTONS, "textons of the dictionary, K", low=2)
+    images: int = option(100, "training images that patches are drawn from", low=1)
+    patches_per_image: int = option(1000, "patches drawn from each", low=1)
+    cells: int = option(12, "the floor is looked at in cells x cells squares", low=1)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Learn the dictionary of a flight, and see how often and where on the floor each texton
+    occurs.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images. The dictionary comes from the first alone; of the second, one frame is shown
+        with its labels.
+    """
+    learned = {}
+    for method in METHODS:
+        rng = stream(parameters.seed, "training")  # the stream that maps are trained with
+        patches = draw_patches(
+            islice(train.images(), parameters.images), 6, parameters.patches_per_image, rng
+        )
+        learned[method] = learn_textons(
+            patches, parameters.textons, rng=rng, method=method, first=parameters.patches_per_image
+        )
+    dictionary = learned["kohonen"].dictionary
+    texton_map = trained_map(train, textons=parameters.textons, seed=parameters.seed)
+    frequency = texton_map.histograms.mean(axis=0)
+    shown = test.image(len(test) // 2)
+    places = place_frequencies(
+        texton_map.histograms, texton_map.positions, train.area, parameters.cells
+    )
+    floor, pictures = floor_picture(train)
+    return parameters.record(
+        train, test,
+        values={
+            "patches": len(patches),
+            "patches_per_image": int(np.prod(position_grid(shown.shape, dictionary.patch))),
+            "patch": dictionary.patch,
+            "is_the_map's": np.array_equal(dictionary.textons, texton_map.alphabet.textons),
+            "frequency": frequency,
+            "methods": {method: _summary(one, patches) for method, one in learned.items()},
+            "chroma_share": _chroma_share(dictionary.textons),
+        },
+        series={
+            "convergence": {method: _convergence(one.errors) for method, one in learned.items()},
+            "place_frequency": places,
+            "area_m": train.area,
+            **floor,
+        },
+        images={
+            **pictures,
+            **{_strip_name(method): _strip(one.dictionary) for method, one in learned.items()},
+            "frame": _small(bgr_from_yuv(shown)),
+            "labelled": _small(_painted(shown, dictionary)),
+        },
+    )  # fmt: skip
+
+
+def place_frequencies(
+    histograms: np.ndarray, positions: np.ndarray, area: Any, cells: int
+) -> np.ndarray:
+    """``(K, cells, cells)``: mean frequency of each texton over the frames of each square, NaN
+    without any.
+
+    Rows go with y, columns with x, from the lower left corner of `area`.
+    """
+    x_min, x_max, y_min, y_max = area
+    scaled = (positions - (x_min, y_min)) / (x_max - x_min, y_max - y_min)
+    column, row = np.clip((scaled * cells).astype(int), 0, cells - 1).T
+    place = row * cells + column
+    count = np.bincount(place, minlength=cells**2)
+    total = np.array([np.bincount(place, weights, minlength=cells**2) for weights in histograms.T])
+    mean = np.divide(total, count, out=np.full(total.shape, np.nan), where=count > 0)
+    return mean.reshape(-1, cells, cells)
+
+
+def _summary(learned: Learning, patches: np.ndarray) -> dict[str, Any]:
+    """How well a dictionary fits the patches it was learned from."""
+    labels = learned.dictionary.label(patches)
+    difference = patches.astype(np.float32) - learned.dictionary.textons[labels]
+    share = np.bincount(labels, minlength=learned.dictionary.n_textons) / len(labels)
+    used = share[share > 0]
+    return {
+        "error": float(np.sqrt(np.mean(difference**2, dtype=np.float64))),
+        "used": len(used),
+        "effective": float(np.exp(-(used * np.log(used)).sum())),
+    }
+
+
+def _convergence(errors: np.ndarray) -> np.ndarray:
+    """RMS error over blocks of patches, in the order in which they were seen."""
+    blocks = np.array_split(errors, max(1, len(errors) // _BLOCK))
+    return np.array([np.sqrt(np.mean(block**2)) for block in blocks])
+
+
+def _chroma_share(textons: np.ndarray) -> float:
+    """Share of the variance between textons that lies in U and V; two thirds if all channels vary
+    alike.
+    """
+    variance = textons.astype(float).var(axis=0).sum(axis=(0, 1))
+    return float(variance[1:].sum() / max(variance.sum(), 1e-12))
+
+
+def _strip_name(method: str) -> str:
+    return "textons" if method == "kohonen" else "textons-" + method
+
+
+def _strip(dictionary: TextonDictionary) -> np.ndarray:
+    """``(P, K P, 3) uint8`` BGR: all textons side by side."""
+    return bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1))
+
+
+def _painted(image: np.ndarray, dictionary: TextonDictionary) -> np.ndarray:
+    """The image with every patch's middle in the mean colour of its texton, BGR."""
+    means = np.rint(dictionary.textons.mean(axis=(1, 2))).astype(np.uint8)
+    return bgr_from_yuv(means[label_image(image, dictionary)])
+
+
+def _small(picture: np.ndarray) -> np.ndarray:
+    rows, columns = picture.shape[:2]
+    return cv2.resize(
+        picture, (_SHOWN, round(_SHOWN * rows / columns)), interpolation=cv2.INTER_AREA
+    )
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    kohonen, winner = (record.values["methods"][name] for name in ("kohonen", "winner-take-all"))
+    better = "nearer to" if kohonen["error"] < winner["error"] else "no nearer to"
+    return (
+        f"The network's textons lie {better} the patches than those of winner-take-all "
+        f"({number(kohonen['error'])} against {number(winner['error'])} grey levels) and share the "
+        f"work more evenly, as if {number(kohonen['effective'])} against "
+        f"{number(winner['effective'])} of {record.parameters['textons']} were used equally."
+        if kohonen["effective"] > winner["effective"]
+        else f"The network's textons lie {better} the patches than those of winner-take-all "
+        f"({number(kohonen['error'])} against {number(winner['error'])} grey levels)."
+    )

@@ -1,0 +1,148 @@
+"""Time for one frame, stage by stage (paper, Analysis, "Speed versus Accuracy Trade-Off";
+Discussion).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from trexton.base.executor import limited_threads
+from trexton.base.progress import progress
+from trexton.base.records import Record, machine
+from trexton.base.streams import stream
+from trexton.base.wording import number, percent, times
+from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.evaluation import frames_of, map_of
+from trexton.companion.experiments.track import fly
+from trexton.evaluation.clock import STAGES, StageClock, frequency, milliseconds
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import Localizer
+from trexton.registration.homography import HomographyLocalizer
+from trexton.vision.patches import position_grid
+
+__all__ = ["finding", "Parameters", "run"]
+
+
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    passes: int = option(3, "flights flown; a frame's time is the median of its passes", low=1)
+    full_frames: int = option(60, "frames for full sampling", low=1)
+    homography_frames: int = option(20, "frames for the homography", low=1)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Time each stage of the localizer over the test flight, full sampling, a homography; images
+    are decoded. The localizer has one thread: libraries that share a frame among several wait for
+    one another where other programs want a processor too.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms; then there is no histogram to time, and no homography.
+    """
+    texton_map = map_of(train, parameters)
+    frames, options = (
+        frames_of(test),
+        {"samples": parameters.samples, "particles": parameters.particles},
+    )
+
+    def localizer(**changes: Any) -> Localizer:
+        return Localizer(texton_map, rng=stream(parameters.seed, "flight", 0), **options | changes)
+
+    def clocked() -> StageClock:
+        return StageClock(texton_map, rng=stream(parameters.seed, "flight", 0), **options)
+
+    with limited_threads(1):
+        for frame in frames[:2]:  # whatever the first calls load
+            localizer().step(frame)
+        totals, clocks = [], []
+        for _ in progress(range(parameters.passes), "timing the flight"):
+            totals.append(fly(localizer(), frames).step_s)
+            clock = clocked()
+            for frame in frames:
+                clock.step(frame)
+            clocks.append(clock.seconds)
+        full = (
+            _full_sampling(localizer(samples=None), frames[: parameters.full_frames])
+            if test.has_images
+            else {}
+        )
+    total_s = np.median(totals, axis=0)
+    stages_s = {
+        name: np.median([one[name] for one in clocks], axis=0) for name in STAGES if clocks[0][name]
+    }
+    timings: dict[str, Any] = {
+        "machine": machine(),
+        "total_ms": _distribution(total_s),
+        "frequency_hz": frequency(milliseconds([total_s])),
+        "stages_ms": {name: _distribution(seconds) for name, seconds in stages_s.items()},
+        "frames_ms": {
+            name: 1000 * seconds for name, seconds in ({"total": total_s} | stages_s).items()
+        },
+    } | full
+    if test.has_images:
+        medians = {name: np.median(seconds) for name, seconds in stages_s.items()}
+        timings["histogram_share"] = float(medians["histogram"] / sum(medians.values()))
+    if test.has_images and test.floor is not None:
+        timings["homography_ms"] = _homography(
+            test, frames[:: max(1, len(frames) // parameters.homography_frames)]
+        )
+    return parameters.record(
+        train, test,
+        values={
+            "applies": {"histogram": test.has_images, "homography": "homography_ms" in timings},
+            "counts": {"train": len(texton_map.positions), "test": len(test)},
+            "patches_per_image": _patches(texton_map) if test.has_images else None,
+            "camera_hz": 1 / np.median(np.diff(test.time)),
+        },
+        timings=timings,
+    )  # fmt: skip
+
+
+def _distribution(seconds: np.ndarray) -> dict[str, Any]:
+    """Median in ms with its interval, and the 99th percentile of frames."""
+    stretch = min(20, max(1, len(seconds) // 5))
+    return milliseconds([seconds], stretch) | {"p99": 1000 * np.percentile(seconds, 99)}
+
+
+def _full_sampling(localizer: Localizer, frames: Any) -> dict[str, Any]:
+    step_s = fly(localizer, frames).step_s
+    return {
+        "full_sampling_ms": _distribution(step_s),
+        "full_sampling_hz": frequency(milliseconds([step_s])),
+    }
+
+
+def _homography(test: Flight, frames: Any) -> dict[str, Any]:
+    assert test.floor is not None  # asked for where this is called
+    localizer, seconds = HomographyLocalizer(test.floor), []
+    for frame in progress(frames, "homography"):
+        start = perf_counter()
+        localizer.locate(frame)
+        seconds.append(perf_counter() - start)
+    return _distribution(np.array(seconds[1:] or seconds))
+
+
+def _patches(texton_map: Any) -> int:
+    return int(np.prod(position_grid(texton_map.image_shape, texton_map.dictionary.patch)))
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence."""
+    timings = record.timings
+    total = timings["total_ms"]["median"]
+    text = f"On this machine a frame takes {number(total)} ms"
+    if "histogram_share" in timings:
+        text += f", {percent(timings['histogram_share'])} of it for the histogram"
+    else:
+        text += " from its histogram on, which came with the flight"
+    if "homography_ms" in timings:
+        homography = timings["homography_ms"]["median"]
+        text += f"; a homography takes {number(homography)} ms, {times(homography / total)} as long"
+    return text + "."

@@ -1,0 +1,133 @@
+"""Runs of the localizer over the frames of a flight, and what is read off them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from trexton.base.executor import spread
+from trexton.base.streams import stream
+from trexton.evaluation.metrics import euclidean
+from trexton.flights.aiding import Aiding
+from trexton.localization.estimate import Estimate
+from trexton.localization.localizer import Localizer, TextonMap
+
+__all__ = ["HELD", "Track", "fly", "tracks"]
+
+Frames = Sequence[np.ndarray] | np.ndarray
+HELD = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """One run of the localizer over N frames.
+
+    Attributes
+    ----------
+    estimates : list of Estimate
+        What it said of each frame.
+    step_s : (N,) array
+        Seconds that each took.
+    """
+
+    estimates: list[Estimate]
+    step_s: np.ndarray
+
+    @cached_property
+    def position(self) -> np.ndarray:
+        """``(N, 2)`` estimates in metres."""
+        return np.array([each.position for each in self.estimates])
+
+    @cached_property
+    def covariance(self) -> np.ndarray:
+        """``(N, 2, 2)`` square metres."""
+        return np.array([each.covariance for each in self.estimates])
+
+    @property
+    def spread(self) -> np.ndarray:
+        """``(N, 2)`` standard deviations in metres."""
+        return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
+
+    @property
+    def lost(self) -> np.ndarray:
+        """``(N,)`` whether it said that it was lost."""
+        return np.array([each.lost for each in self.estimates])
+
+    @property
+    def contradicted(self) -> np.ndarray:
+        """``(N,)`` whether the velocity that was told was contradicted by the frames."""
+        return np.array([each.contradicted is not None for each in self.estimates])
+
+    @cached_property
+    def knn(self) -> np.ndarray:
+        """``(N, 2)`` plain means of the k neighbours in metres: the paper's method without its
+        filter.
+        """
+        means = []
+        for each in self.estimates:
+            assert each.neighbors is not None  # of a method that asks for them
+            means.append(each.neighbors.position.mean(axis=0))
+        return np.array(means)
+
+    def errors(self, truth: np.ndarray) -> np.ndarray:
+        """``(N,)`` distances to the truth in metres."""
+        return euclidean(self.position, truth)
+
+    def held(self, truth: np.ndarray) -> np.ndarray:
+        """``(N,)`` whether the region that should hold 90 % held the truth."""
+        offset = (truth - self.position)[..., None]
+        covariance = self.covariance + 1e-12 * np.eye(2)
+        squared = (offset * np.linalg.solve(covariance, offset)).sum(axis=(1, 2))
+        return squared < HELD
+
+
+def fly(
+    localizer: Localizer,
+    frames: Frames,
+    *,
+    aiding: Sequence[Aiding] | None = None,
+    counted: int | None = None,
+) -> Track:
+    """Step the localizer through all frames, told what an autopilot knows at each.
+
+    Where frames are histograms, `counted` patches are behind each; None: all, or nobody knows.
+    """
+    estimates, step_s = [], []
+    for row, frame in enumerate(frames):
+        told = None if aiding is None else aiding[row]
+        start = perf_counter()
+        estimates.append(localizer.step(frame, aiding=told, samples=counted))
+        step_s.append(perf_counter() - start)
+    return Track(estimates, np.array(step_s))
+
+
+def tracks(
+    texton_map: TextonMap,
+    frames: Frames,
+    *,
+    repeats: int,
+    seed: int,
+    counted: int | None = None,
+    label: str = "runs of the filter",
+    **options: Any,
+) -> list[Track]:
+    """`repeats` independent runs; run i draws from stream ``"flight", i``."""
+    run = partial(_run, texton_map, frames, seed, counted, options)
+    return spread(run, range(repeats), label)
+
+
+def _run(
+    texton_map: TextonMap,
+    frames: Frames,
+    seed: int,
+    counted: int | None,
+    options: dict[str, Any],
+    number: int,
+) -> Track:
+    localizer = Localizer(texton_map, rng=stream(seed, "flight", number), **options)
+    return fly(localizer, frames, counted=counted)

@@ -1,0 +1,202 @@
+"""Fly a recorded flight once more and keep what every step saw, small enough for a page."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.base.errors import ParameterError
+from trexton.flights.aiding import Aiding
+from trexton.flights.flight import Flight
+from trexton.localization.estimate import Estimate
+from trexton.localization.localizer import Localizer
+from trexton.vision.camera import MapImage
+from trexton.vision.images import bgr_from_yuv
+from trexton.vision.patches import sample_positions
+
+__all__ = ["Recording", "record_replay"]
+
+_WIDTH = 200  # pixels of a frame on the page
+_FLOOR_WIDTH = 420
+_QUALITY = 38
+_PIXELS_TOLD = 250  # of the sampled patches, no more is told apart by eye
+
+
+@dataclass(frozen=True)
+class Recording:
+    """What a player shows.
+
+    Attributes
+    ----------
+    flight : str
+    area : (x_min, x_max, y_min, y_max)
+        Metres.
+    frames : list of dict
+        One a shown frame: ``frame``, ``time_s``, ``truth_cm``, ``histogram`` (per mille),
+        ``neighbors_cm``, ``particles_cm``, ``spread_cm``, ``estimates_cm`` by name, ``errors_cm``
+        by name (to a tenth below 10), ``image`` (a data URI) and ``patches`` (left, top in
+        thousandths of the image).
+        What a flight or a method does not have is None.
+    floor : dict or None
+        ``image``, a data URI, and ``extent_m`` (left, right, bottom, top).
+    """
+
+    flight: str
+    area: tuple[float, float, float, float]
+    frames: list[dict[str, Any]] = field(default_factory=list)
+    floor: dict[str, Any] | None = None
+
+    @property
+    def names(self) -> list[str]:
+        """Of the estimates, in their order."""
+        return list(self.frames[0]["estimates_cm"]) if self.frames else []
+
+
+def record_replay(
+    localizers: Mapping[str, Localizer],
+    flight: Flight,
+    *,
+    most_frames: int = 180,
+    floor: tuple[np.ndarray, tuple[float, float, float, float]] | None = None,
+) -> Recording:
+    """Step every localizer through all frames of `flight`, and keep a part of them evenly.
+
+    Parameters
+    ----------
+    localizers : mapping of str to Localizer
+        The first one is shown in detail; beside it the plain mean of its neighbours.
+    most_frames : int
+        Frames to keep at most; the localizers see all of them.
+    floor : (picture, extent), optional
+        BGR, and (left, right, bottom, top) in metres; None takes the flight's own.
+
+    Raises
+    ------
+    ParameterError
+        No localizer, or no frame to keep.
+    ImageError, MapError
+        The flight does not fit the map.
+    """
+    if not localizers or most_frames < 1:
+        raise ParameterError(
+            f"{len(localizers)} localizers and {most_frames} frames: expected at least one of each"
+        )
+    first, *others = localizers.items()
+    every = -(-len(flight) // most_frames)
+    kept = []
+    for row in range(len(flight)):
+        frame = flight.image(row) if flight.has_images else _histograms(flight)[row]
+        aiding = flight.aiding(row)
+        before = deepcopy(first[1].rng)
+        estimate = _step(first[1], frame, aiding)
+        estimates = {first[0]: estimate.position}
+        if estimate.neighbors is not None:
+            estimates["neighbours alone"] = estimate.neighbors.position.mean(axis=0)
+        estimates |= {name: _step(each, frame, aiding).position for name, each in others}
+        if row % every:
+            continue
+        truth, frame = flight.position[row], first[1].view(frame, aiding=aiding)
+        neighbors, particles = estimate.neighbors, estimate.particles
+        kept.append(
+            {
+                "frame": int(flight.frame[row]),
+                "time_s": round(float(flight.time[row] - flight.time[0]), 2),
+                "truth_cm": _cm(truth),
+                "histogram": None
+                if estimate.histogram is None
+                else np.rint(1000 * estimate.histogram).astype(int).tolist(),
+                "neighbors_cm": None if neighbors is None else _cm(neighbors.position),
+                "particles_cm": None if particles is None else _cm(particles),
+                "spread_cm": _cm(estimate.spread),
+                "estimates_cm": {name: _cm(place) for name, place in estimates.items()},
+                "errors_cm": {name: _error_cm(place - truth) for name, place in estimates.items()},
+                "image": _uri(_small(bgr_from_yuv(frame), _WIDTH)) if flight.has_images else None,
+                # A method that compares images counts no patches.
+                "patches": _patches(first[1], frame, before)
+                if flight.has_images and estimate.histogram is not None
+                else None,
+            }
+        )
+    return Recording(flight.name, flight.area, kept, _floor(flight, floor))
+
+
+def _step(localizer: Localizer, frame: np.ndarray, aiding: Aiding) -> Estimate:
+    """By the frame alone, but where the map counts it in a view that asks for attitude."""
+    return localizer.step(frame, aiding=aiding if "view" in localizer.parts else None)
+
+
+def _histograms(flight: Flight) -> np.ndarray:
+    if flight.histograms is None:
+        raise ParameterError(f"flight {flight.name!r} has neither images nor histograms to replay")
+    return flight.histograms
+
+
+def _cm(metres: Any) -> Any:
+    """Whole centimetres, nested as they were; None where a position is not known."""
+    values = np.asarray(metres, dtype=float)
+    if values.ndim:
+        return None if np.isnan(values).all() else [_cm(each) for each in values]
+    return None if np.isnan(values) else round(100 * float(values))
+
+
+def _error_cm(apart: np.ndarray) -> int | float | None:
+    """As far off as two digits tell: below 10 cm to a tenth."""
+    error = 100 * float(np.hypot(*apart))
+    if np.isnan(error):
+        return None
+    return round(error) if error >= 10 else round(error, 1)
+
+
+def _patches(
+    localizer: Localizer, frame: np.ndarray, rng: np.random.Generator
+) -> list[list[int]] | None:
+    """Where the step sampled: drawn again from the generator as it was before the step."""
+    dictionary = localizer.map.dictionary
+    if localizer.samples is None or dictionary is None:
+        return None
+    drawn = sample_positions(frame.shape, dictionary.patch, localizer.samples, rng)
+    share = 1000 * drawn[:_PIXELS_TOLD, ::-1] / np.array([frame.shape[1], frame.shape[0]])
+    return [[int(x), int(y)] for x, y in share]
+
+
+def _floor(flight: Flight, given: Any) -> dict[str, Any] | None:
+    if given is None and flight.floor is not None:
+        given = _north_up(flight.floor)
+    if given is None:
+        return None
+    picture, extent = given
+    return {
+        "image": _uri(_small(picture, _FLOOR_WIDTH)),
+        "extent_m": [round(float(each), 3) for each in extent],
+    }
+
+
+def _north_up(floor: MapImage) -> tuple[np.ndarray, tuple[float, float, float, float]]:
+    """A picture of a floor parallel to the axes, and its left, right, bottom and top."""
+    rows, columns = floor.image.shape[:2]
+    corners = floor.to_world(np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)]) - 0.5)
+    (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
+    extent = (float(left), float(right), float(bottom), float(top))
+    if np.allclose(corners[[0, 2]], [(left, top), (right, bottom)], atol=1e-3 * (right - left)):
+        return floor.image, extent
+    scale = max(rows, columns) / max(right - left, top - bottom)
+    size = tuple(max(1, round(scale * each)) for each in (right - left, top - bottom))
+    place = np.array([[scale, 0, -scale * left - 0.5], [0, -scale, scale * top - 0.5], [0, 0, 1]])
+    seen = cv2.cvtColor(floor.image, cv2.COLOR_BGR2BGRA)  # what it does not show is transparent
+    return cv2.warpPerspective(seen, place @ floor.world_from_pixel, size), extent
+
+
+def _small(picture: np.ndarray, width: int) -> np.ndarray:
+    height = max(1, round(picture.shape[0] * width / picture.shape[1]))
+    return np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA))
+
+
+def _uri(picture: np.ndarray) -> str:
+    coded = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1]
+    return "data:image/webp;base64," + base64.b64encode(coded.tobytes()).decode()

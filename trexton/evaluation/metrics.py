@@ -1,0 +1,335 @@
+"""Errors of tracks of estimates: per axis as the paper prints them, Euclidean, with intervals and
+yardsticks.
+
+Nothing is aligned before it is compared: estimates and ground truth share one frame of reference.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from trexton.base.errors import ParameterError
+from trexton.base.options import whole
+
+__all__ = [
+    "absolute_errors",
+    "block_rows",
+    "bootstrap_interval",
+    "constant_guess",
+    "euclidean",
+    "mean_over_groups",
+    "mean_with_interval",
+    "shuffled_neighbors",
+    "success_rate",
+    "summarize",
+    "wilson_interval",
+]
+
+BLOCK = 12  # frames, about a second
+_FEWEST = 4  # blocks of a flight
+Counts = int | Sequence[int] | np.ndarray  # of trials, or of each cluster's
+_AT_ONCE = 100_000  # drawn frames whose statistics are computed together
+
+
+def absolute_errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
+    """``(N, 2)`` absolute errors per axis in metres; NaN where either side is unknown.
+
+    Raises
+    ------
+    ParameterError
+        The shapes differ or are not (N, 2).
+    """
+    estimates, truth = np.asarray(estimates, dtype=float), np.asarray(truth, dtype=float)
+    if estimates.shape != truth.shape or truth.ndim != 2 or truth.shape[1] != 2:
+        raise ParameterError(
+            f"estimates have shape {estimates.shape}, truth {truth.shape}: expected two (N, 2) "
+            "arrays"
+        )
+    return np.abs(estimates - truth)
+
+
+def euclidean(places: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """Distances in metres between ``(..., 2)`` places, ``(...)`` as both broadcast."""
+    return np.hypot(*np.moveaxis(places - others, -1, 0))
+
+
+def block_rows(count: int, rng: np.random.Generator, block: int = BLOCK) -> np.ndarray:
+    """``(count,)`` rows resampled in whole circular blocks.
+
+    Neighbouring frames err alike; blocks of about a second keep that dependence, single frames
+    would not. So few rows that they make no `_FEWEST` blocks are drawn in shorter ones.
+    """
+    block = _shortened(block, count)
+    starts = rng.integers(count, size=-(-count // block))
+    return ((starts[:, None] + np.arange(block)) % count).ravel()[:count]
+
+
+def _shortened(block: int, count: int) -> int:
+    """A block that fits `_FEWEST` times: of one that is the whole flight, all draws were alike."""
+    return max(1, min(block, count // _FEWEST))
+
+
+def bootstrap_interval(
+    drawn: Sequence[Any] | np.ndarray, count: int, block: int = BLOCK
+) -> np.ndarray:
+    """95 % interval of a statistic of `count` rows, from its values where blocks were drawn anew.
+
+    Percentiles, as far out as Student's t asks for so few blocks (the expanded percentile interval
+    of Hesterberg, The American Statistician 69, 2015); plain ones hold less than they say.
+
+    Parameters
+    ----------
+    drawn : (draws,) or (draws, K) array
+        NaN where a draw has no value.
+    count, block : int
+        Rows in the sample, and in a block.
+
+    Returns
+    -------
+    (2,) or (2, K) array
+    """
+    from scipy.stats import norm, t
+
+    blocks = -(-count // _shortened(block, count))
+    tail = 0.0
+    if blocks > 1:
+        tail = 100 * norm.sf(np.sqrt(blocks / (blocks - 1)) * t.isf(0.025, blocks - 1))
+    return np.nanpercentile(drawn, (tail, 100 - tail), axis=0)
+
+
+def mean_with_interval(
+    rows: np.ndarray, rng: np.random.Generator, draws: int = 500
+) -> dict[str, float]:
+    """Mean of ``(R, N)`` values with its 95 % interval over runs and stretches of the flight, as
+    records hold it; NaN is left out.
+
+    Raises
+    ------
+    ParameterError
+        There are no runs of frames.
+    """
+    if np.ndim(rows) != 2 or not np.size(rows):
+        raise ParameterError(
+            f"rows have shape {np.shape(rows)}: expected (R, N) values of runs and frames, "
+            "one of each at least"
+        )
+    drawn = [
+        np.nanmean(rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)])
+        for _ in range(draws)
+    ]
+    low, high = bootstrap_interval(drawn, rows.shape[1])
+    return {"value": np.nanmean(rows), "low": low, "high": high}
+
+
+def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
+    """All statistics of ``(D, N, 2)`` absolute errors in cm, each ``(D,)``: D tracks at once."""
+    euclidean = np.hypot(absolute[..., 0], absolute[..., 1])
+    mean, std = absolute.mean(axis=1), absolute.std(axis=1)
+    overall = euclidean.mean(axis=1)
+    return {
+        "error_cm_x": mean[:, 0],
+        "error_cm_y": mean[:, 1],
+        "std_cm_x": std[:, 0],
+        "std_cm_y": std[:, 1],
+        "axis_mean_cm": mean.mean(axis=1),
+        "axis_std_cm": std.mean(axis=1),
+        "mean_cm": overall,
+        "median_cm": np.median(euclidean, axis=1),
+        "p95_cm": np.percentile(euclidean, 95, axis=1),
+        "rmse_cm": np.sqrt(np.mean(euclidean**2, axis=1)),
+        "relative": overall / diagonal_cm if diagonal_cm > 0 else np.full_like(overall, np.nan),
+    }
+
+
+def _of_each(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
+    """The statistics of ``(D, N, 2)`` errors, frames with NaN left out, tracks without any too."""
+    known = np.isfinite(absolute).all(axis=2)
+    if known.all():
+        return _statistics(absolute, diagonal_cm)
+    tracks = [track[rows][None] for track, rows in zip(absolute, known, strict=True) if rows.any()]
+    return _joined([_statistics(track, diagonal_cm) for track in tracks])
+
+
+def _joined(found: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    found = [each for each in found if each]
+    return {name: np.concatenate([each[name] for each in found]) for name in (found or [{}])[0]}
+
+
+def summarize(
+    runs: Sequence[np.ndarray],
+    truth: np.ndarray,
+    diagonal: float,
+    *,
+    rng: np.random.Generator,
+    draws: int = 1000,
+) -> dict[str, Any]:
+    """Everything that tables print about one or several runs over the same flight.
+
+    Parameters
+    ----------
+    runs : sequence of (N, 2) array
+        Estimates in metres; frames with NaN are counted as missing and left out.
+    truth : (N, 2) array
+        Metres.
+    diagonal : float
+        Length of the area's diagonal in metres, for the relative error.
+
+    Returns
+    -------
+    dict
+        For each statistic an entry: ``value``, its median over the runs, ``low`` and ``high`` (95 %
+        interval: a run and blocks of frames are drawn anew each time), ``runs_low`` and
+        ``runs_high`` (the same over the runs alone). The statistics are ``error_cm_*`` and
+        ``std_cm_*`` for x and y (mean and standard deviation of the absolute error, the paper's two
+        rows), their means over the axes ``axis_mean_cm`` and ``axis_std_cm``, and of the Euclidean
+        error ``mean_cm``, ``median_cm``, ``p95_cm``, ``rmse_cm`` and ``relative`` (mean over
+        diagonal). Further ``frames`` and ``missing``, counts a run on average.
+
+    Raises
+    ------
+    ParameterError
+        There are no runs, or the shapes differ.
+    """
+    if not len(runs):
+        raise ParameterError("there are no runs to summarize: expected one (N, 2) array or more")
+    draws = whole(draws, "draws")
+    absolute = 100 * np.stack([absolute_errors(run, truth) for run in runs])
+    missing = float((~np.isfinite(absolute).all(axis=2)).sum(axis=1).mean())
+    result: dict[str, Any] = {
+        "runs": len(runs),
+        "frames": absolute.shape[1] - missing,
+        "missing": missing,
+    }
+    if result["frames"] == 0:
+        return result
+    single = _of_each(absolute, 100 * diagonal)
+    rows = [(rng.integers(len(absolute)), block_rows(absolute.shape[1], rng)) for _ in range(draws)]
+    step = max(1, _AT_ONCE // absolute.shape[1])
+    chunks = (
+        np.stack([absolute[run, frames] for run, frames in rows[at : at + step]])
+        for at in range(0, draws, step)
+    )
+    drawn = _joined([_of_each(chunk, 100 * diagonal) for chunk in chunks])
+    for name, values in single.items():
+        low, high = bootstrap_interval(drawn[name], absolute.shape[1])
+        runs_low, median, runs_high = np.percentile(values, (2.5, 50, 97.5))
+        result[name] = {
+            "value": median,
+            "low": low,
+            "high": high,
+            "runs_low": runs_low,
+            "runs_high": runs_high,
+        }
+    return result
+
+
+def constant_guess(train: np.ndarray, count: int) -> np.ndarray:
+    """``(count, 2)`` the mean training position, always: what knowing nothing but the area
+    costs.
+    """
+    return np.tile(np.nanmean(train, axis=0), (count, 1))
+
+
+def shuffled_neighbors(
+    positions: np.ndarray, count: int, k: int, *, rng: np.random.Generator
+) -> np.ndarray:
+    """``(count, 2)`` means of k training positions drawn at random: the k-NN with its histograms
+    shuffled.
+    """
+    return positions[rng.integers(len(positions), size=(count, k))].mean(axis=1)
+
+
+def success_rate(successes: Counts, trials: Counts) -> dict[str, Any] | None:
+    """A rate with its 95 % Wilson interval, as records hold it; None without trials.
+
+    Counts of clusters, as `wilson_interval` takes them, leave the number of ``clusters`` beside it.
+    """
+    total = int(np.sum(trials))
+    if not total:
+        return None
+    low, high = wilson_interval(successes, trials)
+    rate = {"value": int(np.sum(successes)) / total, "low": low, "high": high, "trials": total}
+    clusters = {"clusters": int(np.count_nonzero(trials))} if np.ndim(trials) else {}
+    return rate | clusters
+
+
+def wilson_interval(successes: Counts, trials: Counts) -> tuple[float, float]:
+    """95 % Wilson interval of a success rate; of trials in clusters that may be alike.
+
+    Flights over one floor share it: so many say less than as many over floors of their own. They
+    count as the number of independent trials that would leave the rate as uncertain as the clusters
+    show it to be, fewer again as Student's t is wider for so few clusters (Korn and Graubard,
+    Survey Methodology 24, 1998, with Wilson's interval as Dean and Pagano, Journal of Survey
+    Statistics and Methodology 3, 2015, have it). Where all trials came out alike nothing tells how
+    alike those of one cluster are: each cluster counts once. Of a single cluster nothing is known
+    about others: the interval is all of 0 to 1.
+
+    Parameters
+    ----------
+    successes, trials : int or (K,) array of int
+        Of independent trials, or of each of K clusters. Clusters of one trial each are independent.
+
+    Raises
+    ------
+    ParameterError
+        There are more successes than trials, or no trials.
+    """
+    from scipy.special import ndtri
+
+    good, tried = np.atleast_1d(successes), np.atleast_1d(trials)
+    if good.shape != tried.shape or tried.sum() < 1 or not ((0 <= good) & (good <= tried)).all():
+        raise ParameterError(
+            f"{successes} successes in {trials} trials: expected 0 <= successes <= trials, at "
+            "least one trial"
+        )
+    rate = good.sum() / tried.sum()
+    count = _independent(good, tried) if np.ndim(trials) else float(tried.sum())
+    if count == 0:
+        return 0.0, 1.0
+    squared = ndtri(0.975) ** 2
+    middle = (rate + squared / (2 * count)) / (1 + squared / count)
+    spread = rate * (1 - rate) * squared / count + (squared / (2 * count)) ** 2
+    reach = np.sqrt(spread) / (1 + squared / count)
+    # SciPy's interval, which takes whole trials only; its ends are met to the last bit.
+    low = 0.0 if rate == 0 else middle - reach
+    high = 1.0 if rate == 1 else middle + reach
+    return float(low), float(high)
+
+
+def _independent(successes: np.ndarray, trials: np.ndarray) -> float:
+    """How many independent trials tell as much as these, of which each cluster has so many."""
+    from scipy.stats import t
+
+    successes, trials = successes[trials > 0], trials[trials > 0]
+    clusters, count = len(trials), int(trials.sum())
+    if clusters == 1:
+        return 0.0
+    rate = successes.sum() / count
+    if rate in (0, 1):
+        return float(clusters)
+    off = successes - rate * trials
+    variance = clusters / (clusters - 1) * (off @ off) / count**2
+    effect = max(1.0, variance * (count - 1) / (rate * (1 - rate)))  # of clustering
+    few = t.isf(0.025, count - 1) / t.isf(0.025, clusters - 1)
+    return float(count / effect * few**2)
+
+
+def mean_over_groups(
+    values: Sequence[float] | np.ndarray, lowest: float = 0.0, highest: float = np.inf
+) -> dict[str, float | None]:
+    """Mean of one value a group, which cannot lie below `lowest` or above `highest`, with its 95 %
+    interval over groups, as records hold it.
+
+    Student's, since groups are few: of two floors a bootstrap could only draw the two. Of a single
+    group nothing is known about others, and ``low`` and ``high`` are None.
+    """
+    from scipy.stats import sem, t
+
+    mean, count = float(np.mean(values)), len(values)
+    if count < 2:
+        return {"value": mean, "low": None, "high": None}
+    reach = float(t.isf(0.025, count - 1) * sem(values))
+    return {"value": mean, "low": max(lowest, mean - reach), "high": min(highest, mean + reach)}

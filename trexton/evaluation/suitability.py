@@ -1,0 +1,238 @@
+"""Map evaluation: how well a floor suits the method, from a training set alone (Methods, "Map
+evaluation").
+
+Histograms taken close together should be alike, and less so with distance. The ideal is a Gaussian
+bump around every position; the loss is what the actual similarity exceeds it by, negative where it
+falls short.
+
+Throughout, `histograms` is ``(N, K)``, `positions` is ``(N, 2)`` in metres, `sigma` is in metres:
+one number, or one for each axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trexton.base.errors import MapError, ParameterError
+
+__all__ = [
+    "HeatMap",
+    "cosine_similarity",
+    "global_loss",
+    "heat_map",
+    "ideal_similarity",
+    "local_losses",
+    "smooth",
+    "usual_sigma",
+]
+
+_FINEST, _CELLS = 0.05, 200  # side of a cell in metres, cells along a side
+_ROWS = 512  # rows of an (N, N) matrix that are held at once
+Sigma = float | tuple[float, float]
+
+
+def cosine_similarity(histograms: np.ndarray) -> np.ndarray:
+    """``(N, N)``: CS(h_i, h_j), between 0 and 1 for histograms.
+
+    Raises
+    ------
+    MapError
+        A histogram is all zero, or not finite.
+    """
+    units = _units(histograms)
+    return np.einsum("ik,jk->ij", units, units)
+
+
+def ideal_similarity(positions: np.ndarray, others: np.ndarray, sigma: Sigma) -> np.ndarray:
+    """``(N, M)``: d_e, the product of one unnormalised Gaussian an axis, 1 at no distance.
+
+    Raises
+    ------
+    ParameterError
+        `sigma` is not positive.
+    """
+    scale = _scale(sigma)
+    (x, y), (others_x, others_y) = (
+        np.asarray(places).T / scale[:, None] for places in (positions, others)
+    )
+    return np.exp(-(np.square(x[:, None] - others_x) + np.square(y[:, None] - others_y)) / 2)
+
+
+def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> np.ndarray:
+    """``(N,)``: the loss of each sample, (1/N) sum_j CS(h_i, h_j) - d_e(pos_i, pos_j).
+
+    The similarities of a sample add up to one product with the sum of all unit histograms.
+
+    Raises
+    ------
+    MapError
+        A histogram is all zero or not finite, or shapes disagree.
+    ParameterError
+        `sigma` is not positive.
+    """
+    units, positions = _units(histograms), np.asarray(positions, dtype=float)
+    if positions.shape != (len(units), 2) or not np.isfinite(positions).all():
+        raise MapError(
+            f"{len(units)} histograms came with positions of shape {positions.shape}: "
+            f"expected finite ({len(units)}, 2) metres"
+        )
+    alike = np.einsum("nk,k->n", units, units.sum(axis=0))
+    blocks = [positions[first : first + _ROWS] for first in range(0, len(positions), _ROWS)]
+    ideal = np.concatenate(
+        [ideal_similarity(block, positions, sigma).sum(axis=1) for block in blocks]
+    )
+    return (alike - ideal) / len(units)
+
+
+def global_loss(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> float:
+    """L(D), the mean of the local losses: lower is better; see `local_losses` for what is
+    raised.
+    """
+    return float(local_losses(histograms, positions, sigma).mean())
+
+
+def smooth(
+    values: np.ndarray, positions: np.ndarray, places: np.ndarray, sigma: Sigma
+) -> np.ndarray:
+    """``(M,)``: mean of the samples' `values` around `places` ``(M, 2)``, weighted by a
+    Gaussian.
+
+    Raises
+    ------
+    ParameterError
+        `sigma` is not positive; a shape is another; a value or position is not finite.
+    """
+    values, positions = _samples(values, positions)
+    places = np.asarray(places, dtype=float)
+    if places.ndim != 2 or places.shape[1] != 2:
+        raise ParameterError(f"places have shape {places.shape}: expected (M, 2) metres")
+    smoothed = np.empty(len(places))
+    for first in range(0, len(places), _ROWS):
+        weights = ideal_similarity(places[first : first + _ROWS], positions, sigma)
+        with np.errstate(invalid="ignore"):
+            smoothed[first : first + _ROWS] = np.einsum("mn,n->m", weights, values) / weights.sum(
+                axis=1
+            )
+    return smoothed
+
+
+def usual_sigma(diagonal: float, least: float) -> float:
+    """Metres: `least`, as it served a hall, and over a field a tenth of its diagonal."""
+    return max(least, float(f"{0.1 * diagonal:.1g}"))  # one digit: it is no exact number
+
+
+@dataclass(frozen=True, eq=False)
+class HeatMap:
+    """Smoothed values over the floor.
+
+    Attributes
+    ----------
+    values : (rows, columns) array
+        Row 0 lies at the smallest y; NaN far from every sample.
+    extent : (x_min, x_max, y_min, y_max)
+        Outer edges of the cells in metres.
+    """
+
+    values: np.ndarray
+    extent: tuple[float, float, float, float]
+
+
+def heat_map(
+    values: np.ndarray,
+    positions: np.ndarray,
+    area: tuple[float, float, float, float],
+    sigma: Sigma,
+    *,
+    cell: float | None = None,
+    reach: float | None = None,
+) -> HeatMap:
+    """Assign a value to every place of the floor: the samples' values, smoothed with a Gaussian.
+
+    A normalised convolution, taken at the cells' centres from the samples' own positions.
+
+    Parameters
+    ----------
+    values : (N,) array
+    positions : (N, 2) array
+    area : (x_min, x_max, y_min, y_max)
+    sigma : float or pair of float
+    cell : float, optional
+        Side of a cell in metres, or a little less, so that whole cells fill the area; 5 cm, and
+        over fields as much as leaves 200 cells along the longer side.
+    reach : float, optional
+        Places farther than this from every sample, in metres, stay empty; `sigma` unless given.
+
+    Raises
+    ------
+    ParameterError
+        `sigma`, `cell` or `reach` is not positive; `area` is none; a shape is another; a value or
+        position is not finite.
+    """
+    reach = _scale(sigma).max() if reach is None else reach
+    if np.shape(area) != (4,) or not (area[0] <= area[1] and area[2] <= area[3]):
+        raise ParameterError(
+            f"area is {area}: expected x_min, x_max, y_min, y_max, the smaller of each first"
+        )
+    if cell is None:
+        cell = max(_FINEST, (area[1] - area[0]) / _CELLS, (area[3] - area[2]) / _CELLS)
+    for name, length in (("cell", cell), ("reach", reach)):
+        if not length > 0:
+            raise ParameterError(f"{name} is {length}: expected a positive length in metres")
+    values, positions = _samples(values, positions)
+    x, y = _centers(*area[:2], cell), _centers(*area[2:], cell)
+    heat = np.empty((len(y), len(x)))
+    for row, place in enumerate(y):
+        places = np.column_stack([x, np.full(len(x), place)])
+        squared = np.square(places[:, None] - positions).sum(axis=2).min(axis=1)
+        heat[row] = np.where(squared <= reach**2, smooth(values, positions, places, sigma), np.nan)
+    return HeatMap(heat, area)
+
+
+def _centers(start: float, end: float, cell: float) -> np.ndarray:
+    count = max(1, int(np.ceil((end - start) / cell - 1e-9)))
+    return start + (np.arange(count) + 0.5) * (end - start) / count
+
+
+def _samples(values: np.ndarray, positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Values and where they were taken: one that is unknown would make all around it unknown."""
+    values, positions = np.asarray(values, dtype=float), np.asarray(positions, dtype=float)
+    if values.ndim != 1 or not len(values) or positions.shape != (len(values), 2):
+        raise ParameterError(
+            f"values have shape {values.shape}, positions {positions.shape}: expected (N,) and "
+            "(N, 2), of one sample at least"
+        )
+    if bad := int(np.sum(~np.isfinite(np.column_stack([values, positions])).all(axis=1))):
+        raise ParameterError(
+            f"{bad} of {len(values)} samples have a value or a position that is not finite: leave "
+            "them out"
+        )
+    return values, positions
+
+
+def _scale(sigma: Sigma) -> np.ndarray:
+    scale = np.asarray(sigma, dtype=float)
+    scale = np.broadcast_to(scale, 2) if scale.shape in ((), (1,), (2,)) else np.full(2, np.nan)
+    if not (np.isfinite(scale).all() and (scale > 0).all()):
+        raise ParameterError(
+            f"sigma is {sigma}: expected a positive length in metres, or one for x and one for y"
+        )
+    return scale
+
+
+def _units(histograms: np.ndarray) -> np.ndarray:
+    """The histograms, each divided by its length."""
+    histograms = np.asarray(histograms, dtype=float)
+    if histograms.ndim != 2 or not len(histograms):
+        raise MapError(
+            f"histograms have shape {histograms.shape}: expected (N, K) with at least one row"
+        )
+    length = np.sqrt(np.einsum("nk,nk->n", histograms, histograms))
+    bad = np.flatnonzero(~((length > 0) & np.isfinite(length)))
+    if len(bad):
+        raise MapError(
+            f"{len(bad)} of {len(histograms)} histograms are zero or not finite, row {bad[0]} the "
+            "first: they have no direction to compare, leave these frames out"
+        )
+    return histograms / length[:, None]

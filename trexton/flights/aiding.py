@@ -1,0 +1,85 @@
+"""What the autopilot knows beside a frame: attitude, height and velocity, each with its stamp."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+__all__ = ["Aiding"]
+
+# Seconds from the frame: a vehicle in a gust tilts by degrees in a tenth of a second; its height
+# and velocity change more slowly.
+ATTITUDE_AGE, OTHER_AGE = 0.1, 0.3
+
+
+@dataclass(frozen=True, eq=False)
+class Aiding:
+    """What the autopilot knows besides; every part is optional and carries its own stamp.
+
+    Attributes
+    ----------
+    roll, pitch, yaw : float or None
+        Radians, as in `trexton.vision.camera`: yaw is anticlockwise, 0 where the nose points along
+        the map's y axis.
+    height : float or None
+        Metres above the floor.
+    velocity : (2,) array or None
+        Metres a second, in the map's axes.
+    velocity_sigma : float or None
+        Its standard deviation along an axis; None where the filter's own doubt holds.
+    attitude_time, height_time, velocity_time : float or None
+        Seconds on the clock that stamps the frames.
+    """
+
+    roll: float | None = None
+    pitch: float | None = None
+    yaw: float | None = None
+    height: float | None = None
+    velocity: np.ndarray | None = None
+    attitude_time: float | None = None
+    height_time: float | None = None
+    velocity_time: float | None = None
+    velocity_sigma: float | None = None
+
+    def at(self, time: float) -> Aiding:
+        """Only what is finite and of that moment: what bears no stamp, or one too far from `time`,
+        is left out."""
+        attitude = _near(self.attitude_time, time, ATTITUDE_AGE)
+        height = _near(self.height_time, time, OTHER_AGE) and _finite(self.height)
+        velocity = _near(self.velocity_time, time, OTHER_AGE) and _finite(self.velocity)
+        roll, pitch, yaw = (
+            angle if attitude and _finite(angle) else None
+            for angle in (self.roll, self.pitch, self.yaw)
+        )
+        attitude = any(angle is not None for angle in (roll, pitch, yaw))
+        return Aiding(
+            roll, pitch, yaw,
+            self.height if height else None, self.velocity if velocity else None,
+            self.attitude_time if attitude else None, self.height_time if height else None,
+            self.velocity_time if velocity else None,
+            self.velocity_sigma if velocity else None,
+        )  # fmt: skip
+
+    def only(self, names: Iterable[str]) -> Aiding:
+        """The parts of these names alone, without stamps: of the moment of the frame."""
+        return Aiding(**{name: getattr(self, name) for name in names})
+
+    def shifted(self, seconds: float) -> Aiding:
+        """The same on a clock that is ahead by so many seconds."""
+        stamps = ("attitude_time", "height_time", "velocity_time")
+        known = {name: stamp for name in stamps if (stamp := getattr(self, name)) is not None}
+        return replace(self, **{name: stamp + seconds for name, stamp in known.items()})
+
+    def without_heading(self) -> Aiding:
+        """The same without yaw and velocity, which are only as good as the compass."""
+        return replace(self, yaw=None, velocity=None, velocity_time=None, velocity_sigma=None)
+
+
+def _near(stamp: float | None, time: float, most: float) -> bool:
+    return stamp is not None and abs(stamp - time) <= most
+
+
+def _finite(value: float | np.ndarray | None) -> bool:
+    return value is not None and bool(np.isfinite(value).all())

@@ -1,0 +1,89 @@
+"""Histograms of a whole flight, a chunk of frames after the other; what is counted is kept.
+
+So a training that was stopped goes on where it was, and holds no more than a frame at a time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from trexton.base.errors import MapError
+from trexton.base.progress import progress, say
+from trexton.vision.histograms import texton_histogram
+from trexton.vision.textons import TextonDictionary
+
+if TYPE_CHECKING:
+    from trexton.flights.flight import Flight
+
+__all__ = ["CHUNK", "full_histograms"]
+
+CHUNK = 250  # frames, a second or two; shorter flights are not worth keeping
+
+
+def full_histograms(
+    flight: Flight, dictionary: TextonDictionary | None, cells: int = 1
+) -> np.ndarray:
+    """``(N, K)`` histograms of a flight: full sampling of its images, or those that it brings.
+
+    Raises
+    ------
+    MapError
+        The flight has neither.
+    """
+    if dictionary is None or not flight.has_images:
+        if flight.histograms is None:
+            raise MapError(
+                f"flight {flight.name!r} has no histograms: give a dictionary to count by"
+            )
+        return flight.histograms
+    bar = progress(range(len(flight)), "histograms", total=len(flight))
+    if len(flight) <= CHUNK:
+        return _counted(flight, dictionary, cells, bar)
+    kept, found = [], 0
+    for first in range(0, len(flight), CHUNK):
+        part = flight.select(slice(first, first + CHUNK))
+        histograms, fresh = _kept(part, dictionary, cells, bar)
+        found += 0 if fresh else len(part)
+        kept.append(histograms)
+    if found:
+        say(f"{found} of {len(flight)} frames had been counted before")
+    return np.concatenate(kept)
+
+
+def _kept(
+    part: Flight, dictionary: TextonDictionary, cells: int, bar: Iterator[int]
+) -> tuple[np.ndarray, bool]:
+    """The histograms of a chunk, and whether they were counted just now."""
+    from trexton.base.cache import cached  # which an onboard computer never needs
+
+    fresh = False
+
+    def compute() -> dict[str, np.ndarray]:
+        nonlocal fresh
+        fresh = True
+        return {"histograms": _counted(part, dictionary, cells, bar)}
+
+    assert part.frames is not None  # only images are counted
+    inputs = {
+        "frames": part.frames.digest,
+        "textons": [dictionary.textons.shape, dictionary.textons.tobytes().hex()],
+        "cells": cells,
+    }
+    histograms = cached("histograms", "trexton.vision.histograms", inputs, compute)["histograms"]
+    if not fresh:
+        for _ in range(len(part)):
+            next(bar, None)
+    return histograms, fresh
+
+
+def _counted(
+    part: Flight, dictionary: TextonDictionary, cells: int, bar: Iterator[int]
+) -> np.ndarray:
+    counted = [
+        texton_histogram(image, dictionary, cells=cells)
+        for image, _ in zip(part.images(), bar, strict=False)
+    ]
+    return np.stack(counted)

@@ -1,0 +1,151 @@
+"""What one step of the localizer gives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trexton.localization.neighbors import Neighbors
+
+__all__ = ["LOST_SHARE", "Estimate", "Measurement", "ignorance"]
+
+# A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by
+# the kidnapping experiment, which shows what other shares would miss and what they would refuse.
+LOST_SHARE = 0.5
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Measurement:
+    """A position fit to be fused by somebody else.
+
+    Attributes
+    ----------
+    position : (2,) array
+        Metres.
+    covariance : (2, 2) array
+        Of this one's error, square metres.
+    independent_s : float
+        Seconds between two whose errors are as good as independent; 0 where each is.
+    """
+
+    position: np.ndarray
+    covariance: np.ndarray
+    independent_s: float = 0.0
+
+    def every(self, seconds: float) -> Measurement:
+        """For a receiver that is sent one every so many seconds and takes each for independent.
+
+        The covariance grows by as many as share an error: all of these together then weigh as much
+        as the few that are independent.
+        """
+        alike = max(1.0, self.independent_s / seconds)
+        return Measurement(self.position, alike * self.covariance)
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Estimate:
+    """What one step gives, and what it saw and drew on the way.
+
+    Attributes
+    ----------
+    position : (2,) array
+        Point estimate in metres.
+    covariance : (2, 2) array
+        Of the belief about its mean, square metres; about `position` where there is no `mean`.
+    lost : bool
+        The position must not be trusted.
+    observed : bool
+        False where the step only predicted.
+    histogram : (K,) array or None
+        Where a part asked for it.
+    neighbors : Neighbors or None
+        Where a part asked for them.
+    mean : (2,) array or None
+        Of the belief, in metres, where `position` is another point.
+    particles : (M, 2) array or None
+        Positions in metres; None from a filter that has none.
+    weights : (M,) array or None
+        Of these particles, before resampling.
+    measurement : Measurement or None
+        What of it somebody else may fuse; None where the frame says nothing, or nobody knows how
+        well.
+    velocity : (2,) array or None
+        Metres a second; None from a filter that has none.
+    joint : (4, 4) array or None
+        Covariance of position and velocity together, where there is a velocity.
+    contradicted : (2,) array or None
+        Metres a second by which the velocity that was told seems to be off, where the frames
+        contradict it or no vehicle flies so; None where they do not, or none was told.
+    askew : (2,) array or None
+        Radians by which the roll and pitch that are told are off, where the frames leave no doubt
+        and it is worth a word; None where it is not, or nobody tells them.
+    """
+
+    position: np.ndarray
+    covariance: np.ndarray
+    lost: bool = False
+    observed: bool = True
+    histogram: np.ndarray | None = None
+    neighbors: Neighbors | None = None
+    mean: np.ndarray | None = None
+    particles: np.ndarray | None = None
+    weights: np.ndarray | None = None
+    measurement: Measurement | None = None
+    velocity: np.ndarray | None = None
+    joint: np.ndarray | None = None
+    contradicted: np.ndarray | None = None
+    askew: np.ndarray | None = None
+
+    def ahead(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
+        """``(2,)`` position and ``(2, 2)`` covariance in metres if the velocity lasts so long.
+
+        The position and covariance as they are where no velocity is known. Where the covariance was
+        calibrated since, the velocity's is taken to be off by as much.
+        """
+        if self.velocity is None or self.joint is None:
+            return self.position, self.covariance
+        carry = np.hstack([np.eye(2), seconds * np.eye(2)])
+        claimed = np.trace(self.joint[:2, :2])
+        scale = np.trace(self.covariance) / claimed if claimed > 0 else 1.0
+        covariance: np.ndarray = scale * (carry @ self.joint @ carry.T)
+        return self.position + seconds * self.velocity, covariance
+
+    def told(self, period_s: float) -> Measurement:
+        """For an autopilot that is sent one every `period_s` and takes each for independent: the
+        measurement, else the filter's own word.
+        """
+        if self.measurement is None:
+            return Measurement(self.position, self.about_position)
+        return self.measurement.every(period_s)
+
+    def lost_in(self, area: tuple[float, float, float, float]) -> bool:
+        """Whether it must not be trusted: it says so, or may be anywhere in much of the area."""
+        wide = np.sqrt(np.trace(self.about_position))
+        return self.lost or not wide <= LOST_SHARE * float(np.hypot(*ignorance(area)))
+
+    @property
+    def spread(self) -> np.ndarray:
+        """``(2,)`` standard deviations in metres, the paper's uncertainty."""
+        spread: np.ndarray = np.sqrt(np.diagonal(self.covariance))
+        return spread
+
+    @property
+    def about_position(self) -> np.ndarray:
+        """``(2, 2)`` second moment of the belief about `position`, square metres.
+
+        A point estimate that is a particle is not the mean: a receiver that takes it for the centre
+        must be told the spread about it, which is larger by the outer product of their difference.
+        """
+        if self.mean is None:
+            return self.covariance
+        offset = self.mean - self.position
+        moment: np.ndarray = self.covariance + np.outer(offset, offset)
+        return moment
+
+
+def ignorance(area: tuple[float, float, float, float]) -> np.ndarray:
+    """``(2,)`` standard deviations of a position of which only the area is known, metres."""
+    x_min, x_max, y_min, y_max = area
+    nothing: np.ndarray = np.array([x_max - x_min, y_max - y_min]) / np.sqrt(12)
+    return nothing

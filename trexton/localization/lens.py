@@ -1,0 +1,111 @@
+"""The camera of a training flight and its usual height, as parts that look at images learn it."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trexton.base.errors import MapError
+from trexton.flights.flight import Flight
+from trexton.vision.camera import Camera
+
+__all__ = [
+    "believable",
+    "camera_of",
+    "check_lens",
+    "known_or",
+    "learned_lens",
+    "usual_height",
+]
+
+STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
+FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
+_LONGEST = 100.0  # widths: a longer focal length is none, and a pixel so far off never found
+
+
+def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.ndarray:
+    """``(6,)`` width, height, focal length, principal point in pixels, usual height in metres.
+
+    Parameters
+    ----------
+    flight : Flight
+    advice : str
+        What to do without them.
+    attitudes : bool
+        Whether attitudes are needed too.
+
+    Raises
+    ------
+    MapError
+        The flight lacks images, heights above the floor, its camera, or attitudes that are needed,
+        or its camera takes pictures of another size.
+    """
+    tilted = flight.attitude is not None and np.isfinite(flight.attitude[:, :2]).any()
+    lacking = [
+        what
+        for what, known in (
+            ("images", flight.has_images),
+            ("its camera", flight.camera is not None),
+            ("the camera's heights", flight.height is not None),
+            ("attitudes", tilted or not attitudes),
+        )
+        if not known
+    ]
+    if flight.camera is None or flight.height is None or lacking:
+        raise MapError(
+            f"flight {flight.name!r} lacks {' and '.join(lacking)}: add them to the flight, "
+            f"or {advice}"
+        )
+    usual = usual_height(flight.height)
+    if usual is None:
+        raise MapError(
+            f"the heights of flight {flight.name!r} are not above its floor: give metres "
+            f"above the floor, or {advice}"
+        )
+    camera, (height, width) = flight.camera, flight.image(0).shape[:2]
+    if (camera.width, camera.height) != (width, height):
+        raise MapError(
+            f"the images of flight {flight.name!r} are {width}x{height}, its camera takes "
+            f"{camera.width}x{camera.height}: correct [camera] in flight.toml"
+        )
+    lens = (camera.width, camera.height, camera.focal, *camera.principal_point)
+    return np.array([*lens, usual], dtype=float)
+
+
+def known_or(value: float | None, usual: float) -> float:
+    """A number that was told, or the usual one; what is not finite was not told.
+
+    OpenCV does not come back from a homography of NaN.
+    """
+    return usual if value is None or not np.isfinite(value) else value
+
+
+def believable(tilt: np.ndarray, height: float, usual: float) -> bool:
+    """Whether from such a tilt, radians, and height, metres, a camera sees what it usually sees."""
+    steep = np.abs(tilt).max() > STEEPEST
+    return not steep and bool(1 / FARTHEST < height / usual < FARTHEST)
+
+
+def usual_height(heights: np.ndarray) -> float | None:
+    """The median of those above the floor, metres; None where none is."""
+    above = heights[np.isfinite(heights) & (heights > 0)]
+    return float(np.median(above)) if len(above) else None
+
+
+def check_lens(lens: np.ndarray, what: str) -> None:
+    """Raise `MapError` for numbers that no `learned_lens` gives."""
+    if lens.shape != (6,) or not (
+        np.isfinite(lens).all()
+        and (lens[[0, 1, 2, 5]] > 0).all()
+        and 1 / _LONGEST < lens[2] / lens[0] < _LONGEST
+        and (np.abs(lens[3:5]) < _LONGEST * lens[:2]).all()
+    ):
+        raise MapError(
+            f"{what} camera is {lens.tolist()}: expected its width, height, "
+            "focal length, principal point and usual height, train the map again"
+        )
+
+
+def camera_of(lens: np.ndarray) -> tuple[Camera, float]:
+    """The camera, and its usual height in metres."""
+    width, height, focal, *center, usual = lens.tolist()
+    return Camera(int(width), int(height), focal, (center[0], center[1])), usual

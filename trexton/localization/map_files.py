@@ -1,0 +1,258 @@
+"""A map as arrays, and reading its file without trusting it: sizes first, then every value that
+flight needs.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tokenize
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+import numpy as np
+
+from trexton.base.errors import MapError
+from trexton.base.files import canonical_json
+from trexton.localization.base import Part
+from trexton.localization.roles import name_of, part_class
+from trexton.vision.rectification import Rectification
+from trexton.vision.textons import TextonDictionary
+
+if TYPE_CHECKING:
+    from trexton.localization.texton_map import TextonMap
+
+__all__ = ["DAMAGE", "check_map", "from_arrays", "read_arrays", "to_arrays"]
+
+SCHEMA = 2
+MOST_BYTES = 2**32
+# What a damaged file makes NumPy, zip and JSON raise.
+DAMAGE = (
+    OSError,
+    ValueError,
+    KeyError,
+    IndexError,
+    EOFError,
+    TypeError,
+    AttributeError,
+    OverflowError,
+    MemoryError,
+    RuntimeError,
+    SyntaxError,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+)
+
+
+def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """The named arrays of a ``.npz`` file that `TextonMap.save` wrote.
+
+    Raises
+    ------
+    MapError
+        It is no regular file, too large, or would unpack to more than it holds.
+    OSError, ValueError, zipfile.BadZipFile
+        It is missing or damaged.
+    """
+    if Path(path).exists() and not Path(path).is_file():
+        raise MapError("not a regular file: give a texton map (.npz)")
+    size = os.stat(path).st_size
+    if size > MOST_BYTES:
+        raise MapError(f"{size} bytes: expected at most {MOST_BYTES}")
+    arrays = {}
+    with zipfile.ZipFile(path) as archive:
+        for member in archive.infolist():
+            # Maps are stored as they are; what unpacks to more was not written by this library.
+            if member.compress_type != zipfile.ZIP_STORED or member.file_size > size:
+                raise MapError(
+                    f"{member.filename} would unpack to {member.file_size} bytes in a file of "
+                    f"{size}: expected a map as trexton train writes it"
+                )
+            with archive.open(member) as stream:
+                _check_header(stream, member)
+                stream.seek(0)
+                name = member.filename.removesuffix(".npy")
+                arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
+    return arrays
+
+
+def _check_header(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
+    """Refuse an array whose header promises more than its bytes."""
+    version = np.lib.format.read_magic(stream)
+    read = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    if version not in read:
+        raise MapError(f"{member.filename} has the array format {version}: expected 1.0 or 2.0")
+    shape, _, kind = read[version](stream)
+    count = 1
+    for length in shape:
+        count *= int(length)
+    if kind.hasobject or count * kind.itemsize > member.file_size:
+        raise MapError(
+            f"{member.filename} promises {shape} of {kind} in {member.file_size} bytes: "
+            "copy or train it again"
+        )
+
+
+def to_arrays(texton_map: TextonMap) -> dict[str, np.ndarray]:
+    """A map as named arrays, the form in which it is stored."""
+    header = {
+        "method": texton_map.method,
+        "parts": {
+            role: {"name": name_of(role, part), "options": part.options()}
+            for role, part in texton_map.parts.items()
+        },
+        "provenance": texton_map.provenance,
+    }
+    if texton_map.rectification is not None:
+        header["rectification"] = texton_map.rectification.table()
+    arrays = {
+        "schema": np.asarray(SCHEMA),
+        "histograms": texton_map.histograms,
+        "positions": texton_map.positions,
+        "time": texton_map.time,
+        "area": np.asarray(texton_map.area, dtype=float),
+        "period_s": np.asarray(texton_map.period_s),
+        "header": np.frombuffer(canonical_json(header).encode(), np.uint8),
+    }
+    if texton_map.image_shape is not None:
+        arrays["image_shape"] = np.asarray(texton_map.image_shape, dtype=np.int64)
+    if texton_map.dictionary is not None:
+        arrays["textons"] = texton_map.dictionary.textons
+    for role, part in texton_map.parts.items():
+        arrays |= {f"{role}.{name}": array for name, array in part.arrays().items()}
+    return arrays
+
+
+def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
+    """The map that `to_arrays` described.
+
+    Raises
+    ------
+    MapError
+        It has another schema, or values that no training gives.
+    KeyError
+        An array is missing.
+    """
+    from trexton.localization.texton_map import TextonMap  # which reads and writes by this module
+
+    schema = int(arrays["schema"])
+    if schema > SCHEMA:
+        raise MapError(
+            f"map schema {schema} is newer than {SCHEMA}, "
+            "the newest this version reads: update trexton"
+        )
+    if schema < SCHEMA:
+        raise MapError(
+            f"map schema {schema} was written by an older version, "
+            "whose maps lack the training stamps: "
+            "train it again with trexton train"
+        )
+    header = json.loads(arrays["header"].tobytes())
+    whole = TextonMap(
+        TextonDictionary(arrays["textons"]) if "textons" in arrays else None,
+        arrays["histograms"],
+        arrays["positions"],
+        arrays["time"],
+        tuple(arrays["area"].tolist()),
+        tuple(arrays["image_shape"].tolist()) if "image_shape" in arrays else None,
+        float(arrays["period_s"]),
+        header["method"],
+        {role: _part(role, entry, arrays) for role, entry in header["parts"].items()},
+        header["provenance"],
+        Rectification.from_table(header["rectification"]) if "rectification" in header else None,
+    )
+    check_map(whole)
+    return whole
+
+
+def _part(role: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Part:
+    mine = {
+        name.partition(".")[2]: array
+        for name, array in arrays.items()
+        if name.startswith(f"{role}.")
+    }
+    kind = part_class(role, entry["name"], imports=False)
+    options = {key: kind.option(key, value) for key, value in entry["options"].items()}
+    return kind.from_arrays(mine, **options)
+
+
+def check_map(texton_map: TextonMap) -> None:
+    """Refuse a map with values that no training gives.
+
+    Raises
+    ------
+    MapError
+        The first thing that is wrong.
+    """
+    histograms, positions, time = texton_map.histograms, texton_map.positions, texton_map.time
+    _expect(
+        _real(histograms) and histograms.ndim == 2 and histograms.shape[0] > 0,
+        "histograms are finite (N, K) numbers",
+        histograms,
+    )
+    if texton_map.dictionary is not None:  # other features may be negative
+        _expect(bool((histograms >= 0).all()), "histograms are not negative", histograms)
+    count, width = histograms.shape
+    _expect(
+        _real(positions) and positions.shape == (count, 2),
+        f"positions are finite ({count}, 2) metres",
+        positions,
+    )
+    _expect(
+        _real(time) and time.shape == (count,) and bool((np.diff(time) > 0).all()),
+        f"stamps are {count} rising seconds",
+        time,
+    )
+    x_min, x_max, y_min, y_max = (float(value) for value in texton_map.area)
+    _expect(
+        bool(np.isfinite(texton_map.area).all()) and x_min < x_max and y_min < y_max,
+        "the area is x_min < x_max, y_min < y_max in metres",
+        texton_map.area,
+    )
+    _expect(0 < texton_map.period_s < np.inf, "the period is positive", texton_map.period_s)
+    if texton_map.image_shape is not None:
+        shape = texton_map.image_shape
+        _expect(
+            len(shape) == 2 and all(isinstance(n, int) and 0 < n < 2**16 for n in shape),
+            "the images have (rows, columns)",
+            shape,
+        )
+    if texton_map.rectification is not None:
+        size = texton_map.rectification.size
+        _expect(size[::-1] == texton_map.image_shape, "images are rectified to their size", size)
+    if texton_map.dictionary is not None:
+        textons = len(texton_map.dictionary.textons)
+        cells = texton_map.cells
+        _expect(
+            textons * cells**2 == width,
+            f"histograms have one column a texton and part of the image, here {width}",
+            textons,
+        )
+        _expect(texton_map.image_shape is not None, "images have a shape", None)
+    _expect(
+        isinstance(texton_map.method, str) and {"distance", "filter"} <= set(texton_map.parts),
+        "a method has at least a distance and a filter",
+        sorted(texton_map.parts),
+    )
+    neighbors = texton_map.neighbors
+    if "measurement" in texton_map.parts:
+        _expect(neighbors <= count, f"neighbours are at most {count}", neighbors)
+    for role, part in texton_map.parts.items():
+        fits = part.width in (None, width)
+        _expect(fits, f"a {role}'s axes are those of {width} features", part.width)
+
+
+def _real(array: np.ndarray) -> bool:
+    return array.dtype.kind == "f" and bool(np.isfinite(array).all())
+
+
+def _expect(true: bool, what: str, found: object) -> None:
+    if not true:
+        if isinstance(found, np.ndarray):
+            found = f"{found.dtype} of shape {found.shape}"
+        raise MapError(f"in a map {what}, found {found}: copy or train it again")

@@ -1,0 +1,152 @@
+"""Measurement models: how likely an observation is at each place."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from trexton.base.defaults import NEIGHBORS
+from trexton.base.errors import ParameterError
+from trexton.localization.base import Part, Training, learned
+from trexton.localization.motion import whitener
+from trexton.localization.observation import Observation
+
+__all__ = ["EXCLUDED_SECONDS", "MeasurementModel", "RankMixture", "rank_covariances"]
+
+# Frames closer in time than this see nearly the same floor: as neighbours they would flatter the
+# map. With half a second the k-NN errs on the training flight about as much as on a fresh flight of
+# the virtual room.
+EXCLUDED_SECONDS = 0.5
+# A centimetre: keeps a covariance of identical deviations invertible without mattering for any
+# other.
+_FLOOR_VARIANCE = 1e-4
+
+
+@dataclass(eq=False)
+class MeasurementModel(Part):
+    """Base of all measurement models."""
+
+    def look(self, observation: Observation) -> None:
+        """Compute of the observation what `log_likelihood` needs, before the filter moves on."""
+
+    def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
+        """``(M,)`` log likelihood of the observation at ``(M, 2)`` places in metres."""
+        raise NotImplementedError
+
+
+@dataclass(eq=False)
+class RankMixture(MeasurementModel):
+    """Sum over neighbour ranks j of N(z_j; x, Sigma_j) (Alg. 2 of the paper).
+
+    Parameters
+    ----------
+    neighbors : int
+        k, how many ranks.
+    sigma : float, optional
+        Standard deviation in metres of all ranks, instead of what the training flight shows.
+    excluded_s : float
+        Frames this near in time, in seconds, are no neighbours while it learns.
+    """
+
+    neighbors: int = NEIGHBORS
+    sigma: float | None = None
+    excluded_s: float = EXCLUDED_SECONDS
+    covariances: np.ndarray = learned()
+
+    def check(self) -> None:
+        if self.neighbors < 1:
+            raise ParameterError(f"{self.neighbors} neighbours were asked for: expected at least 1")
+        if self.sigma is not None and not 0 < self.sigma < np.inf:
+            raise ParameterError(
+                f"the ranks' sigma is {self.sigma}: expected a positive length in metres"
+            )
+        if not 0 <= self.excluded_s < np.inf:
+            raise ParameterError(f"excluded_s is {self.excluded_s}: expected seconds, 0 or more")
+
+    @classmethod
+    def of(cls, covariances: np.ndarray) -> Self:
+        """The mixture of given ``(k, 2, 2)`` covariances, best rank first, square metres."""
+        covariances = np.asarray(covariances, dtype=float)
+        return cls(max(1, len(covariances))).with_learned(covariances=covariances)
+
+    def fit(self, training: Training) -> Self:
+        if self.sigma is not None:
+            same = np.eye(2) * self.sigma**2
+            return self.with_learned(covariances=np.broadcast_to(same, (self.neighbors, 2, 2)))
+        rows = training.neighbors(self.neighbors, self.excluded_s)
+        return self.with_learned(covariances=rank_covariances(training.positions, rows))
+
+    def prepare(self) -> None:
+        if self.covariances.shape != (self.neighbors, 2, 2):
+            raise ParameterError(
+                f"rank covariances have shape {self.covariances.shape}: "
+                f"expected ({self.neighbors}, 2, 2), one for each neighbour"
+            )
+        self._whiten = np.stack(
+            [whitener(each, f"rank {j + 1}") for j, each in enumerate(self.covariances)]
+        )
+        # Whitens for all ranks at once: first what is x of all, then y.
+        self._rows = np.concatenate((self._whiten[:, 0], self._whiten[:, 1]))
+        self._log_norm = (np.log(np.abs(np.linalg.det(self._whiten))) - np.log(2 * np.pi))[:, None]
+
+    def first(self, neighbors: int) -> Self:
+        """The mixture of the first ranks only.
+
+        Raises
+        ------
+        ParameterError
+            It has fewer.
+        """
+        if not 1 <= neighbors <= self.neighbors:
+            raise ParameterError(
+                f"{neighbors} neighbours were asked for: "
+                f"this map was trained for 1 to {self.neighbors}"
+            )
+        fewer = self.with_options(neighbors=neighbors)
+        return fewer.with_learned(covariances=self.covariances[:neighbors])
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """``(k, 2)`` standard deviations of the ranks along the axes, metres."""
+        found: np.ndarray = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
+        return found
+
+    def look(self, observation: Observation) -> None:
+        observation.neighbors  # noqa: B018  drawn before the filter draws
+
+    def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
+        return self.mixture(places, observation.neighbors.position)
+
+    def mixture(self, places: np.ndarray, positions: np.ndarray) -> np.ndarray:
+        """``(M,)`` log density, at each place, of the neighbours' ``(k, 2)`` positions."""
+        if positions.shape != (self.neighbors, 2):
+            raise ParameterError(
+                f"the measurement has shape {positions.shape}: "
+                f"expected ({self.neighbors}, 2), one position for each rank"
+            )
+        deviation = self._rows.dot(places.T)
+        deviation -= np.matmul(self._whiten, positions[..., None]).T.reshape(-1, 1)
+        deviation *= deviation
+        exponent = deviation[: self.neighbors]  # (k, M)
+        exponent += deviation[self.neighbors :]
+        exponent *= -0.5
+        exponent += self._log_norm
+        peak = np.maximum.reduce(exponent)
+        exponent -= peak
+        np.exp(exponent, out=exponent)
+        density: np.ndarray = np.add.reduce(exponent)
+        np.log(density, out=density)
+        density += peak
+        return density
+
+
+def rank_covariances(positions: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """``(k, 2, 2)`` Sigma^[j] = Var(T - P_j) for each neighbour rank j (Sec. Filtering), square
+    metres.
+    """
+    deviation = positions[:, None, :] - positions[rows]
+    return np.stack(
+        [np.cov(rank.T) + _FLOOR_VARIANCE * np.eye(2) for rank in deviation.transpose(1, 0, 2)]
+    )

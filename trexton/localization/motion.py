@@ -1,0 +1,287 @@
+"""Motion models: how a state goes on from one frame to the next, and how uncertainty grows.
+
+A state's first two columns need not be its position: `MotionModel.position` says where it is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from trexton.base.errors import MapError, ParameterError
+from trexton.localization.base import Area, Part, Training, learned
+from trexton.vision.kernels.load import in_strips
+
+__all__ = ["MotionModel", "RandomWalk", "process_covariance", "uniform_places"]
+
+# Pairs of particles whose densities are held at once: they stay in the processor's cache.
+_PAIRS = 2**16
+_WORTH_THREADS = 64  # blocks of pairs; fewer are done before a thread has started
+_MINUS_HALF = np.array([-0.5, -0.5])
+# Particles further apart than this log density count as this far: denormal numbers would take ten
+# times as long.
+_FAR = -500.0
+_SQUARE = 0.4  # side of the squares on which bounds are found, in deviations of the process
+_MOST_SQUARES = 400  # a side
+# Pairs of particles from which a bound is worth its time, and how many particles of the highest
+# bounds are looked at for what the others must be able to beat.
+_BY_SQUARES, _BY_SINGLES = (1500**2, 64), (250**2, 4)
+_TINY = np.float32(1e-37)  # below it a number in single precision is denormal, or zero
+
+
+@dataclass(eq=False)
+class MotionModel(Part):
+    """Base of all motion models; states are ``(M, D)`` arrays."""
+
+    def start(self, rng: np.random.Generator, area: Area, count: int) -> np.ndarray:
+        """``(count, D)`` states of a vehicle that may be anywhere in the area."""
+        raise NotImplementedError
+
+    def sample(self, states: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """The states one frame later, each by its own draw."""
+        raise NotImplementedError
+
+    def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """``(M,)`` log of sum_j p(x_i | x_j a frame before) w_j, up to a shared constant."""
+        raise NotImplementedError
+
+    def likeliest(
+        self, scores: np.ndarray, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
+    ) -> int:
+        """Row of the state whose score, ``(M,)``, and `density` together are highest."""
+        return int((scores + self.density(states, previous, weights)).argmax())
+
+    def position(self, states: np.ndarray) -> np.ndarray:
+        """``(M, 2)`` metres."""
+        raise NotImplementedError
+
+    def growth(self, dt: float) -> np.ndarray:
+        """``(2, 2)`` square metres that `dt` seconds unseen add to a position's covariance."""
+        raise NotImplementedError
+
+
+@dataclass(eq=False)
+class RandomWalk(MotionModel):
+    """x_t = x_{t-1} + N(0, Sigma_process), with no velocity and no control input (paper, Sec.
+    Filtering).
+
+    Parameters
+    ----------
+    sigma : float, optional
+        Standard deviation in metres a frame along both axes, instead of what the training flight
+        shows.
+    """
+
+    sigma: float | None = None
+    covariance: np.ndarray = learned()
+    period_s: np.ndarray = learned()
+
+    def check(self) -> None:
+        if self.sigma is not None and not 0 < self.sigma < np.inf:
+            raise ParameterError(
+                f"the motion's sigma is {self.sigma}: expected a positive length in metres"
+            )
+
+    @classmethod
+    def of(cls, covariance: np.ndarray, period_s: float = 1.0) -> Self:
+        """The walk of a given ``(2, 2)`` covariance from frame to frame, square metres."""
+        return cls().with_learned(covariance=covariance, period_s=np.asarray(period_s))
+
+    def fit(self, training: Training) -> Self:
+        found = (
+            process_covariance(training.positions, training.time)
+            if self.sigma is None
+            else np.eye(2) * self.sigma**2
+        )
+        return self.with_learned(covariance=found, period_s=np.asarray(training.period_s))
+
+    def prepare(self) -> None:
+        if not (self.period_s.shape == () and 0 < self.period_s < np.inf):
+            raise ParameterError(
+                f"the motion's period is {self.period_s} s: expected a positive number"
+            )
+        self._whiten = whitener(self.covariance, "process")
+        self._color = np.linalg.inv(self._whiten)
+
+    def start(self, rng: np.random.Generator, area: Area, count: int) -> np.ndarray:
+        return uniform_places(rng, area, count)
+
+    def sample(self, states: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        moved: np.ndarray = rng.standard_normal(states.shape).dot(self._color.T)
+        moved += states
+        return moved
+
+    def position(self, states: np.ndarray) -> np.ndarray:
+        return states
+
+    def growth(self, dt: float) -> np.ndarray:
+        grown: np.ndarray = self.covariance * (dt / float(self.period_s))
+        return grown
+
+    def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        pairs, half = self._features(states, previous)
+        # No pair is further apart than twice the length of the longest vector.
+        return np.log(_summed(*pairs, weights, None if 4 * half < -_FAR else _FAR))
+
+    def _features(
+        self, states: np.ndarray, previous: np.ndarray
+    ) -> tuple[tuple[np.ndarray, np.ndarray], float]:
+        """``(M, 4)`` and ``(4, N)`` whose product is -|a - b|^2 / 2 of all whitened pairs; the
+        largest |a|^2 / 2 of either.
+        """
+        count = len(states)
+        white = np.concatenate((states, previous))
+        white -= previous[0]  # keeps the squares small, and so exact
+        white = white.dot(self._whiten.T)
+        left, right = np.empty((count, 4)), np.empty((4, len(previous)))
+        left[:, :2], left[:, 3] = white[:count], 1
+        right[:2], right[2] = white[count:].T, 1
+        white *= white
+        squares = white.dot(_MINUS_HALF)
+        left[:, 2], right[3] = squares[:count], squares[count:]
+        return (left, right), -squares.item(squares.argmin())
+
+    def likeliest(
+        self, scores: np.ndarray, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
+    ) -> int:
+        """See `MotionModel.likeliest`; states that cannot win by a bound are not looked at."""
+        if len(states) * len(previous) < min(_BY_SQUARES[0], _BY_SINGLES[0]):
+            return super().likeliest(scores, states, previous, weights)
+        rows = np.arange(len(states))
+        for bound, (worth, few) in (
+            (self._by_squares, _BY_SQUARES),
+            (self._by_singles, _BY_SINGLES),
+        ):
+            if len(rows) * len(previous) < worth or len(rows) <= few:
+                continue
+            at_most = bound(states[rows], previous, weights)
+            if at_most is None:
+                continue
+            at_most += scores[rows]
+            highest = rows[np.argpartition(at_most, -few)[-few:]]
+            beaten = scores[highest] + self.density(states[highest], previous, weights)
+            rows = rows[at_most >= beaten.max()]
+        return int(rows[super().likeliest(scores[rows], states[rows], previous, weights)])
+
+    def _by_singles(
+        self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
+    ) -> np.ndarray:
+        """``(M,)`` upper bounds of `density`: itself in single precision, and how far that errs."""
+        (left, right), half = self._features(states, previous)
+        found = _summed(
+            left.astype(np.float32), right.astype(np.float32), weights.astype(np.float32), None
+        )
+        found += _TINY
+        # Rounded are four products that make 4 half at most, a sum of N, an exponential and its
+        # logarithm, which is 90 at most.
+        steps = 40 * half + len(previous) + 100
+        at_most: np.ndarray = np.log(found).astype(float)
+        at_most += steps * float(np.finfo(np.float32).eps)
+        return at_most
+
+    def _by_squares(
+        self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
+    ) -> np.ndarray | None:
+        """``(M,)`` upper bounds of `density`; None where particles are too far apart for them.
+
+        Particles are put on squares. A density is at most what it were if all of each square stood
+        as near as squares allow, which is a sum along x of sums along y.
+        """
+        places = np.concatenate((states, previous)) @ (self._whiten.T / _SQUARE)
+        squares = np.floor(places - places.min(axis=0)).astype(np.int64)
+        shape = squares.max(axis=0) + 1
+        if not (shape <= _MOST_SQUARES).all():
+            return None
+        numbers = squares[:, 0] * shape[1] + squares[:, 1]
+        masses = np.bincount(numbers[len(states) :], weights, int(shape.prod())).reshape(shape)
+        for axis, count in enumerate(shape):
+            apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
+            nearest = np.exp(-0.5 * (_SQUARE * np.maximum(np.arange(count) - 1, 0)) ** 2)[apart]
+            masses = nearest @ masses if axis == 0 else masses @ nearest
+        bounds = np.log(masses + np.exp(_FAR)).ravel()[numbers[: len(states)]]
+        found: np.ndarray = bounds + 1e-9  # sums are rounded
+        return found
+
+
+def _summed(
+    left: np.ndarray, right: np.ndarray, weights: np.ndarray, least: float | None
+) -> np.ndarray:
+    """``(M,)`` exp(left right) weights, exponents raised to `least`, a block of pairs at a time."""
+
+    def work_on(block: np.ndarray, pairs: np.ndarray | None, sums: np.ndarray | None) -> np.ndarray:
+        pairs = block.dot(right, pairs)
+        if least is not None:
+            np.maximum(pairs, least, out=pairs)
+        np.exp(pairs, out=pairs)
+        summed: np.ndarray = pairs.dot(weights, sums)
+        return summed
+
+    count, others = len(left), len(weights)
+    if count * others <= _PAIRS:
+        return work_on(left, None, None)
+    found = np.empty(count, left.dtype)
+    rows = max(1, _PAIRS // others)
+    blocks = range(0, count, rows)
+
+    def work(part: slice) -> None:
+        buffer = np.empty((rows, others), left.dtype)
+        for first in blocks[part]:
+            block = left[first : first + rows]
+            work_on(block, buffer[: len(block)], found[first : first + len(block)])
+
+    if len(blocks) < _WORTH_THREADS:
+        work(slice(None))
+    else:
+        in_strips(work, len(blocks))
+    return found
+
+
+def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:
+    """``(2, 2)`` Sigma_process, the covariance of the forward differences T_t - T_{t-1} (Sec.
+    Filtering).
+
+    Pairs with a gap of more than one and a half periods between them say nothing about one step and
+    are left out.
+
+    Raises
+    ------
+    MapError
+        Fewer than two steps are left.
+    """
+    gaps = np.diff(time)
+    steps = np.diff(positions, axis=0)[gaps <= 1.5 * np.median(gaps)]
+    if len(steps) < 2:
+        raise MapError(
+            f"{len(positions)} training frames make {len(steps)} steps from frame to frame: "
+            "the motion model needs at least 2, record a longer flight"
+        )
+    covariance: np.ndarray = np.cov(steps.T) + 1e-8 * np.eye(2)
+    return covariance
+
+
+def uniform_places(rng: np.random.Generator, area: Area, count: int) -> np.ndarray:
+    """``(count, 2)`` positions drawn uniformly over the area."""
+    x_min, x_max, y_min, y_max = area
+    return rng.uniform((x_min, y_min), (x_max, y_max), (count, 2))
+
+
+def whitener(covariance: np.ndarray, what: str) -> np.ndarray:
+    """The ``(2, 2)`` matrix W with ``|W d|^2 = d' covariance^-1 d``.
+
+    Raises
+    ------
+    ParameterError
+        The covariance is not positive definite.
+    """
+    covariance = np.asarray(covariance, dtype=float)
+    try:
+        if covariance.shape != (2, 2) or not np.isfinite(covariance).all():
+            raise np.linalg.LinAlgError
+        return np.linalg.inv(np.linalg.cholesky(covariance))
+    except np.linalg.LinAlgError:
+        raise ParameterError(
+            f"the {what} covariance is {covariance.tolist()}: "
+            "expected a positive definite 2x2 matrix in square metres"
+        ) from None

@@ -1,0 +1,64 @@
+"""What a frame brings to a filter: the picture, and what is computed from it when a part asks."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+
+import numpy as np
+
+from trexton.base.errors import MapError
+from trexton.flights.aiding import Aiding
+from trexton.localization.neighbors import Neighbors
+
+__all__ = ["Observation"]
+
+
+class Observation:
+    """One frame; its histogram and neighbours are found on first use and kept.
+
+    Parameters
+    ----------
+    frame : (H, W, 3) uint8 array or None
+        The picture; None where the flight came as histograms.
+    aiding : Aiding, optional
+    time : float, optional
+        Seconds, of the frame.
+    samples : int, optional
+        Patches that were counted for the histogram; None where all were, or nobody knows.
+    histogram, neighbors : callable
+        Give the ``(K,)`` histogram, and the neighbours of a histogram.
+    """
+
+    def __init__(
+        self,
+        frame: np.ndarray | None = None,
+        *,
+        aiding: Aiding | None = None,
+        time: float | None = None,
+        samples: int | None = None,
+        histogram: Callable[[], np.ndarray] | None = None,
+        neighbors: Callable[[np.ndarray], Neighbors] | None = None,
+    ):
+        self.frame, self.time, self.samples = frame, time, samples
+        self.aiding = Aiding() if aiding is None else aiding
+        self._look, self._search = histogram, neighbors
+
+    @cached_property
+    def histogram(self) -> np.ndarray:
+        """``(K,)`` texton frequencies of the frame."""
+        if self._look is None:
+            raise MapError("this observation has no histogram: give a frame and a map with textons")
+        return self._look()
+
+    @cached_property
+    def neighbors(self) -> Neighbors:
+        """The most similar training histograms."""
+        if self._search is None:
+            raise MapError("this observation has no neighbours: give a map to search in")
+        return self._search(self.histogram)
+
+    @property
+    def seen(self) -> tuple[np.ndarray | None, Neighbors | None]:
+        """Histogram and neighbours as far as they were asked for."""
+        return self.__dict__.get("histogram"), self.__dict__.get("neighbors")

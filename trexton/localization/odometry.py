@@ -1,0 +1,195 @@
+"""A velocity that the frames themselves tell, for filters that take one.
+
+Phase correlation of each frame with the one before (`trexton.vision.visual_odometry`). It needs the
+camera and the height at which it flies, no map and no autopilot; told attitude and height it is
+surer. What it tells apart are places that look alike: nobody jumps from one mat to the next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Protocol, Self
+
+import numpy as np
+
+from trexton.base.errors import MapError, ParameterError
+from trexton.flights.aiding import Aiding
+from trexton.flights.flight import Flight
+from trexton.localization.base import Part, Training, learned
+from trexton.localization.lens import believable, camera_of, check_lens, known_or, learned_lens
+from trexton.vision.visual_odometry import Motion, VisualOdometry
+
+__all__ = ["Odometry", "RunningOdometry", "Visual"]
+
+LEAST = 0.1  # metres a second along an axis: no velocity is believed more, attitude errs in flight
+WIDTH = 160  # pixels of a shrunken frame, about; a small camera's frames are taken as they are
+LONGEST_S = 0.5  # between two frames; after it hardly anything in them is the same
+STUDIED = 400  # frames from the beginning of the training flight, from which errors are learned
+MEMORY = 0.95  # the most that errors of one frame are taken to be alike those of the last
+UNLEARNED = 0.2  # metres a second, where the training flight has no two frames in a row
+
+
+class RunningOdometry(Protocol):
+    """Odometry in flight."""
+
+    def reset(self) -> None:
+        """Forget the frame before."""
+
+    def missed(self) -> None:
+        """A frame did not come."""
+
+    def aid(self, frame: np.ndarray, aiding: Aiding | None, time: float | None) -> Aiding | None:
+        """What is known beside the frame, with its velocity if it shows one."""
+
+
+@dataclass(eq=False)
+class Odometry(Part):
+    """Base of all that make a velocity of frames."""
+
+    def open(self, period_s: float) -> RunningOdometry:
+        """One for one flight, `period_s` from frame to frame where they bear no stamps."""
+        raise NotImplementedError
+
+
+@dataclass(eq=False)
+class Visual(Odometry):
+    """How far the picture moved from one frame to the next.
+
+    The heading is that of the training flight unless a yaw comes with the frame; without roll and
+    pitch, tilting looks like motion, and without a height the usual one is taken. How far its
+    velocities are off is learned from the training flight, told the attitude and not. An
+    autopilot's velocity is taken where the frame shows none.
+
+    Parameters
+    ----------
+    sure : float
+        Peak of the correlation below which two frames show no motion, 0 to 1.
+    """
+
+    sure: float = 0.1
+    camera: Any = learned()  # see `learned_lens`
+    sigma: Any = learned()  # (2,) metres a second along an axis, told the attitude and not
+
+    def check(self) -> None:
+        if not 0 <= self.sure < 1:
+            raise ParameterError(f"sure is {self.sure}: expected 0 to 1")
+
+    def prepare(self) -> None:
+        check_lens(self.camera, "an odometry's")
+        if self.sigma.shape != (2,) or not (np.isfinite(self.sigma) & (self.sigma > 0)).all():
+            raise MapError(
+                f"an odometry's deviations are {self.sigma.tolist()}: expected two above 0, train "
+                "the map again"
+            )
+
+    def fit(self, training: Training) -> Self:
+        """Learn the camera, the usual height, and how far velocities are off.
+
+        Raises
+        ------
+        MapError
+            There is no flight, or it lacks images, heights or its camera.
+        """
+        flight = training.flight
+        if flight is None:
+            raise MapError(
+                "odometry learns from the frames of a flight: choose it when training, as in "
+                "trexton train FLIGHT --set odometry=visual"
+            )
+        lens = learned_lens(flight, "train without odometry")
+        seeing = self.with_learned(camera=lens, sigma=np.full(2, UNLEARNED))
+        aidings = [flight.aiding(row) for row in range(min(STUDIED, len(flight)))]
+        places = training.positions
+        told = [
+            _deviation(seeing.open(training.period_s), flight, places, each)
+            for each in (aidings, [None] * len(aidings))
+        ]
+        return seeing.with_learned(sigma=np.array(told))
+
+    def open(self, period_s: float) -> RunningVisual:
+        camera, height = camera_of(self.camera)
+        odometry = VisualOdometry(camera, width=min(WIDTH, camera.width))
+        return RunningVisual(self, odometry, height, period_s)
+
+
+class RunningVisual:
+    """`Visual` in flight.
+
+    Parameters
+    ----------
+    part : Visual
+    odometry : VisualOdometry
+    height : float
+        Metres above the floor, where nothing tells it.
+    period_s : float
+    """
+
+    def __init__(self, part: Visual, odometry: VisualOdometry, height: float, period_s: float):
+        self._part, self._odometry, self._height = part, odometry, height
+        self._period_s = period_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the frame before."""
+        self._odometry.reset()
+        self._time, self._missed = -np.inf, 0
+
+    def missed(self) -> None:
+        """A frame did not come: time goes on."""
+        self._missed += 1
+
+    def aid(self, frame: np.ndarray, aiding: Aiding | None, time: float | None) -> Aiding | None:
+        """What is known beside the frame, with its velocity if it shows one."""
+        known = Aiding() if aiding is None else aiding
+        now = self._now(time)
+        if not 0 < now - self._time <= LONGEST_S:
+            self._odometry.reset()
+        self._time, self._missed = now, 0
+        motion = self._look(frame, known, now)
+        if motion is None or motion.sure < self._part.sure:
+            return aiding
+        told, untold = self._part.sigma.tolist()
+        return replace(
+            known,
+            velocity=motion.velocity,
+            velocity_time=now,
+            velocity_sigma=untold if known.roll is None or known.pitch is None else told,
+        )
+
+    def _now(self, time: float | None) -> float:
+        if time is not None:
+            return time
+        return self._time + (1 + self._missed) * self._period_s if np.isfinite(self._time) else 0.0
+
+    def _look(self, frame: np.ndarray, known: Aiding, now: float) -> Motion | None:
+        height = known_or(known.height, self._height)
+        angles = [known_or(angle, 0.0) for angle in (known.roll, known.pitch, known.yaw)]
+        if not believable(np.array(angles[:2]), height, self._height):
+            height, angles = self._height, [0.0, 0.0, angles[2]]
+        return self._odometry.step(frame, now, height=height, attitude=angles)
+
+
+def _deviation(
+    running: RunningVisual,
+    flight: Flight,
+    places: np.ndarray,
+    aidings: Sequence[Aiding | None],
+) -> float:
+    """Metres a second by which velocities are off along an axis, as if each were new.
+
+    Errors that stay alike from frame to frame count for more: 1 + 2 r / (1 - r) times their
+    variance, with the correlation r of neighbours.
+    """
+    errors = []
+    for row, aiding in enumerate(aidings):
+        seen = running.aid(flight.image(row), aiding, float(flight.time[row]))
+        if seen is not None and seen.velocity is not None and row:
+            moved = places[row] - places[row - 1]
+            errors.append(seen.velocity - moved / (flight.time[row] - flight.time[row - 1]))
+    if len(errors) < 3:
+        return UNLEARNED
+    off = np.array(errors)
+    variance = max(float(np.square(off).mean()), LEAST**2)
+    alike = float(np.clip((off[1:] * off[:-1]).mean() / variance, 0, MEMORY))
+    return float(np.sqrt(variance * (1 + 2 * alike / (1 - alike))))

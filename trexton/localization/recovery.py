@@ -1,0 +1,93 @@
+"""Recovery from being carried away: augmented Monte Carlo localization (Thrun, Burgard & Fox 2005,
+Sec. 8.3.3).
+
+Not part of the paper's filter, which cannot leave a place where its particles have gathered.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from trexton.base.errors import ParameterError
+from trexton.localization.base import Area, Part
+from trexton.localization.motion import MotionModel
+
+__all__ = ["Augmented", "NoRecovery", "Recovery"]
+
+
+@dataclass(eq=False)
+class Recovery(Part):
+    """Base of all recoveries: watches how well measurements fit, and replaces particles."""
+
+    def reset(self) -> None:
+        """Forget what was seen."""
+
+    def update(self, log_mean_likelihood: float) -> bool:
+        """Take in one frame's mean likelihood; returns whether the vehicle counts as lost."""
+        return False
+
+    def inject(
+        self, states: np.ndarray, motion: MotionModel, area: Area, rng: np.random.Generator
+    ) -> None:
+        """Replace some of the states in place."""
+
+
+@dataclass(eq=False)
+class NoRecovery(Recovery):
+    """The paper's: none."""
+
+
+@dataclass(eq=False)
+class Augmented(Recovery):
+    """Inject random particles when the short-term likelihood of the measurements falls below the
+    long-term one.
+
+    Parameters
+    ----------
+    slow, fast : float
+        Rates of the two exponential averages, 0 < slow < fast <= 1, a frame.
+    lost_below : float
+        The vehicle counts as lost while fast average / slow average is below this.
+    """
+
+    slow: float = 0.01
+    fast: float = 0.2
+    lost_below: float = 0.5
+
+    def check(self) -> None:
+        if not 0 < self.slow < self.fast <= 1:
+            raise ParameterError(
+                f"recovery rates are slow {self.slow}, fast {self.fast}: "
+                "expected 0 < slow < fast <= 1"
+            )
+        if not 0 <= self.lost_below <= 1:
+            raise ParameterError(f"lost_below is {self.lost_below}: expected a share from 0 to 1")
+        self.reset()
+
+    def reset(self) -> None:
+        self._slow_mean = self._fast_mean = 0.0
+        self._seen = 0
+
+    @property
+    def fitness(self) -> float:
+        """Short-term over long-term average likelihood; 1 before anything was measured."""
+        return self._fast_mean / self._slow_mean if self._slow_mean > 0 else 1.0
+
+    def update(self, log_mean_likelihood: float) -> bool:
+        likelihood = float(np.exp(log_mean_likelihood))
+        self._seen += 1
+        # Plain means until enough frames were seen, or the first one, with particles everywhere,
+        # would weigh too much.
+        self._slow_mean += max(self.slow, 1 / self._seen) * (likelihood - self._slow_mean)
+        self._fast_mean += max(self.fast, 1 / self._seen) * (likelihood - self._fast_mean)
+        return self.fitness < self.lost_below
+
+    def inject(
+        self, states: np.ndarray, motion: MotionModel, area: Area, rng: np.random.Generator
+    ) -> None:
+        """Replace each state, with probability 1 - `fitness`, by one from anywhere; in place."""
+        probability = max(0.0, 1.0 - self.fitness)
+        replaced = rng.random(len(states)) < probability
+        states[replaced] = motion.start(rng, area, int(replaced.sum()))

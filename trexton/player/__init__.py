@@ -1,6 +1,0 @@
-"""A flight to look at, frame by frame: what the camera saw, what the localizer made of it."""
-
-from trexton.player.page import player_html
-from trexton.player.recording import Recording, record_replay
-
-__all__ = ["Recording", "player_html", "record_replay"]

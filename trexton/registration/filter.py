@@ -1,0 +1,263 @@
+"""Coarse to fine as a filter: it looks at the frame itself and at a picture of the floor."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Self
+
+import numpy as np
+
+from trexton.base.errors import MapError, ParameterError
+from trexton.flights.aiding import Aiding
+from trexton.localization.base import Training, learned
+from trexton.localization.estimate import Estimate, Measurement
+from trexton.localization.filters import Filter
+from trexton.localization.lens import camera_of, usual_height
+from trexton.localization.observation import Observation
+from trexton.registration.ground import Ground
+from trexton.registration.tracker import FloorTracker, fine_cell
+from trexton.registration.trust import FloorFix, Trust, learn_trust
+from trexton.vision.camera import Camera, MapImage
+
+if TYPE_CHECKING:
+    from trexton.flights.flight import Flight
+    from trexton.localization.texton_map import TextonMap
+
+__all__ = ["Registration", "RunningRegistration"]
+
+PICTURES = ("auto", "surveyed", "stitched")
+_LEARN = 250  # training frames, at most, that trust is learned from
+_RECENT = 4  # fixes in a row that a velocity is taken from
+_BENDS = 0.5  # m/s^2: what a vehicle accelerates meanwhile, one standard deviation along an axis
+
+
+@dataclass(eq=False)
+class Registration(Filter):
+    """Finds each frame on a picture of the floor.
+
+    Parameters
+    ----------
+    picture : {"auto", "surveyed", "stitched"}
+        The training flight's picture of the floor, a mosaic of its frames, or the former if any.
+    attitude_sigma, height_sigma : float
+        Standard deviations of the autopilot's attitude (radians) and height (metres), if they come.
+    """
+
+    knows_velocity: ClassVar[bool] = True
+    picture: str = "auto"
+    attitude_sigma: float = 0.007
+    height_sigma: float = 0.02
+    floor: Any = learned()  # (H, W) uint8 luma, north up
+    mapped: Any = learned()  # (H, W) uint8, 1 where the floor is mapped
+    place: Any = learned()  # x, y of the top left cell's centre, side of a cell
+    # Width, height, focal length, principal point, usual height above the floor.
+    camera: Any = learned()
+    trust: Any = learned()  # the fields of `Trust`
+
+    def check(self) -> None:
+        if self.picture not in PICTURES:
+            raise ParameterError(
+                f"picture is {self.picture!r}: expected one of {', '.join(PICTURES)}"
+            )
+        for name in ("attitude_sigma", "height_sigma"):
+            value = getattr(self, name)
+            if not (np.isfinite(value) and value > 0):
+                raise ParameterError(f"{name} is {value}: expected a number above 0")
+
+    def prepare(self) -> None:
+        if (
+            self.floor.ndim != 2
+            or self.floor.shape != self.mapped.shape
+            or self.camera.shape != (6,)
+        ):
+            raise MapError(
+                f"a floor of shape {self.floor.shape}, its mask {self.mapped.shape}, "
+                f"a camera of {self.camera.size} numbers: expected (H, W) twice, and 6"
+            )
+
+    def fit(self, training: Training) -> Self:
+        """Take or stitch the picture of the floor, and learn from the frames how far to trust it.
+
+        Raises
+        ------
+        MapError
+            There are no frames, or the camera or its height are not known.
+        """
+        flight = training.flight
+        if flight is None:
+            raise MapError(
+                "coarse to fine learns from the frames of a flight: choose it when training, as in "
+                "trexton train FLIGHT --method fine"
+            )
+        if not flight.has_images:
+            raise MapError(
+                "coarse to fine looks at images, and this training set has none: "
+                "train on a flight with images"
+            )
+        picture, camera, height = _surroundings(flight, self.picture)
+        ground = Ground.from_map(picture, fine_cell(camera, height))
+        lens = (camera.width, camera.height, camera.focal, *camera.principal_point, height)
+        fitted = self.with_learned(
+            floor=np.clip(np.rint(ground.luma), 0, 255).astype(np.uint8),
+            mapped=ground.mask.astype(np.uint8),
+            place=np.array([*ground.corner, ground.cell]),
+            camera=np.array(lens, dtype=float),
+            trust=_stored(Trust()),
+        )
+        fixes = fitted._try(flight, training.rng)
+        trust = learn_trust(fixes, training.positions[: len(fixes)], height, Trust())
+        return fitted.with_learned(trust=_stored(trust))
+
+    def _try(self, flight: Flight, rng: np.random.Generator) -> list[FloorFix]:
+        """Fixes of the first frames, attitude as noisy as it will be in flight, if it is known."""
+        tracker, fixes = self.tracker(), []
+        for row in range(min(_LEARN, len(flight))):
+            attitude = None
+            if flight.attitude is not None and np.isfinite(flight.attitude[row]).all():
+                attitude = flight.attitude[row] + self.attitude_sigma * rng.standard_normal(3)
+            fixes.append(tracker.step(flight.image(row), attitude=attitude))
+        return fixes
+
+    def tracker(self) -> FloorTracker:
+        """A tracker on the learned picture, which knows nothing yet."""
+        x, y, cell = self.place
+        world = np.array([[cell, 0, x], [0, -cell, y], [0, 0, 1]])
+        camera, above = camera_of(self.camera)
+        return FloorTracker(
+            MapImage(self.floor, world, self.mapped > 0),
+            camera,
+            above,
+            trust=Trust(*self.trust.tolist()),
+            attitude_sigma=self.attitude_sigma,
+            height_sigma=self.height_sigma,
+        )
+
+    def open(
+        self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
+    ) -> RunningRegistration:
+        if self.floor is None:
+            raise MapError("coarse to fine has no picture of the floor: train the map for it")
+        return RunningRegistration(self.tracker(), texton_map.area, texton_map.period_s)
+
+
+class RunningRegistration:
+    """A `FloorTracker` in flight.
+
+    Parameters
+    ----------
+    tracker : FloorTracker
+    area : (x_min, x_max, y_min, y_max)
+        Its middle is the estimate as long as nothing was seen.
+    period_s : float
+        From frame to frame, where frames bear no stamps.
+    """
+
+    def __init__(
+        self, tracker: FloorTracker, area: tuple[float, float, float, float], period_s: float
+    ):
+        self.tracker, self._period_s = tracker, period_s
+        self._time = 0.0
+        self._recent: deque[tuple[float, np.ndarray]] = deque(maxlen=_RECENT)  # when, and where
+        x_min, x_max, y_min, y_max = area
+        sides = np.array([x_max - x_min, y_max - y_min])
+        self._nothing = Estimate(
+            np.array([(x_min + x_max) / 2, (y_min + y_max) / 2]), np.diag(sides**2 / 12), lost=True
+        )
+        self._fix: FloorFix | None = None
+
+    def reset(self) -> None:
+        """Forget where the vehicle was."""
+        self.tracker.reset()
+        self._fix = None
+        self._recent.clear()
+
+    def step(self, observation: Observation | None) -> FloorFix:
+        """Advance one frame; None where nothing was observed."""
+        self._fix = self._locate(observation)
+        stamp = None if observation is None else observation.time
+        self._time = self._time + self._period_s if stamp is None else stamp
+        if self._fix.lost:
+            self._recent.clear()
+        elif self._fix.observed:
+            self._recent.append((self._time, self._fix.position))
+        return self._fix
+
+    def _locate(self, observation: Observation | None) -> FloorFix:
+        if observation is None:
+            return self.tracker.step(None)
+        if observation.frame is None:
+            raise MapError("coarse to fine looks at images, and was given a histogram: give frames")
+        aiding = observation.aiding
+        return self.tracker.step(
+            observation.frame,
+            attitude=_attitude(aiding),
+            height=aiding.height,
+            places=lambda: observation.neighbors.position,
+        )
+
+    def estimate(self) -> Estimate:
+        """The latest fix; it is a measurement for others unless the vehicle is lost."""
+        fix = self._fix
+        if fix is None or not np.isfinite(fix.position).all():
+            return self._nothing
+        found = Measurement(fix.position, fix.covariance) if fix.observed and not fix.lost else None
+        velocity, joint = self._motion(fix.covariance)
+        return Estimate(
+            fix.position, fix.covariance, lost=fix.lost, observed=fix.observed, measurement=found,
+            velocity=velocity, joint=joint, askew=self.tracker.askew,
+        )  # fmt: skip
+
+    def _motion(self, covariance: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:
+        """Velocity, by a line through the latest fixes, and the covariance of both."""
+        if len(self._recent) < _RECENT or self._recent[-1][0] < self._time:
+            return None, None
+        times, places = (np.array(column) for column in zip(*self._recent, strict=True))
+        ages = times - times.mean()
+        if ages[-1] <= 0:
+            return None, None
+        slope = ages / (ages @ ages)
+        # The line's velocity is that of its middle.
+        of_velocity = (slope @ slope) * covariance + (_BENDS * ages[-1]) ** 2 * np.eye(2)
+        shared = slope[-1] * covariance
+        return slope @ places, np.block([[covariance, shared], [shared, of_velocity]])
+
+
+def _attitude(aiding: Aiding) -> np.ndarray | None:
+    """Roll, pitch and yaw, NaN for what is not known; None where nothing is."""
+    known = (aiding.roll, aiding.pitch, aiding.yaw)
+    if all(angle is None for angle in known):
+        return None
+    return np.array([np.nan if angle is None else angle for angle in known])
+
+
+def _stored(trust: Trust) -> np.ndarray:
+    return np.array([trust.coarse, trust.fine, trust.least, trust.scale, trust.floor])
+
+
+def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, Camera, float]:
+    """The picture of the floor, the camera, and its usual height."""
+    if wanted == "surveyed" and flight.floor is None:
+        raise MapError(
+            f"flight {flight.name!r} has no picture of its floor: "
+            "name one in flight.toml, or stitch it"
+        )
+    if flight.floor is not None and wanted != "stitched":
+        if flight.camera is None or flight.height is None:
+            raise MapError(
+                f"flight {flight.name!r} lacks its camera or heights, without which its frames "
+                "cannot be laid on a picture: add them to the flight, or stitch the picture"
+            )
+        above = usual_height(flight.height)
+        if above is None:
+            raise MapError(
+                f"no height of flight {flight.name!r} is above its floor: give metres above the "
+                "floor, or stitch the picture"
+            )
+        return flight.floor, flight.camera, above
+    from trexton.registration.stitching import flight_camera, stitch  # SciPy: on the ground only
+
+    mosaic = stitch(flight)
+    height = float(np.median(mosaic.poses[mosaic.used, 2]))
+    return mosaic.map, flight_camera(flight), height

@@ -1,0 +1,118 @@
+"""A first layout of the frames, from similarities between linked ones: linear, so it needs no first
+guess.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trexton.base.errors import MapError
+from trexton.registration.links import Anchors, Links
+from trexton.registration.poses import PARAMETERS
+from trexton.registration.sparse import Sparse, connected, diagonal, differences, solve, steps
+
+__all__ = ["layout"]
+
+_REWEIGHTED = 10  # rounds in which links that disagree with the others lose weight
+_EXACT = 0.1  # pixels: a smaller disagreement is none
+_LEAST_SPREAD = 0.25  # of half a frame: how far from their middle the anchors must reach
+# Weak holds for frames without links, beside a weight of 1 for a link: neighbours in time are equal
+# in scale and heading, they move steadily, and all fly at a common height.
+_EQUAL, _STEADY, _COMMON = 1e-4, 1e-6, 1e-3
+
+
+def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarray:
+    """``(N, 8)`` level poses that agree with the links, placed in the world by the anchors.
+
+    Points are complex numbers, right + i up: frame n sees pixel z at ``S_n z + T_n``. A link says
+    ``S_j = S_i a`` and ``T_j = T_i + S_i b``. First the logarithms of all S are found, so that no
+    scale can shrink to nothing, then all T.
+
+    Raises
+    ------
+    MapError
+        The anchors are so near to one another that they say nothing about scale and heading.
+    """
+    turn, shift = _similarities(links)
+    step = steps(count, links.pairs)
+    second = differences(count, 2)
+    equal, steady = _EQUAL * _square(differences(count, 1)), _STEADY * _square(second)
+    common, pin = diagonal(np.full(count, _COMMON)), diagonal(np.eye(1, count)[0])
+    weight = np.ones(len(links))
+    for _ in range(_REWEIGHTED):
+        pull = step.T @ diagonal(weight)
+        graph = pull @ step
+        scale = solve(graph + equal + common, pull @ np.log(np.abs(turn)))
+        heading = solve(graph + equal + pin, pull @ np.angle(turn))
+        similarity = np.exp(scale + 1j * heading)
+        move = similarity[links.pairs[:, 0]] * shift
+        place = solve(graph + steady + pin, pull @ move)
+        errors = np.abs(step @ place - move)
+        weight = 1 / (1 + (errors / (3 * np.median(errors) + _EXACT)) ** 2)
+    # The links alone have decided which of them to trust; now the anchors bend the drifting chain
+    # into place.
+    goal = anchors.position @ [1, 1j]
+    piece = connected(count, links.pairs)[anchors.rows]
+    unit, origin = _fit(
+        place[anchors.rows], goal, piece, least=_LEAST_SPREAD * np.abs(links.points).max()
+    )
+    known, held = np.zeros(count, complex), np.zeros(count)
+    known[anchors.rows], held[anchors.rows] = (goal - origin) / unit, 1.0
+    place = solve(graph + steady + diagonal(held), pull @ move + known)
+    return _level_poses(unit * place + origin, unit * similarity, focal)
+
+
+def _similarities(links: Links) -> tuple[np.ndarray, np.ndarray]:
+    """``(L,)`` complex a and b of each link: ``first = a second + b``, least squares over its
+    points.
+    """
+    first, second = (
+        links.points[:, side, :, 0] - 1j * links.points[:, side, :, 1] for side in (0, 1)
+    )
+    first_mean, second_mean = first.mean(axis=1), second.mean(axis=1)
+    spread = second - second_mean[:, None]
+    turn = (spread.conj() * (first - first_mean[:, None])).sum(axis=1) / (np.abs(spread) ** 2).sum(
+        axis=1
+    )
+    return turn, first_mean - turn * second_mean
+
+
+def _fit(
+    source: np.ndarray, target: np.ndarray, piece: np.ndarray, least: float
+) -> tuple[complex, complex]:
+    """The similarity ``target = a source + b`` of complex points, which must spread at least so
+    far.
+
+    Only what lies on the same `piece` of linked frames says how large and how turned the map is.
+    """
+    away, goal = (values - _means(values, piece) for values in (source, target))
+    unit = (away.conj() * goal).sum() / max((np.abs(away) ** 2).sum(), 1e-12)
+    if np.abs(away).max() < least or np.abs(goal).max() == 0 or unit == 0:
+        raise MapError(
+            f"the {len(source)} anchors lie too near to one another to scale and turn a map: "
+            "use a flight that covers more floor, or more anchors"
+        )
+    return unit, target.mean() - unit * source.mean()
+
+
+def _means(values: np.ndarray, group: np.ndarray) -> np.ndarray:
+    """The mean of each value's group."""
+    sums = np.bincount(group, values.real) + 1j * np.bincount(group, values.imag)
+    return (sums / np.maximum(np.bincount(group), 1))[group]
+
+
+def _level_poses(place: np.ndarray, similarity: np.ndarray, focal: float) -> np.ndarray:
+    poses = np.zeros((len(place), len(PARAMETERS)))
+    columns = {
+        "x": place.real,
+        "y": place.imag,
+        "z": focal * np.abs(similarity),
+        "yaw": np.angle(similarity),
+    }
+    for name, values in columns.items():
+        poses[:, PARAMETERS.index(name)] = values
+    return poses
+
+
+def _square(matrix: Sparse) -> Sparse:
+    return matrix.T @ matrix

@@ -1,0 +1,217 @@
+"""Which frames see the same floor: successive ones first, then those that a layout puts over the
+same place.
+
+A keypoint is looked for only near where it should be. A tiled floor looks the same every few
+decimetres, and a match that is good but one tile off is the one error that no robust loss can undo.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from trexton.base.progress import progress
+from trexton.flights.flight import Flight
+from trexton.registration.homography import Keypoints, detect_keypoints
+from trexton.registration.matching import POINTS, match_frames
+from trexton.registration.poses import world_from_pixel
+from trexton.vision.camera import Camera, transform_points
+
+__all__ = ["Anchors", "Links", "flight_keypoints", "spatial_links", "successive_links", "threads"]
+
+Matched = tuple[np.ndarray, np.ndarray]  # a homography and the points that agree with it
+Linked = tuple[tuple[int, int], np.ndarray, np.ndarray]  # the same with its pair of frames
+
+_LEAST_OVERLAP = 0.08  # of a frame's area
+_APART = (
+    0.2  # of a frame's width: spatial neighbours nearer to one another along the path say the same
+)
+_STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside successive ones
+# Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the
+# motion is steady over some frames before and after, and if a chain of links predicts it.
+_STILL, _STEADY, _CHAINED = 0.12, 0.06, 0.06
+_WINDOW = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Links:
+    """Pairs of frames that see the same floor, with K matched points each.
+
+    Attributes
+    ----------
+    pairs : (L, 2) int array
+        Rows of the two frames.
+    points : (L, 2, K, 2) array
+        Offsets from the principal point in pixels, in the first and in the second frame.
+    """
+
+    pairs: np.ndarray
+    points: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.pairs)
+
+    def __add__(self, other: Links) -> Links:
+        return Links(
+            np.concatenate([self.pairs, other.pairs]), np.concatenate([self.points, other.points])
+        )
+
+    def __getitem__(self, chosen: np.ndarray) -> Links:
+        return Links(self.pairs[chosen], self.points[chosen])
+
+    def sides(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Rows ``(L,)`` and points ``(L, K, 2)`` of the first frames, then of the second."""
+        return [(self.pairs[:, side], self.points[:, side]) for side in (0, 1)]
+
+
+@dataclass(frozen=True, eq=False)
+class Anchors:
+    """Frames whose position is known: `rows` ``(A,) int`` and `position` ``(A, 2)`` in metres."""
+
+    rows: np.ndarray
+    position: np.ndarray
+
+
+def threads() -> ThreadPoolExecutor:
+    """A pool as large as the machine, within reason; OpenCV and NumPy work outside Python's
+    lock.
+    """
+    return ThreadPoolExecutor(min(4, os.cpu_count() or 1))
+
+
+def flight_keypoints(flight: Flight, *, scale: float, limit: int) -> list[Keypoints]:
+    """Keypoints of every frame."""
+
+    def detect(row: int) -> Keypoints:
+        return detect_keypoints(flight.image(row)[..., 0], scale=scale, limit=limit)
+
+    with threads() as pool:
+        return list(progress(pool.map(detect, range(len(flight))), "keypoints", len(flight)))
+
+
+def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
+    """Links of frames one, two, five and twelve apart."""
+    # Most frames hardly move; one that does is looked for anywhere.
+    still = (np.eye(3), _STILL * camera.width)
+
+    def follow(pair: tuple[int, int]) -> Matched | None:
+        return _match(keypoints, camera, pair, *still) or _match(keypoints, camera, pair)
+
+    found = _all_links(follow, [(row, row + 1) for row in range(len(keypoints) - 1)], "linking")
+    found = _steadied(found, keypoints, camera)
+    chain = {first: homography for (first, _), homography, _ in found}
+
+    def leap(pair: tuple[int, int]) -> Matched | None:
+        predicted = np.eye(3)
+        for row in range(*pair):
+            if row not in chain:
+                return _match(keypoints, camera, pair)
+            predicted = chain[row] @ predicted
+        return _match(keypoints, camera, pair, predicted, _CHAINED * camera.width)
+
+    pairs = [(row, row + step) for step in _STEPS for row in range(len(keypoints) - step)]
+    return _as_links(found + _all_links(leap, pairs, "linking"), camera)
+
+
+def _steadied(found: list[Linked], keypoints: list[Keypoints], camera: Camera) -> list[Linked]:
+    """The links again, those that jump: looked for where the motion before and after says they
+    should be.
+    """
+    center = np.array([camera.principal_point])
+    moved = [transform_points(homography, center)[0] for _, homography, _ in found]
+    shift = np.array(moved).reshape(-1, 2) - center
+    result = []
+    for place, link in enumerate(found):
+        usual = np.median(shift[max(0, place - _WINDOW) : place + _WINDOW + 1], axis=0)
+        if np.abs(shift[place] - usual).max() > _STEADY * camera.width:
+            predicted = np.array([[1, 0, usual[0]], [0, 1, usual[1]], [0, 0, 1]])
+            again = _match(keypoints, camera, link[0], predicted, _STEADY * camera.width)
+            link = (link[0], *again) if again else link
+        result.append(link)
+    return result
+
+
+def spatial_links(
+    keypoints: list[Keypoints],
+    poses: np.ndarray,
+    camera: Camera,
+    count: int,
+    reach: float,
+    known: set[tuple[int, int]],
+) -> Links:
+    """Links of frames that their ``(N, 8)`` `poses` put over the same floor on different passes.
+
+    Parameters
+    ----------
+    count : int
+        Most partners looked for, for each frame.
+    reach : float
+        Of a frame's width: how far a keypoint may be from where the poses put it.
+    known : set of pairs
+        Left out; the pairs found are added to it.
+    """
+    matrices = [world_from_pixel(pose, camera) for pose in poses]
+
+    def revisit(pair: tuple[int, int]) -> Matched | None:
+        first, second = pair
+        predicted = np.linalg.solve(matrices[second], matrices[first])
+        return _match(keypoints, camera, pair, predicted, reach * camera.width)
+
+    found = _all_links(revisit, _spatial_pairs(poses, camera, count, known), "linking passes")
+    known.update(pair for pair, _, _ in found)
+    return _as_links(found, camera)
+
+
+def _spatial_pairs(
+    poses: np.ndarray, camera: Camera, count: int, known: set[tuple[int, int]]
+) -> list[tuple[int, int]]:
+    """For each frame up to `count` others of other passes, by overlap, spread along the path."""
+    seen = float(np.median(poses[:, 2])) / camera.focal * np.array([camera.width, camera.height])
+    path = np.concatenate([[0], np.cumsum(np.hypot(*np.diff(poses[:, :2], axis=0).T))])
+    cos, sin = np.cos(poses[:, 5]), np.sin(poses[:, 5])
+    pairs = set()
+    for row in range(len(poses)):
+        x, y = (poses[:, :2] - poses[row, :2]).T
+        right, up = cos[row] * x + sin[row] * y, cos[row] * y - sin[row] * x
+        overlap = np.maximum(1 - np.abs(right) / seen[0], 0) * np.maximum(
+            1 - np.abs(up) / seen[1], 0
+        )
+        overlap[np.abs(path - path[row]) < seen.max()] = 0
+        taken: list[int] = []
+        for other in np.argsort(-overlap, kind="stable"):
+            if overlap[other] < _LEAST_OVERLAP or len(taken) == count:
+                break
+            if not taken or np.abs(path[taken] - path[other]).min() > _APART * seen.max():
+                taken.append(int(other))
+                pairs.add((min(row, int(other)), max(row, int(other))))
+    return sorted(pairs - known)
+
+
+def _match(
+    keypoints: list[Keypoints], camera: Camera, pair: tuple[int, int], *guess: Any
+) -> Matched | None:
+    return match_frames(keypoints[pair[0]], keypoints[pair[1]], camera, *guess)
+
+
+def _all_links(
+    match: Callable[[tuple[int, int]], Matched | None], pairs: list[tuple[int, int]], label: str
+) -> list[Linked]:
+    """``(pair, homography, points)`` of every pair that `match` finds, in order."""
+    from threadpoolctl import threadpool_limits
+
+    # The pool keeps every core busy; more threads inside the products would only wait for one
+    # another.
+    with threadpool_limits(1, "blas"), threads() as pool:
+        matched = progress(pool.map(match, pairs), label, len(pairs))
+        return [(pair, *found) for pair, found in zip(pairs, matched, strict=False) if found]
+
+
+def _as_links(found: list[Linked], camera: Camera) -> Links:
+    pairs = np.array([pair for pair, _, _ in found], dtype=np.int64).reshape(-1, 2)
+    points = np.array([points for _, _, points in found]).reshape(-1, 2, POINTS, 2)
+    return Links(pairs, points - np.array(camera.principal_point))

@@ -1,0 +1,140 @@
+"""How far a frame's fit can be trusted: what is assumed, and how it is learned from a flight."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from trexton.base.errors import MapError
+
+__all__ = ["FloorFix", "Trust", "learn_trust"]
+
+Array = NDArray[Any]
+_REGION, _QUANTILE = 0.9, 4.605  # the region that must hold, and its chi-squared bound in the plane
+_RIGHT = 0.25  # of the height: a fix further off is a wrong place and says nothing about precision
+_FEWEST = 30  # frames that were located
+_SCALES = np.geomspace(0.25, 400, 40)
+_FLOORS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 30)])  # of the height, squared
+
+
+@dataclass(frozen=True)
+class Trust:
+    """How much a frame's fit says.
+
+    Attributes
+    ----------
+    coarse, fine : float
+        Independent pixels that a correlation of the coarse and of the fine images is worth.
+    least : float
+        Fine correlation below which a frame is not where it seems to be.
+    scale, floor : float
+        Variances are the alignment's times `scale` plus `floor` square metres.
+    """
+
+    coarse: float = 8.0
+    fine: float = 15.0
+    least: float = 0.4
+    scale: float = 2.0
+    floor: float = 4e-6
+
+    def gain(self, correlation: Array, pixels: Array | float) -> Array:
+        """Log likelihood of a frame that correlates so, against one that does not at all.
+
+        The noise is Gaussian, the image's gain, offset and noise have their most likely values, and
+        `pixels` is the number of independent ones.
+        """
+        squared = np.square(np.clip(correlation, 0, 0.995))
+        return np.asarray(-0.5 * pixels * np.log1p(-squared))
+
+    def covariance(self, aligned: Array) -> Array:
+        """``(2, 2)`` of an alignment's position, from its ``(6, 6)`` covariance."""
+        return np.asarray(self.scale * aligned[:2, :2] + self.floor * np.eye(2))
+
+
+@dataclass(frozen=True, eq=False)
+class FloorFix:
+    """What one frame gives.
+
+    Attributes
+    ----------
+    pose : (6,) array
+        x, y, z in metres, roll, pitch, yaw in radians.
+    covariance : (2, 2) array
+        Of x and y.
+    score : float
+        Correlation of the frame with the floor at this pose.
+    held : float
+        Share of the belief at this place.
+    lost : bool
+        The pose must not be trusted.
+    observed : bool
+        False where no frame came.
+    """
+
+    pose: Array
+    covariance: Array
+    score: float
+    held: float
+    lost: bool
+    observed: bool
+
+    @property
+    def position(self) -> Array:
+        """``(2,)`` x, y in metres."""
+        return self.pose[:2]
+
+
+def learn_trust(fixes: list[FloorFix], truth: Array, height: float, trust: Trust) -> Trust:
+    """The trust under which the 90 % regions of a flight's fixes hold 90 % of its true positions.
+
+    Scale and floor are the most likely ones of Gaussian errors, then scaled to hold the region.
+
+    Parameters
+    ----------
+    fixes : list of FloorFix
+        Made with the scale and floor of `trust`.
+    truth : (N, 2) array
+    height : float
+        Usual height in metres.
+
+    Raises
+    ------
+    MapError
+        Too few frames were located.
+    """
+    error = np.array([fix.position for fix in fixes]) - truth
+    right = np.array([not fix.lost for fix in fixes]) & (np.hypot(*error.T) < _RIGHT * height)
+    if right.sum() < _FEWEST:
+        raise MapError(
+            f"{right.sum()} of {len(fixes)} training frames were found on the map image, "
+            f"{_FEWEST} are needed to learn how far to trust it: "
+            "check the map image, the camera and the positions"
+        )
+    given = np.array([fix.covariance for fix in fixes])[right] - trust.floor * np.eye(2)
+    raw, error = given / trust.scale, error[right]
+    floors = _FLOORS * height**2
+    total = _SCALES[:, None, None, None, None] * raw + floors[:, None, None, None] * np.eye(2)
+    cost = (np.log(_determinant(total)) + _distance(total, error)).mean(axis=-1)
+    row, column = np.unravel_index(int(np.argmin(cost)), cost.shape)
+    held = np.quantile(_distance(total[row, column], error), _REGION) / _QUANTILE
+    scores = np.array([fix.score for fix in fixes])[right]
+    return replace(
+        trust,
+        scale=float(_SCALES[row] * held),
+        floor=float(floors[column] * held),
+        least=float(0.6 * np.quantile(scores, 0.01)),
+    )
+
+
+def _determinant(matrices: Array) -> Array:
+    return np.asarray(matrices[..., 0, 0] * matrices[..., 1, 1] - matrices[..., 0, 1] ** 2)
+
+
+def _distance(matrices: Array, error: Array) -> Array:
+    """Squared Mahalanobis distances of ``(N, 2)`` errors under ``(..., N, 2, 2)`` covariances."""
+    x, y = error.T
+    a, b, c = matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1]
+    return np.asarray((c * x**2 - 2 * b * x * y + a * y**2) / _determinant(matrices))

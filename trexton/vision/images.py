@@ -1,0 +1,233 @@
+"""Images as the method sees them: ``(H, W, 3) uint8`` arrays of Y, U, V (full-range BT.601, as in
+JPEG).
+
+The camera delivers 4:2:2 UYVY; a file is decoded by OpenCV to BGR. Both end in the same
+representation here.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from trexton.base.errors import ImageError
+
+__all__ = [
+    "checked_bytes",
+    "check_size",
+    "decode",
+    "decode_image",
+    "read_image",
+    "read_picture",
+    "check_image",
+    "yuv_from_bgr",
+    "bgr_from_yuv",
+    "yuv_from_uyvy",
+]
+
+MOST_PIXELS = 50_000_000
+MOST_BYTES = 2**28
+_PNG = b"\x89PNG\r\n\x1a\n"
+# A camera's "video range" bytes: Y 16..235 and U, V 16..240 become 0..255 by a look-up, so that the
+# result is exact.
+_LEVELS = np.arange(256, dtype=np.float64)
+_LUMA = np.clip(np.rint((_LEVELS - 16) * 255 / 219), 0, 255).astype(np.uint8)
+_CHROMA = np.clip(np.rint((_LEVELS - 128) * 255 / 224 + 128), 0, 255).astype(np.uint8)
+
+
+def check_image(image: np.ndarray) -> np.ndarray:
+    """Return `image` if it is an ``(H, W, 3) uint8`` array; raise `ImageError` otherwise."""
+    if (
+        not isinstance(image, np.ndarray)
+        or image.ndim != 3
+        or image.shape[2] != 3
+        or image.dtype != np.uint8
+    ):
+        found = (
+            f"{image.dtype} array of shape {image.shape}"
+            if isinstance(image, np.ndarray)
+            else type(image).__name__
+        )
+        raise ImageError(
+            f"an image is an (H, W, 3) uint8 array of Y, U, V, found {found}: convert it with "
+            "trexton.vision.images"
+        )
+    return image
+
+
+def _swap_chroma(image: np.ndarray) -> np.ndarray:
+    first, second, third = cv2.split(image)
+    return cv2.merge((first, third, second))
+
+
+def yuv_from_bgr(image: np.ndarray) -> np.ndarray:
+    """``(H, W, 3) uint8`` BGR to Y, U, V."""
+    return _swap_chroma(cv2.cvtColor(check_image(image), cv2.COLOR_BGR2YCrCb))
+
+
+def bgr_from_yuv(image: np.ndarray) -> np.ndarray:
+    """``(H, W, 3) uint8`` Y, U, V to BGR."""
+    return cv2.cvtColor(_swap_chroma(check_image(image)), cv2.COLOR_YCrCb2BGR)
+
+
+def yuv_from_uyvy(frame: np.ndarray, full_range: bool = False) -> np.ndarray:
+    """Camera bytes ``(H, W, 2) uint8`` in UYVY order to ``(H, W, 3)`` Y, U, V; both pixels of a
+    pair share U and V.
+
+    `full_range` says that the camera already uses 0 to 255; most use the video range, which is
+    stretched here.
+    """
+    if frame.ndim != 3 or frame.shape[2] != 2 or frame.shape[1] % 2 or frame.dtype != np.uint8:
+        raise ImageError(
+            f"a UYVY frame is (H, W even, 2) uint8, found {frame.dtype} {frame.shape}: check the "
+            "camera's pixel format"
+        )
+    chroma = np.repeat(frame[..., 0].reshape(len(frame), -1, 2), 2, axis=1)
+    yuv = np.concatenate([frame[..., 1:], chroma], axis=2)
+    if not full_range:
+        yuv[..., 0] = _LUMA[yuv[..., 0]]
+        yuv[..., 1:] = _CHROMA[yuv[..., 1:]]
+    return yuv
+
+
+def checked_bytes(path: Path) -> bytes:
+    """The bytes of an image file that is neither a device nor larger than a camera's picture can
+    be.
+
+    Raises
+    ------
+    ImageError
+        The file is missing, no regular file, or declares more than `MOST_PIXELS`.
+    """
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise ImageError(f"{path}: not a regular file: expected an image")
+        if status.st_size > MOST_BYTES:
+            raise ImageError(f"{path}: {status.st_size:,} bytes: expected at most {MOST_BYTES:,}")
+        data = path.read_bytes()
+    except OSError as error:
+        raise ImageError(f"{path}: cannot be read ({error.strerror}): check the path") from None
+    width, height = declared_size(data) or (0, 0)
+    if width * height > MOST_PIXELS:
+        raise ImageError(
+            f"{path}: declares {width}x{height} pixels: expected at most {MOST_PIXELS:,}, shrink it"
+        )
+    return data
+
+
+def declared_size(data: bytes) -> tuple[int, int] | None:
+    """Width and height that the head of a PNG, BMP or JPEG file declares; None where they are not
+    found.
+    """
+    if data.startswith(_PNG):
+        return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+    if data[:2] == b"BM":
+        width, height = (int.from_bytes(data[i : i + 4], "little", signed=True) for i in (18, 22))
+        return abs(width), abs(height)
+    place = 2
+    while data[:2] == b"\xff\xd8" and place + 9 < len(data) and data[place] == 0xFF:
+        kind, length = data[place + 1], int.from_bytes(data[place + 2 : place + 4], "big")
+        if 0xC0 <= kind <= 0xCF and kind not in (0xC4, 0xC8, 0xCC):
+            height, width = (int.from_bytes(data[place + i : place + i + 2], "big") for i in (5, 7))
+            return width, height
+        place += 1 if kind == 0xFF else 2 + length
+    return None
+
+
+def decode(data: bytes, flags: int = cv2.IMREAD_COLOR) -> np.ndarray | None:
+    """The picture in the bytes of a file as OpenCV decodes it (BGR); None where it cannot, or
+    declares too much.
+    """
+    width, height = declared_size(data) or (0, 0)
+    if not data or width * height > MOST_PIXELS or _is_cut(data):
+        return None
+    try:
+        return cv2.imdecode(np.frombuffer(data, np.uint8), flags)
+    except cv2.error:
+        return None
+
+
+def _is_cut(data: bytes) -> bool:
+    """Whether a chunk of a PNG is longer than the file: OpenCV would first get memory for it."""
+    if not data.startswith(_PNG):
+        return False
+    place = len(_PNG)
+    while place < len(data) and data[place + 4 : place + 8] != b"IEND":
+        place += 12 + int.from_bytes(data[place : place + 4], "big")
+    return place >= len(data)
+
+
+def check_size(path: Path) -> tuple[int, int]:
+    """Width and height of an image file as it will be decoded (turned as its EXIF says).
+
+    Raises
+    ------
+    ImageError
+        See `read_image`.
+    """
+    image = decode(checked_bytes(path), cv2.IMREAD_REDUCED_GRAYSCALE_8)
+    size = declared_size(path.read_bytes()[:65536])
+    if image is None or size is None or image.shape[0] == image.shape[1] and size[0] != size[1]:
+        whole = read_image(path)
+        return whole.shape[1], whole.shape[0]
+    # The small picture tells which way round the large one will be, unless it is square.
+    wide = image.shape[1] >= image.shape[0]
+    return (max(size), min(size)) if wide else (min(size), max(size))
+
+
+def read_picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | None] | None:
+    """``(H, W, 3) uint8`` BGR of a picture file, turned as its EXIF says, and ``(H, W)`` bool where
+    it is not transparent, None where it has no alpha channel; None where it cannot be decoded.
+
+    Raises
+    ------
+    ImageError
+        See `checked_bytes`.
+    """
+    data = checked_bytes(Path(path))
+    whole = decode(data, cv2.IMREAD_UNCHANGED)
+    if whole is None or whole.ndim == 2 or whole.shape[2] != 4:
+        # As OpenCV shows it: grey becomes BGR, 16 bits become 8, and only this turns by EXIF.
+        picture = decode(data)
+        return None if picture is None else (picture, None)
+    if whole.dtype == np.uint16:
+        whole = (whole // 257).astype(np.uint8)
+    return np.ascontiguousarray(whole[..., :3]), whole[..., 3] > 0
+
+
+def read_image(path: str | os.PathLike[str]) -> np.ndarray:
+    """Read an image file as ``(H, W, 3) uint8`` Y, U, V.
+
+    Raises
+    ------
+    ImageError
+        The file is missing, is no image, or ends too soon.
+    """
+    path = Path(path)
+    data = checked_bytes(path)
+    try:
+        return decode_image(data)
+    except ImageError as error:
+        raise ImageError(f"{path}: {error}: record or copy it again") from None
+
+
+def decode_image(data: bytes) -> np.ndarray:
+    """``(H, W, 3) uint8`` Y, U, V of the bytes of an image file.
+
+    Raises
+    ------
+    ImageError
+        They are no image, or end too soon.
+    """
+    # OpenCV fills the missing part of a truncated JPEG with grey and says nothing.
+    truncated = data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]
+    image = None if truncated else decode(data)
+    if image is None:
+        fault = "the file is cut short" if truncated else "not an image that OpenCV can decode"
+        raise ImageError(f"{fault} ({len(data)} bytes)")
+    return yuv_from_bgr(image)

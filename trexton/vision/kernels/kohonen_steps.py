@@ -1,0 +1,46 @@
+"""The sequential part of dictionary learning: one update a patch, in the order given."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+# Sums of multiples of 2**-24 below 2**29 are exact in float64, so the order of additions is free
+# for vectorization.
+_EXACT = {"reassoc", "contract"}
+
+
+@njit(cache=True, nogil=True, fastmath=_EXACT)
+def _squared_distance(texton, patch):
+    total = 0.0
+    for i in range(patch.size):
+        difference = patch[i] - texton[i]
+        total += difference * difference
+    return total
+
+
+@njit(cache=True, nogil=True, fastmath=_EXACT)
+def kohonen_steps(patches, textons, gains, grain):
+    """Move `textons` in place towards each patch in turn; defined by
+    `trexton.vision.textons.kohonen_steps`.
+    """
+    n_patches, n_textons = len(patches), len(textons)
+    errors = np.empty(n_patches)
+    patch = np.empty(patches.shape[1])
+    for n in range(n_patches):
+        for i in range(patch.size):
+            patch[i] = patches[n, i]
+        winner, best = 0, _squared_distance(textons[0], patch)
+        for j in range(1, n_textons):
+            distance = _squared_distance(textons[j], patch)
+            if distance < best:
+                winner, best = j, distance
+        errors[n] = best
+        gain = gains[n * len(gains) // n_patches]
+        for j in range(n_textons):
+            g = gain[abs(j - winner)]
+            if g > 0:
+                texton = textons[j]
+                for i in range(patch.size):
+                    texton[i] = np.rint((texton[i] + g * (patch[i] - texton[i])) * grain) / grain
+    return errors

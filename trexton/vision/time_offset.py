@@ -1,0 +1,173 @@
+"""How late frames are: their turning on the spot held against a yaw that was told beside them.
+
+A camera that looks down sees the floor turn by what the vehicle yaws, whatever the floor, its
+height and how the vehicle moves. The lag at which the two agree best is the time offset between
+camera and autopilot (as Kelly and Sukhatme, "A general framework for temporal calibration of
+multiple proprioceptive and exteroceptive sensors", 2014, by their turns). No map is needed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trexton.vision.visual_odometry import shrink
+
+__all__ = ["LONGEST_S", "TimeOffset", "small", "time_offset", "turns"]
+
+EARLIEST_S, LONGEST_S, STEP_S = -0.2, 0.8, 0.01  # the offsets that are tried
+AGREE, SURE_S = 0.8, 0.025  # correlation from which the two turn alike, and deviation up to which
+HARMLESS_S = 0.05  # seconds; between them a vehicle goes and turns by little
+MIRRORED = 0.1  # by which the other way round must fit better: who turns to and fro does both
+BEND = 5  # steps on both sides over which it is looked at how sharp the best offset is
+WINDOW_S = 0.3  # over which turns are added up: the noise of the yaw stays, what is turned grows
+LONGEST_FLIGHT_S = 1e5  # stamps of another unit may reach further
+SMOOTHED_S = 0.2  # of the yaw: its noise must weigh the same on its stamps and between them
+WIDTH = 160  # pixels of the frames that turns are read off, about
+CORNERS, FEWEST = 120, 12  # points that are followed from frame to frame, and at least
+
+
+@dataclass(frozen=True)
+class TimeOffset:
+    """By how much frames are late.
+
+    Attributes
+    ----------
+    seconds : float
+        From what a frame shows to its stamp, on the clock of the yaw; negative where it is early.
+    sigma : float
+        Its standard deviation.
+    correlation : float
+        Of the two turns at that offset; negative where the picture turns the other way,
+        as one that is mirrored does.
+    """
+
+    seconds: float
+    sigma: float
+    correlation: float
+
+    @property
+    def sure(self) -> bool:
+        """Whether the vehicle turned enough to tell."""
+        return abs(self.correlation) >= AGREE and self.sigma <= SURE_S
+
+    @property
+    def mirrored(self) -> bool:
+        """Whether the picture turns the other way."""
+        return self.correlation < 0
+
+    @property
+    def noticeable(self) -> bool:
+        """Whether it is more than nothing, and more than matters."""
+        return abs(self.seconds) > max(HARMLESS_S, 3 * self.sigma)
+
+
+def turns(frames: Iterable[np.ndarray]) -> NDArray[np.float64]:
+    """``(N,)`` radians, anticlockwise, by which the camera turned before each frame.
+
+    Parameters
+    ----------
+    frames : iterable of (H, W) uint8 arrays
+        Luma of one size, the vehicle's nose at the top; see `small`.
+
+    Returns
+    -------
+    array
+        NaN for the first, and where too little of a frame is in the next.
+    """
+    found, before = [], None
+    for frame in frames:
+        found.append(np.nan if before is None else _turn(before, frame))
+        before = frame
+    return np.array(found, dtype=float)
+
+
+def small(image: np.ndarray) -> np.ndarray:
+    """``(h, w) uint8`` luma of an ``(H, W, 3) uint8`` Y, U, V image, about `WIDTH` pixels wide."""
+    luma = np.ascontiguousarray(image[..., 0])
+    return shrink(luma, max(1, round(luma.shape[1] / WIDTH)))
+
+
+def _turn(before: np.ndarray, after: np.ndarray) -> float:
+    corners = cv2.goodFeaturesToTrack(before, CORNERS, 0.01, 5)
+    if before.shape != after.shape or corners is None:
+        return float("nan")
+    moved, ok, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, np.empty(0, np.float32))
+    kept = ok.ravel() > 0
+    if kept.sum() < FEWEST:
+        return float("nan")
+    similarity, inliers = cv2.estimateAffinePartial2D(
+        corners[kept], moved[kept], ransacReprojThreshold=1.0
+    )
+    if similarity is None or inliers.sum() < FEWEST:
+        return float("nan")
+    # Rows count downwards: a picture turns clockwise where its camera turns the other way.
+    return float(np.arctan2(similarity[1, 0], similarity[0, 0]))
+
+
+def time_offset(
+    stamps: ArrayLike, turned: ArrayLike, told_s: ArrayLike, told_yaw: ArrayLike
+) -> TimeOffset | None:
+    """By how much frames are late; None where too few of them lie among what was told.
+
+    Parameters
+    ----------
+    stamps, turned : (N,) arrays
+        Of the frames: seconds, and what `turns` says of them.
+    told_s, told_yaw : (M,) arrays
+        Seconds on the same clock, increasing, and the yaw told of them: radians, anticlockwise.
+    """
+    time, seen = np.asarray(stamps, dtype=float), np.asarray(turned, dtype=float)
+    told_s, yaw = np.asarray(told_s, dtype=float), np.unwrap(np.asarray(told_yaw, dtype=float))
+    if len(time) < FEWEST or len(told_s) < 2:
+        return None
+    if not 2 * SMOOTHED_S <= np.ptp(told_s) <= LONGEST_FLIGHT_S:
+        return None
+    told_s, yaw = _smoothed(told_s, yaw)
+    several = max(1, round(WINDOW_S / max(float(np.median(np.diff(time))), 1e-3)))
+    if len(time) - several < FEWEST:
+        return None
+    began, ended = time[:-several], time[several:]
+    turn = np.convolve(seen[1:], np.ones(several), "valid")
+    # The same frames at every offset, or those that are left over would choose it.
+    known = (began - LONGEST_S >= told_s[0]) & (ended - EARLIEST_S <= told_s[-1])
+    known &= np.isfinite(turn)
+    if known.sum() < FEWEST:
+        return None
+    began, ended, turn = began[known], ended[known], turn[known]
+    offsets = np.arange(EARLIEST_S, LONGEST_S + STEP_S / 2, STEP_S)
+    told = np.array(
+        [
+            np.interp(ended - late, told_s, yaw) - np.interp(began - late, told_s, yaw)
+            for late in offsets
+        ]
+    )
+    # Who turns steadily turns alike at every offset: only what changes can tell.
+    told, turn = told - told.mean(axis=1, keepdims=True), turn - turn.mean()
+    common = (told * turn).mean(axis=1)
+    correlation = common / np.maximum(told.std(axis=1) * turn.std(), 1e-12)
+    flipped = -correlation.min() > correlation.max() + MIRRORED
+    if flipped:
+        told, common = -told, -common
+    best = int(np.argmin(correlation) if flipped else np.argmax(correlation))
+    slope = np.sqrt(np.square(np.gradient(told, STEP_S, axis=0)[best]).mean())
+    # Noise of the yaw makes what was told steeper, but not what the picture has in common with it.
+    middle = min(max(best, BEND), len(offsets) - 1 - BEND)
+    bend = 2 * common[middle] - common[middle - BEND] - common[middle + BEND]
+    steepness = max(bend / (BEND * STEP_S) ** 2, 1e-12) / max(slope, 1e-9)
+    sigma = float(np.std(turn - told[best]) / steepness / np.sqrt(known.sum() / several))
+    return TimeOffset(float(offsets[best]), max(sigma, STEP_S / 2), float(correlation[best]))
+
+
+def _smoothed(
+    time: NDArray[np.float64], values: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Every `STEP_S`, the mean of `SMOOTHED_S` around."""
+    width = round(SMOOTHED_S / STEP_S) + 1
+    grid = np.arange(time[0], time[-1], STEP_S)
+    mean = np.convolve(np.interp(grid, time, values), np.full(width, 1 / width), "valid")
+    return grid[width // 2 : width // 2 + len(mean)], mean

@@ -1,0 +1,167 @@
+"""How far the camera moved from one frame to the next: phase correlation of shrunken frames.
+
+Needs no map. The shift between two frames is found for the whole image at once (Kuglin and Hines,
+"The phase correlation image alignment method", 1975), so that only turning between frames and a
+floor without texture disturb it; light does not.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from trexton.base.errors import ImageError, ParameterError
+from trexton.vision.camera import Camera, transform_points
+
+__all__ = ["Motion", "VisualOdometry", "shrink", "shrunken_camera"]
+
+_LEVEL = np.zeros(3)
+
+
+def shrink(image: np.ndarray, factor: int) -> np.ndarray:
+    """Average blocks of `factor` by `factor` pixels; what fills no block is dropped."""
+    if factor == 1:
+        return image
+    rows, columns = (max(1, length // factor) for length in image.shape[:2])
+    whole = image[: rows * factor, : columns * factor]
+    return cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
+
+
+def shrunken_camera(camera: Camera, factor: int) -> Camera:
+    """The camera that takes a frame of `camera` after `shrink` by `factor`."""
+    x, y = camera.principal_point
+    center = ((x + 0.5) / factor - 0.5, (y + 0.5) / factor - 0.5)
+    return Camera(camera.width // factor, camera.height // factor, camera.focal / factor, center)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What happened between two frames.
+
+    Attributes
+    ----------
+    displacement : (2,) array
+        Metres along the world's axes; along the vehicle's, where no heading was given.
+    seconds : float
+        Between the frames.
+    sure : float
+        Height of the correlation's peak, 0 to 1; below about 0.1 the frames have nothing in common.
+    """
+
+    displacement: NDArray[np.float64]
+    seconds: float
+    sure: float
+
+    @property
+    def velocity(self) -> NDArray[np.float64]:
+        """``(2,)`` metres a second."""
+        return self.displacement / self.seconds
+
+
+class VisualOdometry:
+    """Motion over the floor, frame by frame.
+
+    Parameters
+    ----------
+    camera : Camera
+        Of the frames as they come.
+    width : int
+        Pixels that a shrunken frame is wide, about.
+    """
+
+    def __init__(self, camera: Camera, *, width: int = 160):
+        if not 16 <= width <= camera.width:
+            raise ParameterError(
+                f"a width of {width} pixels: expected 16 to the camera's {camera.width}"
+            )
+        self.source = camera
+        self.factor = max(1, round(camera.width / width))
+        self.camera = shrunken_camera(camera, self.factor)
+        size = (self.camera.width, self.camera.height)
+        self._taper = cv2.createHanningWindow(size, cv2.CV_32F)
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the frame before."""
+        self._before: NDArray[np.float32] | None = None
+        self._pose: tuple[float, NDArray[np.float64]] | None = None
+
+    def shrunken(self, image: np.ndarray) -> np.ndarray:
+        """``(h, w) uint8`` luma of a frame, ``(H, W, 3)`` Y, U, V or ``(H, W)`` luma, for `shift`.
+
+        Raises
+        ------
+        ImageError
+            The frame is not of the camera's size.
+        """
+        if image.shape[:2] != (self.source.height, self.source.width):
+            raise ImageError(
+                f"the frame is {image.shape[1]}x{image.shape[0]}, the camera takes "
+                f"{self.source.width}x{self.source.height}: set the camera to that size"
+            )
+        return shrink(image if image.ndim == 2 else cv2.extractChannel(image, 0), self.factor)
+
+    def shift(self, frame: np.ndarray) -> tuple[NDArray[np.float64], float]:
+        """Shrunken pixels (right, up) that the view moved by since the frame before; the certainty.
+
+        The first frame moved by nothing, with a certainty of 0.
+        """
+        before, self._before = self._before, frame.astype(np.float32)
+        if before is None:
+            return np.zeros(2), 0.0
+        (right, down), response = cv2.phaseCorrelate(before, self._before, self._taper)
+        return np.array([-right, down]), float(response)
+
+    def step(
+        self, image: np.ndarray, time: float, *, height: float, attitude: ArrayLike | None = None
+    ) -> Motion | None:
+        """Motion since the frame before; None for the first.
+
+        Parameters
+        ----------
+        image : (H, W, 3) or (H, W) uint8 array
+        time : float
+            Stamp in seconds.
+        height : float
+            Metres above the floor.
+        attitude : (3,) array, optional
+            Roll, pitch, yaw in radians. Without it, a tilt that changes looks like motion.
+
+        Raises
+        ------
+        ImageError
+            The frame is not of the camera's size.
+        ParameterError
+            Time did not advance, or the attitude is no three angles; the next frame is held against
+            the last one that was taken.
+        """
+        now = _LEVEL if attitude is None else np.asarray(attitude, dtype=float)
+        if now.shape != (3,):
+            raise ParameterError(
+                f"an attitude of shape {now.shape} was given: expected roll, pitch and yaw"
+            )
+        last = self._pose
+        if last is not None and not time > last[0]:
+            raise ParameterError(
+                f"a frame of {time} s after one of {last[0]} s: give frames in time order"
+            )
+        shift, sure = self.shift(self.shrunken(image))
+        self._pose = (time, now)
+        if last is None:
+            return None
+        sine, cosine = np.sin(now[2]), np.cos(now[2])
+        right, up = shift * height / self.camera.focal
+        seen = np.array([cosine * right - sine * up, sine * right + cosine * up])
+        turned = self._aim(height, now) - self._aim(height, np.array([*last[1][:2], now[2]]))
+        return Motion(seen - turned, time - last[0], sure)
+
+    def _aim(self, height: float, attitude: NDArray[np.float64]) -> NDArray[np.float64]:
+        """From the point below the camera to the floor point in the middle of the image."""
+        world = self.camera.world_from_pixel(np.array([0.0, 0.0, height]), attitude)
+        aim: NDArray[np.float64] = transform_points(world, np.array([self.camera.principal_point]))[
+            0
+        ]
+        return aim
