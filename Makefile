@@ -35,7 +35,7 @@ book: env  ## run the notebooks, build book/_build/html/index.html
 
 browser: env  ## every page of the built book in chromium; pictures of ten in book/_build/screenshots
 	@TREXTON_BOOK=book/_build/html TREXTON_SCREENSHOTS=book/_build/screenshots \
-	  $(BIN)/python -m pytest -n 2 -rs tests/test_browser_pages.py tests/test_browser_moving.py $(ARGS)
+	  $(BIN)/python -m pytest -n 2 -rs tests/companion/build/test_browser_pages.py tests/companion/build/test_browser_moving.py $(ARGS)
 
 test: env  ## the tests
 	@$(BIN)/python -m pytest -m "not slow" $(SPREAD) $(ARGS)
@@ -52,7 +52,7 @@ coverage: env  ## branch coverage by module, 95 % at least, with the lines and b
 	@$(BIN)/coverage erase
 	@$(BIN)/python -m pytest -m "not slow" $(SPREAD) --cov --cov-report= $(ARGS)
 	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest --cov --cov-append --cov-report= \
-	  tests/test_neighbors.py tests/test_textons.py
+	  tests/localization/test_neighbors.py tests/vision/test_textons.py
 	@$(BIN)/coverage report --fail-under=95
 
 test-slow: env  ## the tests that take minutes

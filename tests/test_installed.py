@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from conftest import ROOT
-from test_your_flight import recording
+from small_recording import recording
 
 
 @pytest.fixture(scope="module")

@@ -6,9 +6,9 @@ from __future__ import annotations
 
 import argparse
 import sys
-from pathlib import Path
 
 import pytest
+from conftest import ROOT
 from onboard_tools import make_fix, surroundings
 
 from trexton.base.errors import ParameterError
@@ -91,6 +91,6 @@ def test_its_options_are_checked_and_named_as_typed(plain, words):
 
 
 def test_the_book_shows_the_tables_that_the_declarations_make():
-    page = (Path(__file__).parent.parent / "book" / "onboard.md").read_text()
+    page = (ROOT / "book" / "onboard.md").read_text()
     assert markdown_table(sinks.sink_classes(), "--output") in page
     assert markdown_table(source_classes(), "--camera") in page

@@ -6,11 +6,10 @@ import shutil
 import socket
 import subprocess
 import threading
-from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import small_flight
+from conftest import ROOT, small_flight
 
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.onboard import Onboard
@@ -18,7 +17,7 @@ from trexton.onboard.service import Service
 from trexton.onboard.sources.flight import FlightSource
 from trexton.onboard.tally import Tally
 
-UNIT = Path(__file__).parent.parent / "examples" / "trexton-onboard.service"
+UNIT = ROOT / "examples" / "trexton-onboard.service"
 
 
 def test_a_flight_says_ready_alive_and_stopping(tmp_path, monkeypatch):

@@ -9,6 +9,7 @@ import tomllib
 import cv2
 import numpy as np
 import pytest
+from small_recording import recording
 from conftest import ROOT
 from small_room import histogram_flight, picture_flight
 
@@ -21,20 +22,6 @@ from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.importers import IMPORTERS, importer
 
 PAGE = ROOT / "book" / "your_flight.md"
-
-
-def recording(folder, frames=24):
-    """A TUM folder: a camera that moves over a floor of noise."""
-    (folder / "rgb").mkdir(parents=True)
-    floor = cv2.resize(np.random.default_rng(4).integers(0, 256, (60, 90, 3), np.uint8), (900, 600))
-    images, track = [], []
-    for i in range(frames):
-        left, top = 20 * i, 150 + round(100 * np.sin(i / 3))
-        cv2.imwrite(str(folder / "rgb" / f"{i}.png"), floor[top : top + 120, left : left + 160])
-        images.append(f"{0.4 * i:.3f} rgb/{i}.png")
-        track.append(f"{0.4 * i:.3f} {left / 100} {top / 100} 1 0 0 0 1")
-    (folder / "rgb.txt").write_text("\n".join(images))
-    (folder / "groundtruth.txt").write_text("\n".join(track))
 
 
 def test_commands_are_run_in_order_and_shown_with_what_they_say(tmp_path, monkeypatch):

@@ -200,7 +200,7 @@ def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
     # A suite that a shell runs in the background has the interrupt ignored.
     script = f"""if True:
         import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
-        import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})
+        import sys; sys.path.insert(0, {str(ROOT / "tests")!r})
         from trexton.companion.experiments.registry import Experiment
         from trexton.companion.build.workflow import FlightPair, run_experiments
         experiments = {{"first": Experiment("F", module="tiny_experiment"),

@@ -13,7 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from conftest import small_flight
+from conftest import ROOT, small_flight
 from patience import alive, eventually
 from tiny_notebooks import BODY, FAILING, write_notebook
 
@@ -342,7 +342,7 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     )
     write_notebook(house.notebooks, "first", body)
     script = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        f"import sys; sys.path.insert(0, {str(ROOT / "tests")!r})\n"
         "from trexton.companion.experiments.registry import Experiment\n"
         "from trexton.companion.build.workflow import *\n"
         "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3],\n"

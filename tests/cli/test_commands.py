@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from conftest import mocap_record, small_flight
-from test_assessment import make_flight
+from small_loop import make_flight
 
 import trexton.companion.build.api
 import trexton.companion.build.workflow

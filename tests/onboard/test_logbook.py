@@ -12,6 +12,7 @@ from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
+from conftest import ROOT
 from onboard_tools import make_fix
 
 from trexton.cli.main import main
@@ -19,7 +20,7 @@ from trexton.onboard.local import LocalFrame
 from trexton.onboard.sinks.json_lines import JsonLines, row
 from trexton.onboard.voice import flush, say
 
-EXAMPLE = Path(__file__).parent.parent / "examples" / "ros2_node.py"
+EXAMPLE = ROOT / "examples" / "ros2_node.py"
 
 
 @pytest.fixture

@@ -6,11 +6,10 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import small_flight
+from conftest import ROOT, small_flight
 
 from trexton.cli.main import main
 from trexton.localization.localizer import TextonMap
@@ -126,17 +125,17 @@ def test_no_map(capsys):
 
 
 def test_the_systemd_unit_names_the_command():
-    unit = (Path(__file__).parent.parent / "examples" / "trexton-onboard.service").read_text()
+    unit = (ROOT / "examples" / "trexton-onboard.service").read_text()
     assert "trexton onboard" in unit and "KillSignal=SIGTERM" in unit and "Restart=" in unit
 
 
 def test_the_book_tells_what_is_done_about_every_fault():
-    page = (Path(__file__).parent.parent / "book" / "onboard.md").read_text()
+    page = (ROOT / "book" / "onboard.md").read_text()
     table = page[page.index("| fault |") :]
     assert [name for name in FAULTS if f"`{name}`" not in table] == []
 
 
 def test_the_book_names_every_source_and_sink():
-    page = (Path(__file__).parent.parent / "book" / "onboard.md").read_text()
+    page = (ROOT / "book" / "onboard.md").read_text()
     for name in (*SINKS, "simulator", "v4l2:", "video:", "flight:", "images:"):
         assert f"`{name}" in page
