@@ -47,7 +47,7 @@ def started(folder: Path) -> list[int]:
 
 def test_no_process_outlives_a_killed_parent(tmp_path):
     script = (
-        f"import sys; sys.path.insert(0, {str(Path(__file__).parent)!r})\n"
+        f"import sys; sys.path[:0] = {[str(ROOT / 'tests'), str(Path(__file__).parent)]!r}\n"
         "from test_executor import *\n"
         "if __name__ == '__main__':\n"
         f"    with working_on(processes=2): spread(linger, [{str(tmp_path)!r}] * 2)\n"

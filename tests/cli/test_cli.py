@@ -101,7 +101,7 @@ def test_version_and_help_load_none_of_the_heavy_packages():
 def test_no_file_takes_the_place_of_a_stream_that_was_closed(closed):
     """What libraries write to standard error would be written into it."""
     code = (
-        "import os, trexton.cli.check as check\nfrom trexton import cli\n"
+        "import os, trexton.cli.check as check\nfrom trexton.cli import main as cli\n"
         "def opens(arguments):\n"
         "    print(os.open(os.devnull, os.O_RDONLY) > 2)\n"
         "    raise OSError('unsaid')\n"
@@ -114,7 +114,7 @@ def test_no_file_takes_the_place_of_a_stream_that_was_closed(closed):
 
 def test_an_interrupt_and_a_closed_pipe_leave_no_traceback(flight_folder):
     code = (
-        "from trexton import cli\nimport trexton.cli.check as check\n"
+        "from trexton.cli import main as cli\nimport trexton.cli.check as check\n"
         "def stop(path): raise KeyboardInterrupt\ncheck.check_flight = stop\nraise "
         "SystemExit(cli.main())"
     )

@@ -61,7 +61,7 @@ def test_every_part_in_the_table_can_be_made_and_is_called_so(role):
     ],
 )
 def test_a_part_of_another_role_is_refused(choices):
-    with pytest.raises(ParameterError, match="expected a subclass of trexton.localization.roles"):
+    with pytest.raises(ParameterError, match="expected a subclass of trexton.localization."):
         changed(compose("paper"), choices)
 
 
