@@ -265,37 +265,6 @@ def test_a_mean_of_lasting_errors_varies_as_said(rng):
     assert whole == pytest.approx(model.independent_s(period) / (250 * period), rel=0.1)
 
 
-def test_singer_over_a_step_is_singer_over_two_halves(motion):
-    whole, noise = motion.over(0.2)
-    half, part = motion.over(0.1)
-    np.testing.assert_allclose(whole, half @ half, atol=1e-12)
-    np.testing.assert_allclose(noise, half @ part @ half.T + part, rtol=0.01, atol=1e-9)
-
-
-def test_singer_learns_the_speed_of_the_flight(motion):
-    places, time = path(500)
-    speed = np.sqrt(np.square(np.gradient(places, time, axis=0)).mean())
-    assert float(motion.speed) == pytest.approx(speed, rel=0.05)
-    assert motion.growth(1.0)[0, 0] > motion.growth(0.1)[0, 0] > 0
-
-
-def test_singer_moves_particles_as_it_says(motion, rng):
-    states = np.zeros((20000, 6))
-    states[:, 2] = 1.0
-    moved = motion.sample(states, rng)
-    np.testing.assert_allclose(motion.position(moved).mean(axis=0), [0.08, 0], atol=1e-3)
-    np.testing.assert_allclose(np.cov(moved.T), motion.noise, atol=0.05 * motion.noise.max())
-    near, far = motion.density(np.array([moved[0], states[0] + 5]), states[:1], np.ones(1))
-    assert near > far
-    started = motion.start(rng, AREA, 500)
-    assert (started[:, :2] >= 0).all() and started[:, 0].max() <= 4
-
-
-def test_singer_of_three_frames_is_finite():
-    few = training(3)
-    assert all(np.isfinite(value) for value in Singer().fit(few).arrays().values())
-
-
 def test_the_method_trains_flies_and_is_stored(tmp_path):
     flight = histogram_flight("hall", frames=200)
     texton_map = TextonMap.train(flight, method="field", rng=np.random.default_rng(1))
@@ -321,13 +290,6 @@ def test_a_field_measures_for_particles_too():
     for histogram in flight.histograms[:30]:
         estimate = localizer.step(histogram)
     assert np.hypot(*(estimate.position - flight.position[29])) < 1.0
-
-
-def test_agility_takes_accelerations_larger_than_flown(motion):
-    once = Singer(agility=1.0).fit(training())
-    assert float(motion.acceleration) == pytest.approx(2 * float(once.acceleration))
-    with pytest.raises(ParameterError, match="agility"):
-        Singer(agility=0.0)
 
 
 def test_a_field_does_not_depend_on_how_many_threads_fit_it():

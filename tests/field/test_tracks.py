@@ -94,7 +94,7 @@ def test_more_is_claimed_while_frames_are_unlike_the_survey(field, motion, later
         return np.append(told.position, np.trace(told.about_position))
 
     familiar, unlike = claims(0.0), claims(0.25)
-    monkeypatch.setattr("trexton.field.tracks.FAMILIAR", np.inf)
+    monkeypatch.setattr("trexton.field.tracks.INFLATION_RESIDUAL", np.inf)
     np.testing.assert_array_equal(familiar, claims(0.0))
     np.testing.assert_array_equal(unlike[:2], claims(0.25)[:2])
     assert unlike[2] > 1.5 * claims(0.25)[2]
@@ -163,16 +163,17 @@ def test_a_track_that_the_measured_velocity_contradicts_loses_weight(field, moti
     tracker = TrackFilter(motion, field, AREA)
     for histogram in later[1][:30]:
         tracker.step(observed(histogram))
-    here = tracker.states[0].copy()
+    hypotheses = tracker.hypotheses
+    here = hypotheses.states[0].copy()
     there = here.copy()
     there[2:4] = -here[2:4]
-    tracker.states = np.array([here, there])
-    tracker.covariances = np.repeat(tracker.covariances[:1], 2, axis=0)
-    tracker.weights, tracker._misled = np.array([0.5, 0.5]), np.zeros(2)
+    hypotheses.states = np.array([here, there])
+    hypotheses.covariances = np.repeat(hypotheses.covariances[:1], 2, axis=0)
+    hypotheses.weights, hypotheses.outliers = np.array([0.5, 0.5]), np.zeros(2)
     histogram = later[1][30]
     tracker.step(Observation(histogram=lambda: histogram, aiding=Aiding(velocity=here[2:4])))
-    assert tracker.states[0, 2:4] == pytest.approx(here[2:4], abs=0.3)
-    assert tracker.weights[0] > 0.6
+    assert hypotheses.states[0, 2:4] == pytest.approx(here[2:4], abs=0.3)
+    assert hypotheses.weights[0] > 0.6
 
 
 @pytest.mark.parametrize("told", [True, False])

@@ -1,20 +1,20 @@
-"""A filter of a few tracks: Kalman filters over a likelihood on a grid, each an answer to where
-the vehicle is.
+"""Multi-hypothesis filter over a likelihood on a grid: each hypothesis a Kalman filter with any
+`LinearMotion`, updated by assumed density filtering.
 
-A track predicts a Gaussian; times the likelihood over the cells it gives a posterior, whose mean
-and covariance go back into the track (assumed density filtering; Maybeck, "Stochastic Models,
-Estimation and Control", vol. 2, 1982, Sec. 12.7). What the errors of neighbouring frames share is
-a state of its own, so that a second look at the same place is not taken for a second opinion. A
-track's weight is the evidence of its predictions; where a frame speaks for another place a track
-is born there, so a wrong start or a kidnapping is a matter of evidence as well. Places that look
-alike mislead frame after frame: where the velocity is told, a track that no frame speaks for is
-followed for a while, for it still knows where it is. And a velocity that is told may be wrong, of a
-compass beside steel, say: beside the tracks that believe it there are some that learn its error.
+A hypothesis predicts a Gaussian; times the likelihood over the cells it gives a posterior, whose
+mean and covariance go back into it (assumed density filtering; Maybeck, "Stochastic Models,
+Estimation and Control", vol. 2, 1982, Sec. 12.7). The error that neighbouring frames share is part
+of the state, so that a second frame of the same place is not taken for an independent measurement.
+Its weight is the evidence of its predictions; where a frame supports another place a hypothesis is
+born there, so that a wrong start or a kidnapping is a matter of evidence as well. Places that look
+alike mislead frame after frame: with velocity aiding, a hypothesis that no frame supports is kept
+for a while by dead reckoning. The velocity itself may be biased, by a compass beside steel, say:
+some hypotheses estimate that bias.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -22,8 +22,9 @@ import numpy as np
 
 from trexton.base.errors import ParameterError
 from trexton.field.field import Field
-from trexton.field.gaussians import Glimpse
-from trexton.field.singer import Singer
+from trexton.field.hypotheses import BIAS_SIGMA, Hypotheses
+from trexton.field.kalman import MeasurementPrediction
+from trexton.field.linear_motion import LinearMotion
 from trexton.localization.base import Area
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
@@ -34,22 +35,19 @@ if TYPE_CHECKING:
 
 __all__ = ["TrackFilter", "Tracks"]
 
-MISSED = 1e-3  # share of frames that say nothing about the place, whatever they look like
-MISLED_S = 0.2  # seconds after which frames that mislead are down to 1/e; a velocity must be told
-DOUBTED = 1e-3  # chance a frame that the velocity goes wrong, or is right again
-DOUBTED_S = 2.6  # seconds after which an error that explains nothing is believed 1/e as much
-WRONG = 0.3  # metres a second along an axis, of a velocity that is wrong
-UNHEARD_OF = 5.0  # standard deviations of a velocity from which on it is not listened to
-WRONG_S = 5.0  # seconds after which its error is down to 1/e: it turns with the vehicle
-BORN = 1e-3  # chance a frame that the vehicle is elsewhere than its tracks
-FAR = 25.0  # log likelihoods this far below the best count as none
-APART = 5.0  # cells between the beginnings of two tracks
-DOUBT = 0.05  # chance of being somewhere else altogether from which on the vehicle is lost
-STRANGE = 2.5  # times as far from every place as frames of the survey: another camera or light
-FAMILIAR = 0.8  # the same, from which on errors are larger: frames of what the survey missed
-STRANGE_S = 1.0  # seconds over which that is taken
-STRANGEST = 10.0  # what a single frame counts for at most
-SHARE = 0.02  # of a frame's likelihood that a place must hold for a track to begin there
+CLUTTER_PROBABILITY = 1e-3  # that a frame says nothing about the place, whatever it looks like
+OUTLIER_TIME_S = 0.2  # correlation time of outliers, with velocity aiding
+VELOCITY_GATE_SIGMA = 5.0  # innovation gate for velocity aiding
+BIAS_DECAY_S = 2.6  # time constant of the weight of a velocity bias that explains nothing
+BIRTH_PROBABILITY = 1e-3  # a frame, that the vehicle is where no hypothesis is
+BIRTH_MASS = 0.02  # share of a frame's likelihood that a place must hold for a birth
+LOG_LIKELIHOOD_RANGE = 25.0  # cells this far below the best count as none
+LOST_PROBABILITY = 0.05  # of being elsewhere, from which the vehicle is lost
+LOST_FRAMES = 3  # that support no hypothesis, after which it is lost
+NOVELTY_THRESHOLD = 2.5  # normalized residual of frames of no place of the survey: lost
+INFLATION_RESIDUAL = 0.8  # normalized residual from which the correlated error is inflated
+RESIDUAL_TIME_S = 1.0  # time constant of the average normalized residual
+RESIDUAL_LIMIT = 10.0  # what a single frame counts for at most
 
 
 @dataclass(eq=False)
@@ -59,7 +57,7 @@ class Tracks(Filter):
     Parameters
     ----------
     tracks : int
-        How many are kept at most, and as many again that doubt the velocity.
+        How many hypotheses are kept at most, and as many again that take the velocity to be biased.
     velocity_sigma : float
         Standard deviation in m/s along an axis of a velocity that comes with a frame, unless it
         brings its own.
@@ -87,7 +85,7 @@ class Tracks(Filter):
         ParameterError
             Motion or measurement is none that it can take.
         """
-        for role, kind in (("motion", Singer), ("measurement", Field)):
+        for role, kind in (("motion", LinearMotion), ("measurement", Field)):
             if not isinstance(parts[role], kind):
                 raise ParameterError(
                     f"filter 'tracks' was given {type(parts[role]).__name__} for {role}: "
@@ -107,7 +105,7 @@ class TrackFilter:
 
     Parameters
     ----------
-    motion : Singer
+    motion : LinearMotion
     measurement : Field
     area : (x_min, x_max, y_min, y_max)
     tracks : int
@@ -116,53 +114,37 @@ class TrackFilter:
 
     Attributes
     ----------
-    states : (T, 10) array
-        Of each track, best first: position, velocity, acceleration, lasting error of the frames,
-        error of the velocity that is told.
-    covariances : (T, 10, 10) array
-    weights : (T,) array
-        Summing to one.
+    hypotheses : Hypotheses
     """
 
     def __init__(
         self,
-        motion: Singer,
+        motion: LinearMotion,
         measurement: Field,
         area: Area,
         tracks: int = 5,
         *,
         velocity_sigma: float = 0.1,
     ):
-        self.motion, self.measurement, self.area, self.tracks = motion, measurement, area, tracks
-        self.velocity_sigma = velocity_sigma
-        errors = measurement.error_model
-        period_s = float(motion.period_s)
-        memory, wrong = np.exp(-period_s / errors.lasts_s), np.exp(-period_s / WRONG_S)
-        self._transition = np.diag([0.0] * 6 + [memory] * 2 + [wrong] * 2)
-        self._transition[:6, :6] = motion.transition
-        self._noise = np.diag([0.0] * 6 + [errors.lasting**2 * (1 - memory**2)] * 2 + [0.0] * 2)
-        self._noise[:6, :6] = motion.noise
-        self._rest = np.diag([*motion.rest, *[errors.lasting**2] * 2, 0.0, 0.0])
-        self._wrong = np.diag([0.0] * 8 + [WRONG**2] * 2)
-        self._seen, self._told = np.zeros((2, 10)), np.zeros((2, 10))
-        self._seen[:, :2] = self._seen[:, 6:8] = np.eye(2)  # the position and the lasting error
-        self._told[:, 2:4] = self._told[:, 8:] = np.eye(2)  # the velocity and its error
-        self._fresh = errors.fresh**2 * np.eye(2)
-        self._fading = 1 - np.exp(-period_s / STRANGE_S)
+        self.measurement, self.area, self.velocity_sigma = measurement, area, velocity_sigma
+        errors, cell = measurement.error_model, measurement.cell
+        self.hypotheses = Hypotheses(motion, errors, tracks, cell)
+        self._period_s = period_s = float(motion.period_s)
+        self._speed_variance = float(motion.speed) ** 2 + BIAS_SIGMA**2
+        self._white = errors.fresh**2 * np.eye(2)
+        self._rounding = cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
+        self._residual_gain = 1 - np.exp(-period_s / RESIDUAL_TIME_S)
         self._independent_s = errors.independent_s(period_s)
-        self._grain = measurement.cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
         self.reset()
 
     def reset(self) -> None:
         """Forget where the vehicle was."""
-        self.states, self.covariances = np.empty((0, 10)), np.empty((0, 10, 10))
-        self.weights = np.empty(0)
-        self._misled = np.empty(0)  # chance that the last frame misled, if the track is right
-        self._missed = 0
-        self._strange = 0.5  # of the latest frames, see `Field.strangeness`
-        self._off: np.ndarray | None = None  # metres a second, of the velocity that was told
+        self.hypotheses.clear()
+        self._unsupported = 0  # frames on end that did not support the best hypothesis
+        self._residual = 0.5  # average of the latest frames, see `Field.normalized_residual`
+        self._bias: np.ndarray | None = None  # m/s
 
     def step(self, observation: Observation | None) -> None:
         """Advance one frame; None where nothing was observed: predict only.
@@ -170,223 +152,184 @@ class TrackFilter:
         Raises
         ------
         ParameterError
-            A velocity is told that is none along two axes.
+            A velocity came that is none along two axes.
         """
-        self._off = None
+        self._bias = None
+        hypotheses = self.hypotheses
         if observation is None:
-            self._predict()
+            hypotheses.predict()
             return
-        found = self.measurement.over_cells(observation)
-        peak = found.max()
-        kept = np.flatnonzero(found > peak - FAR)
-        cells, shares = self.measurement.centers[kept], np.exp(found[kept] - peak)
+        log_posterior = self.measurement.over_cells(observation)
+        peak = log_posterior.max()
+        kept = np.flatnonzero(log_posterior > peak - LOG_LIKELIHOOD_RANGE)
+        cells, shares = self.measurement.centers[kept], np.exp(log_posterior[kept] - peak)
         shares /= shares.sum()
+        residual = self.measurement.strangeness(observation, log_posterior)
+        self._residual += (min(residual, RESIDUAL_LIMIT) - self._residual) * self._residual_gain
+        measured = observation.aiding.velocity
         sigma = observation.aiding.velocity_sigma or self.velocity_sigma
-        told = observation.aiding.velocity
-        velocity = None if told is None else self._plausible(told, sigma)
-        strange = min(self.measurement.strangeness(observation, found), STRANGEST)
-        self._strange += (strange - self._strange) * self._fading
+        velocity = None if measured is None else self._gated(measured, sigma)
         if velocity is not None:
-            self._doubt()
-        self._predict()
+            hypotheses.switch_bias()
+        hypotheses.predict()
         if velocity is not None:
-            self._be_told(velocity, sigma**2 * np.eye(2))
-        begun = len(self.states) > 0
-        evidence, looked_at = self._correct(cells, shares)
-        log_weights = np.log(self.weights) + self._log_chance(evidence, velocity is not None)
-        places = self._births(cells, shares, looked_at)
-        if places:
-            chance = np.log(BORN) if begun else 0.0
-            states, covariances, masses = (np.array(column) for column in zip(*places, strict=True))
-            self._begin(states, covariances, np.zeros(len(masses)))
-            log_weights = np.concatenate([log_weights, np.log(masses) + chance])
-        if not len(log_weights):  # the frame speaks for no place, nor did one before
+            self._update_velocity(velocity, sigma**2 * np.eye(2))
+        birth = np.log(BIRTH_PROBABILITY) if len(hypotheses) else 0.0
+        evidence, supported = self._update_frame(cells, shares)
+        log_weights = np.log(hypotheses.weights) + self._log_chance(evidence, velocity is not None)
+        masses = []
+        for mean, covariance, mass in self._peaks(cells, shares):
+            far = np.hypot(*(supported - mean).T) >= hypotheses.radius
+            if far.all():
+                hypotheses.give_birth(mean, covariance)
+                masses.append(mass)
+        log_weights = np.concatenate([log_weights, np.log(masses) + birth])
+        if not len(log_weights):  # the frame supports no place, nor did one before
             return
-        self._keep(log_weights)
-        if velocity is not None and self.doubts[0]:
-            self._off = self.states[0, 8:].copy()
-        elif told is not None and velocity is None:
-            self._off = told - self.states[0, 2:4]
+        if hypotheses.prune(log_weights) != 0:
+            self._unsupported = 0
+        if velocity is not None and hypotheses.biased[0]:
+            self._bias = hypotheses.states[0, -2:].copy()
+        elif measured is not None and velocity is None:
+            self._bias = measured - hypotheses.states[0, 2:4]
 
-    def _plausible(self, told: np.ndarray, sigma: float) -> np.ndarray | None:
-        """A velocity that this vehicle might have, or be told wrongly; None where it is neither."""
-        velocity = np.asarray(told, dtype=float)
+    def _gated(self, measured: np.ndarray, sigma: float) -> np.ndarray | None:
+        """A velocity that this vehicle may have, biased or not; None beyond the gate."""
+        velocity = np.asarray(measured, dtype=float)
         if velocity.shape != (2,):
             raise ParameterError(
                 f"a velocity of shape {velocity.shape} was told: expected (2,), metres a second "
                 "in the map's axes"
             )
-        usual = np.sqrt(float(self.motion.speed) ** 2 + WRONG**2 + sigma**2)
-        return velocity if np.abs(velocity).max() <= UNHEARD_OF * usual else None
+        usual = np.sqrt(self._speed_variance + sigma**2)
+        return velocity if np.abs(velocity).max() <= VELOCITY_GATE_SIGMA * usual else None
 
-    @property
-    def doubts(self) -> np.ndarray:
-        """``(T,)`` whether a track takes the velocity that is told to be wrong."""
-        found: np.ndarray = self.covariances[:, 8, 8] > 0
-        return found
+    def _update_velocity(self, velocity: np.ndarray, noise: np.ndarray) -> None:
+        """Update by a measured velocity with its ``(2, 2)`` noise covariance.
 
-    def _begin(self, states: np.ndarray, covariances: np.ndarray, misled: np.ndarray) -> None:
-        self.states = np.concatenate([self.states, states])
-        self.covariances = np.concatenate([self.covariances, covariances])
-        self._misled = np.concatenate([self._misled, misled])
-
-    def _doubt(self) -> None:
-        """Beside each track that has none near, one begins that takes the velocity for wrong where
-        the track believes it, and for right where it does not."""
-        doubts, places = self.doubts, self.states[:, :2]
-        offset = places[:, None] - places
-        near = np.hypot(offset[..., 0], offset[..., 1]) < 2 * APART * self.measurement.cell
-        alone = np.flatnonzero(~(near & (doubts[:, None] != doubts)).any(axis=1))
-        states, covariances = self.states[alone], self.covariances[alone]
-        states[:, 8:] = covariances[:, 8:] = covariances[:, :, 8:] = 0
-        covariances[~doubts[alone]] += self._wrong
-        self._begin(states, covariances, self._misled[alone])
-        weights = np.concatenate([self.weights, DOUBTED * self.weights[alone]])
-        self.weights = weights / weights.sum()
-
-    def _predict(self) -> None:
-        grown = np.where(self.doubts, 1 - self._transition[8, 8] ** 2, 0.0)
-        self.states = self.states @ self._transition.T
-        covariances = self._transition @ self.covariances @ self._transition.T + self._noise
-        self.covariances = covariances + grown[:, None, None] * self._wrong
-
-    def _be_told(self, velocity: np.ndarray, measured: np.ndarray) -> None:
-        """Take a velocity that something else measured, with its ``(2, 2)`` covariance.
-
-        A track that it contradicts loses weight, against one of which no velocity is known. If it
-        is wrong it speaks for no track: those that doubt it gain as much as the one that gains
-        most, a little less each time.
+        Weights change by the likelihood over that of a velocity of which nothing is known. Where
+        the velocity is biased it says nothing about the place: the hypotheses that take it to be
+        gain as much as the one that gains most, a little less each time.
         """
-        if not len(self.states):
+        hypotheses = self.hypotheses
+        if not len(hypotheses):
             return
-        doubts = self.doubts
-        glimpse = Glimpse.of(self.states, self.covariances, self._told, measured)
-        offset = velocity - glimpse.expected
-        self.states, self.covariances = glimpse.after(velocity)
-        unknown = self._rest[2:4, 2:4] + measured
-        squared = np.einsum("ti,tij,tj->t", offset, glimpse.precision, offset)
+        biased = hypotheses.biased
+        prediction = MeasurementPrediction.of(
+            hypotheses.states, hypotheses.covariances, hypotheses.velocity, noise
+        )
+        innovation = velocity - prediction.mean
+        hypotheses.states, hypotheses.covariances = prediction.updated(velocity)
+        unknown = hypotheses.velocity_variance + noise
+        squared = np.einsum("ti,tij,tj->t", innovation, prediction.precision, innovation)
         squared -= velocity @ np.linalg.solve(unknown, velocity)
-        ratio = np.linalg.det(glimpse.precision) * np.linalg.det(unknown)
-        chance = np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), MISSED)
-        chance[doubts] = np.exp(-float(self.motion.period_s) / DOUBTED_S) * chance.max()
-        weights = self.weights * chance
-        self.weights = weights / weights.sum()
+        ratio = np.linalg.det(prediction.precision) * np.linalg.det(unknown)
+        chance = np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), CLUTTER_PROBABILITY)
+        chance[biased] = np.exp(-self._period_s / BIAS_DECAY_S) * chance.max()
+        weights = hypotheses.weights * chance
+        hypotheses.weights = weights / weights.sum()
 
-    def _correct(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Evidence of the frame for each track, against a place drawn from the whole area, and
-        ``(T, 2)`` places where they saw it.
+    def _update_frame(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Update by the frame's likelihood `shares` ``(M,)`` over `cells` ``(M, 2)``.
+
+        Returns
+        -------
+        evidence : (T,) array
+            Of the frame for each hypothesis, against a place drawn from the whole area.
+        supported : (T, 2) array
+            Places where the hypotheses saw it.
         """
-        if not len(self.states):
+        hypotheses = self.hypotheses
+        if not len(hypotheses):
             return np.empty(0), np.empty((0, 2))
-        glimpse = Glimpse.of(self.states, self.covariances, self._seen, self._fresh)
-        expected, precision = glimpse.expected, glimpse.precision
+        prediction = MeasurementPrediction.of(
+            hypotheses.states, hypotheses.covariances, hypotheses.frame, self._white
+        )
+        expected, precision = prediction.mean, prediction.precision
         offset = cells - expected[:, None]
         squared = np.einsum("tmi,tmi->tm", offset @ precision, offset)
         joint = shares * np.exp(-0.5 * squared)
         mass = joint.sum(axis=1)
         norm = self._log_area - np.log(2 * np.pi) + 0.5 * np.log(np.linalg.det(precision))
         evidence = mass * np.exp(norm)
-        hit = evidence > MISSED
-        self._missed = 0 if hit[0] else self._missed + 1
+        hit = evidence > CLUTTER_PROBABILITY
+        self._unsupported = 0 if hit[0] else self._unsupported + 1
         joint /= np.where(mass > 0, mass, 1)[:, None]
         mean = np.where(hit[:, None], joint @ cells, expected)
         offset = cells - mean[:, None]
-        after = (offset * joint[..., None]).transpose(0, 2, 1) @ offset + self._grain
-        after = np.where(hit[:, None, None], after, glimpse.spread)
-        self.states, self.covariances = glimpse.after(mean, after)
+        posterior = (offset * joint[..., None]).transpose(0, 2, 1) @ offset + self._rounding
+        posterior = np.where(hit[:, None, None], posterior, prediction.covariance)
+        hypotheses.states, hypotheses.covariances = prediction.updated(mean, posterior)
         return evidence, mean
 
-    def _log_chance(self, evidence: np.ndarray, told: bool) -> np.ndarray:
-        """Log of the chance of the frame, if a track is right.
+    def _log_chance(self, evidence: np.ndarray, aided: bool) -> np.ndarray:
+        """``(T,)`` log probability of the frame given each hypothesis.
 
-        A frame that misleads speaks for the place for which the last one spoke: of what it says for
-        another track it takes nothing away. Without a velocity a track that sees nothing soon knows
-        nothing either, and each frame counts anew.
+        An outlier supports the place that the last one supported: of what it says for another
+        hypothesis it takes nothing away. Without a velocity a hypothesis that no frame supports
+        soon knows nothing, and outliers are independent.
         """
-        if not told:
-            self._misled = np.zeros(len(evidence))
-            chance: np.ndarray = np.log(evidence + MISSED)
-            return chance
-        stays = np.exp(-float(self.motion.period_s) / MISLED_S)
-        misled = MISSED + (stays - MISSED) * self._misled
-        mislead = misled * max(1.0, float(evidence.max(initial=0.0)))
-        total = (1 - misled) * evidence + mislead
-        self._misled = mislead / total
-        chance = np.log(total)
-        return chance
+        hypotheses = self.hypotheses
+        if not aided:
+            hypotheses.outliers = np.zeros(len(evidence))
+            return np.log(evidence + CLUTTER_PROBABILITY)
+        stays = np.exp(-self._period_s / OUTLIER_TIME_S)
+        outlier = CLUTTER_PROBABILITY + (stays - CLUTTER_PROBABILITY) * hypotheses.outliers
+        as_outlier = outlier * max(1.0, float(evidence.max(initial=0.0)))
+        total = (1 - outlier) * evidence + as_outlier
+        hypotheses.outliers = as_outlier / total
+        return np.log(total)
 
-    def _births(
-        self, cells: np.ndarray, shares: np.ndarray, looked_at: np.ndarray
-    ) -> list[tuple[np.ndarray, np.ndarray, float]]:
-        """States, covariances, shares of tracks that begin at the frame's likeliest places."""
-        born, left = [], shares.copy()
-        apart = APART * self.measurement.cell
+    def _peaks(
+        self, cells: np.ndarray, shares: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+        """Means, covariances and shares of the two likeliest places of the frame."""
+        left = shares.copy()
         for _ in range(2):
             best = int(left.argmax())
-            near = np.hypot(*(cells - cells[best]).T) < 2 * apart
+            near = np.hypot(*(cells - cells[best]).T) < 2 * self.hypotheses.radius
             mass = float(left[near].sum())
-            if mass < SHARE:
+            if mass < BIRTH_MASS:
                 break
             part = left[near] / mass
             left[near] = 0
             mean = part @ cells[near]
-            if len(looked_at) and np.hypot(*(looked_at - mean).T).min() < apart:
-                continue
             offset = cells[near] - mean
-            covariance = self._rest.copy()
-            covariance[:2, :2] = (offset.T * part) @ offset + self._grain + self._fresh
-            # The place is where the frame was seen: the position is that less the lasting error.
-            covariance[:2, :2] += self._rest[6:8, 6:8]
-            covariance[:2, 6:8] = covariance[6:8, :2] = -self._rest[6:8, 6:8]
-            born.append((np.concatenate([mean, np.zeros(8)]), covariance, mass))
-        return born
-
-    def _keep(self, log_weights: np.ndarray) -> None:
-        """The best tracks that say different things, weights summing to one."""
-        kept: list[int] = []
-        apart, speed = 0.25 * APART * self.measurement.cell, 0.5 * float(self.motion.speed)
-        doubts = self.doubts
-        for track in np.argsort(-log_weights, kind="stable"):
-            alike = [other for other in kept if doubts[other] == doubts[track]]
-            if len(alike) == self.tracks:
-                continue
-            offset = self.states[alike] - self.states[track]
-            far = np.hypot(offset[:, 0], offset[:, 1]) > apart
-            if (far | (np.hypot(offset[:, 2], offset[:, 3]) > speed)).all():
-                kept.append(int(track))
-        weights = np.exp(log_weights[kept] - log_weights[kept[0]])
-        rows = np.array(kept)[weights > 1e-6]
-        weights = weights[weights > 1e-6]
-        if rows[0] != 0:
-            self._missed = 0
-        self.states, self.covariances = self.states[rows], self.covariances[rows]
-        self._misled = self._misled[rows]
-        self.weights = weights / weights.sum()
+            yield mean, (offset.T * part) @ offset + self._rounding + self._white, mass
 
     def estimate(self) -> Estimate:
-        """Position of the best track, and the covariance of all about it, larger where the field
-        knows less than where its errors were learned, and while frames are unlike the survey's.
+        """Position of the best hypothesis, and the covariance of all about it, inflated where the
+        field knows less than where its errors were learned, and while frames are unlike the survey.
 
-        It is lost while tracks that are elsewhere may be right, no frame speaks for it, or the
+        It is lost while hypotheses elsewhere may be right, no frame supports the best, or the
         frames look like no place of the survey.
         """
-        if not len(self.states):
+        hypotheses = self.hypotheses
+        if not len(hypotheses):
             x_min, x_max, y_min, y_max = self.area
             middle = np.array([x_min + x_max, y_min + y_max]) / 2
             wide = np.diag([(x_max - x_min) ** 2, (y_max - y_min) ** 2]) / 12
             return Estimate(middle, wide, lost=True, observed=False)
-        offset = self.states[:, :4] - self.states[0, :4]
-        joint = np.einsum("t,tij->ij", self.weights, self.covariances[:, :4, :4])
-        joint = joint + np.einsum("t,ti,tj->ij", self.weights, offset, offset)
-        unfamiliar = max(1.0, min(self._strange, STRANGE) / FAMILIAR)
-        grown = self.measurement.lasting_growth(self.states[:1, :2]) * unfamiliar**4
-        joint[:2, :2] += (grown - 1) * self._rest[6:8, 6:8]
-        elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * APART * self.measurement.cell
-        doubted = self.weights[elsewhere].sum() > DOUBT
-        lost = bool(doubted or self._missed >= 3 or self._strange > STRANGE)
-        position, velocity = self.states[0, :2].copy(), self.states[0, 2:4].copy()
-        told = Measurement(position, joint[:2, :2], self._independent_s)
+        states, weights = hypotheses.states[:, :4], hypotheses.weights
+        offset = states - states[0]
+        joint = np.einsum("t,tij->ij", weights, hypotheses.covariances[:, :4, :4])
+        joint = joint + np.einsum("t,ti,tj->ij", weights, offset, offset)
+        unfamiliar = max(1.0, min(self._residual, NOVELTY_THRESHOLD) / INFLATION_RESIDUAL)
+        inflation = self.measurement.lasting_growth(states[:1, :2]) * unfamiliar**4
+        joint[:2, :2] += (inflation - 1) * hypotheses.error_variance
+        elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * hypotheses.radius
+        lost = bool(
+            weights[elsewhere].sum() > LOST_PROBABILITY
+            or self._unsupported >= LOST_FRAMES
+            or self._residual > NOVELTY_THRESHOLD
+        )
+        position, velocity = states[0, :2].copy(), states[0, 2:].copy()
         return Estimate(
-            position, joint[:2, :2], lost=lost, measurement=told, velocity=velocity, joint=joint,
-            contradicted=self._off,
-        )  # fmt: skip
+            position,
+            joint[:2, :2],
+            lost=lost,
+            measurement=Measurement(position, joint[:2, :2], self._independent_s),
+            velocity=velocity,
+            joint=joint,
+            contradicted=self._bias,
+        )

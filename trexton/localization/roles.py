@@ -29,6 +29,7 @@ ROLES: dict[str, dict[str, str]] = {
     "motion": {
         "random-walk": "trexton.localization.motion:RandomWalk",
         "singer": "trexton.field.singer:Singer",
+        "constant-velocity": "trexton.field.constant_velocity:ConstantVelocity",
     },
     "measurement": {
         "rank-mixture": "trexton.localization.measurement:RankMixture",

@@ -1,0 +1,156 @@
+"""Hypotheses of where the vehicle is, each a Gaussian over an augmented state, and how they are
+managed: prediction, the switch of a velocity bias, birth, pruning.
+
+The augmented state is that of the motion model (any `LinearMotion`), the error that neighbouring
+frames share, and the bias of the velocity that comes with the frames; the latter two are
+first-order Gauss-Markov processes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from trexton.field.error_model import ErrorModel
+from trexton.field.linear_motion import LinearMotion
+
+__all__ = ["BIAS_SIGMA", "SEPARATION", "Hypotheses"]
+
+BIAS_SIGMA = 0.3  # m/s along an axis, of a velocity that is biased
+BIAS_TIME_S = 5.0  # time constant of the bias: it turns with the vehicle
+BIAS_SWITCH_PROBABILITY = 1e-3  # a frame, that the bias sets in or ends
+SEPARATION = 5.0  # cells between the births of two hypotheses
+NEGLIGIBLE_WEIGHT = 1e-6  # of a hypothesis, over that of the best
+
+
+class Hypotheses:
+    """A few Gaussians with weights, best first.
+
+    Parameters
+    ----------
+    motion : LinearMotion
+        Of D states.
+    errors : ErrorModel
+    limit : int
+        How many are kept at most, and as many again that take the velocity to be biased.
+    cell : float
+        Side of a cell of the grid in metres.
+
+    Attributes
+    ----------
+    states : (T, D + 4) array
+        Of the motion, correlated error of the frames, velocity bias.
+    covariances : (T, D + 4, D + 4) array
+    weights : (T,) array
+        Summing to one.
+    outliers : (T,) array
+        Probability that the last frame was an outlier, given the hypothesis.
+    frame, velocity : (2, D + 4) array
+        Measurement matrices H: of the place where a frame is seen, of a measured velocity.
+    """
+
+    def __init__(self, motion: LinearMotion, errors: ErrorModel, limit: int, cell: float):
+        self.motion, self.limit, self.radius = motion, limit, SEPARATION * cell
+        self._order = order = len(motion.prior_variance)
+        period_s, axes = float(motion.period_s), np.eye(2)
+        error_memory, bias_memory = np.exp(-period_s / np.array([errors.lasts_s, BIAS_TIME_S]))
+        variance = errors.lasting**2
+        self._transition, self._noise, self._prior, self._bias = np.zeros((4, order + 4, order + 4))
+        self._transition[:order, :order] = motion.transition
+        self._transition[order:-2, order:-2] = error_memory * axes
+        self._transition[-2:, -2:] = bias_memory * axes
+        self._noise[:order, :order] = motion.noise
+        self._noise[order:-2, order:-2] = variance * (1 - error_memory**2) * axes
+        self._prior[:order, :order] = np.diag(motion.prior_variance)
+        self._prior[order:-2, order:-2] = variance * axes
+        self._bias[-2:, -2:] = BIAS_SIGMA**2 * axes
+        self.error_variance = variance * axes
+        self.velocity_variance = self._prior[2:4, 2:4]
+        self.frame, self.velocity = np.zeros((2, 2, order + 4))
+        self.frame[:, :2] = self.frame[:, order:-2] = axes
+        self.velocity[:, 2:4] = self.velocity[:, -2:] = axes
+        self.clear()
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def clear(self) -> None:
+        """Forget all."""
+        size = self._order + 4
+        self.states, self.covariances = np.empty((0, size)), np.empty((0, size, size))
+        self.weights, self.outliers = np.empty((2, 0))
+
+    @property
+    def biased(self) -> np.ndarray:
+        """``(T,)`` whether a hypothesis takes the measured velocity to be biased."""
+        return self.covariances[:, -1, -1] > 0
+
+    def _append(self, states: np.ndarray, covariances: np.ndarray, outliers: np.ndarray) -> None:
+        self.states = np.concatenate([self.states, states])
+        self.covariances = np.concatenate([self.covariances, covariances])
+        self.outliers = np.concatenate([self.outliers, outliers])
+
+    def switch_bias(self) -> None:
+        """Beside each hypothesis that has none near, one begins that takes the velocity to be
+        biased where the other does not, and to be unbiased where it does.
+        """
+        biased, places = self.biased, self.states[:, :2]
+        offset = places[:, None] - places
+        near = np.hypot(offset[..., 0], offset[..., 1]) < 2 * self.radius
+        alone = np.flatnonzero(~(near & (biased[:, None] != biased)).any(axis=1))
+        states, covariances = self.states[alone], self.covariances[alone]
+        states[:, -2:] = covariances[:, -2:] = covariances[:, :, -2:] = 0
+        covariances[~biased[alone]] += self._bias
+        self._append(states, covariances, self.outliers[alone])
+        weights = np.concatenate([self.weights, BIAS_SWITCH_PROBABILITY * self.weights[alone]])
+        self.weights = weights / weights.sum()
+
+    def predict(self) -> None:
+        """One frame later."""
+        order, transition, states = self._order, self._transition, self.states
+        self.states = states @ transition.T
+        jacobian = self.motion.jacobian(states[:, :order])
+        if jacobian.ndim == 3:  # of a model that is not linear
+            transition = np.repeat(transition[None], len(states), axis=0)
+            transition[:, :order, :order] = jacobian
+            self.states[:, :order] = self.motion.moved(states[:, :order])
+        grown = np.where(self.biased, 1 - self._transition[-1, -1] ** 2, 0.0)
+        covariances = transition @ self.covariances @ np.swapaxes(transition, -1, -2) + self._noise
+        self.covariances = covariances + grown[:, None, None] * self._bias
+
+    def give_birth(self, mean: np.ndarray, covariance: np.ndarray) -> None:
+        """One more, at a place where the frame is seen: its ``(2,)`` mean and ``(2, 2)``
+        covariance, in metres; the caller gives it a weight by `prune`.
+        """
+        order = self._order
+        state, prior = np.zeros(order + 4), self._prior.copy()
+        state[:2] = mean
+        # The position is the place where the frame is seen less the correlated error.
+        prior[:2, :2] = covariance + self.error_variance
+        prior[:2, order:-2] = prior[order:-2, :2] = -self.error_variance
+        self._append(state[None], prior[None], np.zeros(1))
+
+    def prune(self, log_weights: np.ndarray) -> int:
+        """Keep the best that differ, with weights summing to one.
+
+        Returns
+        -------
+        int
+            Which row the best was before.
+        """
+        kept: list[int] = []
+        apart, speed = 0.25 * self.radius, 0.5 * float(self.motion.speed)
+        biased = self.biased
+        for row in np.argsort(-log_weights, kind="stable"):
+            alike = [other for other in kept if biased[other] == biased[row]]
+            if len(alike) == self.limit:
+                continue
+            offset = self.states[alike] - self.states[row]
+            far = np.hypot(offset[:, 0], offset[:, 1]) > apart
+            if (far | (np.hypot(offset[:, 2], offset[:, 3]) > speed)).all():
+                kept.append(int(row))
+        weights = np.exp(log_weights[kept] - log_weights[kept[0]])
+        rows = np.array(kept)[weights > NEGLIGIBLE_WEIGHT]
+        weights = weights[weights > NEGLIGIBLE_WEIGHT]
+        self.states, self.covariances = self.states[rows], self.covariances[rows]
+        self.outliers, self.weights = self.outliers[rows], weights / weights.sum()
+        return kept[0]
