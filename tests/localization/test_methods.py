@@ -14,6 +14,7 @@ from trexton.localization.distances import Euclidean, Hellinger
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.methods import METHODS, changed, compose, parse_choices
 from trexton.localization.motion import RandomWalk
+from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.roles import ROLES, make, name_of
 
 
@@ -68,7 +69,7 @@ def test_a_part_of_another_role_is_refused(choices):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_method_names_parts_of_known_roles(method):
     parts = compose(method)
-    assert set(parts) <= set(ROLES) and {"distance", "filter"} <= set(parts)
+    assert set(parts) <= set(ROLES) and {"motion", "filter"} <= set(parts)
 
 
 def test_a_part_of_ones_own_needs_no_entry(tmp_path):
@@ -169,6 +170,47 @@ def test_what_is_not_so_is_one_clear_error(choices):
         compose("magic")
 
 
+@pytest.mark.parametrize(
+    ("method", "choices", "message"),
+    [
+        ("field", {"recovery": "augmented"}, "recovery would change nothing: with filter 'tracks'"),
+        ("field", {"estimation": "mean"}, "estimation would change nothing"),
+        ("field", {"resampling": "systematic"}, "resampling would change nothing"),
+        ("field", {"distance": "euclidean"}, "distance would change nothing"),
+        ("field", {"motion": "random-walk"}, "'random-walk' does not fit filter 'tracks'"),
+        ("field", {"measurement": "rank-mixture"}, "needs a Field: choose one of field"),
+        ("fine", {"recovery": "augmented"}, "recovery would change nothing"),
+        ("paper", {"odometry": "visual"}, "odometry would change nothing"),
+        ("paper", {"integrity": "elsewhere"}, "integrity 'elsewhere' needs a calibration"),
+        ("guarded", {"calibration": "none"}, "does not fit integrity 'elsewhere'"),
+        ("paper", {"filter": "tracks"}, "does not fit filter 'tracks'"),
+    ],
+)
+def test_a_choice_that_nothing_reads_or_that_does_not_fit_is_refused(method, choices, message):
+    with pytest.raises(ParameterError, match=message):
+        changed(compose(method), choices)
+    flight = histogram_flight("hall", frames=80)
+    with pytest.raises(ParameterError, match=message):
+        TextonMap.train(flight, method=method, rng=np.random.default_rng(1), **choices)
+
+
+def test_chi_square_is_the_plain_formula_in_training_and_in_flight():
+    rng = np.random.default_rng(5)
+    rows, query = rng.dirichlet(np.ones(8), 40), rng.dirichlet(np.ones(8))
+    rows[:, 2] = query[2] = 0
+    plain = [
+        sum((a - b) ** 2 / (a + b) for a, b in zip(query, row, strict=True) if a + b) / 2
+        for row in rows
+    ]
+    distance = make("distance", "chi-square")
+    np.testing.assert_allclose(distance.between(query[None], rows)[0], plain, rtol=1e-12)
+    nearest = NearestHistograms(rows, rng.uniform(size=(40, 2)), k=4, distance=distance)
+    found = nearest.query(query)
+    np.testing.assert_array_equal(found.index, np.argsort(plain)[:4])
+    np.testing.assert_allclose(found.distance, np.sort(plain)[:4], rtol=1e-12)
+    assert not np.array_equal(flown(trained(distance="chi-square")), flown(trained()))
+
+
 def test_words_of_a_command_line():
     assert parse_choices(["motion.sigma=0.2", "distance=a:B=c"]) == {
         "motion.sigma": "0.2",
@@ -182,8 +224,9 @@ def test_words_of_a_command_line():
     part = Cosine()
     assert part.option("power", "2") == 2.0 and isinstance(part.option("power", 2), float)
     assert part.option("halve", "true") is True and part.option("shift", "-3") == -3
-    with pytest.raises(ParameterError, match="'True': expected true or false"):
-        part.option("halve", "True")
+    assert part.option("halve", "True") is True and part.option("halve", "no") is False
+    with pytest.raises(ParameterError, match="halve is 1: expected bool"):
+        part.option("halve", "1")
     assert RandomWalk().option("sigma", "none") is None and RandomWalk().option("sigma", 1) == 1.0
 
 

@@ -17,6 +17,7 @@ import ast
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
+from numbers import Integral, Real
 from types import NoneType
 from typing import TYPE_CHECKING, Any, Self, SupportsIndex, TypeVar, get_args, get_type_hints
 
@@ -25,7 +26,15 @@ from trexton.base.errors import ParameterError
 if TYPE_CHECKING:
     import argparse
 
-__all__ = ["Option", "Options", "add_assignments", "assignments", "option", "whole"]
+__all__ = [
+    "Option",
+    "Options",
+    "add_assignments",
+    "assignments",
+    "declared_options",
+    "option",
+    "whole",
+]
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
@@ -38,9 +47,11 @@ def option(
     *,
     low: float | None = None,
     high: float | None = None,
+    above: float | None = None,
+    below: float | None = None,
     choices: Sequence[str] = (),
 ) -> T:
-    """A field of an `Options` class.
+    """A field of an `Options` class, or an option of a part.
 
     Parameters
     ----------
@@ -50,10 +61,13 @@ def option(
         One line for people, without a full stop.
     low, high : float, optional
         Smallest and largest value allowed.
+    above, below : float, optional
+        The same, themselves not allowed.
     choices : sequence of str
         The words allowed, where not every text is.
     """
-    metadata = {"meaning": meaning, "low": low, "high": high, "choices": tuple(choices)}
+    limits = {"low": low, "high": high, "above": above, "below": below}
+    metadata = {"meaning": meaning, "choices": tuple(choices)} | limits
     return field(default=default, metadata=metadata)
 
 
@@ -130,6 +144,8 @@ class Option:
     meaning: str = ""
     low: float | None = None
     high: float | None = None
+    above: float | None = None
+    below: float | None = None
     choices: tuple[str, ...] = ()
 
     def parse(self, text: str) -> object:
@@ -152,8 +168,10 @@ class Option:
 
     def check(self, value: object) -> object:
         """`value` if type and range fit (an int also stands for a float); else `ParameterError`."""
-        if type(value) is int and float in self.types and int not in self.types:
-            value = float(value)
+        if isinstance(value, Real) and not isinstance(value, bool):  # NumPy's among them
+            value = int(value) if isinstance(value, Integral) else float(value)
+            if float in self.types and int not in self.types:
+                value = float(value)
         if type(value) not in self.types:
             names = ("None" if kind is NoneType else kind.__name__ for kind in self.types)
             raise self._refusal(value, f"{' or '.join(names)}, as in {self.name}={self.default!r}")
@@ -164,12 +182,27 @@ class Option:
                 raise self._refusal(value, f"{self.low:g} or more")
             if self.high is not None and value > self.high:
                 raise self._refusal(value, f"{self.high:g} or less")
+            if self.above is not None and value <= self.above:
+                raise self._refusal(value, f"more than {self.above:g}")
+            if self.below is not None and value >= self.below:
+                raise self._refusal(value, f"less than {self.below:g}")
         if self.choices and value is not None and value not in self.choices:
             raise self._refusal(value, f"one of {', '.join(self.choices)}")
         return value
 
     def _refusal(self, value: object, expected: str) -> ParameterError:
         return ParameterError(f"parameter {self.name} is {value!r}: expected {expected}")
+
+
+def declared_options(cls: type) -> tuple[Option, ...]:
+    """The options of a dataclass in its order: the fields that its constructor takes."""
+    hints = get_type_hints(cls)
+    kinds = {name: get_args(hint) or (hint,) for name, hint in hints.items()}
+    return tuple(
+        Option(each.name, kinds[each.name], each.default, **each.metadata)
+        for each in fields(cls)
+        if each.init
+    )
 
 
 @dataclass(frozen=True)
@@ -183,10 +216,7 @@ class Options:
     @classmethod
     def declared(cls) -> Iterator[Option]:
         """What is declared, in the order of the class."""
-        hints = get_type_hints(cls)
-        for each in fields(cls):
-            kinds = get_args(hints[each.name]) or (hints[each.name],)
-            yield Option(each.name, kinds, each.default, **each.metadata)
+        return iter(declared_options(cls))
 
     @classmethod
     def parse(cls, settings: Mapping[str, object], owner: str = "this") -> Self:

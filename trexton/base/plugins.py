@@ -18,7 +18,7 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 
-__all__ = ["PLUGINS", "import_plugins", "names", "resolve"]
+__all__ = ["PLUGINS", "address_of", "import_plugins", "names", "resolve"]
 
 PLUGINS = "TREXTON_PLUGINS"  # environment variable: modules to import first, with commas between
 

@@ -7,12 +7,14 @@ adds that up over the frames.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
+from trexton.base.options import option
 from trexton.field.field import Field
 from trexton.localization.base import Part, Training, learned
 from trexton.localization.calibration import Judge, Passing, Replay
@@ -56,13 +58,11 @@ class Elsewhere(Field, Integrity):
         Chance of being elsewhere from which on the vehicle is lost.
     """
 
-    doubt: float = 0.5
+    needs: ClassVar[Mapping[str, type[Part]]] = {"calibration": Replay}
+    doubt: float = option(
+        0.5, "probability of being elsewhere from which on it is lost", above=0, below=1
+    )
     usual: np.ndarray = learned()  # () metres, deviation along an axis
-
-    def check(self) -> None:
-        super().check()
-        if not 0 < self.doubt < 1:
-            raise ParameterError(f"doubt is {self.doubt}: expected a chance between 0 and 1")
 
     def fit(self, training: Training) -> Self:
         """Learn the field.

@@ -25,7 +25,7 @@ from trexton.field.field import Field
 from trexton.field.hypotheses import BIAS_SIGMA, Hypotheses
 from trexton.field.kalman import MeasurementPrediction
 from trexton.field.linear_motion import LinearMotion
-from trexton.localization.base import Area
+from trexton.localization.base import Area, Part
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
 from trexton.localization.observation import Observation
@@ -63,6 +63,8 @@ class Tracks(Filter):
         brings its own.
     """
 
+    needs: ClassVar[Mapping[str, type[Part]]] = {"motion": LinearMotion, "measurement": Field}
+    uses: ClassVar[tuple[str, ...]] = ("odometry",)
     knows_velocity: ClassVar[bool] = True
     tracks: int = 5
     velocity_sigma: float = 0.1
@@ -78,19 +80,6 @@ class Tracks(Filter):
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
     ) -> TrackFilter:
-        """A filter that knows nothing yet.
-
-        Raises
-        ------
-        ParameterError
-            Motion or measurement is none that it can take.
-        """
-        for role, kind in (("motion", LinearMotion), ("measurement", Field)):
-            if not isinstance(parts[role], kind):
-                raise ParameterError(
-                    f"filter 'tracks' was given {type(parts[role]).__name__} for {role}: "
-                    f"it needs {kind.__name__}"
-                )
         return TrackFilter(
             parts["motion"],
             parts["measurement"],

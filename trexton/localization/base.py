@@ -6,11 +6,12 @@ import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self, get_type_hints
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
+from trexton.base.options import declared_options
 from trexton.localization.neighbors import NearestHistograms, neighbors_in_flight
 
 if TYPE_CHECKING:
@@ -39,8 +40,8 @@ class Training:
     area : (x_min, x_max, y_min, y_max)
     period_s : float
         Median time from frame to frame.
-    distance : Distance
-        Between histograms, the one that flies.
+    distance : Distance or None
+        Between histograms, the one that flies; None where nothing that flies compares them.
     dictionary : TextonDictionary or None
         None where the flight came as histograms.
     flight : Flight or None
@@ -57,7 +58,7 @@ class Training:
     time: np.ndarray
     area: Area
     period_s: float
-    distance: Distance
+    distance: Distance | None
     dictionary: TextonDictionary | None
     flight: Flight | None
     rng: np.random.Generator
@@ -94,15 +95,21 @@ def learned() -> Any:
 class Part:
     """One part of a method. Its fields are its options; those made by `learned` are what it learns.
 
-    A subclass is a dataclass that overrides `fit` if it learns, `prepare` if it makes something of
-    what it learned, and `check` for the ranges of its options.
+    A subclass is a dataclass that overrides `fit` if it learns and `prepare` if it makes something
+    of what it learned. `trexton.base.options.option` gives an option its range and its help;
+    `check` is for what a range cannot say. `needs` and `uses` name the other parts that it reads.
     """
 
+    needs: ClassVar[Mapping[str, type[Part]]] = {}  # role of a part that it reads: of which base
+    uses: ClassVar[tuple[str, ...]] = ()  # roles of parts that it reads where they are chosen
+
     def __post_init__(self) -> None:
+        for each in declared_options(type(self)):
+            setattr(self, each.name, each.check(getattr(self, each.name)))
         self.check()
 
     def check(self) -> None:
-        """Raise `ParameterError` for an option that is out of range."""
+        """Raise `ParameterError` for options that do not fit each other."""
 
     def prepare(self) -> None:
         """Make what flight needs of the learned arrays, and refuse arrays that fit no flight."""
@@ -161,41 +168,16 @@ class Part:
 
     @classmethod
     def option(cls, name: str, value: object) -> object:
-        """A value for the option `name`, converted from text where it is text.
+        """A checked value for the option `name`; text is taken as typed after ``--set``.
 
         Raises
         ------
         ParameterError
-            There is no such option, or the value is of another kind.
+            There is no such option, or the value does not fit.
         """
-        known = {each.name for each in fields(cls) if each.init}
-        if name not in known:
-            offered = ", ".join(sorted(known)) or "none"
+        declared = {each.name: each for each in declared_options(cls)}
+        if name not in declared:
+            offered = ", ".join(declared) or "none"
             raise ParameterError(f"{cls.__name__} has no option {name!r}: it has {offered}")
-        kind = get_type_hints(cls)[name]
-        return converted(value, kind, f"option {name!r} of {cls.__name__}")
-
-
-def converted(value: object, kind: Any, what: str) -> object:
-    """`value` as the kind that an annotation such as ``int`` or ``float | None`` asks for."""
-    kinds = getattr(kind, "__args__", (kind,))
-    if value is None or value == "none":
-        if type(None) in kinds:
-            return None
-    for each in kinds:
-        if isinstance(value, bool) and each is not bool:
-            continue
-        if each is not float and isinstance(each, type) and isinstance(value, each):
-            return value
-        try:
-            if each is float and isinstance(value, (str, int, float)):
-                return float(value)
-            if each is int and isinstance(value, (str, np.integer)):
-                return int(value)
-        except ValueError:
-            continue
-        if each is bool and value in ("true", "false"):
-            return value == "true"
-    words = {type(None): "none", bool: "true or false"}  # as they are written in a command
-    names = " or ".join(words.get(each, each.__name__) for each in kinds)
-    raise ParameterError(f"{what} is {value!r}: expected {names}")
+        each = declared[name]
+        return each.parse(value) if isinstance(value, str) else each.check(value)

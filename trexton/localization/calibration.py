@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from typing import ClassVar, Protocol, Self
 
 import numpy as np
 
 from trexton.base.defaults import SAMPLES
 from trexton.base.errors import MapError, ParameterError
+from trexton.base.options import option
 from trexton.localization.base import Part, Training, learned
 from trexton.localization.estimate import Estimate, Measurement
+from trexton.localization.measurement import RankMixture
 from trexton.localization.neighbors import Neighbors
 from trexton.localization.observation import Observation
 from trexton.localization.scale import ErrorScale, independent_after
@@ -75,16 +78,13 @@ class Replay(Calibration):
         Leave the filter's own covariance as it is: only single frames are calibrated.
     """
 
-    samples: int = SAMPLES
-    trusting: bool = False
+    needs: ClassVar[Mapping[str, type[Part]]] = {"measurement": RankMixture}
+    samples: int = option(SAMPLES, "patches a frame that flight is expected to draw", low=1)
+    trusting: bool = option(False, "leave the filter's own covariance as it is")
     of_estimate: np.ndarray = learned()  # empty where the filter's own word is trusted
     of_measurement: np.ndarray = learned()
     independent_s: np.ndarray = learned()
     usual: np.ndarray = learned()  # () metres: the median claim along an axis in training
-
-    def check(self) -> None:
-        if self.samples < 1:
-            raise ParameterError(f"{self.samples} samples were given: expected at least 1")
 
     def fit(self, training: Training) -> Self:
         alone = Alone.of(training, self.samples)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 
 from trexton.base.defaults import PARTICLES
-from trexton.base.errors import ParameterError
+from trexton.base.options import option
 from trexton.localization.base import Area, Part
 from trexton.localization.estimate import Estimate
 from trexton.localization.estimation import Belief, Estimation, MaximumAPosteriori
@@ -51,8 +51,12 @@ class RunningFilter(Protocol):
 
 @dataclass(eq=False)
 class Filter(Part):
-    """Base of all filters: a part that opens a `RunningFilter` for each localizer."""
+    """Base of all filters: a part that opens a `RunningFilter` for each localizer.
 
+    Every method has a motion model: where frames do not come, it says how uncertainty grows.
+    """
+
+    needs: ClassVar[Mapping[str, type[Part]]] = {"motion": MotionModel}
     knows_velocity: ClassVar[bool] = False  # its estimates bear one
 
     def open(
@@ -72,13 +76,14 @@ class Particles(Filter):
         M, their number.
     """
 
-    particles: int = PARTICLES
-
-    def check(self) -> None:
-        if not 1 <= self.particles <= MOST_PARTICLES:
-            raise ParameterError(
-                f"{self.particles} particles were asked for: expected 1 to {MOST_PARTICLES}"
-            )
+    needs: ClassVar[Mapping[str, type[Part]]] = {
+        "motion": MotionModel,
+        "measurement": MeasurementModel,
+        "resampling": Resampling,
+        "estimation": Estimation,
+        "recovery": Recovery,
+    }
+    particles: int = option(PARTICLES, "particles of the filter, M", low=1, high=MOST_PARTICLES)
 
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator

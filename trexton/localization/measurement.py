@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from typing import ClassVar, Self
 
 import numpy as np
 
 from trexton.base.defaults import NEIGHBORS
 from trexton.base.errors import ParameterError
+from trexton.base.options import option
 from trexton.localization.base import Part, Training, learned
+from trexton.localization.distances import Distance
 from trexton.localization.motion import whitener
 from trexton.localization.observation import Observation
 
@@ -50,20 +53,13 @@ class RankMixture(MeasurementModel):
         Frames this near in time, in seconds, are no neighbours while it learns.
     """
 
-    neighbors: int = NEIGHBORS
-    sigma: float | None = None
-    excluded_s: float = EXCLUDED_SECONDS
+    needs: ClassVar[Mapping[str, type[Part]]] = {"distance": Distance}
+    neighbors: int = option(NEIGHBORS, "neighbours that vote, k", low=1)
+    sigma: float | None = option(None, "standard deviation of all ranks, m; none: learned", above=0)
+    excluded_s: float = option(
+        EXCLUDED_SECONDS, "frames this near in time are no neighbours in training, s", low=0
+    )
     covariances: np.ndarray = learned()
-
-    def check(self) -> None:
-        if self.neighbors < 1:
-            raise ParameterError(f"{self.neighbors} neighbours were asked for: expected at least 1")
-        if self.sigma is not None and not 0 < self.sigma < np.inf:
-            raise ParameterError(
-                f"the ranks' sigma is {self.sigma}: expected a positive length in metres"
-            )
-        if not 0 <= self.excluded_s < np.inf:
-            raise ParameterError(f"excluded_s is {self.excluded_s}: expected seconds, 0 or more")
 
     @classmethod
     def of(cls, covariances: np.ndarray) -> Self:

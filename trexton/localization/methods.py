@@ -7,13 +7,17 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import assignments
+from trexton.base.plugins import names
 from trexton.localization.base import Part
-from trexton.localization.roles import check_known, check_role, make, name_of
+from trexton.localization.roles import ROLES, check_known, check_role, make, name_of, part_class
 
-__all__ = ["METHODS", "changed", "compose", "parse_choices"]
+__all__ = ["ALWAYS", "METHODS", "changed", "check_fit", "compose", "parse_choices", "roles_read"]
 
-# A method names a distance, a filter, and a part for each other role that its filter asks for;
-# "role.option" gives an option another value.
+# Roles that the localizer itself reads, whatever the filter.
+ALWAYS = ("view", "calibration", "integrity")
+
+# A method names a filter and the parts that it needs, and those that they need; "role.option" gives
+# an option another value.
 METHODS: dict[str, dict[str, Any]] = {
     "paper": {
         "distance": "euclidean",
@@ -37,7 +41,6 @@ METHODS: dict[str, dict[str, Any]] = {
         "integrity": "elsewhere",
     },
     "field": {
-        "distance": "hellinger",
         "motion": "singer",
         "measurement": "field",
         "filter": "tracks",
@@ -76,7 +79,7 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
     Raises
     ------
     ParameterError
-        A role, part or option is unknown, or a value does not fit.
+        A role, part or option is unknown, a value or a part does not fit, or nothing reads it.
     """
     result: dict[str, Part] = {}
     for key, choice in choices.items():
@@ -101,7 +104,69 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
         value = part.option(option, value)
         if part.options()[option] != value:
             result[role] = part.with_options(**{option: value})
+    check_fit({**parts, **result}, [key.partition(".")[0] for key in choices])
     return result
+
+
+def roles_read(parts: Mapping[str, Part]) -> dict[str, tuple[str, type[Part]]]:
+    """Which roles a method reads: each with the role of a part that reads it, and of which base.
+
+    Calibration, integrity and view serve any method: the localizer itself reads them.
+    """
+    read: dict[str, tuple[str, type[Part]]] = {}
+    waiting = ["filter", *(role for role in ALWAYS if role in parts)]
+    while waiting:
+        reader = waiting.pop(0)
+        if reader not in parts:
+            continue
+        asked = {role: Part for role in parts[reader].uses} | dict(parts[reader].needs)
+        for role, base in asked.items():
+            if role not in read:
+                waiting.append(role)
+            read[role] = (reader, base)
+    return read
+
+
+def check_fit(parts: Mapping[str, Part], chosen: Iterable[str] = ()) -> None:
+    """Refuse parts that do not fit each other, and choices that nothing would read.
+
+    Parameters
+    ----------
+    parts : mapping of role to Part
+        A whole method.
+    chosen : iterable of str
+        The roles that a person named.
+
+    Raises
+    ------
+    ParameterError
+        A part lacks one that it needs, or was given one of another kind; or a chosen role is read
+        by no part of the method.
+    """
+    read = roles_read(parts)
+    for role in chosen:
+        if role not in read and role not in ("filter", *ALWAYS):
+            reads = ", ".join(each for each in ROLES if each in (*read, *ALWAYS))
+            raise ParameterError(
+                f"{role} would change nothing: with filter {name_of('filter', parts['filter'])!r} "
+                f"a method reads {reads}: leave it out, or choose another method"
+            )
+    for role, (reader, base) in read.items():
+        what = f"{reader} {name_of(reader, parts[reader])!r}"
+        if role in parts and not isinstance(parts[role], base):
+            raise ParameterError(
+                f"{role} {name_of(role, parts[role])!r} does not fit {what}, which needs a "
+                f"{base.__name__}: choose one of {_fitting(role, base)}"
+            )
+        if role in parts[reader].needs and role not in parts:
+            raise ParameterError(
+                f"{what} needs a {role}: choose one, as in {role}={_fitting(role, base)}"
+            )
+
+
+def _fitting(role: str, base: type[Part]) -> str:
+    fit = (name for name in names(role, ROLES[role]) if issubclass(part_class(role, name), base))
+    return ", ".join(fit) or f"a subclass of {base.__module__}:{base.__qualname__}"
 
 
 def parse_choices(words: Iterable[str]) -> dict[str, str]:

@@ -11,6 +11,7 @@ from typing import Self
 import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
+from trexton.base.options import option
 from trexton.localization.base import Area, Part, Training, learned
 from trexton.vision.kernels.load import in_strips
 
@@ -74,15 +75,11 @@ class RandomWalk(MotionModel):
         shows.
     """
 
-    sigma: float | None = None
+    sigma: float | None = option(
+        None, "standard deviation a frame along both axes, m; none: learned", above=0
+    )
     covariance: np.ndarray = learned()
     period_s: np.ndarray = learned()
-
-    def check(self) -> None:
-        if self.sigma is not None and not 0 < self.sigma < np.inf:
-            raise ParameterError(
-                f"the motion's sigma is {self.sigma}: expected a positive length in metres"
-            )
 
     @classmethod
     def of(cls, covariance: np.ndarray, period_s: float = 1.0) -> Self:

@@ -110,6 +110,8 @@ class NearestHistograms:
             histograms = distance.features(histograms)
         enough = TREE_FROM if "numba" in sys.modules else TREE_FROM_COLD
         wanted = method == "tree" or (method is None and len(histograms) >= enough)
+        self._rows = None if distance is None or distance.embedded else histograms
+        wanted = wanted and self._rows is None
         self._kernels: Any = compiled("nearest_in_tree", backend) if wanted else None
         self._tree = BoxTree.build(histograms) if self._kernels else None
         self._columns = None if self._kernels else _Columns(histograms)
@@ -134,6 +136,10 @@ class NearestHistograms:
         if self.distance is not None:
             histogram = np.ascontiguousarray(self.distance.features(histogram))
             size = histogram @ histogram
+        if self._rows is not None and self.distance is not None:
+            apart = self.distance.between(histogram[None], self._rows)[0]
+            index = apart.argsort(kind="stable")[:k]
+            return Neighbors(index, apart.take(index), self.positions.take(index, axis=0))
         if self._columns is not None:
             index, squared = self._columns.nearest(histogram, float(size), k)
         else:

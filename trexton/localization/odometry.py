@@ -13,7 +13,8 @@ from typing import Any, Protocol, Self
 
 import numpy as np
 
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.errors import MapError
+from trexton.base.options import option
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.base import Part, Training, learned
@@ -67,13 +68,11 @@ class Visual(Odometry):
         Peak of the correlation below which two frames show no motion, 0 to 1.
     """
 
-    sure: float = 0.1
+    sure: float = option(
+        0.1, "peak of the correlation below which two frames show no motion", low=0, below=1
+    )
     camera: Any = learned()  # see `learned_lens`
     sigma: Any = learned()  # (2,) metres a second along an axis, told the attitude and not
-
-    def check(self) -> None:
-        if not 0 <= self.sure < 1:
-            raise ParameterError(f"sure is {self.sure}: expected 0 to 1")
 
     def prepare(self) -> None:
         check_lens(self.camera, "an odometry's")

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trexton.base.errors import ParameterError
+from trexton.base.options import option
 from trexton.localization.base import Area, Part
 from trexton.localization.motion import MotionModel
 
@@ -52,18 +53,16 @@ class Augmented(Recovery):
         The vehicle counts as lost while fast average / slow average is below this.
     """
 
-    slow: float = 0.01
-    fast: float = 0.2
-    lost_below: float = 0.5
+    slow: float = option(0.01, "rate of the slow average, a frame", above=0, high=1)
+    fast: float = option(0.2, "rate of the fast average, a frame", above=0, high=1)
+    lost_below: float = option(0.5, "lost while fast / slow average is below this", low=0, high=1)
 
     def check(self) -> None:
-        if not 0 < self.slow < self.fast <= 1:
+        if not self.slow < self.fast:
             raise ParameterError(
                 f"recovery rates are slow {self.slow}, fast {self.fast}: "
                 "expected 0 < slow < fast <= 1"
             )
-        if not 0 <= self.lost_below <= 1:
-            raise ParameterError(f"lost_below is {self.lost_below}: expected a share from 0 to 1")
         self.reset()
 
     def reset(self) -> None:

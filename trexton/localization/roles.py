@@ -1,14 +1,15 @@
 """What a method is made of: one role a file, each part a small class, found by name here.
 
-A part of one's own needs no entry: ``"package.module:Class"`` names it as well.
+A part of one's own needs no entry: ``"package.module:Class"`` names it as well, and so does an
+entry point of an installed package in the group ``trexton.<role>``.
 """
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
 
 from trexton.base.errors import ParameterError
+from trexton.base.plugins import address_of, names, resolve
 from trexton.localization.base import Part
 
 __all__ = ["ROLES", "check_known", "check_role", "make", "name_of", "part_class"]
@@ -19,6 +20,7 @@ ROLES: dict[str, dict[str, str]] = {
     "distance": {
         "euclidean": "trexton.localization.distances:Euclidean",
         "hellinger": "trexton.localization.distances:Hellinger",
+        "chi-square": "trexton.localization.distances:ChiSquare",
     },
     "view": {
         "nadir": "trexton.localization.view:Nadir",
@@ -94,21 +96,14 @@ def part_class(role: str, name: str, *, imports: bool = True) -> type[Part]:
         There is no such role or part.
     """
     check_known(role)
-    module, colon, attribute = ROLES[role].get(name, name).partition(":")
-    if not imports and name not in ROLES[role] and module not in sys.modules:
-        raise ParameterError(f"{role} {name!r} is not in the library: import {module!r} first")
-    try:
-        found = getattr(import_module(module), attribute) if colon else None
-    except (ImportError, AttributeError, ValueError) as error:
+    kind = resolve(role, name, ROLES[role], imports=imports)
+    if not (isinstance(kind, type) and issubclass(kind, Part)):
+        offered = ", ".join(names(role, ROLES[role]))
         raise ParameterError(
-            f"{role} {name!r} cannot be loaded ({error}): check its name"
-        ) from None
-    if not (isinstance(found, type) and issubclass(found, Part)):
-        raise ParameterError(
-            f"{role} {name!r} is unknown: choose one of {', '.join(ROLES[role])}, or module:Class"
+            f"{role} {name!r} is no part: choose one of {offered}, or module:Class"
         )
-    check_role(role, found)
-    return found
+    check_role(role, kind)
+    return kind
 
 
 def make(role: str, name: str, **options: object) -> Part:
@@ -126,5 +121,7 @@ def make(role: str, name: str, **options: object) -> Part:
 def name_of(role: str, part: Part) -> str:
     """The name by which `make` finds the class of a part."""
     address = f"{type(part).__module__}:{type(part).__qualname__}"
-    named = {where: name for name, where in ROLES.get(role, {}).items()}
-    return named.get(address, address)
+    for name in names(role, ROLES.get(role, {})):
+        if address_of(role, name, ROLES.get(role, {})) == address:
+            return name
+    return address

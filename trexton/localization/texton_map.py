@@ -265,7 +265,7 @@ class TextonMap:
             self.time,
             self.area,
             self.period_s,
-            self.parts["distance"],
+            self.parts.get("distance"),
             self.dictionary,
             flight,
             np.random.default_rng(0) if rng is None else generator(rng),

@@ -15,8 +15,9 @@ import numpy as np
 
 from trexton.base.errors import MapError
 from trexton.localization.base import Training
+from trexton.localization.distances import Euclidean
 from trexton.localization.localizer import Localizer
-from trexton.localization.measurement import EXCLUDED_SECONDS, RankMixture
+from trexton.localization.measurement import EXCLUDED_SECONDS
 from trexton.localization.neighbors import Neighbors, neighbors_in_flight
 from trexton.localization.observation import Observation
 from trexton.localization.replay import WARM_S, Flown
@@ -37,10 +38,13 @@ def unseen(training: Training, samples: int) -> tuple[np.ndarray, list[Neighbors
     if training.dictionary is not None:
         shares = histograms / histograms.sum(axis=1, keepdims=True)
         histograms = training.rng.multinomial(samples, shares) / samples
-    nearest, features = training.nearest, training.distance.features
+    nearest, distance = training.nearest, training.distance or Euclidean()
     rows = neighbors_in_flight(nearest, histograms, training.time, nearest.k, EXCLUDED_SECONDS)
-    offset = features(histograms)[:, None] - features(training.histograms)[rows]
-    found = zip(rows, np.linalg.norm(offset, axis=2), training.positions[rows], strict=True)
+    apart = [
+        distance.between(each[None], training.histograms[near])[0]
+        for each, near in zip(histograms, rows, strict=True)
+    ]
+    found = zip(rows, apart, training.positions[rows], strict=True)
     return histograms, [Neighbors(*each) for each in found]
 
 
@@ -60,13 +64,8 @@ def flown_unseen(
     Raises
     ------
     MapError
-        The flight is too short, or the method does not measure by neighbours.
+        The flight is too short.
     """
-    if not isinstance(texton_map.parts.get("measurement"), RankMixture):
-        raise MapError(
-            "calibration=replay asks what neighbours at other times say, and this method looks at "
-            "none: choose calibration=none"
-        )
     settled = round(WARM_S / texton_map.period_s)
     if len(texton_map.histograms) < 2 * settled:
         raise MapError(

@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from trexton.base.files import digest
+from trexton.base.options import option
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.flights.frames import Frames
@@ -73,7 +74,7 @@ class Nadir(View):
         Turn the picture back by the yaw as well, so that its top is the map's y axis.
     """
 
-    turn: bool = False
+    turn: bool = option(False, "turn the picture back by the yaw as well")
     camera: Any = learned()  # width, height, focal length, principal point, usual height
 
     @property

@@ -208,8 +208,11 @@ def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     except TrextonError as error:
         yield Check("map", False, str(error))
         return
-    kept = texton_map.parts["distance"].features(histograms)
-    usual = float(np.quantile(np.linalg.norm(kept - kept[rows], axis=1), USUAL))
+    apart = [
+        localizer.distance.between(each[None], histograms[row : row + 1]).item()
+        for each, row in zip(histograms, rows, strict=True)
+    ]
+    usual = float(np.quantile(apart, USUAL))
     now = float(np.median([nearest.query(each, 1).distance[0] for each in seen]))
     words = f"nearest histogram at {now:.3f}; of training frames {USUAL:.0%} lie within {usual:.3f}"
     advice = "" if now <= usual else ": another floor, light or height than the map was made at"

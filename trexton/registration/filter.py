@@ -9,12 +9,15 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.errors import MapError
+from trexton.base.options import option
 from trexton.flights.aiding import Aiding
-from trexton.localization.base import Training, learned
+from trexton.localization.base import Part, Training, learned
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
 from trexton.localization.lens import camera_of, usual_height
+from trexton.localization.measurement import RankMixture
+from trexton.localization.motion import MotionModel
 from trexton.localization.observation import Observation
 from trexton.registration.ground import Ground
 from trexton.registration.tracker import FloorTracker, fine_cell
@@ -46,25 +49,19 @@ class Registration(Filter):
     """
 
     knows_velocity: ClassVar[bool] = True
-    picture: str = "auto"
-    attitude_sigma: float = 0.007
-    height_sigma: float = 0.02
+    needs: ClassVar[Mapping[str, type[Part]]] = {
+        "motion": MotionModel,
+        "measurement": RankMixture,  # its neighbours are where the search begins
+    }
+    picture: str = option("auto", "of the floor: surveyed, stitched, or either", choices=PICTURES)
+    attitude_sigma: float = option(0.007, "of the autopilot's attitude, rad", above=0)
+    height_sigma: float = option(0.02, "of the autopilot's height, m", above=0)
     floor: Any = learned()  # (H, W) uint8 luma, north up
     mapped: Any = learned()  # (H, W) uint8, 1 where the floor is mapped
     place: Any = learned()  # x, y of the top left cell's centre, side of a cell
     # Width, height, focal length, principal point, usual height above the floor.
     camera: Any = learned()
     trust: Any = learned()  # the fields of `Trust`
-
-    def check(self) -> None:
-        if self.picture not in PICTURES:
-            raise ParameterError(
-                f"picture is {self.picture!r}: expected one of {', '.join(PICTURES)}"
-            )
-        for name in ("attitude_sigma", "height_sigma"):
-            value = getattr(self, name)
-            if not (np.isfinite(value) and value > 0):
-                raise ParameterError(f"{name} is {value}: expected a number above 0")
 
     def prepare(self) -> None:
         if (
