@@ -90,25 +90,24 @@ def test_heat_map_by_hand():
     # Cells of 1 m around (0.5, 0.5), (1.5, 0.5), (2.5, 0.5) and the row above; samples in two of
     # them.
     positions, values = np.array([[0.5, 0.5], [2.5, 0.5]]), np.array([1.0, 3.0])
-    heat = heat_map(values, positions, (0, 3, 0, 2), 1.0, cell=1.0, reach=1.0)
+    heat = heat_map(values, positions, (0, 3, 0, 2), 1.0, cell=1.0)
     near, far = 1.0, np.exp(-2.0)
     left = (near * 1 + far * 3) / (near + far)
     # In the upper row both weights shrink alike and their mean stays; its middle cell is sqrt(2) m
     # from both.
-    np.testing.assert_allclose(heat.values, [[left, 2.0, 4 - left], [left, np.nan, 4 - left]])
-    assert heat.extent == (0, 3, 0, 2)
+    np.testing.assert_allclose(heat, [[left, 2.0, 4 - left], [left, np.nan, 4 - left]])
     # Unless given, the reach is the larger sigma: the middle is 1 m from both below, sqrt(2) m
     # above.
-    assert np.isnan(heat_map(values, positions, (0, 3, 0, 2), 0.9, cell=1.0).values[:, 1]).all()
+    assert np.isnan(heat_map(values, positions, (0, 3, 0, 2), 0.9, cell=1.0)[:, 1]).all()
     assert np.isnan(
-        heat_map(values, positions, (0, 3, 0, 2), (0.9, 1.1), cell=1.0).values[:, 1]
+        heat_map(values, positions, (0, 3, 0, 2), (0.9, 1.1), cell=1.0)[:, 1]
     ).tolist() == [False, True]
 
 
 def test_heat_map_of_a_field_is_as_coarse_as_it_must():
     values, place = np.ones(1), np.array([[2.0, 2.0]])
-    assert heat_map(values, place, (0, 5, 0, 4), 0.8).values.shape == (80, 100)  # 5 cm
-    assert heat_map(values, place, (0, 430, 0, 415), 0.8).values.shape == (194, 200)
+    assert heat_map(values, place, (0, 5, 0, 4), 0.8).shape == (80, 100)  # 5 cm
+    assert heat_map(values, place, (0, 430, 0, 415), 0.8).shape == (194, 200)
 
 
 def test_over_a_field_sigma_is_a_tenth_of_its_diagonal():
@@ -117,9 +116,9 @@ def test_over_a_field_sigma_is_a_tenth_of_its_diagonal():
 
 
 def test_heat_map_fills_the_area_with_whole_cells():
-    heat = heat_map(np.ones(1), np.array([[0.1, 0.1]]), (0, 1, 0, 0.52), 0.8, cell=0.25, reach=10)
-    assert heat.values.shape == (3, 4)
-    np.testing.assert_allclose(heat.values, 1)
+    heat = heat_map(np.ones(1), np.array([[0.1, 0.1]]), (0, 1, 0, 0.52), 10.0, cell=0.25)
+    assert heat.shape == (3, 4)
+    np.testing.assert_allclose(heat, 1)
 
 
 def test_zero_histogram_is_named():
@@ -148,10 +147,10 @@ def test_shapes_disagree(histograms, positions):
         local_losses(histograms, positions, 0.8)
 
 
-@pytest.mark.parametrize("wrong", [{"cell": 0}, {"reach": -1}, {"cell": np.nan}])
-def test_bad_cells(wrong):
+@pytest.mark.parametrize("cell", [0, -1, np.nan])
+def test_bad_cells(cell):
     with pytest.raises(ParameterError, match="positive"):
-        heat_map(np.ones(1), np.zeros((1, 2)), (0, 1, 0, 1), 0.8, **wrong)
+        heat_map(np.ones(1), np.zeros((1, 2)), (0, 1, 0, 1), 0.8, cell=cell)
 
 
 @pytest.mark.parametrize(

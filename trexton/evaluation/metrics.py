@@ -1,7 +1,8 @@
-"""Errors of tracks of estimates: per axis as the paper prints them, Euclidean, with intervals and
-yardsticks.
+"""Errors of estimated tracks with 95 % confidence intervals, and baselines to compare them with.
 
-Nothing is aligned before it is compared: estimates and ground truth share one frame of reference.
+Errors are per axis, as the paper prints them, and Euclidean; intervals come from a block bootstrap,
+Student's t or Wilson's score. Nothing is aligned before it is compared: estimates and ground truth
+share one frame of reference.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr, ndtri, stdtrit
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import whole
@@ -28,10 +30,9 @@ __all__ = [
     "wilson_interval",
 ]
 
-BLOCK = 12  # frames, about a second
-_FEWEST = 4  # blocks of a flight
-Counts = int | Sequence[int] | np.ndarray  # of trials, or of each cluster's
-_AT_ONCE = 100_000  # drawn frames whose statistics are computed together
+BLOCK = 12  # frames of a bootstrap block, about a second
+_MIN_BLOCKS = 4  # of a flight
+Counts = int | Sequence[int] | np.ndarray  # of independent trials, or of each cluster's
 
 
 def absolute_errors(estimates: np.ndarray, truth: np.ndarray) -> np.ndarray:
@@ -57,19 +58,19 @@ def euclidean(places: np.ndarray, others: np.ndarray) -> np.ndarray:
 
 
 def block_rows(count: int, rng: np.random.Generator, block: int = BLOCK) -> np.ndarray:
-    """``(count,)`` rows resampled in whole circular blocks.
+    """``(count,)`` rows of one draw of the circular block bootstrap.
 
     Neighbouring frames err alike; blocks of about a second keep that dependence, single frames
-    would not. So few rows that they make no `_FEWEST` blocks are drawn in shorter ones.
+    would not. So few rows that they make no `_MIN_BLOCKS` blocks are drawn in shorter ones.
     """
-    block = _shortened(block, count)
+    block = _fitting(block, count)
     starts = rng.integers(count, size=-(-count // block))
     return ((starts[:, None] + np.arange(block)) % count).ravel()[:count]
 
 
-def _shortened(block: int, count: int) -> int:
-    """A block that fits `_FEWEST` times: of one that is the whole flight, all draws were alike."""
-    return max(1, min(block, count // _FEWEST))
+def _fitting(block: int, count: int) -> int:
+    """A block that fits `_MIN_BLOCKS` times: with one as long as the flight all draws are equal."""
+    return max(1, min(block, count // _MIN_BLOCKS))
 
 
 def bootstrap_interval(
@@ -91,18 +92,14 @@ def bootstrap_interval(
     -------
     (2,) or (2, K) array
     """
-    from scipy.stats import norm, t
-
-    blocks = -(-count // _shortened(block, count))
+    blocks = -(-count // _fitting(block, count))
     tail = 0.0
     if blocks > 1:
-        tail = 100 * norm.sf(np.sqrt(blocks / (blocks - 1)) * t.isf(0.025, blocks - 1))
+        tail = 100 * ndtr(np.sqrt(blocks / (blocks - 1)) * stdtrit(blocks - 1, 0.025))
     return np.nanpercentile(drawn, (tail, 100 - tail), axis=0)
 
 
-def mean_with_interval(
-    rows: np.ndarray, rng: np.random.Generator, draws: int = 500
-) -> dict[str, float]:
+def mean_with_interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, float]:
     """Mean of ``(R, N)`` values with its 95 % interval over runs and stretches of the flight, as
     records hold it; NaN is left out.
 
@@ -118,44 +115,34 @@ def mean_with_interval(
         )
     drawn = [
         np.nanmean(rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)])
-        for _ in range(draws)
+        for _ in range(500)
     ]
     low, high = bootstrap_interval(drawn, rows.shape[1])
     return {"value": np.nanmean(rows), "low": low, "high": high}
 
 
-def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
-    """All statistics of ``(D, N, 2)`` absolute errors in cm, each ``(D,)``: D tracks at once."""
-    euclidean = np.hypot(absolute[..., 0], absolute[..., 1])
-    mean, std = absolute.mean(axis=1), absolute.std(axis=1)
-    overall = euclidean.mean(axis=1)
+def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, float]:
+    """All statistics of one track's ``(N, 2)`` absolute errors in cm, frames with NaN left out;
+    empty where none is left.
+    """
+    absolute = absolute[np.isfinite(absolute).all(axis=1)]
+    if not len(absolute):
+        return {}
+    distance = np.hypot(*absolute.T)
+    mean, std, overall = absolute.mean(axis=0), absolute.std(axis=0), distance.mean()
     return {
-        "error_cm_x": mean[:, 0],
-        "error_cm_y": mean[:, 1],
-        "std_cm_x": std[:, 0],
-        "std_cm_y": std[:, 1],
-        "axis_mean_cm": mean.mean(axis=1),
-        "axis_std_cm": std.mean(axis=1),
+        "error_cm_x": mean[0],
+        "error_cm_y": mean[1],
+        "std_cm_x": std[0],
+        "std_cm_y": std[1],
+        "axis_mean_cm": mean.mean(),
+        "axis_std_cm": std.mean(),
         "mean_cm": overall,
-        "median_cm": np.median(euclidean, axis=1),
-        "p95_cm": np.percentile(euclidean, 95, axis=1),
-        "rmse_cm": np.sqrt(np.mean(euclidean**2, axis=1)),
-        "relative": overall / diagonal_cm if diagonal_cm > 0 else np.full_like(overall, np.nan),
+        "median_cm": np.median(distance),
+        "p95_cm": np.percentile(distance, 95),
+        "rmse_cm": np.sqrt(np.mean(distance**2)),
+        "relative": overall / diagonal_cm if diagonal_cm > 0 else np.nan,
     }
-
-
-def _of_each(absolute: np.ndarray, diagonal_cm: float) -> dict[str, np.ndarray]:
-    """The statistics of ``(D, N, 2)`` errors, frames with NaN left out, tracks without any too."""
-    known = np.isfinite(absolute).all(axis=2)
-    if known.all():
-        return _statistics(absolute, diagonal_cm)
-    tracks = [track[rows][None] for track, rows in zip(absolute, known, strict=True) if rows.any()]
-    return _joined([_statistics(track, diagonal_cm) for track in tracks])
-
-
-def _joined(found: Sequence[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    found = [each for each in found if each]
-    return {name: np.concatenate([each[name] for each in found]) for name in (found or [{}])[0]}
 
 
 def summarize(
@@ -205,40 +192,30 @@ def summarize(
     }
     if result["frames"] == 0:
         return result
-    single = _of_each(absolute, 100 * diagonal)
-    rows = [(rng.integers(len(absolute)), block_rows(absolute.shape[1], rng)) for _ in range(draws)]
-    step = max(1, _AT_ONCE // absolute.shape[1])
-    chunks = (
-        np.stack([absolute[run, frames] for run, frames in rows[at : at + step]])
-        for at in range(0, draws, step)
+    count = absolute.shape[1]
+    drawn = [absolute[rng.integers(len(runs)), block_rows(count, rng)] for _ in range(draws)]
+    of_runs, of_draws = (
+        [each for track in tracks if (each := _statistics(track, 100 * diagonal))]
+        for tracks in (absolute, drawn)
     )
-    drawn = _joined([_of_each(chunk, 100 * diagonal) for chunk in chunks])
-    for name, values in single.items():
-        low, high = bootstrap_interval(drawn[name], absolute.shape[1])
+    for name in of_runs[0]:
+        low, high = bootstrap_interval([each[name] for each in of_draws], count)
+        values = [each[name] for each in of_runs]
         runs_low, median, runs_high = np.percentile(values, (2.5, 50, 97.5))
-        result[name] = {
-            "value": median,
-            "low": low,
-            "high": high,
-            "runs_low": runs_low,
-            "runs_high": runs_high,
-        }
+        result[name] = {"value": median, "low": low, "high": high}
+        result[name] |= {"runs_low": runs_low, "runs_high": runs_high}
     return result
 
 
 def constant_guess(train: np.ndarray, count: int) -> np.ndarray:
-    """``(count, 2)`` the mean training position, always: what knowing nothing but the area
-    costs.
-    """
+    """``(count, 2)`` the mean training position: the baseline that knows nothing but the area."""
     return np.tile(np.nanmean(train, axis=0), (count, 1))
 
 
 def shuffled_neighbors(
     positions: np.ndarray, count: int, k: int, *, rng: np.random.Generator
 ) -> np.ndarray:
-    """``(count, 2)`` means of k training positions drawn at random: the k-NN with its histograms
-    shuffled.
-    """
+    """``(count, 2)`` means of k random training positions: the k-NN with shuffled histograms."""
     return positions[rng.integers(len(positions), size=(count, k))].mean(axis=1)
 
 
@@ -277,8 +254,6 @@ def wilson_interval(successes: Counts, trials: Counts) -> tuple[float, float]:
     ParameterError
         There are more successes than trials, or no trials.
     """
-    from scipy.special import ndtri
-
     good, tried = np.atleast_1d(successes), np.atleast_1d(trials)
     if good.shape != tried.shape or tried.sum() < 1 or not ((0 <= good) & (good <= tried)).all():
         raise ParameterError(
@@ -301,8 +276,6 @@ def wilson_interval(successes: Counts, trials: Counts) -> tuple[float, float]:
 
 def _independent(successes: np.ndarray, trials: np.ndarray) -> float:
     """How many independent trials tell as much as these, of which each cluster has so many."""
-    from scipy.stats import t
-
     successes, trials = successes[trials > 0], trials[trials > 0]
     clusters, count = len(trials), int(trials.sum())
     if clusters == 1:
@@ -313,7 +286,7 @@ def _independent(successes: np.ndarray, trials: np.ndarray) -> float:
     off = successes - rate * trials
     variance = clusters / (clusters - 1) * (off @ off) / count**2
     effect = max(1.0, variance * (count - 1) / (rate * (1 - rate)))  # of clustering
-    few = t.isf(0.025, count - 1) / t.isf(0.025, clusters - 1)
+    few = stdtrit(count - 1, 0.025) / stdtrit(clusters - 1, 0.025)
     return float(count / effect * few**2)
 
 
@@ -326,10 +299,9 @@ def mean_over_groups(
     Student's, since groups are few: of two floors a bootstrap could only draw the two. Of a single
     group nothing is known about others, and ``low`` and ``high`` are None.
     """
-    from scipy.stats import sem, t
-
     mean, count = float(np.mean(values)), len(values)
     if count < 2:
         return {"value": mean, "low": None, "high": None}
-    reach = float(t.isf(0.025, count - 1) * sem(values))
+    standard_error = np.std(values, ddof=1) / np.sqrt(count)
+    reach = -float(stdtrit(count - 1, 0.025) * standard_error)
     return {"value": mean, "low": max(lowest, mean - reach), "high": min(highest, mean + reach)}

@@ -11,14 +11,12 @@ one number, or one for each axis.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
+from scipy.spatial import cKDTree
 
 from trexton.base.errors import MapError, ParameterError
 
 __all__ = [
-    "HeatMap",
     "cosine_similarity",
     "global_loss",
     "heat_map",
@@ -123,22 +121,6 @@ def usual_sigma(diagonal: float, least: float) -> float:
     return max(least, float(f"{0.1 * diagonal:.1g}"))  # one digit: it is no exact number
 
 
-@dataclass(frozen=True, eq=False)
-class HeatMap:
-    """Smoothed values over the floor.
-
-    Attributes
-    ----------
-    values : (rows, columns) array
-        Row 0 lies at the smallest y; NaN far from every sample.
-    extent : (x_min, x_max, y_min, y_max)
-        Outer edges of the cells in metres.
-    """
-
-    values: np.ndarray
-    extent: tuple[float, float, float, float]
-
-
 def heat_map(
     values: np.ndarray,
     positions: np.ndarray,
@@ -146,8 +128,7 @@ def heat_map(
     sigma: Sigma,
     *,
     cell: float | None = None,
-    reach: float | None = None,
-) -> HeatMap:
+) -> np.ndarray:
     """Assign a value to every place of the floor: the samples' values, smoothed with a Gaussian.
 
     A normalised convolution, taken at the cells' centres from the samples' own positions.
@@ -161,33 +142,31 @@ def heat_map(
     cell : float, optional
         Side of a cell in metres, or a little less, so that whole cells fill the area; 5 cm, and
         over fields as much as leaves 200 cells along the longer side.
-    reach : float, optional
-        Places farther than this from every sample, in metres, stay empty; `sigma` unless given.
+
+    Returns
+    -------
+    (rows, columns) array
+        Row 0 lies at the smallest y; NaN farther than `sigma`, the larger, from every sample.
 
     Raises
     ------
     ParameterError
-        `sigma`, `cell` or `reach` is not positive; `area` is none; a shape is another; a value or
+        `sigma` or `cell` is not positive; `area` is none; a shape is another; a value or
         position is not finite.
     """
-    reach = _scale(sigma).max() if reach is None else reach
     if np.shape(area) != (4,) or not (area[0] <= area[1] and area[2] <= area[3]):
         raise ParameterError(
             f"area is {area}: expected x_min, x_max, y_min, y_max, the smaller of each first"
         )
     if cell is None:
         cell = max(_FINEST, (area[1] - area[0]) / _CELLS, (area[3] - area[2]) / _CELLS)
-    for name, length in (("cell", cell), ("reach", reach)):
-        if not length > 0:
-            raise ParameterError(f"{name} is {length}: expected a positive length in metres")
-    values, positions = _samples(values, positions)
+    if not cell > 0:
+        raise ParameterError(f"cell is {cell}: expected a positive length in metres")
     x, y = _centers(*area[:2], cell), _centers(*area[2:], cell)
-    heat = np.empty((len(y), len(x)))
-    for row, place in enumerate(y):
-        places = np.column_stack([x, np.full(len(x), place)])
-        squared = np.square(places[:, None] - positions).sum(axis=2).min(axis=1)
-        heat[row] = np.where(squared <= reach**2, smooth(values, positions, places, sigma), np.nan)
-    return HeatMap(heat, area)
+    places = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    heat = smooth(values, positions, places, sigma)
+    heat[cKDTree(positions).query(places)[0] > _scale(sigma).max()] = np.nan
+    return heat.reshape(len(y), len(x))
 
 
 def _centers(start: float, end: float, cell: float) -> np.ndarray:

@@ -27,7 +27,7 @@ from trexton.companion.checks.bench_onboard import onboard
 from trexton.companion.checks.growth import exponent
 from trexton.companion.checks.scene import Scene, crowd, observations
 from trexton.companion.checks.timing import Times, interleave
-from trexton.evaluation.clock import StageClock
+from trexton.evaluation.runtime import StageTimer
 from trexton.localization.estimation import MaximumAPosteriori
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.measurement import RankMixture
@@ -142,7 +142,7 @@ def test_yardstick_of_the_neighbours_finds_the_same_rows(rng):
 
 def test_stages_together_are_the_localizer(scene):
     """The clock steps the same parts with the same random numbers."""
-    clock, whole = StageClock(scene.map, rng=scene.rng("flight")), scene.localizer()
+    clock, whole = StageTimer(scene.map, rng=scene.rng("flight")), scene.localizer()
     for frame in scene.views[0][:3]:
         clock.step(frame)
         estimate = whole.step(frame)
@@ -150,7 +150,7 @@ def test_stages_together_are_the_localizer(scene):
     assert {name: len(taken) for name, taken in clock.seconds.items()} == dict.fromkeys(
         clock.seconds, 3
     )
-    blind = StageClock(scene.map, rng=np.random.default_rng(1))
+    blind = StageTimer(scene.map, rng=np.random.default_rng(1))
     blind.step(scene.histograms[0])
     assert list(blind.medians()) == ["neighbors", "filter", "estimate"]
 

@@ -13,8 +13,8 @@ from trexton.companion.experiments import stored, trade_off, tuned
 from trexton.companion.experiments.evaluation import frames_of, trained_map
 from trexton.companion.experiments.track import tracks
 from trexton.companion.figures import trade_off as figures
-from trexton.evaluation.clock import frequency, milliseconds
 from trexton.evaluation.metrics import absolute_errors
+from trexton.evaluation.runtime import frequency, milliseconds
 from trexton.vision.histograms import texton_histogram
 
 SWEPT = {"samples": (20, 80, None), "particles": (5, 30), "neighbors": (1, 3), "training": (24, 40)}

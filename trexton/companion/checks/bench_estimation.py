@@ -15,7 +15,7 @@ from trexton.base.progress import say
 from trexton.base.wording import duration
 from trexton.companion.checks.scene import Scene, crowd, observations
 from trexton.companion.checks.timing import Row, Times, interleave
-from trexton.evaluation.clock import StageClock
+from trexton.evaluation.runtime import StageTimer
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.neighbors import NearestHistograms
 
@@ -117,7 +117,7 @@ def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
     frames.
     """
     whole, frames = scene.localizer(), scene.views[0]
-    parts = StageClock(scene.map, rng=scene.rng("flight"))
+    parts = StageTimer(scene.map, rng=scene.rng("flight"))
     turn = iter(np.tile(np.arange(len(frames)), 100_000))
     contestants = {
         "frame": lambda: whole.step(frames[next(turn)]),

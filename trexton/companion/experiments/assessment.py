@@ -24,7 +24,6 @@ from trexton.companion.experiments.evaluation import (
     whereabouts,
 )
 from trexton.companion.experiments.track import fly
-from trexton.evaluation.clock import of_frames
 from trexton.evaluation.metrics import (
     constant_guess,
     euclidean,
@@ -32,6 +31,7 @@ from trexton.evaluation.metrics import (
     shuffled_neighbors,
     summarize,
 )
+from trexton.evaluation.runtime import of_frames
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap

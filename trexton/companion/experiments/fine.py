@@ -34,8 +34,8 @@ from trexton.companion.experiments.followed import (
 )
 from trexton.companion.experiments.stitched import stitched_map
 from trexton.companion.experiments.track import HELD
-from trexton.evaluation.clock import of_frames
 from trexton.evaluation.metrics import euclidean, mean_over_groups, mean_with_interval, success_rate
+from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.registration import FloorTracker
 from trexton.vision.camera import MapImage

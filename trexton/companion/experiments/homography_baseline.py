@@ -21,8 +21,8 @@ from trexton.companion.experiments.stitched import (
     locate_all,
     picture_of,
 )
-from trexton.evaluation.clock import of_frames
 from trexton.evaluation.metrics import euclidean, summarize
+from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 
 __all__ = ["finding", "Parameters", "run"]

@@ -17,8 +17,8 @@ from trexton.companion.experiments.declaration import MapParameters, option
 from trexton.companion.experiments.evaluation import evaluate, floor_picture, frames_of, map_of
 from trexton.companion.experiments.stitched import homography_maps, locate_all
 from trexton.companion.experiments.track import tracks
-from trexton.evaluation.clock import of_frames
 from trexton.evaluation.metrics import absolute_errors, euclidean, summarize
+from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 

@@ -94,9 +94,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "local_loss": losses,
             "error_m": errors,
             "heat": {
-                "loss": heat.values.round(5),
-                "error_m": wrong.values.round(5),
-                "extent_m": heat.extent,
+                "loss": heat.round(5),
+                "error_m": wrong.round(5),
+                "extent_m": train.area,
             },
             "sweep": sweep,
             "similarity": similarity_series,

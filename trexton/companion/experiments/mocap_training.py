@@ -21,7 +21,6 @@ from trexton.companion.experiments.evaluation import (
     whereabouts,
 )
 from trexton.companion.experiments.track import Track, tracks
-from trexton.evaluation.clock import of_frames
 from trexton.evaluation.metrics import (
     absolute_errors,
     block_rows,
@@ -29,6 +28,7 @@ from trexton.evaluation.metrics import (
     euclidean,
     summarize,
 )
+from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 from trexton.localization.roles import ROLES

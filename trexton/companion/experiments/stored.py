@@ -12,7 +12,7 @@ import numpy as np
 from trexton.base.progress import progress
 from trexton.base.streams import stream
 from trexton.companion.experiments.track import fly
-from trexton.evaluation.clock import frequency, milliseconds
+from trexton.evaluation.runtime import frequency, milliseconds
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.neighbors import NearestHistograms
 

@@ -18,7 +18,7 @@ from trexton.base.wording import number, percent, times
 from trexton.companion.experiments.declaration import MapParameters, option
 from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.track import fly
-from trexton.evaluation.clock import STAGES, StageClock, frequency, milliseconds
+from trexton.evaluation.runtime import STAGES, StageTimer, frequency, milliseconds
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
 from trexton.registration.homography import HomographyLocalizer
@@ -55,8 +55,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     def localizer(**changes: Any) -> Localizer:
         return Localizer(texton_map, rng=stream(parameters.seed, "flight", 0), **options | changes)
 
-    def clocked() -> StageClock:
-        return StageClock(texton_map, rng=stream(parameters.seed, "flight", 0), **options)
+    def clocked() -> StageTimer:
+        return StageTimer(texton_map, rng=stream(parameters.seed, "flight", 0), **options)
 
     with limited_threads(1):
         for frame in frames[:2]:  # whatever the first calls load

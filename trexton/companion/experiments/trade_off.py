@@ -22,8 +22,8 @@ from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.stored import time_stored
 from trexton.companion.experiments.track import Track, fly, tracks
 from trexton.companion.experiments.tuned import search_settings
-from trexton.evaluation.clock import frequency, milliseconds
 from trexton.evaluation.metrics import absolute_errors, block_rows, bootstrap_interval, summarize
+from trexton.evaluation.runtime import frequency, milliseconds
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.vision.histograms import texton_histogram

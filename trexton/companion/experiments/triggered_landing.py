@@ -22,8 +22,8 @@ from trexton.companion.experiments.closed_loop import (
 from trexton.companion.experiments.declaration import MapParameters, option
 from trexton.companion.experiments.evaluation import floor_picture, map_of
 from trexton.companion.experiments.floors import lent_floor
-from trexton.evaluation.clock import of_frames
 from trexton.evaluation.metrics import bootstrap_interval, success_rate
+from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
 

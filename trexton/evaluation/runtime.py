@@ -1,4 +1,6 @@
-"""Times: of a frame's stages where they happen, and as records carry them."""
+"""Processing time per frame: of each stage of a localizer, measured where it happens, and medians
+with intervals as records hold them, in milliseconds or as a rate.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +13,13 @@ import numpy as np
 from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer, TextonMap
 
-__all__ = ["STAGES", "StageClock", "frequency", "milliseconds", "of_frames"]
+__all__ = ["STAGES", "StageTimer", "frequency", "milliseconds", "of_frames"]
 
 STAGES = ("histogram", "neighbors", "filter", "estimate")
-_STRETCH = 20  # measurements
 
 
-class StageClock:
-    """A localizer whose every stage has its own clock, in the order in which `step` runs them.
+class StageTimer:
+    """A localizer whose stages are timed one by one, in the order in which `step` runs them.
 
     Parameters
     ----------
@@ -49,24 +50,21 @@ class StageClock:
         return self.localizer.step(frame)
 
     def medians(self) -> dict[str, float]:
-        """Median seconds of each stage that was seen."""
+        """Median seconds of each stage that ran."""
         return {name: float(np.median(taken)) for name, taken in self.seconds.items() if taken}
 
 
-def milliseconds(runs: Sequence[np.ndarray], stretch: int = _STRETCH) -> dict[str, Any]:
+def milliseconds(runs: Sequence[np.ndarray], stretch: int = 20) -> dict[str, Any]:
     """``median``, ``low``, ``high`` in ms of times in seconds.
 
-    Single frames now and then wait for the rest of the machine; a median over a stretch does not
-    feel that.
+    Single frames now and then wait for the rest of the machine; the interval is that of medians
+    over `stretch` frames, which do not feel that.
     """
     pieces = [piece for run in runs for piece in np.array_split(run, max(1, len(run) // stretch))]
     low, high = np.percentile([np.median(piece) for piece in pieces], (2.5, 97.5))
     median = np.median(np.concatenate(runs))
-    return {
-        "median": 1000 * median,
-        "low": 1000 * min(low, median),
-        "high": 1000 * max(high, median),
-    }
+    times = {"median": median, "low": min(low, median), "high": max(high, median)}
+    return {name: 1000 * seconds for name, seconds in times.items()}
 
 
 def of_frames(seconds: np.ndarray, unit: str = "") -> dict[str, Any]:
@@ -76,8 +74,5 @@ def of_frames(seconds: np.ndarray, unit: str = "") -> dict[str, Any]:
 
 def frequency(time_ms: dict[str, Any]) -> dict[str, Any]:
     """The same as a rate in Hz."""
-    return {
-        "median": 1000 / time_ms["median"],
-        "low": 1000 / time_ms["high"],
-        "high": 1000 / time_ms["low"],
-    }
+    times = {"median": "median", "low": "high", "high": "low"}
+    return {name: 1000 / time_ms[time] for name, time in times.items()}
