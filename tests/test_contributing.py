@@ -21,6 +21,7 @@ FILE = re.compile(r"`(?P<path>trexton/[\w/]+\.py)`:\n\n```python\n(?P<code>.*?)`
 LINE = re.compile(
     r"One line in `(?P<path>[^`]+)`, under `(?P<anchor>[^`]+)`:\n\n```python\n(?P<line>[^\n]+)\n```"
 )
+NOTEBOOK = re.compile(r"`(?P<path>notebooks/\w+\.md)`:\n\n````markdown\n(?P<text>.*?)````", re.S)
 SECTIONS = {
     found["title"]: found["body"]
     for found in SECTION.finditer((ROOT / "CONTRIBUTING.md").read_text())
@@ -66,8 +67,10 @@ def test_it_is_done_as_printed(title, tmp_path, flight):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
     (file,), (line,) = FILE.findall(body), LINE.findall(body)
-    assert len(file[1].splitlines()) <= 40
+    assert len(file[1].splitlines()) <= 60
     (tmp_path / file[0]).write_text(file[1])
+    for path, text in NOTEBOOK.findall(body):
+        (tmp_path / path).write_text(text)
     registry = tmp_path / line[0]
     before, anchor, after = registry.read_text().partition(line[1] + "\n")
     assert anchor, f"{line[1]!r} is not in {line[0]}"

@@ -61,5 +61,5 @@ def test_every_option_says_what_it_means():
     from trexton.companion.experiments.registry import EXPERIMENTS
 
     for name, experiment in EXPERIMENTS.items():
-        for each in experiment.parameters(name).declared():
+        for each in experiment.parameters.declared():
             assert each.meaning and not each.meaning.endswith("."), f"{name}.{each.name}"

@@ -27,6 +27,7 @@ from trexton.companion.build.paper_map import load_map, map_table
 from trexton.companion.build.prose import records_by_name
 from trexton.companion.build.workflow import Outcome
 from trexton.companion.claims.api import load_claims
+from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.names import flight_title
 
@@ -124,7 +125,9 @@ def test_other_records_give_other_verdicts():
 
 def test_every_claim_stands_in_one_item_of_the_paper_map(tmp_path):
     items = load_map()
-    assert sorted(c for item in items for c in item.claims) == sorted(c.id for c in load_claims())
+    assert sorted(c for item in items for c in item.claims) == sorted(
+        c.id for c in load_claims(paper_file("claims.toml"))
+    )
     for item in items:
         assert item.page in EXPERIMENTS or (ROOT / "book" / f"{item.page}.md").is_file(), item.name
     (tmp_path / "map.toml").write_text('[[item]]\nname = "a"\npage = "data"\nclaims = ["moon"]\n')

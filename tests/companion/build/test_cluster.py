@@ -19,6 +19,7 @@ import pytest
 from conftest import ROOT, small_flight
 from dask_tools import Cluster
 from patience import eventually
+from tiny_experiment import tiny
 from tiny_notebooks import BODY, write_notebook
 
 from trexton.base.errors import ParameterError, TrextonError
@@ -26,7 +27,7 @@ from trexton.base.executor import connect, spread, working_on
 from trexton.companion.build.execution import Job, execute
 from trexton.companion.build.workers import workers
 from trexton.companion.build.workflow import FlightPair, run_experiments
-from trexton.companion.experiments.registry import EXPERIMENTS, Experiment
+from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights import write_flight
 
 RECORDED = ("parameters", "values", "series", "images", "provenance")
@@ -119,7 +120,7 @@ def test_a_killed_worker_costs_only_its_notebook(cluster, flight, tmp_path):
         "    os.kill(os.getppid(), signal.SIGKILL)\n    import time; time.sleep(60)\n"
     )
     write_notebook(notebooks, "second", dies + BODY)
-    experiments = {name: Experiment(name, module="tiny_experiment") for name in ("first", "second")}
+    experiments = {name: tiny(name) for name in ("first", "second")}
     before = cluster.alive
     outcomes = run_experiments(
         [FlightPair(str(flight))], tmp_path / "out", notebooks=notebooks,
@@ -201,10 +202,10 @@ def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
     script = f"""if True:
         import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
         import sys; sys.path.insert(0, {str(ROOT / "tests")!r})
-        from trexton.companion.experiments.registry import Experiment
+        from tiny_experiment import tiny
         from trexton.companion.build.workflow import FlightPair, run_experiments
-        experiments = {{"first": Experiment("F", module="tiny_experiment"),
-            "second": Experiment("S", after=("first",), module="tiny_experiment")}}
+        experiments = {{"first": tiny("F"),
+            "second": tiny("S", after=("first",))}}
         run_experiments([FlightPair({str(flight)!r})], {str(tmp_path / "out")!r},
             notebooks={str(notebooks)!r}, experiments=experiments, cluster={address!r})"""
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
@@ -219,8 +220,8 @@ def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
 
     write_notebook(notebooks, "second")
     experiments = {
-        "first": Experiment("F", module="tiny_experiment"),
-        "second": Experiment("S", after=("first",), module="tiny_experiment"),
+        "first": tiny("F"),
+        "second": tiny("S", after=("first",)),
     }
     outcomes = run_experiments(
         [FlightPair(str(flight))], tmp_path / "out", notebooks=notebooks, experiments=experiments

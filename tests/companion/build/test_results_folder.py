@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import pytest
+from tiny_experiment import tiny
 from tiny_notebooks import write_notebook
 
 from trexton.base.errors import ParameterError
 from trexton.companion.build.sweep import Plan, sweep
 from trexton.companion.build.workflow import FlightPair, run_experiments
-from trexton.companion.experiments.registry import Experiment
 
 KEPT = "mend it, what was there before is kept"
 
@@ -33,7 +33,7 @@ def test_what_stands_in_the_place_of_results_is_named_and_stays(flight_folder, t
     write_notebook(notebooks, "first")
     taken.parent.mkdir()
     taken.write_text("a person's")
-    experiments = {"first": Experiment("First", module="tiny_experiment")}
+    experiments = {"first": tiny("First")}
     (outcome,) = run_experiments(
         [FlightPair(str(flight_folder))], taken.parent, notebooks=notebooks, experiments=experiments
     )

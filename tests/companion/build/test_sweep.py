@@ -44,10 +44,10 @@ def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
 
 
 def test_cells_that_cannot_run_here_are_left_out_with_a_word(flight, tmp_path, monkeypatch, capsys):
-    def obstacle(parameters):
-        return "seven is not here" if parameters.particles == 7 else None
+    def obstacle(self):
+        return "seven is not here" if self.particles == 7 else None
 
-    monkeypatch.setattr(mocap_training, "obstacle", obstacle, raising=False)
+    monkeypatch.setattr(mocap_training.Parameters, "obstacle", obstacle)
     settings = SETTINGS | {"seed": [1]}
     plan = Plan("mocap_training", settings, [FlightPair(flight)], values=("counts.test",))
     swept = sweep(plan, tmp_path / "out", jobs=1)

@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT, small_flight
 from patience import alive, eventually
+from tiny_experiment import tiny
 from tiny_notebooks import BODY, FAILING, write_notebook
 
 from trexton.base.errors import FlightError, ParameterError, TrextonError
@@ -23,7 +24,7 @@ from trexton.companion.build.execution import Done
 from trexton.companion.build.formats import nbformat
 from trexton.companion.build.notebooks import Notebook
 from trexton.companion.build.workflow import FlightPair, run_experiments
-from trexton.companion.experiments.registry import Experiment
+from trexton.companion.experiments.declaration import Experiment
 from trexton.flights import read_flight, write_flight
 from trexton.flights.pair import load_pair
 
@@ -35,8 +36,8 @@ def house(tmp_path, flight_folder):
     class House:
         notebooks, out, flight = tmp_path / "notebooks", tmp_path / "out", flight_folder
         experiments = {
-            "first": Experiment("First", module="tiny_experiment"),
-            "second": Experiment("Second", module="tiny_experiment", after=("first",)),
+            "first": tiny("First"),
+            "second": tiny("Second", after=("first",)),
         }
 
         def run(self, **options):
@@ -204,10 +205,10 @@ def test_a_name_that_no_folder_can_have_is_one_short_sentence(house, tmp_path, n
 
 def test_a_failing_notebook_names_its_cell_and_the_others_go_on(house):
     house.experiments = {
-        "broken": Experiment("Broken", module="tiny_experiment"),
-        "heir": Experiment("Heir", module="tiny_experiment", after=("broken",)),
-        "dead": Experiment("Dead", module="tiny_experiment"),
-        "first": Experiment("First", module="tiny_experiment"),
+        "broken": tiny("Broken"),
+        "heir": tiny("Heir", after=("broken",)),
+        "dead": tiny("Dead"),
+        "first": tiny("First"),
     }
     write_notebook(house.notebooks, "broken", "print('so far')\n" + FAILING)
     write_notebook(house.notebooks, "heir")
@@ -253,7 +254,7 @@ def test_what_a_new_run_no_longer_makes_is_gone(without_kernels, house):
 
 def test_stale_results_are_not_shown_to_whoever_looks_at_all(without_kernels, house):
     write_notebook(house.notebooks, "ledger", LEDGER, 'out = "results"')
-    house.experiments = {"ledger": Experiment("Ledger", every_flight=True)} | house.experiments
+    house.experiments = {"ledger": Experiment("Ledger")} | house.experiments
     house.run()
     write_notebook(house.notebooks, "first", FAILING)
     assert statuses(house.run()) == {"first": "failed", "second": "skipped", "ledger": "ran"}
@@ -263,8 +264,8 @@ def test_stale_results_are_not_shown_to_whoever_looks_at_all(without_kernels, ho
 
 def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_folder):
     house.experiments = {
-        "first": Experiment("First", module="tiny_experiment", needs=("images",)),
-        "second": Experiment("Second", module="tiny_experiment", needs=("floor",)),
+        "first": tiny("First", needs=("images",)),
+        "second": tiny("Second", needs=("floor",)),
     }
     outcomes = house.run()
     assert {name: outcome.reasons for name, outcome in outcomes.items()} == {
@@ -273,7 +274,7 @@ def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_fold
     frames = house.flight / "frames.csv"
     frames.write_text(frames.read_text().replace("1,0.0,1.0,0.0", "1,0.0,nan,nan"))
     house.experiments = {
-        "first": Experiment("First", module="tiny_experiment", needs=("positions",))
+        "first": tiny("First", needs=("positions",))
     }
     assert house.run()["first"].reasons == ("small lacks positions in some frames",)
 
@@ -296,7 +297,7 @@ def test_a_flight_without_splits_tests_on_its_later_frames(house, tmp_path, caps
 
 def test_the_ledger_runs_once_over_the_records_of_every_flight(without_kernels, house):
     write_notebook(house.notebooks, "ledger", LEDGER, 'out = "results"')
-    house.experiments = {"ledger": Experiment("Ledger", every_flight=True)} | house.experiments
+    house.experiments = {"ledger": Experiment("Ledger")} | house.experiments
     assert house.run()["ledger"].status == "ran"
     assert json.loads((house.out / "ledger.json").read_text())["values"] == [
         "small/first.json",
@@ -315,9 +316,9 @@ def test_two_notebooks_run_at_once_and_a_timed_one_alone(house):
     )
     body = body.replace('"timings": {}', '"timings": {"start": start, "end": time.time()}')
     house.experiments = {
-        "a": Experiment("A", module="tiny_experiment"),
-        "b": Experiment("B", module="tiny_experiment"),
-        "timed": Experiment("T", module="tiny_experiment", alone=True, cost_s=999),
+        "a": tiny("A"),
+        "b": tiny("B"),
+        "timed": tiny("T", alone=True, cost_s=999),
     }
     for name in house.experiments:
         write_notebook(house.notebooks, name, body)
@@ -342,11 +343,11 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     )
     write_notebook(house.notebooks, "first", body)
     script = (
-        f"import sys; sys.path.insert(0, {str(ROOT / "tests")!r})\n"
-        "from trexton.companion.experiments.registry import Experiment\n"
+        f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})\n"
+        "from tiny_experiment import tiny\n"
         "from trexton.companion.build.workflow import *\n"
         "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3],\n"
-        "                experiments={'first': Experiment('F', module='tiny_experiment')})"
+        "                experiments={'first': tiny('F')})"
     )
     command = [
         sys.executable,
@@ -364,7 +365,7 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     assert not (house.out / "small" / "first.json").exists()
 
     write_notebook(house.notebooks, "first")
-    house.experiments = {"first": Experiment("First", module="tiny_experiment")}
+    house.experiments = {"first": tiny("First")}
     assert house.run()["first"].reasons == ("no finished run",)
     assert not list((house.out / ".engine").glob(".work.*"))
     assert sorted(path.name for path in (house.out / "small").iterdir()) == [

@@ -31,7 +31,7 @@ def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
 
 
 def test_commands_of_ipython_are_understood_and_faults_named(tmp_path):
-    body = "%matplotlib inline\n!true\nfrom trexton import metrics\n"
+    body = "%matplotlib inline\n!true\nfrom trexton.evaluation import metrics\n"
     assert "trexton.evaluation.metrics" in read(write_notebook(tmp_path, "commands", body)).code
     broken = read(write_notebook(tmp_path, "broken", "from from trexton\n"))
     with pytest.raises(TrextonError, match="broken.md: a cell is no Python .*'from from trexton'"):
@@ -99,7 +99,7 @@ def test_every_registered_experiment_has_a_notebook_and_every_dependency_exists(
         assert set(experiment.after) <= EXPERIMENTS.keys()
         assert notebooks[name].code
         assert experiment.every_flight or "given.parameters" in notebooks[name].text
-        assert experiment.parameters(name)() == experiment.parameters(name).parse({})
+        assert experiment.parameters() == experiment.parameters.parse({})
     assert {path.stem for path in (ROOT / "notebooks").glob("*.md")} <= EXPERIMENTS.keys()
 
 

@@ -88,8 +88,8 @@ def test_names_of_painted_floors():
 def test_pictures_are_named_with_their_width(picture, monkeypatch):
     monkeypatch.setenv("TREXTON_DATA", str(picture.parent))
     assert named_floor("floor.png@3").area == named_floor(f"{picture}@3.0").area == (0, 3, 0, 3)
-    assert suitability.obstacle(suitability.Parameters(floors="few:3 floor.png@3")) is None
-    absent = suitability.obstacle(suitability.Parameters(floors="few:3 other.png@3"))
+    assert suitability.Parameters(floors="few:3 floor.png@3").obstacle() is None
+    absent = suitability.Parameters(floors="few:3 other.png@3").obstacle()
     assert absent is not None and "other.png" in absent
 
 

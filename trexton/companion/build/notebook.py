@@ -173,9 +173,10 @@ class Page:
 
         Or `sentence`, where the record of a longer run says it.
         """
-        module = importlib.import_module(type(self.given.parameters).__module__)
-        said = module.finding(self.record) if sentence is None else sentence
-        return HTML(f'<p class="finding">{as_html(said)}</p>')
+        if sentence is None:
+            module = importlib.import_module(type(self.given.parameters).__module__)
+            sentence = module.finding(self.record)
+        return HTML(f'<p class="finding">{as_html(sentence)}</p>')
 
     def say(self, text: str, **more: object) -> Markdown:
         """A paragraph with its numbers and its verdicts from the record.

@@ -8,17 +8,18 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
 import trexton
 from trexton.base.cache import code_hashes, kept_results, shipped
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.companion.experiments.registry import Experiment
+from trexton.companion.experiments.declaration import Experiment
+from trexton.companion.experiments.registry import NAMES
 from trexton.base.files import digest
 from trexton.flights.tables import read_text
 from trexton.companion.build.formats import jupytext
-from trexton.companion.build.made import made_notebook
 
 __all__ = ["GIVEN", "Notebook", "find_notebooks"]
 
@@ -33,8 +34,8 @@ def find_notebooks(
 ) -> dict[str, Notebook]:
     """The notebook of each experiment, in the order of the registry.
 
-    It is ``<name>.md`` of the folder (this package's own by default); an experiment without one has
-    the notebook that its module makes: see `made_notebook`.
+    It is ``<name>.md`` of the folder (this package's own by default). That of a person's own
+    experiment may stand beside its module instead.
 
     Raises
     ------
@@ -48,13 +49,18 @@ def find_notebooks(
             f"{next(iter(experiments))}.md"
         )
     found = {}
-    for name, experiment in experiments.items():
+    for name in experiments:
         path = place / f"{name}.md"
+        if not path.is_file() and name not in NAMES:
+            path = _beside(experiments[name])
         if path.is_file():
             found[name] = Notebook(name, str(path), read_text(path))
-        elif text := made_notebook(name, experiment):
-            found[name] = Notebook(name, f"the notebook of {name}", text)
     return found
+
+
+def _beside(experiment: Experiment) -> Path:
+    """Where the notebook of an experiment outside this package stands."""
+    return Path(str(find_spec(experiment.module).origin)).with_suffix(".md")  # type: ignore[union-attr]
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.companion.experiments.registry import NEEDS, Experiment
+from trexton.companion.experiments.declaration import NEEDS, Experiment
 from trexton.flights import Flight, read_flight
 from trexton.flights.pair import with_splits
 from trexton.base.progress import say

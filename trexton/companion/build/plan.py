@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.companion.experiments.registry import EXPERIMENTS, Experiment
+from trexton.companion.experiments.declaration import Experiment
+from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.notebooks import GIVEN, Notebook, find_notebooks
 from trexton.companion.build.pairs import FlightPair, check_names, check_out
@@ -110,7 +111,7 @@ def _settings_of(
     settings: Mapping[str, object],
 ) -> dict[str, dict[str, Any]]:
     """The parameters of each experiment; a setting that none of them declares is an error."""
-    classes = {n.name: experiments[n.name].parameters(n.name) for n in notebooks}
+    classes = {n.name: experiments[n.name].parameters for n in notebooks}
     known = {name: {each.name for each in cls.declared()} for name, cls in classes.items()}
     mine: dict[str, dict[str, object]] = {name: {} for name in classes}
     for key, value in settings.items():

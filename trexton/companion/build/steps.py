@@ -14,7 +14,7 @@ from typing import Any
 import pytask
 
 from trexton.base.errors import TrextonError
-from trexton.companion.experiments.registry import Experiment
+from trexton.companion.experiments.declaration import Experiment
 from trexton.base.files import atomic_file
 from trexton.companion.build import engine
 from trexton.companion.build.display import Display, Outcome

@@ -16,7 +16,6 @@ from difflib import get_close_matches
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytask
@@ -24,7 +23,8 @@ import pytask
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.executor import end_with_parent, limited
-from trexton.companion.experiments.registry import EXPERIMENTS, Experiment
+from trexton.companion.experiments.declaration import Experiment, SeedParameters
+from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.flights import read_flight
 from trexton.base.options import Options
@@ -133,7 +133,7 @@ def sweep(
     if not plan.pairs and plan.floors is None:
         raise ParameterError("a sweep needs flights or floors: name some, or give --floors N")
     experiment = experiments[plan.experiment]
-    chosen = _possible(_grid(plan, experiment), experiment.load(plan.experiment))
+    chosen = _possible(_grid(plan, experiment))
     floors = [f"{layout}-{seed}" for layout, seed in _floors(plan.floors)]
     check_names([pair.name for pair in plan.pairs] + floors)
     check_out(out, plan.pairs)
@@ -164,7 +164,7 @@ def sweep(
 
 def _grid(plan: Plan, experiment: Experiment) -> list[Options]:
     """All combinations of the settings, as checked parameters."""
-    declared = experiment.parameters(plan.experiment)
+    declared = experiment.parameters
     names = list(plan.settings)
     if empty := [name for name, values in plan.settings.items() if not values]:
         raise ParameterError(f"{empty[0]} has no values to sweep: give some, or leave it out")
@@ -174,16 +174,15 @@ def _grid(plan: Plan, experiment: Experiment) -> list[Options]:
     ]
 
 
-def _possible(chosen: list[Options], module: ModuleType) -> list[Options]:
-    """Those that the experiment's own ``obstacle`` knows nothing against; the others with a word.
+def _possible(chosen: list[Options]) -> list[Options]:
+    """Those that know no ``obstacle`` to being run; the others with a word.
 
     Raises
     ------
     ParameterError
         None is left.
     """
-    obstacle = getattr(module, "obstacle", lambda parameters: None)
-    reasons = [obstacle(parameters) for parameters in chosen]
+    reasons = [one.obstacle() if isinstance(one, SeedParameters) else None for one in chosen]
     for reason in filter(None, reasons):
         say(f"skipped: {reason}")
     left = [one for one, reason in zip(chosen, reasons, strict=True) if reason is None]
@@ -218,7 +217,7 @@ def _tasks(
         flown = Fact(f"flight {name}", "", partial(_flown, pair))
         sources.append((name, pair, flown))
         tasks.append(_flying(plan.floors, layout, seed, pair, flown, call))
-    module = experiment.load(plan.experiment).__name__
+    module = experiment.module
     for name, pair, data in sources:
         for parameters in chosen:
             key = digest(parameters.as_dict())[:12]

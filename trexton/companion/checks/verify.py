@@ -22,7 +22,7 @@ from trexton.base.errors import TrextonError
 from trexton.base.executor import THREAD_VARIABLES
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.progress import progress
-from trexton.base.records import Record, software_versions, upgraded
+from trexton.base.records import software_versions, upgraded
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.pair import load_pair
 
@@ -214,10 +214,10 @@ def rebuild(path: str, out: str, flight: str, test_flight: str | None = None) ->
     if name not in EXPERIMENTS or EXPERIMENTS[name].every_flight:
         raise TrextonError(f"{path}: {name!r} is no experiment on flights: choose another record")
     experiment = EXPERIMENTS[name]
-    parameters = experiment.parameters(name).parse(record["parameters"], name)
+    parameters = experiment.parameters.parse(record["parameters"], name)
     train, test = load_pair(flight, test_flight)
-    made: Record = experiment.load(name).run(train, test, parameters)
-    made.save(out)
+    assert experiment.run is not None
+    experiment.run(train, test, parameters).save(out)
 
 
 def update(verdict: Verdict) -> None:

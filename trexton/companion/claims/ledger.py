@@ -11,8 +11,9 @@ from trexton.base.files import atomic_file, canonical_json
 from trexton.base.records import Record, plain
 from trexton.companion.claims import rules
 from trexton.companion.claims.rules import Quantity
+from trexton.companion.experiments.declaration import NEEDS
 from trexton.companion.experiments.printed import look_up, paper_file, published
-from trexton.companion.experiments.registry import EXPERIMENTS, NEEDS
+from trexton.companion.experiments.registry import EXPERIMENTS
 
 __all__ = [
     "Claim",
@@ -162,8 +163,7 @@ def load_claims(path: Path | None = None) -> list[Claim]:
     tables = tomllib.loads(file.read_text(encoding="utf-8"))["claim"]
     if path is None:
         for name, experiment in EXPERIMENTS.items():
-            own = experiment.load(name).CLAIMS if experiment.claims else ()
-            tables += [{"experiment": name} | table for table in own]
+            tables += [{"experiment": name} | table for table in experiment.claims]
     claims = [Claim(**table) for table in tables]
     for claim in claims:
         if claim.kind in ("value", "below", "above", "exact"):

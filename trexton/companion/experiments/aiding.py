@@ -20,7 +20,7 @@ from trexton.base.executor import spread
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import distance, number, percent
-from trexton.companion.experiments.declaration import option
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import frames_of
 from trexton.companion.experiments.floors import FloorParameters, lent_floor, painted_floor
 from trexton.companion.experiments.track import Track, fly
@@ -32,7 +32,7 @@ from trexton.simulator import Effects, Floor, record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.textons import MAX_TEXTONS
 
-__all__ = ["KNOWN", "METHODS", "Parameters", "finding", "mean_over_floors", "run"]
+__all__ = ["EXPERIMENT", "KNOWN", "METHODS", "Parameters", "finding", "mean_over_floors", "run"]
 
 _TILT = ("roll", "pitch")
 # What is known of a frame: the view in which histograms are counted, and what comes beside it.
@@ -277,3 +277,8 @@ def finding(record: Record) -> str:
         f"{number(values['beside_cm'])} cm beside the vehicle on average, and its height rippled "
         f"by {number(values['ripple_cm'])} cm."
     )
+
+
+EXPERIMENT = Experiment(
+    "What the autopilot knows", Parameters, run, finding, needs=SURVEYED, cost_s=40
+)

@@ -15,7 +15,7 @@ from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import distance, middle, times
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
     evenly_spread,
     floor_picture,
@@ -39,7 +39,7 @@ from trexton.localization.measurement import EXCLUDED_SECONDS
 from trexton.localization.methods import compose
 from trexton.localization.roles import make
 
-__all__ = ["STRETCH_S", "Parameters", "best_method", "finding", "run"]
+__all__ = ["EXPERIMENT", "STRETCH_S", "Parameters", "best_method", "finding", "run"]
 
 BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
 SHARPNESS_FRAMES = 200  # are enough to tell
@@ -251,3 +251,6 @@ def best_method(record: Record) -> tuple[str, dict[str, float]]:
     errors = record.values["errors"]
     name = min(methods, key=lambda method: middle(errors[method]["mean_cm"]))
     return name, errors[name]["mean_cm"]
+
+
+EXPERIMENT = Experiment("Will it work here?", Parameters, run, finding, cost_s=14)

@@ -14,7 +14,7 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import beside, interval, middle, percent
 from trexton.companion.experiments.correlation import rank_correlation
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
     floor_picture,
     frames_of,
@@ -30,7 +30,7 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.roles import make
 
-__all__ = ["VARIANTS", "Parameters", "Variant", "finding", "run"]
+__all__ = ["EXPERIMENT", "VARIANTS", "Parameters", "Variant", "finding", "run"]
 
 WIDE_M = 0.25  # process noise and rank widths of the ablations
 MOST_LAG = 36  # frames
@@ -281,3 +281,13 @@ def finding(record: Record) -> str:
         f"({interval(paper['mean_cm'], 'cm')}); the region that should hold the vehicle in 90 % of "
         f"the frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
     )
+
+
+EXPERIMENT = Experiment(
+    "Beyond the paper: a field instead of neighbours",
+    Parameters,
+    run,
+    finding,
+    needs=POSITIONS,
+    cost_s=30,
+)

@@ -11,7 +11,7 @@ from scipy.stats import binom
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import number, percent
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.mocap_training import LANDING_SPREAD_M
 from trexton.companion.experiments.track import HELD, Track, tracks
@@ -19,7 +19,7 @@ from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
 
-__all__ = ["METHODS", "Parameters", "finding", "run"]
+__all__ = ["EXPERIMENT", "METHODS", "Parameters", "finding", "run"]
 
 METHODS = {
     "paper": "the paper's filter",
@@ -187,3 +187,14 @@ def finding(record: Record) -> str:
         )
     text = "; ".join(said)
     return f"{text[0].upper()}{text[1:]}."
+
+
+EXPERIMENT = Experiment(
+    "What the uncertainty is worth",
+    Parameters,
+    run,
+    finding,
+    needs=POSITIONS,
+    after=("mocap_training",),
+    cost_s=17,
+)

@@ -16,7 +16,12 @@ from trexton.base.cache import cached
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import apart, interval
-from trexton.companion.experiments.declaration import FilterParameters, option
+from trexton.companion.experiments.declaration import (
+    POSITIONS,
+    Experiment,
+    FilterParameters,
+    option,
+)
 from trexton.companion.experiments.evaluation import drawn_histograms, frames_of, trained_map
 from trexton.companion.experiments.track import tracks
 from trexton.evaluation.metrics import summarize
@@ -24,7 +29,7 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 from trexton.vision.textons import TextonDictionary
 
-__all__ = ["finding", "Parameters", "run", "with_trace", "without_trace"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "run", "with_trace", "without_trace"]
 
 # Variants that do what the flight code did; the others are ways that neither it nor the paper took.
 FLIGHT_CODE = frozenset(
@@ -183,3 +188,14 @@ def finding(record: Record) -> str:
         f"lowest, in hindsight, is the error with {best['label']}: "
         f"{interval(best['mean_cm'], 'cm')} instead of {interval(paper, 'cm')}."
     )
+
+
+EXPERIMENT = Experiment(
+    "What the open choices cost",
+    Parameters,
+    run,
+    finding,
+    needs=POSITIONS,
+    after=("mocap_training",),
+    cost_s=40,
+)

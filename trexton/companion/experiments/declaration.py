@@ -1,10 +1,13 @@
-"""What every experiment declares: its parameters, told once, and the record made with them."""
+"""What every experiment declares: its parameters, its run and its finding, each told once.
+
+Offers `Experiment`, the bases of its parameters (which make its record), and what flights may lack.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -13,7 +16,86 @@ from trexton.base.options import Options, option
 from trexton.base.records import Record, software_versions
 from trexton.flights.flight import Flight
 
-__all__ = ["FilterParameters", "MapParameters", "SeedParameters", "option"]
+__all__ = [
+    "IMAGES", "NEEDS", "POSITIONS", "SURVEYED", "Experiment", "FilterParameters", "MapParameters",
+    "Need", "SeedParameters", "option",
+]  # fmt: skip
+
+
+class Need(NamedTuple):
+    """What a flight may have: how to see it, what it is, the reason for a skip without it."""
+
+    has: Callable[[Flight], bool]
+    words: str
+    lacking: str
+
+
+NEEDS = {
+    "images": Need(lambda flight: flight.has_images, "camera images", "has no images"),
+    "positions": Need(
+        lambda flight: flight.has_positions, "a position for every frame",
+        "lacks positions in some frames",
+    ),
+    "floor": Need(
+        lambda flight: flight.floor_file is not None, "a picture of the true floor",
+        "has no picture of its true floor",
+    ),
+    "camera": Need(
+        lambda flight: flight.camera is not None, "a calibrated camera", "has no calibrated camera"
+    ),
+}  # fmt: skip
+
+POSITIONS = ("positions",)
+IMAGES = ("positions", "images")
+SURVEYED = ("positions", "images", "floor", "camera")
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """An experiment, and what the workflow must know of it.
+
+    Attributes
+    ----------
+    title : str
+        The title of its page.
+    parameters : class of `Options`
+        What can be chosen.
+    run : callable, optional
+        Of the training flight, the test flight and the parameters; makes the record. Without, the
+        page runs once, after all flights, over all their records.
+    finding : callable, optional
+        What a record says, in a sentence or two.
+    needs : tuple of str
+        What both flights must have: keys of `NEEDS`.
+    after : tuple of str
+        Experiments that run before it on the same flight, because it reads what they leave.
+    cost_s : float
+        About how long it takes; the longest start first.
+    alone : bool
+        It measures time: nothing runs beside it.
+    claims : tuple of dict
+        What it claims itself, beyond the paper: tables as in ``data/paper/claims.toml``.
+    """
+
+    title: str
+    parameters: type[Options] = Options
+    run: Callable[[Flight, Flight, Any], Record] | None = None
+    finding: Callable[[Record], str] | None = None
+    needs: tuple[str, ...] = ()
+    after: tuple[str, ...] = ()
+    cost_s: float = 20.0
+    alone: bool = False
+    claims: tuple[dict[str, Any], ...] = ()
+
+    @property
+    def every_flight(self) -> bool:
+        """Whether it has no run of its own, but a page over the records of all flights."""
+        return self.run is None
+
+    @property
+    def module(self) -> str:
+        """The module that declares its parameters and its run."""
+        return self.parameters.__module__
 
 
 @dataclass(frozen=True)
@@ -21,6 +103,10 @@ class SeedParameters(Options):
     """Base of an experiment's parameters; the module it stands in names the experiment."""
 
     seed: int = option(1, "of all random numbers", low=0)
+
+    def obstacle(self) -> str | None:
+        """Why these parameters cannot be run together; None if they can."""
+        return None
 
     def record(
         self,

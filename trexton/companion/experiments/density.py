@@ -22,7 +22,7 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import distance, number, percent
 from trexton.companion.experiments.aiding import mean_over_floors
-from trexton.companion.experiments.declaration import option
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import frames_of
 from trexton.companion.experiments.floors import FloorParameters, lent_floor, painted_floor
 from trexton.companion.experiments.track import fly
@@ -34,7 +34,7 @@ from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.textons import MAX_TEXTONS
 
-__all__ = ["METHODS", "Parameters", "finding", "run"]
+__all__ = ["EXPERIMENT", "METHODS", "Parameters", "finding", "run"]
 
 METHODS = {
     "paper": "the paper's filter",
@@ -184,3 +184,8 @@ def finding(record: Record) -> str:
         f"The paper's filter goes from "
         f"{distance(short['paper']['median_cm'])} to {distance(long['paper']['median_cm'])}."
     )
+
+
+EXPERIMENT = Experiment(
+    "How densely to survey", Parameters, run, finding, needs=SURVEYED, cost_s=30
+)

@@ -18,7 +18,7 @@ from trexton.base import wording
 from trexton.base.executor import spread
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.declaration import option
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.followed import (
     GROSS,
     KNOWN,
@@ -40,7 +40,15 @@ from trexton.flights.flight import Flight
 from trexton.registration import FloorTracker
 from trexton.vision.camera import MapImage
 
-__all__ = ["KNOWN", "Parameters", "finding", "kidnapping_summary", "over_floors", "run"]
+__all__ = [
+    "EXPERIMENT",
+    "KNOWN",
+    "Parameters",
+    "finding",
+    "kidnapping_summary",
+    "over_floors",
+    "run",
+]
 
 
 @dataclass(frozen=True)
@@ -247,3 +255,14 @@ def finding(record: Record, long: Record | None = None) -> str:
         f"{100 * GROSS:.0f} cm. On the stitched map of the recorded flight the mean error is "
         f"{known} with attitude and {alone} without."
     )
+
+
+EXPERIMENT = Experiment(
+    "Coarse to fine: the image says where exactly",
+    Parameters,
+    run,
+    finding,
+    needs=SURVEYED,
+    after=("mosaic",),
+    cost_s=47,
+)

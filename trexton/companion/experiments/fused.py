@@ -12,7 +12,7 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import number, percent
 from trexton.companion.experiments.calibration import METHODS
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.receivers import RECEIVERS, Receiver, Settings, readings
 from trexton.companion.experiments.track import HELD, tracks
@@ -20,7 +20,7 @@ from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
 
-__all__ = ["METHODS", "SENT", "Parameters", "finding", "run"]
+__all__ = ["EXPERIMENT", "METHODS", "SENT", "Parameters", "finding", "run"]
 
 SENT = {"sent": "as it is sent", "plain": "as if each were news"}
 BAND = {"low": 0.8, "high": 0.97}  # of the truth in the fused 90 % region: that is honest
@@ -185,3 +185,14 @@ def finding(record: Record) -> str:
     ]
     text = "; ".join(said)
     return f"{text[0].upper()}{text[1:]}."
+
+
+EXPERIMENT = Experiment(
+    "Can the autopilot believe it?",
+    Parameters,
+    run,
+    finding,
+    needs=POSITIONS,
+    after=("mocap_training",),
+    cost_s=20,
+)

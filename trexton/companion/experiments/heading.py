@@ -19,7 +19,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import distance
-from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.evaluation import evenly_spread
 from trexton.evaluation.metrics import constant_guess, euclidean, mean_with_interval
 from trexton.flights.flight import Flight
@@ -29,6 +29,7 @@ from trexton.vision.histograms import texton_histogram
 from trexton.vision.textons import MAX_TEXTONS, TextonDictionary
 
 __all__ = [
+    "EXPERIMENT",
     "COUNTS",
     "VIEWS",
     "Parameters",
@@ -205,3 +206,6 @@ def finding(record: Record) -> str:
         f"which the picture is turned back, gives {distance(back)}, and a rotation-tolerant "
         f"dictionary {distance(tolerant)}."
     )
+
+
+EXPERIMENT = Experiment("Any heading", Parameters, run, finding, needs=IMAGES, cost_s=15)

@@ -10,7 +10,7 @@ import numpy as np
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import interval, middle, number
-from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.evaluation import floor_picture
 from trexton.companion.experiments.stitched import (
     FEWEST_ANCHORS,
@@ -25,7 +25,7 @@ from trexton.evaluation.metrics import euclidean, summarize
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 
-__all__ = ["finding", "Parameters", "run"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "run"]
 
 
 @dataclass(frozen=True)
@@ -126,3 +126,14 @@ def finding(record: Record) -> str:
     if error := values.get("drifting", {}).get("mean_cm"):
         text += f"; on a map that drifts it errs by {number(middle(error))} cm"
     return text + "."
+
+
+EXPERIMENT = Experiment(
+    "Baseline: homography",
+    Parameters,
+    run,
+    finding,
+    needs=IMAGES,
+    after=("mosaic", "mocap_training"),
+    cost_s=130,
+)

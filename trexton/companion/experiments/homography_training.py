@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import middle, number
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import evaluate, floor_picture, frames_of, map_of
 from trexton.companion.experiments.stitched import homography_maps, locate_all
 from trexton.companion.experiments.track import tracks
@@ -22,7 +22,7 @@ from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 
-__all__ = ["filtered_positions", "finding", "Parameters", "run"]
+__all__ = ["EXPERIMENT", "filtered_positions", "finding", "Parameters", "run"]
 
 OUTLIER_M = 0.4  # a fix that is this far from the running median was no motion of the vehicle
 MEDIAN_FRAMES = 11
@@ -140,3 +140,14 @@ def finding(record: Record) -> str:
     return (
         text + f", while the neighbours alone err by {number(min(knn))} to {number(max(knn))} cm."
     )
+
+
+EXPERIMENT = Experiment(
+    "Training on homography positions",
+    Parameters,
+    run,
+    finding,
+    needs=IMAGES,
+    after=("mosaic", "homography_baseline", "mocap_training"),
+    cost_s=115,
+)

@@ -20,7 +20,7 @@ from trexton.base.executor import spread
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import number, percent
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.track import fly
 from trexton.evaluation.metrics import euclidean, success_rate
@@ -28,7 +28,7 @@ from trexton.flights.flight import Flight
 from trexton.localization.estimate import LOST_SHARE, ignorance
 from trexton.localization.localizer import Localizer, TextonMap
 
-__all__ = ["filter_trials", "finding", "found_after", "Parameters", "run", "Trial"]
+__all__ = ["EXPERIMENT", "filter_trials", "finding", "found_after", "Parameters", "run", "Trial"]
 
 # name: method, choices
 FILTERS: dict[str, tuple[str, dict[str, object]]] = {
@@ -317,3 +317,8 @@ def finding(record: Record) -> str:
             f"{name} finds the vehicle again in {rate} of the kidnappings{when}, and {lost}"
         )
     return "; ".join(parts) + "."
+
+
+EXPERIMENT = Experiment(
+    "Carried away and found again", Parameters, run, finding, needs=POSITIONS, cost_s=65
+)

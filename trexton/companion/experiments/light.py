@@ -11,7 +11,7 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import apart, interval, middle, percent
 from trexton.companion.experiments.beyond import VARIANTS
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.floors import lent_floor
 from trexton.companion.experiments.track import fly
@@ -22,7 +22,7 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.vision.camera import Camera
 
-__all__ = ["DRIFTS", "METHODS", "WARMTHS", "Parameters", "finding", "run"]
+__all__ = ["EXPERIMENT", "DRIFTS", "METHODS", "WARMTHS", "Parameters", "finding", "run"]
 
 DRIFTS = (0.0, 0.02, 0.05, 0.10)  # standard deviations of the camera's gain, as a share
 WARMTHS = (0.0, 0.03, 0.06)  # shares by which red gains and blue loses
@@ -138,3 +138,6 @@ def finding(record: Record) -> str:
         f"Where the camera's gain drifts by {percent(JUDGED)}, method field {errs('field')}; the "
         f"paper's filter {errs('paper')}."
     )
+
+
+EXPERIMENT = Experiment("Other light", Parameters, run, finding, needs=SURVEYED, cost_s=16)

@@ -13,7 +13,7 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import interval, number
 from trexton.companion.experiments.correlation import pair_correlation, pearson, rank_correlation
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import evenly_spread, floor_picture, frames_of, map_of
 from trexton.companion.experiments.track import fly
 from trexton.evaluation.metrics import block_rows, bootstrap_interval, euclidean
@@ -29,7 +29,7 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.measurement import EXCLUDED_SECONDS
 
-__all__ = ["finding", "Parameters", "run"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "run"]
 
 AUTHORS = 0.8  # sigma in metres
 SWEPT = (0.125, 0.25, 0.375, 0.5, 0.75, 1, 1.5, 2, 3, 4)  # times the usual sigma
@@ -270,3 +270,8 @@ def finding(record: Record) -> str:
     parts.append(f"on the training flight being far from other frames {does} ({interval(alone)})")
     joined = "and" if len(set(said.values())) == 1 else "but"
     return f"The paper's loss {parts[0]} {joined} {parts[1]}; {parts[2]}."
+
+
+EXPERIMENT = Experiment(
+    "Which floors are suitable: the map loss", Parameters, run, finding, needs=POSITIONS, cost_s=20
+)

@@ -11,7 +11,7 @@ import numpy as np
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import beside, interval, middle, number, percent
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
     drift,
     evaluate,
@@ -33,7 +33,7 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 from trexton.localization.roles import ROLES
 
-__all__ = ["finding", "Parameters", "run"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "run"]
 
 
 LANDING_SPREAD_M = 0.6  # the paper's threshold: no landing where the particles spread wider
@@ -201,3 +201,8 @@ def finding(record: Record) -> str:
     honest = "as it should" if middle(spread["within_two"]) >= 0.9 else "where 95 % should lie"
     parts.append(f"twice its spread covers {held} of the errors of an axis, {honest}")
     return f"{parts[0]}: {', and '.join(parts[1:])}."
+
+
+EXPERIMENT = Experiment(
+    "Training on motion-capture positions", Parameters, run, finding, needs=POSITIONS, cost_s=40
+)

@@ -13,12 +13,12 @@ import numpy as np
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import number
-from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.stitched import floor_residual, picture_of, stitched_map
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 
-__all__ = ["finding", "Parameters", "run"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "run"]
 
 _ARROWS = 400  # matched places that the figure of the deviation shows
 
@@ -92,3 +92,8 @@ def finding(record: Record) -> str:
             f"median, {number(values['residual_cm']['p95'])} cm at the 95th percentile"
         )
     return text + "."
+
+
+EXPERIMENT = Experiment(
+    "The map, stitched from the flight", Parameters, run, finding, needs=IMAGES, cost_s=115
+)

@@ -15,7 +15,7 @@ from trexton.base.progress import progress
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import distance
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import floor_picture, map_of
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
@@ -24,7 +24,7 @@ from trexton.vision.images import bgr_from_yuv
 from trexton.vision.patches import gather_patches, sample_positions
 from trexton.vision.textons import TextonDictionary
 
-__all__ = ["finding", "Parameters", "run", "sampled_patches"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "run", "sampled_patches"]
 
 _THUMBNAIL = 200  # pixels wide
 _TRAIL_S = 4.0
@@ -175,3 +175,8 @@ def finding(record: Record) -> str:
         f"({distance(voted_off)}), and claims a deviation of "
         f"{distance(np.hypot(*values['spread_cm']))}."
     )
+
+
+EXPERIMENT = Experiment(
+    "The pipeline in one picture", Parameters, run, finding, needs=IMAGES, cost_s=8
+)

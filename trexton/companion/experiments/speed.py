@@ -16,10 +16,10 @@ from trexton.base.streams import stream
 from trexton.base.wording import number
 from trexton.companion.checks.bench import STAGES, measure
 from trexton.companion.checks.timing import Row, interleave
-from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.flights.flight import Flight
 
-__all__ = ["finding", "Parameters", "run"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "run"]
 
 _COPIED = 64 * 2**20  # bytes: beyond every cache
 # stage and size of a row: (operations, bytes that must be read or written at least)
@@ -104,3 +104,8 @@ def finding(record: Record) -> str:
             f"times its yardstick ({worst['yardstick']}), where {number(worst['limit'])} is asked"
         )
     return text + "."
+
+
+EXPERIMENT = Experiment(
+    "As fast as the machine allows", Parameters, run, finding, needs=IMAGES, cost_s=65, alone=True
+)

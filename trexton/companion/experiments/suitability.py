@@ -19,12 +19,12 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import number, percent
 from trexton.companion.experiments.correlation import rank_correlation
-from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, SeedParameters, option
 from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor
 from trexton.flights.flight import Flight
 
-__all__ = [
-    "Parameters", "finding", "interval", "kept_rows", "obstacle", "run", "sentence", "validation"
+__all__ = ["EXPERIMENT",
+    "Parameters", "finding", "interval", "kept_rows", "run", "sentence", "validation"
 ]  # fmt: skip
 
 METHODS = ("field", "paper")  # flown; the error of the first is predicted, the loss is the second's
@@ -42,6 +42,15 @@ class Parameters(SeedParameters):
     frames: int = option(160, "of each survey; 0 takes as many as its lanes need", low=0)
     test_frames: int = option(60, "of the flight on which errors are measured", low=20)
     height: float = option(1.0, "metres above the floor", low=0.2, high=10)
+
+    def obstacle(self) -> str | None:
+        """Why these floors cannot be flown over here, for a sweep that goes on without them."""
+        for name in self.floors.split():
+            try:
+                named_floor(name)
+            except ImageError as error:
+                return str(error)
+        return None
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -121,16 +130,6 @@ def validation(rows: Iterable[Mapping[str, float]], seed: int) -> dict[str, Any]
     }
 
 
-def obstacle(parameters: Parameters) -> str | None:
-    """Why these floors cannot be flown over here, for a sweep that goes on without them."""
-    for name in parameters.floors.split():
-        try:
-            named_floor(name)
-        except ImageError as error:
-            return str(error)
-    return None
-
-
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     return sentence(record.values["validation"])
@@ -154,3 +153,8 @@ def interval(entry: Mapping[str, float]) -> str:
     if entry["low"] == entry["high"]:
         return f"{entry['value']:.2f} (too few floors for an interval)"
     return f"{entry['value']:.2f} [{entry['low']:.2f}, {entry['high']:.2f}]"
+
+
+EXPERIMENT = Experiment(
+    "Which floors, from their pictures", Parameters, run, finding, needs=SURVEYED, cost_s=36
+)

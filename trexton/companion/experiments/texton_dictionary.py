@@ -15,7 +15,7 @@ from trexton.base.defaults import TEXTONS
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import number
-from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.evaluation import floor_picture, trained_map
 from trexton.flights.flight import Flight
 from trexton.vision.histograms import label_image
@@ -23,7 +23,7 @@ from trexton.vision.images import bgr_from_yuv
 from trexton.vision.patches import draw_patches, position_grid
 from trexton.vision.textons import METHODS, Learning, TextonDictionary, learn_textons
 
-__all__ = ["finding", "Parameters", "place_frequencies", "run"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "place_frequencies", "run"]
 
 _BLOCK = 1000  # patches: one point of the convergence
 _SHOWN = 320  # pixels: width of the labelled frame
@@ -172,3 +172,6 @@ def finding(record: Record) -> str:
         else f"The network's textons lie {better} the patches than those of winner-take-all "
         f"({number(kohonen['error'])} against {number(winner['error'])} grey levels)."
     )
+
+
+EXPERIMENT = Experiment("The texton dictionary", Parameters, run, finding, needs=IMAGES, cost_s=12)

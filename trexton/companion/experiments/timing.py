@@ -15,7 +15,7 @@ from trexton.base.progress import progress
 from trexton.base.records import Record, machine
 from trexton.base.streams import stream
 from trexton.base.wording import number, percent, times
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.track import fly
 from trexton.evaluation.runtime import STAGES, StageTimer, frequency, milliseconds
@@ -24,7 +24,7 @@ from trexton.localization.localizer import Localizer
 from trexton.registration.homography import HomographyLocalizer
 from trexton.vision.patches import position_grid
 
-__all__ = ["finding", "Parameters", "run"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "run"]
 
 
 @dataclass(frozen=True)
@@ -146,3 +146,8 @@ def finding(record: Record) -> str:
         homography = timings["homography_ms"]["median"]
         text += f"; a homography takes {number(homography)} ms, {times(homography / total)} as long"
     return text + "."
+
+
+EXPERIMENT = Experiment(
+    "Time for one frame", Parameters, run, finding, needs=POSITIONS, cost_s=17, alone=True
+)

@@ -28,7 +28,7 @@ from trexton.companion.experiments.closed_loop import (
     Mission,
     fly_all,
 )
-from trexton.companion.experiments.declaration import option
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import trained_map
 from trexton.companion.experiments.floors import FloorParameters, painted_floor
 from trexton.companion.experiments.triggered_landing import mission_over
@@ -39,7 +39,7 @@ from trexton.localization.localizer import TextonMap
 from trexton.localization.roles import make
 from trexton.simulator import record_flight
 
-__all__ = ["LANDERS", "Parameters", "finding", "gain", "rates", "run"]
+__all__ = ["EXPERIMENT", "LANDERS", "Parameters", "finding", "gain", "rates", "run"]
 
 
 @dataclass(frozen=True)
@@ -328,3 +328,6 @@ def finding(record: Record) -> str:
         )
     text = "; ".join(parts)
     return f"{text[0].upper()}{text[1:]}."
+
+
+EXPERIMENT = Experiment("Landing that lands", Parameters, run, finding, needs=SURVEYED, cost_s=60)

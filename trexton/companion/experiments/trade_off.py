@@ -17,7 +17,7 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.base.wording import interval, middle, number
 from trexton.companion.experiments.correlation import rank_correlation
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.stored import time_stored
 from trexton.companion.experiments.track import Track, fly, tracks
@@ -29,7 +29,7 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.vision.histograms import texton_histogram
 from trexton.vision.patches import position_grid
 
-__all__ = ["finding", "Parameters", "retrained", "run"]
+__all__ = ["EXPERIMENT", "finding", "Parameters", "retrained", "run"]
 
 SWEPT: dict[str, tuple[Any, ...]] = {
     "samples": (25, 50, 100, 200, 400, 800, 1600, 3200, 6400, None),  # None: full sampling
@@ -322,3 +322,8 @@ def finding(record: Record) -> str:
             f"{number(middle(few))} to {number(middle(full))} cm"
         )
     return text + "."
+
+
+EXPERIMENT = Experiment(
+    "Speed against accuracy", Parameters, run, finding, needs=POSITIONS, cost_s=90, alone=True
+)

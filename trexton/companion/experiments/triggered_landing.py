@@ -19,7 +19,7 @@ from trexton.companion.experiments.closed_loop import (
     Mission,
     fly_all,
 )
-from trexton.companion.experiments.declaration import MapParameters, option
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import floor_picture, map_of
 from trexton.companion.experiments.floors import lent_floor
 from trexton.evaluation.metrics import bootstrap_interval, success_rate
@@ -27,7 +27,7 @@ from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
 
-__all__ = ["Parameters", "finding", "mission_over", "run", "summarize_attempts"]
+__all__ = ["EXPERIMENT", "Parameters", "finding", "mission_over", "run", "summarize_attempts"]
 
 PAPER_LANDINGS, PAPER_INSIDE = 6, 4
 
@@ -247,3 +247,6 @@ def finding(record: Record) -> str:
             "cm off, in the median, when it gave the word"
         )
     return text + "."
+
+
+EXPERIMENT = Experiment("Triggered landing", Parameters, run, finding, needs=SURVEYED, cost_s=90)
