@@ -16,7 +16,7 @@ import trexton
 from trexton.base.cache import code_hashes, kept_results, shipped
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.companion.experiments.declaration import Experiment
-from trexton.companion.experiments.registry import NAMES
+from trexton.companion.experiments.registry import MODULES
 from trexton.base.files import digest
 from trexton.flights.tables import read_text
 from trexton.companion.build.formats import jupytext
@@ -51,7 +51,7 @@ def find_notebooks(
     found = {}
     for name in experiments:
         path = place / f"{name}.md"
-        if not path.is_file() and name not in NAMES:
+        if not path.is_file() and name not in MODULES:
             path = _beside(experiments[name])
         if path.is_file():
             found[name] = Notebook(name, str(path), read_text(path))

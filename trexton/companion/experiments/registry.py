@@ -26,7 +26,7 @@ A module ``trexton/companion/experiments/<name>.py`` holds all of an experiment 
         "Title of the page", Parameters, run, finding, needs=IMAGES, cost_s=20
     )
 
-and `NAMES` here has its name. Defaults, types and ranges stand in `Parameters` alone: the command
+and `MODULES` here has one line for it. Defaults, types and ranges stand in `Parameters` alone: the command
 line, the notebook, the checks and the record take them from there. Frames are flown by
 `trexton.companion.experiments.track.fly`; independent repeats and trials go through
 `trexton.base.executor.spread`. The notebook ``notebooks/<name>.md`` has the prose and begins with::
@@ -51,37 +51,37 @@ from collections.abc import Iterator, Mapping
 from trexton.base.plugins import PLUGINS, names, resolve
 from trexton.companion.experiments.declaration import Experiment
 
-__all__ = ["EXPERIMENTS", "LEDGER", "NAMES"]
+__all__ = ["EXPERIMENTS", "LEDGER", "MODULES"]
 
 LEDGER = "claims"
-NAMES = (
+MODULES = {
     # The paper's, in its order, and what it leaves open.
-    "overview",
-    "texton_dictionary",
-    "mosaic",
-    "homography_baseline",
-    "mocap_training",
-    "homography_training",
-    "triggered_landing",
-    "trade_off",
-    "timing",
-    "speed",
-    "map_loss",
-    "kidnapping",
-    "choices",
+    "overview": "trexton.companion.experiments.overview",
+    "texton_dictionary": "trexton.companion.experiments.texton_dictionary",
+    "mosaic": "trexton.companion.experiments.mosaic",
+    "homography_baseline": "trexton.companion.experiments.homography_baseline",
+    "mocap_training": "trexton.companion.experiments.mocap_training",
+    "homography_training": "trexton.companion.experiments.homography_training",
+    "triggered_landing": "trexton.companion.experiments.triggered_landing",
+    "trade_off": "trexton.companion.experiments.trade_off",
+    "timing": "trexton.companion.experiments.timing",
+    "speed": "trexton.companion.experiments.speed",
+    "map_loss": "trexton.companion.experiments.map_loss",
+    "kidnapping": "trexton.companion.experiments.kidnapping",
+    "choices": "trexton.companion.experiments.choices",
     # Beyond the paper.
-    "beyond",
-    "calibration",
-    "fused",
-    "fine",
-    "touchdown",
-    "heading",
-    "light",
-    "aiding",
-    "density",
-    "suitability",
-    "assessment",
-)
+    "beyond": "trexton.companion.experiments.beyond",
+    "calibration": "trexton.companion.experiments.calibration",
+    "fused": "trexton.companion.experiments.fused",
+    "fine": "trexton.companion.experiments.fine",
+    "touchdown": "trexton.companion.experiments.touchdown",
+    "heading": "trexton.companion.experiments.heading",
+    "light": "trexton.companion.experiments.light",
+    "aiding": "trexton.companion.experiments.aiding",
+    "density": "trexton.companion.experiments.density",
+    "suitability": "trexton.companion.experiments.suitability",
+    "assessment": "trexton.companion.experiments.assessment",
+}
 
 
 class _Experiments(Mapping[str, Experiment]):
@@ -89,7 +89,7 @@ class _Experiments(Mapping[str, Experiment]):
 
     def _table(self) -> dict[str, str]:
         """Module by name: this package's, then those that ``$TREXTON_PLUGINS`` names."""
-        table = {name: f"trexton.companion.experiments.{name}" for name in NAMES}
+        table = dict(MODULES)
         for module in filter(None, os.environ.get(PLUGINS, "").split(",")):
             if hasattr(resolve("experiments", module, {module: module}), "EXPERIMENT"):
                 table.setdefault(module.rpartition(".")[2], module)
