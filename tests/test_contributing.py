@@ -81,7 +81,7 @@ def test_it_is_done_as_printed(title, tmp_path, flight):
     for command in re.search(r"```bash\n(.*?)```", body, re.S)[1].splitlines():
         words = shlex.split(command.replace("FLIGHT", str(flight)))
         run = subprocess.run(
-            [sys.executable, "-m", "trexton.cli.main", *words[1:]],
+            [sys.executable, "-m", "trexton", *words[1:]],
             cwd=work,
             capture_output=True,
             text=True,

@@ -266,13 +266,21 @@ def test_heads_that_end_too_soon_declare_nothing_large(data):
         (OSError(28, "No space left on device", "/out/file"), "/out/file: No space left on device"),
         (MemoryError(), "use fewer frames"),
         (RecursionError(), "nested too deeply"),
-        (ValueError("odd"), "please report it"),
         (TrextonError("as it is"), "as it is"),
     ],
 )
 def test_every_error_is_one_sentence(error, words):
     text = sentence(error)
     assert words in text and "\n" not in text
+
+
+def test_a_bug_keeps_its_traceback(flight_folder, monkeypatch, capsys):
+    monkeypatch.setattr("trexton.cli.check.check_flight", lambda folder: {}["odd"])
+    assert main(["check", str(flight_folder)]) == 1
+    said = capsys.readouterr().err
+    assert (
+        "Traceback" in said and "KeyError: 'odd'" in said and "trexton check: this is a bug" in said
+    )
 
 
 def test_errors_of_opencv_are_sentences():

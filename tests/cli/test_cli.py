@@ -7,22 +7,22 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from importlib import import_module
 
 import pytest
 
 from trexton import __version__
+from trexton.base.plugins import resolve
 from trexton.cli import main as cli
 
 
-@pytest.mark.parametrize("name", sorted(cli.COMMANDS))
+@pytest.mark.parametrize("name", sorted(cli.verbs()))
 def test_every_command_has_help_and_does_what_the_table_says(name, capsys):
     with pytest.raises(SystemExit) as stopped:
         cli.main([name, "--help"])
     assert stopped.value.code == 0
     text = capsys.readouterr().out
     assert f"usage: trexton {name}" in text and "--quiet" in text
-    module = import_module(cli.COMMANDS[name][0])
+    module = resolve("commands", name, cli.COMMANDS)
     assert callable(module.run) and callable(module.add_arguments)
 
 
@@ -30,7 +30,7 @@ def test_the_overview_lists_every_command(capsys):
     with pytest.raises(SystemExit):
         cli.main(["--help"])
     text = capsys.readouterr().out
-    assert all(name in text for name in cli.COMMANDS)
+    assert all(name in text for name in cli.verbs())
 
 
 @pytest.mark.parametrize("words", [[], ["fly-me-home"], ["check"], ["data"], ["run", "x"]])
@@ -123,7 +123,7 @@ def test_an_interrupt_and_a_closed_pipe_leave_no_traceback(flight_folder):
     reader, writer = os.pipe()
     os.close(reader)
     process = subprocess.run(
-        [sys.executable, "-m", "trexton.cli.main", "check", str(flight_folder)],
+        [sys.executable, "-m", "trexton", "check", str(flight_folder)],
         stdout=writer,
         stderr=subprocess.PIPE,
         text=True,

@@ -38,7 +38,7 @@ class Flight:
         os.mkfifo(camera)
         self.script = subprocess.Popen(
             [
-                *(sys.executable, "-m", "trexton.cli.main", "onboard"),
+                *(sys.executable, "-m", "trexton", "onboard"),
                 str((texton_map or room_map()).save(folder / "map.npz")),
                 *("--camera", str(camera), "--rate", "50", "--log", str(self._log)),
                 *("--output", f"udpout:127.0.0.1:{autopilot.port}"),

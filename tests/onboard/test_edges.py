@@ -11,9 +11,10 @@ import pytest
 from conftest import ROOT
 from onboard_tools import make_fix, surroundings
 
+from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
 from trexton.onboard import sinks
-from trexton.onboard.edges import add_options, chosen_options, markdown_table
+from trexton.onboard.edges import classes_of_options, markdown_table
 from trexton.onboard.sources import source_classes
 
 STRANGER = '''
@@ -32,11 +33,12 @@ class PlainOptions(Options):
 
     unit: str = option("m", "unit of length", choices=("m", "cm"))
     digits: int = option(2, "digits after the point", low=0, high=9)
+    prefix = "plain"
 
 
 class Plain(Sink):
     addresses = {"plain:FILE": "a line of text a position"}
-    options, prefix = PlainOptions, "plain"
+    options = PlainOptions
 
     def __init__(self, path, options):
         self.name = self.file = path
@@ -66,8 +68,11 @@ def plain(tmp_path, monkeypatch):
 
 def parsed(*words: str):
     parser = argparse.ArgumentParser()
-    add_options(parser, sinks.sink_classes())
-    return parser, chosen_options(parser.parse_args(words), sinks.sink_classes())
+    kinds = classes_of_options(sinks.sink_classes())
+    for kind in kinds:
+        add_options(parser, kind)
+    arguments = parser.parse_args(words)
+    return parser, {kind: chosen_options(arguments, kind) for kind in kinds}
 
 
 def test_a_strangers_sink_in_one_file_of_forty_lines(plain, tmp_path):

@@ -53,7 +53,7 @@ class TestReplayEquality:
         command = [
             sys.executable,
             "-m",
-            "trexton.cli.main",
+            "trexton",
             "onboard",
             str(path),
             "--camera",
@@ -150,7 +150,7 @@ def test_signals_end_the_flight_in_order(number, tmp_path):
     command = [
         sys.executable,
         "-m",
-        "trexton.cli.main",
+        "trexton",
         "onboard",
         str(path),
         "--camera",

@@ -27,7 +27,7 @@ def words(tmp_path) -> list[str]:
         tmp_path / "map.npz"
     )
     return [
-        sys.executable, "-m", "trexton.cli.main", "onboard", str(path), "--camera", str(folder),
+        sys.executable, "-m", "trexton", "onboard", str(path), "--camera", str(folder),
         "--pace", "stamps", "--laps", "1000", "--output", f"csv:{tmp_path}/out.csv",
         "--log", str(tmp_path / "log"),
     ]  # fmt: skip

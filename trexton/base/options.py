@@ -1,7 +1,7 @@
 """Options declared once: a frozen dataclass whose fields say type, default, range and meaning.
 
 The command line, the checks, the documentation and the record of whatever has options are made from
-the dataclass::
+the dataclass (`trexton.base.arguments`)::
 
     @dataclass(frozen=True)
     class Parameters(Options):
@@ -15,26 +15,23 @@ from __future__ import annotations
 
 import ast
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, fields
 from numbers import Integral, Real
 from types import NoneType
-from typing import TYPE_CHECKING, Any, Self, SupportsIndex, TypeVar, get_args, get_type_hints
+from typing import (
+    Any,
+    ClassVar,
+    Self,
+    SupportsIndex,
+    TypeVar,
+    get_args,
+    get_type_hints,
+)
 
 from trexton.base.errors import ParameterError
 
-if TYPE_CHECKING:
-    import argparse
-
-__all__ = [
-    "Option",
-    "Options",
-    "add_assignments",
-    "assignments",
-    "declared_options",
-    "option",
-    "whole",
-]
+__all__ = ["Option", "Options", "declared_options", "option", "whole"]
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
@@ -92,46 +89,6 @@ def whole(value: object, what: str, low: int = 1, high: int | None = None) -> in
             return number
     span = f"of at least {low}" if high is None else f"from {low} to {high}"
     raise ParameterError(f"{what} is {value!r}: expected a whole number {span}")
-
-
-def add_assignments(parser: argparse.ArgumentParser, metavar: str, words: str) -> None:
-    """Give the parser ``--set``, repeatable; see `assignments`.
-
-    Parameters
-    ----------
-    metavar, words : str
-        How a word should look, and the option's help.
-    """
-    parser.add_argument(
-        "--set", nargs="+", action="extend", default=[], metavar=metavar, dest="settings",
-        help=words,
-    )  # fmt: skip
-
-
-def assignments(words: Iterable[str], form: str) -> dict[str, str]:
-    """What was typed after ``--set``: ``key=value`` words as a mapping.
-
-    Parameters
-    ----------
-    form : str
-        How a word should look, for the error.
-
-    Raises
-    ------
-    ParameterError
-        A word is no assignment, or a key comes twice.
-    """
-    found: dict[str, str] = {}
-    for word in words:
-        key, equals, value = word.partition("=")
-        if not equals or not key:
-            raise ParameterError(f"--set {word!r}: expected {form}")
-        if key in found:
-            raise ParameterError(
-                f"--set has {key} twice, {found[key]!r} and {value!r}: give it once, as {form}"
-            )
-        found[key] = value
-    return found
 
 
 @dataclass(frozen=True)
@@ -207,7 +164,18 @@ def declared_options(cls: type) -> tuple[Option, ...]:
 
 @dataclass(frozen=True)
 class Options:
-    """Base of declared options; every object of it has been checked."""
+    """Base of declared options; every object of it has been checked.
+
+    The first line of a class's docstring names its group on the command line.
+
+    Attributes
+    ----------
+    prefix : str
+        Goes before the options there, where others could have the same name:
+        ``--PREFIX-OPTION``.
+    """
+
+    prefix: ClassVar[str] = ""
 
     def __post_init__(self) -> None:
         for each in self.declared():
@@ -217,6 +185,11 @@ class Options:
     def declared(cls) -> Iterator[Option]:
         """What is declared, in the order of the class."""
         return iter(declared_options(cls))
+
+    @classmethod
+    def flag(cls, name: str) -> str:
+        """The word of the command line that sets an option."""
+        return "--" + "-".join(filter(None, (cls.prefix, name.replace("_", "-"))))
 
     @classmethod
     def parse(cls, settings: Mapping[str, object], owner: str = "this") -> Self:

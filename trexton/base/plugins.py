@@ -81,7 +81,7 @@ def import_plugins(modules: str | None = None) -> None:
     Parameters
     ----------
     modules : str, optional
-        Names with commas between; ``$TREXTON_PLUGINS`` unless given. Processes that this one
+        Names with commas between, beside those of ``$TREXTON_PLUGINS``. Processes that this one
         starts import them too.
 
     Raises
@@ -89,9 +89,9 @@ def import_plugins(modules: str | None = None) -> None:
     ParameterError
         A module is missing.
     """
-    if modules:
-        os.environ[PLUGINS] = modules
-    for module in filter(None, os.environ.get(PLUGINS, "").split(",")):
+    wanted = [*os.environ.get(PLUGINS, "").split(","), *(modules or "").split(",")]
+    os.environ[PLUGINS] = ",".join(dict.fromkeys(filter(None, wanted)))
+    for module in filter(None, os.environ[PLUGINS].split(",")):
         _import(module, "plugin")
 
 

@@ -1,4 +1,4 @@
-"""``trexton data``: list the public data, or make a data set ready as a Flight folder."""
+"""``trexton data``: list or fetch public flights."""
 
 from __future__ import annotations
 

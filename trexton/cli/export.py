@@ -1,4 +1,4 @@
-"""``trexton export SOURCE KIND --out FILE``: a flight's or a record's track for other programs."""
+"""``trexton export SOURCE KIND --out FILE``: write a track as TUM, CSV or GeoJSON."""
 
 from __future__ import annotations
 

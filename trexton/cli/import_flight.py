@@ -1,16 +1,20 @@
-"""``trexton import [KIND] SOURCE --out FLIGHT``: an option for each setting that an importer
-declares.
-"""
+"""``trexton import [KIND] SOURCE --out FLIGHT``: make a flight of a recording in another format."""
 
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING
 
-from trexton.base.options import Option
+from trexton.base.arguments import add_option
+from trexton.base.errors import ParameterError
 from trexton.base.progress import say
 
+if TYPE_CHECKING:
+    from trexton.base.options import Option
+
 __all__ = ["add_arguments", "run"]
+
+PLACE = "setting."  # what the attributes of settings begin with
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -24,56 +28,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--replace", action="store_true", help="replace the Flight folder that is there"
     )
     common = parser.add_argument_group("whatever the source")
-    taken: dict[str, list[str]] = {}
+    common_names = [each.name for each in Common.declared()]
     for each in Common.declared():
-        taken[each.name] = [each.meaning]
-        _add(common, each, f"{each.meaning} (default {each.default or 'none'})")
-    words: dict[str, list[str]] = {}
-    options = {}
+        words = f"{each.meaning} (default {each.default or 'none'})"
+        add_option(common, Common.flag(each.name), each, words, PLACE + each.name)
+    options: dict[str, Option] = {}  # several kinds may have one of a name
+    meanings: dict[str, list[str]] = {}
     for kind in IMPORTERS:
         for each in importer(kind).Settings.declared():
             options[each.name] = each
-            words.setdefault(each.name, []).append(f"{kind}: {each.meaning}")
+            meanings.setdefault(each.name, []).append(f"{kind}: {each.meaning}")
     group = parser.add_argument_group("of one kind")
-    for name, meanings in words.items():
-        if name not in taken:
-            _add(group, options[name], "; ".join(meanings))
-
-
-def _add(group: argparse._ArgumentGroup, option: Option, words: str) -> None:
-    switch: dict[str, Any] = {"nargs": "?", "const": "yes"} if option.types == (bool,) else {}
-    group.add_argument(
-        f"--{option.name.replace('_', '-')}",
-        dest=option.name,
-        default=argparse.SUPPRESS,
-        metavar="VALUE",
-        help=words.replace("%", "%%"),
-        **switch,
-    )
+    for name in (name for name in options if name not in common_names):
+        words = "; ".join(meanings[name])
+        add_option(group, Common.flag(name), options[name], words, PLACE + name)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.base.errors import ParameterError
     from trexton.flights.importing import import_flight
 
-    given = {
-        name: value
-        for name, value in vars(arguments).items()
-        if name not in ("what", "out", "replace", "command", "quiet")
-    }
-    if len(arguments.what) > 2:
+    *kind, source = arguments.what
+    if len(kind) > 1:
         raise ParameterError(
             f"{' '.join(arguments.what)}: expected a kind and a source, or a source"
         )
-    *kind, source = arguments.what
-    flight, said = import_flight(
+    flight, remarks = import_flight(
         source,
         arguments.out,
         kind=kind[0] if kind else None,
-        settings=given,
+        settings={
+            name.removeprefix(PLACE): value
+            for name, value in vars(arguments).items()
+            if name.startswith(PLACE)
+        },
         replaced=arguments.replace,
     )
-    for line in said:
+    for line in remarks:
         say(line)
     seconds = flight.time[-1] - flight.time[0]
     say(

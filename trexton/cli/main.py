@@ -1,5 +1,6 @@
-"""The command line: parse, call, print. Each subcommand is a module of `trexton.companion.cli`,
-imported only when asked for.
+"""The command line: parse, call, print. Each verb is a module with ``add_arguments(parser)`` and
+``run(arguments) -> int``, imported only when asked for; the first sentence of its docstring is its
+help.
 """
 
 from __future__ import annotations
@@ -8,90 +9,99 @@ import argparse
 import os
 import sys
 import traceback
-from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 
 from trexton import __version__
 from trexton.base.errors import TrextonError
+from trexton.base.plugins import address_of, import_plugins, names, resolve
+from trexton.base.progress import set_quiet
 
-# name: (module of trexton.companion.cli, one line of help)
+__all__ = ["COMMANDS", "build_parser", "main", "sentence", "verbs"]
+
+# The library's own; others are entry points of the group ``trexton.commands``.
 COMMANDS = {
-    "check": ("trexton.cli.check", "read a flight folder and report every fault"),
-    "data": ("trexton.cli.data", "list or fetch public flights"),
-    "import": ("trexton.cli.import_flight", "make a flight of a recording in another format"),
-    "export": ("trexton.cli.export", "write a track as TUM, CSV or GeoJSON"),
-    "simulate": ("trexton.cli.simulate", "fly in the virtual room and record a flight"),
-    "train": ("trexton.cli.train", "make a texton map from a flight"),
-    "claims": (
-        "trexton.companion.cli.claims",
-        "judge every claim of the paper by the results at hand",
-    ),
-    "run": ("trexton.companion.cli.run", "run the experiment notebooks on a flight"),
-    "sweep": ("trexton.companion.cli.sweep", "run an experiment over floors, flights and settings"),
-    "report": (
-        "trexton.companion.cli.report",
-        "will it work here? A printable page and a small book",
-    ),
-    "book": ("trexton.companion.cli.book", "run every experiment and build the book"),
-    "onboard": ("trexton.cli.onboard", "localize live frames and report positions"),
-    "replay": (
-        "trexton.cli.replay",
-        "show what a flight of the script sent, and what the autopilot said",
-    ),
-    "bench": ("trexton.companion.cli.bench", "measure the speed of every stage"),
-    "suitability": (
-        "trexton.companion.cli.suitability",
-        "will it work over this floor? A picture is enough",
-    ),
-    "play": ("trexton.companion.cli.play", "look at a flight frame by frame in a browser"),
-    "verify": (
-        "trexton.companion.cli.verify",
-        "run records' experiments again and say what changed",
-    ),
-    "tune": (
-        "trexton.companion.cli.tune",
-        "choose samples and particles for a rate on this machine",
-    ),
+    "check": "trexton.cli.check",
+    "data": "trexton.cli.data",
+    "import": "trexton.cli.import_flight",
+    "export": "trexton.cli.export",
+    "simulate": "trexton.cli.simulate",
+    "train": "trexton.cli.train",
+    "onboard": "trexton.cli.onboard",
+    "replay": "trexton.cli.replay",
 }
 
 
+def verbs() -> list[str]:
+    """The names of all verbs, those of installed packages among them."""
+    return names("commands", COMMANDS)
+
+
+def help_line(module: str) -> str:
+    """The first paragraph of a module's docstring after ``trexton VERB``, read without an import:
+    so that help stays quick."""
+    spec = find_spec(module)
+    if spec is None or spec.origin is None:
+        return f"of {module}, which is not here"
+    text = Path(spec.origin).read_text(encoding="utf-8").partition('"""')[2]
+    paragraph = " ".join(text.partition('"""')[0].partition("\n\n")[0].split())
+    return paragraph.partition("``: ")[2] or paragraph
+
+
 def build_parser(chosen: str | None = None) -> argparse.ArgumentParser:
-    """The parser; only the `chosen` subcommand's module is imported, so that help stays quick."""
+    """The parser; only the module of the `chosen` verb is imported."""
     parser = argparse.ArgumentParser(
         prog="trexton", description="Texton-based global localization for micro aerial vehicles."
     )
     parser.add_argument("--version", action="version", version=f"trexton {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name, (module, help_line) in COMMANDS.items():
+    for name in [chosen] if chosen in COMMANDS else verbs():
+        assert name is not None
+        words = help_line(address_of("commands", name, COMMANDS)).replace("%", "%%")
         command = commands.add_parser(
-            name, help=help_line, description=help_line[0].upper() + help_line[1:] + "."
+            name, help=words.rstrip("."), description=words[:1].upper() + words[1:]
         )
         command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
+        _add_plugin(command)
         if name == chosen:
-            import_module(module).add_arguments(command)
+            resolve("commands", name, COMMANDS).add_arguments(command)
     return parser
 
 
+def _add_plugin(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--plugin", action="append", default=[], metavar="MODULE",
+        help="import a module of your own first: parts, sinks and sources; repeatable",
+    )  # fmt: skip
+
+
 def main(argv: list[str] | None = None) -> int:
-    """Run one subcommand; 0 on success, 1 on a fault (one sentence on stderr), 2 on wrong usage."""
+    """Run one verb; 0 on success, 1 on a fault, 2 on wrong usage.
+
+    A fault is one sentence on standard error; a bug, ours or of a plugin, keeps its traceback.
+    """
     _open_standard_streams()
     argv = sys.argv[1:] if argv is None else argv
     chosen = next((word for word in argv if not word.startswith("-")), None)
-    arguments = build_parser(chosen).parse_args(argv)
-    from trexton.base.progress import set_quiet
-
-    set_quiet(arguments.quiet)
-    command = import_module(COMMANDS[arguments.command][0])
+    first = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
+    _add_plugin(first)  # what a plugin offers is among the choices of the parser
     try:
-        return command.run(arguments) or 0
+        import_plugins(",".join(first.parse_known_args(argv)[0].plugin))
+        arguments = build_parser(chosen).parse_args(argv)
+        set_quiet(arguments.quiet)
+        return resolve("commands", arguments.command, COMMANDS).run(arguments) or 0
     except KeyboardInterrupt:
-        print(f"trexton {arguments.command}: interrupted", file=sys.stderr)
+        print(f"trexton {chosen}: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
         sys.stderr.close()
         return 1
     except Exception as error:  # the one place where foreign errors become sentences
-        print(f"trexton {arguments.command}: {sentence(error)}", file=sys.stderr)
+        words = sentence(error)
+        if words is None:
+            traceback.print_exc()
+            words = "this is a bug, of trexton unless the last lines above are of your own module"
+        print(f"trexton {chosen}: {words}", file=sys.stderr)
         return 1
 
 
@@ -108,8 +118,8 @@ def _open_standard_streams() -> None:
         sys.stderr = open(os.devnull, "w", encoding="utf-8")
 
 
-def sentence(error: Exception) -> str:
-    """What a person is told of an error; one that nobody thought of comes with how to report it."""
+def sentence(error: Exception) -> str | None:
+    """What a person reads of an error; None where it is a bug."""
     if isinstance(error, TrextonError):
         return str(error)
     if isinstance(error, OSError):
@@ -123,21 +133,18 @@ def sentence(error: Exception) -> str:
     if isinstance(error, RecursionError):
         return "an input is nested too deeply: check the files that were given"
     if type(error).__module__.partition(".")[0] == "cv2":
-        return f"OpenCV refused an image or a picture ({_first_line(error)}): check the files given"
-    if os.environ.get("TREXTON_DEBUG"):
-        raise error
-    frames = traceback.extract_tb(error.__traceback__)
-    where = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
-    return (
-        f"unexpected {type(error).__name__}: {_first_line(error)}{where}; this is a fault of "
-        "trexton: please report it with the output of the same "
-        "command under TREXTON_DEBUG=1"
-    )
+        line = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
+        return f"OpenCV refused an image or a picture ({line}): check the files given"
+    if isinstance(error, ModuleNotFoundError) and not (error.name or "").startswith("trexton"):
+        return _missing_extra(error)
+    return None
 
 
-def _first_line(error: Exception) -> str:
-    return next((line.strip() for line in str(error).splitlines() if line.strip()), "no message")
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def _missing_extra(error: ModuleNotFoundError) -> str | None:
+    """Which extra brings a package that the library asks for; a plugin's needs are its own."""
+    asking = Path(traceback.extract_tb(error.__traceback__)[-1].filename)
+    package = Path(__file__).parents[1]
+    if package not in asking.parents:
+        return None
+    extra = "book" if package / "companion" in asking.parents else "import"
+    return f"needs the package {error.name!r}, which is not here: pip install 'trexton[{extra}]'"

@@ -1,20 +1,16 @@
-"""``trexton onboard MAP``: an option for each field that settings, sources and sinks declare."""
+"""``trexton onboard MAP``: localize live frames and report positions."""
 
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
-from trexton.base.options import add_assignments
-
-if TYPE_CHECKING:
-    from trexton.onboard.edges import Edge
+from trexton.base.arguments import add_assignments, add_options, chosen_options
+from trexton.base.options import Options
 
 __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.onboard.edges import add_options
     from trexton.onboard.sinks import SINKS
     from trexton.onboard.sources import SOURCES
 
@@ -34,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--preflight", action="store_true",
         help="check camera, map and autopilot for some seconds, a line each, and command nothing",
     )  # fmt: skip
-    add_options(parser, _edges())
+    for kind in _classes():
+        add_options(parser, kind)
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -43,7 +40,6 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.base.errors import TrextonError
     from trexton.base.records import plain
     from trexton.onboard import Settings, build
-    from trexton.onboard.edges import chosen_options
     from trexton.onboard.signals import stopped_by_signals
     from trexton.onboard.voice import flush, say
 
@@ -51,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.map,
         tuple(arguments.outputs or ["json"]),
         tuple(arguments.settings),
-        chosen_options(arguments, _edges()),
+        {kind: chosen_options(arguments, kind) for kind in _classes()},
     )
     if arguments.preflight:
         from trexton.onboard.preflight import preflight
@@ -78,9 +74,10 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _edges() -> list[type[Edge]]:
-    from trexton.onboard.settings import GROUPS
+def _classes() -> list[type[Options]]:
+    from trexton.onboard.edges import classes_of_options
+    from trexton.onboard.settings import Flying, Landing, Placement
     from trexton.onboard.sinks import sink_classes
     from trexton.onboard.sources import source_classes
 
-    return [*GROUPS, *source_classes(), *sink_classes()]
+    return [Flying, Placement, Landing, *classes_of_options([*source_classes(), *sink_classes()])]

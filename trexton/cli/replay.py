@@ -1,4 +1,4 @@
-"""``trexton replay LOG``: what was sent in a flight, and what the autopilot said."""
+"""``trexton replay LOG``: show what a flight of the script sent, and what the autopilot said."""
 
 from __future__ import annotations
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
+from trexton.base.arguments import add_assignments, assignments
 from trexton.base.errors import ParameterError
-from trexton.base.options import add_assignments, assignments
 from trexton.base.progress import say
 
 

@@ -1,12 +1,12 @@
-"""``trexton train FLIGHT -o MAP``: the texton map of a flight."""
+"""``trexton train FLIGHT -o MAP``: make a texton map from a flight."""
 
 from __future__ import annotations
 
 import argparse
 from typing import Any
 
+from trexton.base.arguments import add_assignments
 from trexton.base.defaults import NEIGHBORS, PATCH, TEXTONS, USUAL_CELLS
-from trexton.base.options import add_assignments
 from trexton.base.progress import say
 
 __all__ = ["add_arguments", "run"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from trexton.base.arguments import assignments
 from trexton.base.errors import ParameterError
-from trexton.base.options import assignments
 from trexton.base.plugins import names
 from trexton.localization.base import Part
 from trexton.localization.roles import ROLES, check_known, check_role, make, name_of, part_class

@@ -13,10 +13,9 @@ from trexton.base.options import Options, option
 from trexton.base.streams import MOST_SEED
 from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.onboard.aids import AIDS
-from trexton.onboard.edges import Edge
 from trexton.onboard.local import LocalFrame
 
-__all__ = ["GROUPS", "LONGEST_DELAY", "Flying", "Landing", "Placement", "Settings", "numbers"]
+__all__ = ["LONGEST_DELAY", "Flying", "Landing", "Placement", "Settings", "numbers"]
 
 LONGEST_DELAY = 0.4  # seconds: not much longer, and every position is stale when it is told
 T = TypeVar("T", bound=Options)
@@ -122,13 +121,6 @@ def numbers(flag: str, text: str, counts: tuple[int, ...]) -> tuple[float, ...]:
         expected = " or ".join(map(str, counts))
         raise ParameterError(f"{flag} {text!r}: expected {expected} numbers with commas between")
     return values
-
-
-def _group(declared: type[Options]) -> type[Edge]:
-    return type(declared.__name__, (Edge,), {"options": declared})
-
-
-GROUPS = [_group(Flying), _group(Placement), _group(Landing)]
 
 
 @dataclass(frozen=True)

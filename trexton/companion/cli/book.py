@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import time
 
-from trexton.base.options import add_assignments, assignments
+from trexton.base.arguments import add_assignments, assignments
 from trexton.companion.build.api import make_book
 from trexton.companion.cli.run import print_outcomes
 

@@ -6,8 +6,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from trexton.base.arguments import add_assignments, assignments
 from trexton.base.errors import ParameterError
-from trexton.base.options import add_assignments, assignments
 from trexton.companion.build.workflow import FlightPair, Outcome, run_experiments
 
 

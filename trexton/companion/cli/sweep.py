@@ -8,9 +8,9 @@ import tomllib
 from pathlib import Path
 from typing import Any
 
+from trexton.base.arguments import add_assignments, assignments
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, check_not_read, check_writable
-from trexton.base.options import add_assignments, assignments
 from trexton.companion.build.sweep import Floors, Plan, sweep
 from trexton.companion.build.workflow import FlightPair
 
