@@ -130,3 +130,15 @@ def test_an_interrupt_and_a_closed_pipe_leave_no_traceback(flight_folder):
     )
     os.close(writer)
     assert "Traceback" not in process.stderr
+
+
+def test_methods_lists_parts_with_what_they_read_and_their_options(capsys):
+    assert cli.main(["methods", "field"]) == 0
+    said = capsys.readouterr().out
+    assert "method field: motion=singer" in said and "recovery" not in said
+    assert "reads motion (LinearMotion), measurement (Field), odometry" in said
+    assert "agility=2.0 (float > 0): accelerations" in said
+    assert cli.main(["methods", "motion=trexton.localization.motion:RandomWalk"]) == 0
+    assert "sigma=None (float or None > 0)" in capsys.readouterr().out
+    assert cli.main(["methods", "magic"]) == 1
+    assert "choose one of paper" in capsys.readouterr().err

@@ -146,7 +146,7 @@ def test_a_survey_that_repeats_its_lanes_is_not_trusted_between_them(monkeypatch
 
 
 def test_a_field_survives_its_arrays(field, later):
-    again = Field.from_arrays(field.arrays(), **field.options())
+    again = Field.from_arrays(field.arrays(), **field.as_dict())
     seen = observed(later[1][3])
     np.testing.assert_array_equal(again.over_cells(seen), field.over_cells(seen))
 

@@ -288,7 +288,7 @@ def test_maps_that_cannot_be_are_refused_before_anything_is_read(options):
 def test_counts_of_numpy_are_counts(texton_map):
     counts = {"samples": np.int64(40), "particles": np.uint8(20), "neighbors": np.int32(2)}
     localizer = Localizer(texton_map, rng=np.random.default_rng(0), **counts)
-    assert localizer.parts["filter"].options()["particles"] == 20
+    assert localizer.parts["filter"].as_dict()["particles"] == 20
 
 
 def test_a_map_takes_a_generator_and_no_seed_wherever_it_learns(texton_map):

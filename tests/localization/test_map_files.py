@@ -149,7 +149,7 @@ def test_a_file_does_not_decide_which_code_runs(texton_map, tmp_path):
     )
     parts = {"distance": {"name": "this:Zen", "options": {}}}
     path = stored(tmp_path / "map.npz", texton_map, header=header(texton_map, parts=parts))
-    with pytest.raises(MapError, match="name its module with --plugin this"):
+    with pytest.raises(MapError, match="not of the library: name its module with --plugin this"):
         TextonMap.load(path)
 
 

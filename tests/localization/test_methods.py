@@ -12,7 +12,7 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.localization.base import Part, learned
 from trexton.localization.distances import Euclidean, Hellinger
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.methods import METHODS, changed, compose, parse_choices
+from trexton.localization.methods import METHODS, changed, compose, fitting, parse_choices
 from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.roles import ROLES, make, name_of
@@ -69,7 +69,7 @@ def test_a_part_of_another_role_is_refused(choices):
 @pytest.mark.parametrize("method", METHODS)
 def test_a_method_names_parts_of_known_roles(method):
     parts = compose(method)
-    assert set(parts) <= set(ROLES) and {"motion", "filter"} <= set(parts)
+    assert set(parts) <= set(ROLES) and fitting(parts, parts) == parts
 
 
 def test_a_part_of_ones_own_needs_no_entry(tmp_path):
@@ -164,7 +164,7 @@ def test_the_growth_is_that_of_the_motion():
     ],
 )
 def test_what_is_not_so_is_one_clear_error(choices):
-    with pytest.raises(ParameterError, match="choose|expected|has no option|check its name"):
+    with pytest.raises(ParameterError, match="choose|expected|has no parameter|check its name"):
         changed(compose("paper"), choices)
     with pytest.raises(ParameterError, match="choose one of paper"):
         compose("magic")
@@ -221,13 +221,10 @@ def test_words_of_a_command_line():
             parse_choices([word])
     with pytest.raises(ParameterError, match="--set has motion.sigma twice, '1' and '2'"):
         parse_choices(["motion.sigma=1", "distance=hellinger", "motion.sigma=2"])
-    part = Cosine()
-    assert part.option("power", "2") == 2.0 and isinstance(part.option("power", 2), float)
-    assert part.option("halve", "true") is True and part.option("shift", "-3") == -3
-    assert part.option("halve", "True") is True and part.option("halve", "no") is False
-    with pytest.raises(ParameterError, match="halve is 1: expected bool"):
-        part.option("halve", "1")
-    assert RandomWalk().option("sigma", "none") is None and RandomWalk().option("sigma", 1) == 1.0
+    own = Cosine.parse({"power": "2", "halve": "yes", "shift": "-3"})
+    assert own.as_dict() == {"power": 2.0, "shift": -3, "halve": True}
+    assert isinstance(own.power, float) and isinstance(Cosine(power=2).power, float)
+    assert RandomWalk.parse({"sigma": "None"}).sigma is None
 
 
 def test_arrays_of_another_part_are_refused():
@@ -236,7 +233,7 @@ def test_arrays_of_another_part_are_refused():
         with pytest.raises(MapError, match="learns"):
             RandomWalk.from_arrays(arrays)
     whole = RandomWalk.from_arrays(learned_arrays, sigma=0.5)
-    assert whole.arrays().keys() == learned_arrays.keys() and whole.options() == {"sigma": 0.5}
+    assert whole.arrays().keys() == learned_arrays.keys() and whole.as_dict() == {"sigma": 0.5}
     assert learned().init is False
 
 
@@ -244,3 +241,11 @@ def test_arrays_of_another_part_are_refused():
 def test_what_is_no_part_cannot_be_set(word):
     with pytest.raises(ParameterError, match="is unknown: choose one of distance"):
         parse_choices([word])
+
+
+def test_other_parts_that_fit_are_taken_and_what_is_no_longer_read_goes():
+    choices = {"filter": "tracks", "motion": "constant-velocity", "measurement": "field"}
+    texton_map = trained().changed(choices)
+    assert set(texton_map.parts) == set(choices)
+    assert np.isfinite(flown(texton_map)).all()
+    assert set(trained().for_method("field").parts) == set(METHODS["field"])

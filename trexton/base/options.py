@@ -15,9 +15,9 @@ from __future__ import annotations
 
 import ast
 import math
+import operator
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
-from numbers import Integral, Real
+from dataclasses import dataclass, field, fields, is_dataclass
 from types import NoneType
 from typing import (
     Any,
@@ -29,9 +29,11 @@ from typing import (
     get_type_hints,
 )
 
+import numpy as np
+
 from trexton.base.errors import ParameterError
 
-__all__ = ["Option", "Options", "declared_options", "option", "whole"]
+__all__ = ["Option", "Options", "option", "whole"]
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
@@ -59,12 +61,14 @@ def option(
     low, high : float, optional
         Smallest and largest value allowed.
     above, below : float, optional
-        The same, themselves not allowed.
+        The same of an open range, which does not hold its ends.
     choices : sequence of str
         The words allowed, where not every text is.
     """
-    limits = {"low": low, "high": high, "above": above, "below": below}
-    metadata = {"meaning": meaning, "choices": tuple(choices)} | limits
+    metadata = {
+        "meaning": meaning, "low": low, "high": high, "above": above, "below": below,
+        "choices": tuple(choices),
+    }  # fmt: skip
     return field(default=default, metadata=metadata)
 
 
@@ -125,24 +129,24 @@ class Option:
 
     def check(self, value: object) -> object:
         """`value` if type and range fit (an int also stands for a float); else `ParameterError`."""
-        if isinstance(value, Real) and not isinstance(value, bool):  # NumPy's among them
-            value = int(value) if isinstance(value, Integral) else float(value)
-            if float in self.types and int not in self.types:
-                value = float(value)
+        if isinstance(value, np.generic):
+            value = value.item()
+        if type(value) is int and float in self.types and int not in self.types:
+            value = float(value)
         if type(value) not in self.types:
-            names = ("None" if kind is NoneType else kind.__name__ for kind in self.types)
-            raise self._refusal(value, f"{' or '.join(names)}, as in {self.name}={self.default!r}")
+            kinds = self.types_as_text()
+            raise self._refusal(value, f"{kinds}, as in {self.name}={self.default!r}")
         if isinstance(value, float) and not math.isfinite(value):
             raise self._refusal(value, "a finite number")
         if isinstance(value, (int, float)) and not isinstance(value, bool):
-            if self.low is not None and value < self.low:
-                raise self._refusal(value, f"{self.low:g} or more")
-            if self.high is not None and value > self.high:
-                raise self._refusal(value, f"{self.high:g} or less")
-            if self.above is not None and value <= self.above:
-                raise self._refusal(value, f"more than {self.above:g}")
-            if self.below is not None and value >= self.below:
-                raise self._refusal(value, f"less than {self.below:g}")
+            for words, bound, holds in (
+                ("{:g} or more", self.low, operator.ge),
+                ("{:g} or less", self.high, operator.le),
+                ("more than {:g}", self.above, operator.gt),
+                ("less than {:g}", self.below, operator.lt),
+            ):
+                if bound is not None and not holds(value, bound):
+                    raise self._refusal(value, words.format(bound))
         if self.choices and value is not None and value not in self.choices:
             raise self._refusal(value, f"one of {', '.join(self.choices)}")
         return value
@@ -150,21 +154,26 @@ class Option:
     def _refusal(self, value: object, expected: str) -> ParameterError:
         return ParameterError(f"parameter {self.name} is {value!r}: expected {expected}")
 
+    def types_as_text(self) -> str:
+        """``float or None``, for people."""
+        return " or ".join("None" if kind is NoneType else kind.__name__ for kind in self.types)
 
-def declared_options(cls: type) -> tuple[Option, ...]:
-    """The options of a dataclass in its order: the fields that its constructor takes."""
-    hints = get_type_hints(cls)
-    kinds = {name: get_args(hint) or (hint,) for name, hint in hints.items()}
-    return tuple(
-        Option(each.name, kinds[each.name], each.default, **each.metadata)
-        for each in fields(cls)
-        if each.init
-    )
+    def __str__(self) -> str:
+        """One line of help: name, default, types, range and meaning."""
+        low, high = (self.low, self.above), (self.high, self.below)
+        ends = [
+            f"{sign} {bound:g}"
+            for sign, bound in zip((">=", ">", "<=", "<"), low + high, strict=True)
+            if bound is not None
+        ]
+        kinds = ", ".join(self.choices) or " ".join([self.types_as_text(), *ends])
+        return f"{self.name}={self.default} ({kinds}): {self.meaning}".removesuffix(": ")
 
 
-@dataclass(frozen=True)
 class Options:
-    """Base of declared options; every object of it has been checked.
+    """Base of dataclasses whose fields are options; every object of it has been checked.
+
+    Fields that are not arguments (``init=False``) are no options.
 
     The first line of a class's docstring names its group on the command line.
 
@@ -184,7 +193,14 @@ class Options:
     @classmethod
     def declared(cls) -> Iterator[Option]:
         """What is declared, in the order of the class."""
-        return iter(declared_options(cls))
+        if not is_dataclass(cls):
+            return
+        hints = get_type_hints(cls)
+        for each in fields(cls):
+            if not each.init:
+                continue
+            kinds = get_args(hints[each.name]) or (hints[each.name],)
+            yield Option(each.name, kinds, each.default, **each.metadata)
 
     @classmethod
     def flag(cls, name: str) -> str:
@@ -192,8 +208,8 @@ class Options:
         return "--" + "-".join(filter(None, (cls.prefix, name.replace("_", "-"))))
 
     @classmethod
-    def parse(cls, settings: Mapping[str, object], owner: str = "this") -> Self:
-        """Defaults with `settings` in their place: values, or text as a person typed it.
+    def checked(cls, settings: Mapping[str, object], owner: str = "this") -> dict[str, Any]:
+        """`settings`, values or text as a person typed it, as checked values.
 
         Raises
         ------
@@ -205,12 +221,16 @@ class Options:
             if name not in known:
                 names = ", ".join(known) or "none"
                 raise ParameterError(f"{owner} has no parameter {name!r}: it has {names}")
-        values: dict[str, Any] = {
-            name: known[name].parse(value) if isinstance(value, str) else value
+        return {
+            name: known[name].parse(value) if isinstance(value, str) else known[name].check(value)
             for name, value in settings.items()
         }
-        return cls(**values)
+
+    @classmethod
+    def parse(cls, settings: Mapping[str, object], owner: str = "this") -> Self:
+        """Defaults with `settings` in their place; see `checked`."""
+        return cls(**cls.checked(settings, owner))
 
     def as_dict(self) -> dict[str, Any]:
         """Names and values, in the order of the class."""
-        return asdict(self)
+        return {each.name: getattr(self, each.name) for each in self.declared()}

@@ -18,7 +18,7 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 
-__all__ = ["PLUGINS", "address_of", "import_plugins", "names", "resolve"]
+__all__ = ["PLUGINS", "address_of", "addresses", "import_plugins", "names", "resolve"]
 
 PLUGINS = "TREXTON_PLUGINS"  # environment variable: modules to import first, with commas between
 
@@ -28,14 +28,21 @@ def _installed(kind: str) -> dict[str, str]:
     return {each.name: each.value for each in entry_points(group=f"trexton.{kind}")}
 
 
+def addresses(kind: str, table: Mapping[str, str]) -> dict[str, str]:
+    """``module:name`` (or ``module``) by name: those of installed packages, and of the library's
+    `table`, which come first and win.
+    """
+    return {**table, **{key: at for key, at in _installed(kind).items() if key not in table}}
+
+
 def names(kind: str, table: Mapping[str, str]) -> list[str]:
     """The names of a kind: those of the library's `table`, then those of installed packages."""
-    return [*table, *(name for name in _installed(kind) if name not in table)]
+    return list(addresses(kind, table))
 
 
 def address_of(kind: str, name: str, table: Mapping[str, str]) -> str:
     """``module:name`` (or ``module``) behind a name; the name itself where nobody declares it."""
-    return table.get(name) or _installed(kind).get(name) or name
+    return addresses(kind, table).get(name, name)
 
 
 def resolve(kind: str, name: str, table: Mapping[str, str], *, imports: bool = True) -> Any:
@@ -59,7 +66,7 @@ def resolve(kind: str, name: str, table: Mapping[str, str], *, imports: bool = T
         Nothing has that name, or its module is missing. What a module raises while it is imported
         is a bug of its own and passes.
     """
-    declared = table.get(name) or _installed(kind).get(name)
+    declared = addresses(kind, table).get(name)
     module, colon, attribute = (declared or name).partition(":")
     if not declared and not colon:
         offered = ", ".join(names(kind, table))

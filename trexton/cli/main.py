@@ -26,6 +26,7 @@ COMMANDS = {
     "import": "trexton.cli.import_flight",
     "export": "trexton.cli.export",
     "simulate": "trexton.cli.simulate",
+    "methods": "trexton.cli.methods",
     "train": "trexton.cli.train",
     "onboard": "trexton.cli.onboard",
     "replay": "trexton.cli.replay",

@@ -23,7 +23,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="SINK",
         help=f"KIND or KIND:ADDRESS, repeatable; kinds: {', '.join(SINKS)} (default json)",
     )
-    words = "another part, or an option of one, repeatable: recovery=augmented"
+    words = "another part, or an option of one that trexton methods lists, repeatable"
     add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
     parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {', '.join(SOURCES)}."
     parser.add_argument(

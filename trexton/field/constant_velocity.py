@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from trexton.base.errors import ParameterError
+from trexton.base.options import option
 from trexton.field.linear_motion import LinearMotion, flight_statistics
 from trexton.localization.base import Training, learned
 
@@ -20,19 +20,10 @@ class ConstantVelocity(LinearMotion):
     """Position and velocity along each axis; the acceleration is white noise.
 
     States are ``(M, 4)``: x, y, their velocities.
-
-    Parameters
-    ----------
-    agility : float
-        Accelerations are taken so many times as large as flown, see `Singer`.
     """
 
-    agility: float = 2.0
+    agility: float = option(2.0, "accelerations are taken so many times as large as flown", above=0)
     intensity: np.ndarray = learned()  # () power spectral density of the acceleration, m^2/s^3
-
-    def check(self) -> None:
-        if not 0 < self.agility < np.inf:
-            raise ParameterError(f"agility is {self.agility}: expected a positive number")
 
     def fit(self, training: Training) -> Self:
         speed, acceleration, time_constant = flight_statistics(training.positions, training.time)

@@ -15,7 +15,8 @@ from typing import Self
 
 import numpy as np
 
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.errors import MapError
+from trexton.base.options import option
 from trexton.field.error_model import ErrorModel, unknown
 from trexton.field.features import Features
 from trexton.field.grid import bilinear, grid_cells
@@ -36,15 +37,13 @@ FARTHEST = 1e6  # deviations of a feature: beyond, squares would overflow
 
 @dataclass(eq=False)
 class Field(MeasurementModel):
-    """The likelihood of a histogram over the whole floor, from processes of the training flight.
+    """The likelihood of a histogram over the whole floor, from processes of the training flight."""
 
-    Parameters
-    ----------
-    cells : int
-        About how many squares the floor is divided into; fewer where there are many features.
-    """
-
-    cells: int = 4800
+    needs = {}
+    cells: int = option(
+        4800, "squares of the floor, about; fewer where there are many features",
+        low=16, high=1_000_000,
+    )  # fmt: skip
     axes: np.ndarray = learned()  # (K, d) of `Features`, and
     signed: np.ndarray = learned()  # () whether they are those of values
     center: np.ndarray = learned()  # (d,) their means
@@ -64,10 +63,6 @@ class Field(MeasurementModel):
     def __post_init__(self) -> None:
         super().__post_init__()
         self._known: np.ndarray | None = None  # offsets of a field of the same camera
-
-    def check(self) -> None:
-        if not 16 <= self.cells <= 1_000_000:
-            raise ParameterError(f"{self.cells} cells were asked for: expected 16 to 1000000")
 
     def fit(self, training: Training) -> Self:
         """Learn field, noise and errors.

@@ -7,9 +7,8 @@ adds that up over the frames.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -52,15 +51,11 @@ class Elsewhere(Field, Integrity):
     What counts as here is what the calibration usually claims: a filter that is carried away claims
     more, and must not be excused by it.
 
-    Parameters
-    ----------
-    doubt : float
-        Chance of being elsewhere from which on the vehicle is lost.
     """
 
-    needs: ClassVar[Mapping[str, type[Part]]] = {"calibration": Replay}
+    needs = {"calibration": Replay}
     doubt: float = option(
-        0.5, "probability of being elsewhere from which on it is lost", above=0, below=1
+        0.5, "chance of being elsewhere from which on the vehicle is lost", above=0, below=1
     )
     usual: np.ndarray = learned()  # () metres, deviation along an axis
 

@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from trexton.base.errors import ParameterError
+from trexton.base.options import option
 from trexton.field.linear_motion import LinearMotion, flight_statistics
 from trexton.localization.base import Training, learned
 
@@ -22,20 +22,13 @@ class Singer(LinearMotion):
 
     States are ``(M, 6)``: x, y, their velocities, their accelerations.
 
-    Parameters
-    ----------
-    agility : float
-        Accelerations are taken so many times as large as flown. Vehicles hover and dash: with
-        more than 1 a filter follows the dashes, and claims less of the velocity than it knows.
+    Vehicles hover and dash: with an agility of more than 1 a filter follows the dashes, and claims
+    less of the velocity than it knows.
     """
 
-    agility: float = 2.0
+    agility: float = option(2.0, "accelerations are taken so many times as large as flown", above=0)
     acceleration: np.ndarray = learned()  # () standard deviation along an axis, m/s^2
     lasts_s: np.ndarray = learned()  # () time constant of the acceleration, tau
-
-    def check(self) -> None:
-        if not 0 < self.agility < np.inf:
-            raise ParameterError(f"agility is {self.agility}: expected a positive number")
 
     def fit(self, training: Training) -> Self:
         speed, acceleration, time_constant = flight_statistics(training.positions, training.time)

@@ -21,11 +21,12 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from trexton.base.errors import ParameterError
+from trexton.base.options import option
 from trexton.field.field import Field
 from trexton.field.hypotheses import BIAS_SIGMA, Hypotheses
 from trexton.field.kalman import MeasurementPrediction
 from trexton.field.linear_motion import LinearMotion
-from trexton.localization.base import Area, Part
+from trexton.localization.base import Area
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
 from trexton.localization.observation import Observation
@@ -52,30 +53,18 @@ RESIDUAL_LIMIT = 10.0  # what a single frame counts for at most
 
 @dataclass(eq=False)
 class Tracks(Filter):
-    """The filter of method ``field``.
+    """The filter of method ``field``."""
 
-    Parameters
-    ----------
-    tracks : int
-        How many hypotheses are kept at most, and as many again that take the velocity to be biased.
-    velocity_sigma : float
-        Standard deviation in m/s along an axis of a velocity that comes with a frame, unless it
-        brings its own.
-    """
-
-    needs: ClassVar[Mapping[str, type[Part]]] = {"motion": LinearMotion, "measurement": Field}
-    uses: ClassVar[tuple[str, ...]] = ("odometry",)
+    needs = {"motion": LinearMotion, "measurement": Field}
+    uses = ("odometry",)
     knows_velocity: ClassVar[bool] = True
-    tracks: int = 5
-    velocity_sigma: float = 0.1
-
-    def check(self) -> None:
-        if not 1 <= self.tracks <= 100:
-            raise ParameterError(f"{self.tracks} tracks were asked for: expected 1 to 100")
-        if not 0 < self.velocity_sigma < np.inf:
-            raise ParameterError(
-                f"velocity_sigma is {self.velocity_sigma} m/s: expected a positive number"
-            )
+    tracks: int = option(
+        5, "hypotheses at most, and as many again that take the velocity to be biased",
+        low=1, high=100,
+    )  # fmt: skip
+    velocity_sigma: float = option(
+        0.1, "standard deviation in m/s along an axis of a velocity that brings none", above=0
+    )
 
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 
-from trexton.base.errors import MapError, ParameterError
-from trexton.base.options import declared_options
+from trexton.base.errors import MapError
+from trexton.base.options import Options
 from trexton.localization.neighbors import NearestHistograms, neighbors_in_flight
 
 if TYPE_CHECKING:
@@ -40,8 +40,8 @@ class Training:
     area : (x_min, x_max, y_min, y_max)
     period_s : float
         Median time from frame to frame.
-    distance : Distance or None
-        Between histograms, the one that flies; None where nothing that flies compares them.
+    distance : Distance
+        Between histograms, the one that flies.
     dictionary : TextonDictionary or None
         None where the flight came as histograms.
     flight : Flight or None
@@ -58,7 +58,7 @@ class Training:
     time: np.ndarray
     area: Area
     period_s: float
-    distance: Distance | None
+    distance: Distance
     dictionary: TextonDictionary | None
     flight: Flight | None
     rng: np.random.Generator
@@ -92,24 +92,30 @@ def learned() -> Any:
 
 
 @dataclass(eq=False)
-class Part:
+class Part(Options):
     """One part of a method. Its fields are its options; those made by `learned` are what it learns.
 
-    A subclass is a dataclass that overrides `fit` if it learns and `prepare` if it makes something
-    of what it learned. `trexton.base.options.option` gives an option its range and its help;
-    `check` is for what a range cannot say. `needs` and `uses` name the other parts that it reads.
+    A subclass is a dataclass that declares its options by `trexton.base.options.option`, and
+    overrides `fit` if it learns, `prepare` if it makes something of what it learned, and `check`
+    for what no range of a single option can say.
+
+    Attributes
+    ----------
+    needs : dict of str to type
+        Parts that it reads: the role of each, and the class that it must be of.
+    uses : tuple of str
+        Roles of parts that it reads where a method has them.
     """
 
-    needs: ClassVar[Mapping[str, type[Part]]] = {}  # role of a part that it reads: of which base
-    uses: ClassVar[tuple[str, ...]] = ()  # roles of parts that it reads where they are chosen
+    needs: ClassVar[Mapping[str, type[Any]]] = {}
+    uses: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
-        for each in declared_options(type(self)):
-            setattr(self, each.name, each.check(getattr(self, each.name)))
+        super().__post_init__()
         self.check()
 
     def check(self) -> None:
-        """Raise `ParameterError` for options that do not fit each other."""
+        """Raise `ParameterError` for options that do not go together."""
 
     def prepare(self) -> None:
         """Make what flight needs of the learned arrays, and refuse arrays that fit no flight."""
@@ -137,11 +143,7 @@ class Part:
 
     def with_options(self, **options: object) -> Self:
         """This part with other options, before it has learned anything."""
-        return type(self)(**self.options() | options)
-
-    def options(self) -> dict[str, Any]:
-        """The options by name."""
-        return {each.name: getattr(self, each.name) for each in fields(self) if each.init}
+        return type(self)(**self.as_dict() | options)
 
     def arrays(self) -> dict[str, np.ndarray]:
         """What was learned, by name."""
@@ -165,19 +167,3 @@ class Part:
             )
         part = cls(**options)
         return part.with_learned(**arrays) if arrays else part
-
-    @classmethod
-    def option(cls, name: str, value: object) -> object:
-        """A checked value for the option `name`; text is taken as typed after ``--set``.
-
-        Raises
-        ------
-        ParameterError
-            There is no such option, or the value does not fit.
-        """
-        declared = {each.name: each for each in declared_options(cls)}
-        if name not in declared:
-            offered = ", ".join(declared) or "none"
-            raise ParameterError(f"{cls.__name__} has no option {name!r}: it has {offered}")
-        each = declared[name]
-        return each.parse(value) if isinstance(value, str) else each.check(value)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, Protocol, Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from trexton.base.defaults import SAMPLES
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.options import option
 from trexton.localization.base import Part, Training, learned
+from trexton.localization.distances import Distance
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.measurement import RankMixture
 from trexton.localization.neighbors import Neighbors
@@ -70,17 +70,13 @@ class Replay(Calibration):
     frames as the measurement model learns, and the time after which its errors are as good as
     independent.
 
-    Parameters
-    ----------
-    samples : int
-        Patches a frame that flight is expected to draw.
-    trusting : bool
-        Leave the filter's own covariance as it is: only single frames are calibrated.
     """
 
-    needs: ClassVar[Mapping[str, type[Part]]] = {"measurement": RankMixture}
+    needs = {"measurement": RankMixture, "distance": Distance}
     samples: int = option(SAMPLES, "patches a frame that flight is expected to draw", low=1)
-    trusting: bool = option(False, "leave the filter's own covariance as it is")
+    trusting: bool = option(
+        False, "leave the filter's own covariance as it is: only single frames are calibrated"
+    )
     of_estimate: np.ndarray = learned()  # empty where the filter's own word is trusted
     of_measurement: np.ndarray = learned()
     independent_s: np.ndarray = learned()

@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Filter", "ParticleFilter", "Particles", "RunningFilter"]
 
-MOST_PARTICLES = 1_000_000
 # Below this the plain weights would all be zero in double precision: no particle explains the
 # measurement.
 _VANISHED = np.log(np.finfo(float).tiny)
@@ -53,10 +52,11 @@ class RunningFilter(Protocol):
 class Filter(Part):
     """Base of all filters: a part that opens a `RunningFilter` for each localizer.
 
-    Every method has a motion model: where frames do not come, it says how uncertainty grows.
+    It reads no other parts than those that it `needs` or `uses`. Every method has a motion model:
+    where frames do not come, it says how uncertainty grows.
     """
 
-    needs: ClassVar[Mapping[str, type[Part]]] = {"motion": MotionModel}
+    needs = {"motion": MotionModel}
     knows_velocity: ClassVar[bool] = False  # its estimates bear one
 
     def open(
@@ -68,22 +68,16 @@ class Filter(Part):
 
 @dataclass(eq=False)
 class Particles(Filter):
-    """The paper's particle filter.
+    """The paper's particle filter."""
 
-    Parameters
-    ----------
-    particles : int
-        M, their number.
-    """
-
-    needs: ClassVar[Mapping[str, type[Part]]] = {
+    particles: int = option(PARTICLES, "M, their number", low=1, high=1_000_000)
+    needs = {
         "motion": MotionModel,
         "measurement": MeasurementModel,
         "resampling": Resampling,
         "estimation": Estimation,
         "recovery": Recovery,
     }
-    particles: int = option(PARTICLES, "particles of the filter, M", low=1, high=MOST_PARTICLES)
 
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator

@@ -14,7 +14,6 @@ from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.base.options import whole
 from trexton.base.streams import generator
 from trexton.flights.aiding import Aiding
-from trexton.localization.distances import Distance, Hellinger
 from trexton.localization.estimate import Estimate
 from trexton.localization.filters import RunningFilter
 from trexton.localization.neighbors import NearestHistograms, Neighbors
@@ -105,14 +104,8 @@ class Localizer:
         k = getattr(self.parts.get("measurement"), "neighbors", self.map.neighbors)
         most = min(k, len(self.map.histograms))
         return NearestHistograms(
-            self.map.histograms, self.map.positions, most, distance=self.distance
+            self.map.histograms, self.map.positions, most, distance=self.map.distance
         )
-
-    @property
-    def distance(self) -> Distance:
-        """By which histograms are compared; Hellinger's where the method itself compares none."""
-        distance: Distance = self.parts.get("distance") or Hellinger()
-        return distance
 
     @cached_property
     def _shares(self) -> bool:

@@ -17,6 +17,7 @@ import numpy as np
 from trexton.base.errors import MapError
 from trexton.base.files import canonical_json
 from trexton.localization.base import Part
+from trexton.localization.methods import fitting
 from trexton.localization.roles import name_of, part_class
 from trexton.vision.rectification import Rectification
 from trexton.vision.textons import TextonDictionary
@@ -103,7 +104,7 @@ def to_arrays(texton_map: TextonMap) -> dict[str, np.ndarray]:
     header = {
         "method": texton_map.method,
         "parts": {
-            role: {"name": name_of(role, part), "options": part.options()}
+            role: {"name": name_of(role, part), "options": part.as_dict()}
             for role, part in texton_map.parts.items()
         },
         "provenance": texton_map.provenance,
@@ -162,7 +163,8 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
         tuple(arrays["image_shape"].tolist()) if "image_shape" in arrays else None,
         float(arrays["period_s"]),
         header["method"],
-        {role: _part(role, entry, arrays) for role, entry in header["parts"].items()},
+        # Maps of earlier versions hold parts that nothing reads.
+        fitting({role: _part(role, entry, arrays) for role, entry in header["parts"].items()}),
         header["provenance"],
         Rectification.from_table(header["rectification"]) if "rectification" in header else None,
     )
@@ -177,8 +179,7 @@ def _part(role: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray])
         if name.startswith(f"{role}.")
     }
     kind = part_class(role, entry["name"], imports=False)
-    options = {key: kind.option(key, value) for key, value in entry["options"].items()}
-    return kind.from_arrays(mine, **options)
+    return kind.from_arrays(mine, **entry["options"])
 
 
 def check_map(texton_map: TextonMap) -> None:
@@ -234,11 +235,7 @@ def check_map(texton_map: TextonMap) -> None:
             textons,
         )
         _expect(texton_map.image_shape is not None, "images have a shape", None)
-    _expect(
-        isinstance(texton_map.method, str) and "filter" in texton_map.parts,
-        "a method has at least a filter",
-        sorted(texton_map.parts),
-    )
+    _expect(isinstance(texton_map.method, str), "a method has a name", texton_map.method)
     neighbors = texton_map.neighbors
     if "measurement" in texton_map.parts:
         _expect(neighbors <= count, f"neighbours are at most {count}", neighbors)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Self
 
 import numpy as np
 
@@ -29,7 +28,9 @@ _FLOOR_VARIANCE = 1e-4
 
 @dataclass(eq=False)
 class MeasurementModel(Part):
-    """Base of all measurement models."""
+    """Base of all measurement models; those that look at no neighbours need no distance."""
+
+    needs = {"distance": Distance}
 
     def look(self, observation: Observation) -> None:
         """Compute of the observation what `log_likelihood` needs, before the filter moves on."""
@@ -43,21 +44,18 @@ class MeasurementModel(Part):
 class RankMixture(MeasurementModel):
     """Sum over neighbour ranks j of N(z_j; x, Sigma_j) (Alg. 2 of the paper).
 
-    Parameters
+    Attributes
     ----------
-    neighbors : int
-        k, how many ranks.
-    sigma : float, optional
-        Standard deviation in metres of all ranks, instead of what the training flight shows.
-    excluded_s : float
-        Frames this near in time, in seconds, are no neighbours while it learns.
+    covariances : (k, 2, 2) array
+        Learned, best rank first, square metres.
     """
 
-    needs: ClassVar[Mapping[str, type[Part]]] = {"distance": Distance}
-    neighbors: int = option(NEIGHBORS, "neighbours that vote, k", low=1)
-    sigma: float | None = option(None, "standard deviation of all ranks, m; none: learned", above=0)
+    neighbors: int = option(NEIGHBORS, "k, how many ranks", low=1)
+    sigma: float | None = option(
+        None, "standard deviation in metres of all ranks; learned unless given", above=0
+    )
     excluded_s: float = option(
-        EXCLUDED_SECONDS, "frames this near in time are no neighbours in training, s", low=0
+        EXCLUDED_SECONDS, "frames this near in time are no neighbours while it learns", low=0
     )
     covariances: np.ndarray = learned()
 

@@ -1,4 +1,6 @@
-"""Methods: named sets of parts. The only place that knows which parts go together."""
+"""Methods: named sets of parts. `compose` makes those of a method, `changed` applies what a person
+chose, and `fitting` checks that all of them are read.
+"""
 
 from __future__ import annotations
 
@@ -11,13 +13,12 @@ from trexton.base.plugins import names
 from trexton.localization.base import Part
 from trexton.localization.roles import ROLES, check_known, check_role, make, name_of, part_class
 
-__all__ = ["ALWAYS", "METHODS", "changed", "check_fit", "compose", "parse_choices", "roles_read"]
+__all__ = ["METHODS", "changed", "compose", "fitting", "parse_choices"]
 
-# Roles that the localizer itself reads, whatever the filter.
-ALWAYS = ("view", "calibration", "integrity")
-
-# A method names a filter and the parts that it needs, and those that they need; "role.option" gives
-# an option another value.
+# What the localizer and training read of every method; a filter says itself what else it needs.
+ROOTS = ("filter", "view", "calibration", "integrity")
+# A method names a filter, and a part for each other role that is needed; "role.option" gives an
+# option another value.
 METHODS: dict[str, dict[str, Any]] = {
     "paper": {
         "distance": "euclidean",
@@ -54,17 +55,24 @@ METHODS: dict[str, dict[str, Any]] = {
 }
 
 
-def compose(method: str) -> dict[str, Part]:
+def compose(method: str, choices: Mapping[str, object] | None = None) -> dict[str, Part]:
     """The parts of a method by role, before they have learned anything.
+
+    Parameters
+    ----------
+    method : str
+    choices : mapping, optional
+        Replace what the method says, see `changed`.
 
     Raises
     ------
     ParameterError
-        There is no such method.
+        There is no such method, or a choice does not fit.
     """
     if method not in METHODS:
         raise ParameterError(f"method {method!r} is unknown: choose one of {', '.join(METHODS)}")
-    return changed({}, METHODS[method])
+    parts = changed({}, METHODS[method])
+    return fitting(parts | changed(parts, choices or {}))
 
 
 def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[str, Part]:
@@ -82,91 +90,83 @@ def changed(parts: Mapping[str, Part], choices: Mapping[str, object]) -> dict[st
         A role, part or option is unknown, a value or a part does not fit, or nothing reads it.
     """
     result: dict[str, Part] = {}
+    options: dict[str, dict[str, object]] = {}
     for key, choice in choices.items():
-        role, dot, _ = key.partition(".")
+        role, dot, option = key.partition(".")
         check_known(role)
         if dot:
-            continue
-        if isinstance(choice, Part):
+            options.setdefault(role, {})[option] = choice
+        elif isinstance(choice, Part):
             check_role(role, type(choice))
             result[role] = choice
         elif not isinstance(choice, str):
             raise ParameterError(f"{role} is {choice!r}: expected a part or its name")
         elif role not in parts or name_of(role, parts[role]) != choice:
             result[role] = make(role, choice)
-    for key, value in choices.items():
-        role, dot, option = key.partition(".")
-        if not dot:
-            continue
+    for role, settings in options.items():
         part = result.get(role) or parts.get(role)
         if part is None:
+            key = f"{role}.{next(iter(settings))}"
             raise ParameterError(f"{key} is chosen without a {role}: choose one, as in {role}=...")
-        value = part.option(option, value)
-        if part.options()[option] != value:
-            result[role] = part.with_options(**{option: value})
-    check_fit({**parts, **result}, [key.partition(".")[0] for key in choices])
+        values = part.checked(settings, f"{role} {name_of(role, part)!r}")
+        if part.as_dict() != part.as_dict() | values:
+            result[role] = part.with_options(**values)
+    fitting({**parts, **result}, choices)
     return result
 
 
-def roles_read(parts: Mapping[str, Part]) -> dict[str, tuple[str, type[Part]]]:
-    """Which roles a method reads: each with the role of a part that reads it, and of which base.
-
-    Calibration, integrity and view serve any method: the localizer itself reads them.
-    """
-    read: dict[str, tuple[str, type[Part]]] = {}
-    waiting = ["filter", *(role for role in ALWAYS if role in parts)]
-    while waiting:
-        reader = waiting.pop(0)
-        if reader not in parts:
-            continue
-        asked = {role: Part for role in parts[reader].uses} | dict(parts[reader].needs)
-        for role, base in asked.items():
-            if role not in read:
-                waiting.append(role)
-            read[role] = (reader, base)
-    return read
-
-
-def check_fit(parts: Mapping[str, Part], chosen: Iterable[str] = ()) -> None:
-    """Refuse parts that do not fit each other, and choices that nothing would read.
+def fitting(parts: Mapping[str, Part], chosen: Iterable[str] = ()) -> dict[str, Part]:
+    """Those of the parts that are read: by the localizer, by the filter, or by a part that is.
 
     Parameters
     ----------
     parts : mapping of role to Part
-        A whole method.
     chosen : iterable of str
-        The roles that a person named.
+        ``role`` or ``role.option``, chosen by a person: these must be read.
 
     Raises
     ------
     ParameterError
-        A part lacks one that it needs, or was given one of another kind; or a chosen role is read
-        by no part of the method.
+        A part lacks one that it needs, was given one that it cannot read, or a chosen one is read
+        by none.
     """
-    read = roles_read(parts)
-    for role in chosen:
-        if role not in read and role not in ("filter", *ALWAYS):
-            reads = ", ".join(each for each in ROLES if each in (*read, *ALWAYS))
+    if "filter" not in parts:
+        raise ParameterError("filter is missing: a method needs one")
+    read: dict[str, Part] = {}
+    waiting = [role for role in ROOTS if role in parts]
+    while waiting:
+        role = waiting.pop()
+        if role in read:
+            continue
+        read[role] = parts[role]
+        _check_needs(role, parts)
+        waiting += [each for each in (*parts[role].needs, *parts[role].uses) if each in parts]
+    for role in (key.partition(".")[0] for key in chosen):
+        if role not in read:
+            asked = {each for part in read.values() for each in (*part.needs, *part.uses)}
+            reads = ", ".join(each for each in ROLES if each in (*asked, *ROOTS))
             raise ParameterError(
                 f"{role} would change nothing: with filter {name_of('filter', parts['filter'])!r} "
                 f"a method reads {reads}: leave it out, or choose another method"
             )
-    for role, (reader, base) in read.items():
-        what = f"{reader} {name_of(reader, parts[reader])!r}"
-        if role in parts and not isinstance(parts[role], base):
-            raise ParameterError(
-                f"{role} {name_of(role, parts[role])!r} does not fit {what}, which needs a "
-                f"{base.__name__}: choose one of {_fitting(role, base)}"
-            )
-        if role in parts[reader].needs and role not in parts:
-            raise ParameterError(
-                f"{what} needs a {role}: choose one, as in {role}={_fitting(role, base)}"
-            )
+    return {role: part for role, part in parts.items() if role in read}
 
 
-def _fitting(role: str, base: type[Part]) -> str:
-    fit = (name for name in names(role, ROLES[role]) if issubclass(part_class(role, name), base))
-    return ", ".join(fit) or f"a subclass of {base.__module__}:{base.__qualname__}"
+def _check_needs(role: str, parts: Mapping[str, Part]) -> None:
+    """Raise `ParameterError` unless all are there that the part of a role needs."""
+    what = f"{role} {name_of(role, parts[role])!r}"
+    for other, base in parts[role].needs.items():
+        if isinstance(parts.get(other), base):
+            continue
+        kinds = {name: part_class(other, name) for name in names(other, ROLES[other])}
+        fit = [name for name, kind in kinds.items() if issubclass(kind, base)]
+        offered = ", ".join(fit) or f"a subclass of {base.__module__}:{base.__qualname__}"
+        if other not in parts:
+            raise ParameterError(f"{what} needs a {other}: choose one, as in {other}={offered}")
+        raise ParameterError(
+            f"{other} {name_of(other, parts[other])!r} does not fit {what}, which needs a "
+            f"{base.__name__}: choose one of {offered}"
+        )
 
 
 def parse_choices(words: Iterable[str]) -> dict[str, str]:

@@ -68,15 +68,16 @@ class RandomWalk(MotionModel):
     """x_t = x_{t-1} + N(0, Sigma_process), with no velocity and no control input (paper, Sec.
     Filtering).
 
-    Parameters
+    Attributes
     ----------
-    sigma : float, optional
-        Standard deviation in metres a frame along both axes, instead of what the training flight
-        shows.
+    covariance : (2, 2) array
+        Sigma_process, learned, square metres a frame.
+    period_s : () array
+        Seconds from frame to frame.
     """
 
     sigma: float | None = option(
-        None, "standard deviation a frame along both axes, m; none: learned", above=0
+        None, "standard deviation in metres a frame along an axis; learned unless given", above=0
     )
     covariance: np.ndarray = learned()
     period_s: np.ndarray = learned()

@@ -62,10 +62,6 @@ class Visual(Odometry):
     velocities are off is learned from the training flight, told the attitude and not. An
     autopilot's velocity is taken where the frame shows none.
 
-    Parameters
-    ----------
-    sure : float
-        Peak of the correlation below which two frames show no motion, 0 to 1.
     """
 
     sure: float = option(

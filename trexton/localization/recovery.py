@@ -45,24 +45,16 @@ class Augmented(Recovery):
     """Inject random particles when the short-term likelihood of the measurements falls below the
     long-term one.
 
-    Parameters
-    ----------
-    slow, fast : float
-        Rates of the two exponential averages, 0 < slow < fast <= 1, a frame.
-    lost_below : float
-        The vehicle counts as lost while fast average / slow average is below this.
+    The likelihoods are averaged exponentially, fast and slowly.
     """
 
     slow: float = option(0.01, "rate of the slow average, a frame", above=0, high=1)
     fast: float = option(0.2, "rate of the fast average, a frame", above=0, high=1)
-    lost_below: float = option(0.5, "lost while fast / slow average is below this", low=0, high=1)
+    lost_below: float = option(0.5, "lost while fast over slow average is less", low=0, high=1)
 
     def check(self) -> None:
-        if not self.slow < self.fast:
-            raise ParameterError(
-                f"recovery rates are slow {self.slow}, fast {self.fast}: "
-                "expected 0 < slow < fast <= 1"
-            )
+        if self.slow >= self.fast:
+            raise ParameterError(f"slow is {self.slow}: expected less than fast, {self.fast}")
         self.reset()
 
     def reset(self) -> None:

@@ -1,18 +1,15 @@
-"""What a method is made of: one role a file, each part a small class, found by name here.
+"""The roles of which a method is made, and the parts of the library by name.
 
-A part of one's own needs no entry: ``"package.module:Class"`` names it as well, and so does an
-entry point of an installed package in the group ``trexton.<role>``.
+A part of one's own needs no entry: see `trexton.base.plugins`, where a role is a kind.
 """
 
 from __future__ import annotations
 
-from importlib import import_module
-
 from trexton.base.errors import ParameterError
-from trexton.base.plugins import address_of, names, resolve
+from trexton.base.plugins import addresses, resolve
 from trexton.localization.base import Part
 
-__all__ = ["ROLES", "check_known", "check_role", "make", "name_of", "part_class"]
+__all__ = ["ROLES", "base_class", "check_known", "check_role", "make", "name_of", "part_class"]
 
 # role: {name: where the class is}. Loaded when asked for, so that a heavy part costs nothing where
 # it does not fly.
@@ -72,23 +69,24 @@ def check_known(role: str) -> None:
         raise ParameterError(f"part {role!r} is unknown: choose one of {', '.join(ROLES)}")
 
 
-def check_role(role: str, kind: type[Part]) -> None:
+def base_class(role: str) -> type[Part]:
+    """The class of which all parts that fill a role are."""
+    first = resolve(role, next(iter(ROLES[role])), ROLES[role])
+    return next(each for each in first.__mro__ if Part in each.__bases__)
+
+
+def check_role(role: str, kind: object) -> None:
     """Raise `ParameterError` unless a part of this class fills the role."""
-    module, _, attribute = next(iter(ROLES[role].values())).partition(":")
-    first = getattr(import_module(module), attribute)
-    base = next(each for each in first.__mro__ if Part in each.__bases__)  # of all that fill it
-    if not issubclass(kind, base) or kind is base:
+    base = base_class(role)
+    if not (isinstance(kind, type) and issubclass(kind, base)) or kind is base:
+        name = getattr(kind, "__qualname__", kind)
         raise ParameterError(
-            f"{role} is a {kind.__module__}:{kind.__qualname__}: expected a subclass of "
-            f"{base.__module__}.{base.__qualname__}"
+            f"{role} is {name}: expected a subclass of {base.__module__}.{base.__qualname__}"
         )
 
 
 def part_class(role: str, name: str, *, imports: bool = True) -> type[Part]:
-    """The class of the part called `name`, an entry of `ROLES` or ``"module:Class"``.
-
-    Without `imports` a module that is neither in the table nor imported already is refused: what
-    a file says must not decide which code runs.
+    """The class of the part called `name`, see `trexton.base.plugins.resolve`.
 
     Raises
     ------
@@ -96,32 +94,24 @@ def part_class(role: str, name: str, *, imports: bool = True) -> type[Part]:
         There is no such role or part.
     """
     check_known(role)
-    kind = resolve(role, name, ROLES[role], imports=imports)
-    if not (isinstance(kind, type) and issubclass(kind, Part)):
-        offered = ", ".join(names(role, ROLES[role]))
-        raise ParameterError(
-            f"{role} {name!r} is no part: choose one of {offered}, or module:Class"
-        )
+    kind: type[Part] = resolve(role, name, ROLES[role], imports=imports)
     check_role(role, kind)
     return kind
 
 
 def make(role: str, name: str, **options: object) -> Part:
-    """The part called `name` with these options; text is converted to what an option takes.
+    """The part called `name` with these options, values or text.
 
     Raises
     ------
     ParameterError
         A name is unknown or a value does not fit.
     """
-    kind = part_class(role, name)
-    return kind(**{key: kind.option(key, value) for key, value in options.items()})
+    return part_class(role, name).parse(options, f"{role} {name!r}")
 
 
 def name_of(role: str, part: Part) -> str:
     """The name by which `make` finds the class of a part."""
     address = f"{type(part).__module__}:{type(part).__qualname__}"
-    for name in names(role, ROLES.get(role, {})):
-        if address_of(role, name, ROLES.get(role, {})) == address:
-            return name
-    return address
+    named = {where: name for name, where in addresses(role, ROLES.get(role, {})).items()}
+    return named.get(address, address)

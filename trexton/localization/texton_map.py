@@ -22,8 +22,9 @@ from trexton.base.progress import say
 from trexton.base.streams import generator
 from trexton.localization.base import Area, Part, Training
 from trexton.localization.counting import full_histograms
+from trexton.localization.distances import Distance, Hellinger
 from trexton.localization.map_files import DAMAGE, from_arrays, read_arrays, to_arrays
-from trexton.localization.methods import changed, compose
+from trexton.localization.methods import changed, compose, fitting
 from trexton.vision.rectification import Rectification
 from trexton.vision.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
 
@@ -93,6 +94,11 @@ class TextonMap:
         return self.dictionary
 
     @property
+    def distance(self) -> Distance:
+        """Between histograms: the method's, or Hellinger's where it looks at no neighbours."""
+        return self.parts.get("distance") or Hellinger()
+
+    @property
     def neighbors(self) -> int:
         """k: neighbours that the measurement model was trained for; the usual where it has none."""
         return int(getattr(self.parts.get("measurement"), "neighbors", NEIGHBORS))
@@ -151,8 +157,7 @@ class TextonMap:
         cells = whole(own if cells is None else cells, "cells", 1, 8)
         n_textons = whole(n_textons, "n_textons", 1, MAX_TEXTONS)
         patch = whole(patch, "patch", 1, MAX_PATCH)
-        parts: dict[str, Any] = compose(method)
-        parts |= changed(parts, choices)
+        parts: dict[str, Any] = compose(method, choices)
         given = flight.position if positions is None else np.ma.asarray(positions, dtype=float)
         given = np.ma.filled(given, np.nan)
         if given.shape != (len(flight), 2):
@@ -236,7 +241,8 @@ class TextonMap:
         Raises
         ------
         ParameterError
-            Another view than the map's: its histograms were not counted in that.
+            Another view than the map's: its histograms were not counted in that; or a part that
+            does not fit the others, see `trexton.localization.methods.fitting`.
         """
         own = self.parts.get("view")
         if self.parts and parts.get("view", own) is not own:
@@ -244,7 +250,7 @@ class TextonMap:
                 "the view belongs to the histograms of a map: choose it when training, as in "
                 "trexton train FLIGHT --set view=nadir"
             )
-        result = replace(self, parts=self.parts | dict(parts))
+        result = replace(self, parts=fitting(self.parts | dict(parts), parts))
         training = result.training(flight=flight, rng=rng)
         fitted = {role: part.fit(training) for role, part in parts.items() if role not in JUDGES}
         result = replace(result, parts=result.parts | fitted)
@@ -265,7 +271,7 @@ class TextonMap:
             self.time,
             self.area,
             self.period_s,
-            self.parts.get("distance"),
+            self.distance,
             self.dictionary,
             flight,
             np.random.default_rng(0) if rng is None else generator(rng),
@@ -297,7 +303,8 @@ class TextonMap:
         """
         if method is None or method == self.method:
             return self
-        parts, own = compose(method), replace(self, method=method)
+        kept = {role: part for role, part in self.parts.items() if role in ("view", "odometry")}
+        parts, own = compose(method), replace(self, method=method, parts=kept)
         cells = USUAL_CELLS.get(method, 1)
         if flight is None or not flight.has_images:
             as_usual = self.cells == USUAL_CELLS.get(self.method, 1)

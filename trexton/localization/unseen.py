@@ -15,7 +15,6 @@ import numpy as np
 
 from trexton.base.errors import MapError
 from trexton.localization.base import Training
-from trexton.localization.distances import Euclidean
 from trexton.localization.localizer import Localizer
 from trexton.localization.measurement import EXCLUDED_SECONDS
 from trexton.localization.neighbors import Neighbors, neighbors_in_flight
@@ -38,7 +37,7 @@ def unseen(training: Training, samples: int) -> tuple[np.ndarray, list[Neighbors
     if training.dictionary is not None:
         shares = histograms / histograms.sum(axis=1, keepdims=True)
         histograms = training.rng.multinomial(samples, shares) / samples
-    nearest, distance = training.nearest, training.distance or Euclidean()
+    nearest, distance = training.nearest, training.distance
     rows = neighbors_in_flight(nearest, histograms, training.time, nearest.k, EXCLUDED_SECONDS)
     apart = [
         distance.between(each[None], training.histograms[near])[0]

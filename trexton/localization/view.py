@@ -68,13 +68,11 @@ class Nadir(View):
     What lies outside the picture is mirrored at its border; what the autopilot does not say is
     taken as in a level flight at that height.
 
-    Parameters
-    ----------
-    turn : bool
-        Turn the picture back by the yaw as well, so that its top is the map's y axis.
     """
 
-    turn: bool = option(False, "turn the picture back by the yaw as well")
+    turn: bool = option(
+        False, "turn the picture back by the yaw as well, so that its top is the map's y axis"
+    )
     camera: Any = learned()  # width, height, focal length, principal point, usual height
 
     @property
@@ -135,7 +133,7 @@ class _Seen:
         known = [(each.roll, each.pitch, each.yaw, each.height) for each in self.aiding]
         return digest(
             self.frames.digest, kind.__qualname__, code_hashes(__name__),
-            code_hashes(kind.__module__) or _own_code(kind), self.view.options(),
+            code_hashes(kind.__module__) or _own_code(kind), self.view.as_dict(),
             np.array(known, dtype=float), *self.view.arrays().values(),
         )  # fmt: skip
 

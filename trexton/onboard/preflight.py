@@ -209,7 +209,7 @@ def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
         yield Check("map", False, str(error))
         return
     apart = [
-        localizer.distance.between(each[None], histograms[row : row + 1]).item()
+        texton_map.distance.between(each[None], histograms[row : row + 1]).item()
         for each, row in zip(histograms, rows, strict=True)
     ]
     usual = float(np.quantile(apart, USUAL))

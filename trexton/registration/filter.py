@@ -12,7 +12,7 @@ import numpy as np
 from trexton.base.errors import MapError
 from trexton.base.options import option
 from trexton.flights.aiding import Aiding
-from trexton.localization.base import Part, Training, learned
+from trexton.localization.base import Training, learned
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
 from trexton.localization.lens import camera_of, usual_height
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Registration", "RunningRegistration"]
 
-PICTURES = ("auto", "surveyed", "stitched")
+PICTURES = ("auto", "surveyed", "stitched")  # of the floor
 _LEARN = 250  # training frames, at most, that trust is learned from
 _RECENT = 4  # fixes in a row that a velocity is taken from
 _BENDS = 0.5  # m/s^2: what a vehicle accelerates meanwhile, one standard deviation along an axis
@@ -40,22 +40,22 @@ _BENDS = 0.5  # m/s^2: what a vehicle accelerates meanwhile, one standard deviat
 class Registration(Filter):
     """Finds each frame on a picture of the floor.
 
-    Parameters
-    ----------
-    picture : {"auto", "surveyed", "stitched"}
-        The training flight's picture of the floor, a mosaic of its frames, or the former if any.
-    attitude_sigma, height_sigma : float
-        Standard deviations of the autopilot's attitude (radians) and height (metres), if they come.
+    Where a frame may lie it takes from its neighbours.
     """
 
+    needs = {"motion": MotionModel, "measurement": RankMixture}
     knows_velocity: ClassVar[bool] = True
-    needs: ClassVar[Mapping[str, type[Part]]] = {
-        "motion": MotionModel,
-        "measurement": RankMixture,  # its neighbours are where the search begins
-    }
-    picture: str = option("auto", "of the floor: surveyed, stitched, or either", choices=PICTURES)
-    attitude_sigma: float = option(0.007, "of the autopilot's attitude, rad", above=0)
-    height_sigma: float = option(0.02, "of the autopilot's height, m", above=0)
+    picture: str = option(
+        "auto",
+        "the training flight's picture of the floor, a mosaic of its frames, or the former if any",
+        choices=PICTURES,
+    )
+    attitude_sigma: float = option(
+        0.007, "standard deviation of the autopilot's attitude, radians, if it comes", above=0
+    )
+    height_sigma: float = option(
+        0.02, "standard deviation of the autopilot's height, metres, if it comes", above=0
+    )
     floor: Any = learned()  # (H, W) uint8 luma, north up
     mapped: Any = learned()  # (H, W) uint8, 1 where the floor is mapped
     place: Any = learned()  # x, y of the top left cell's centre, side of a cell

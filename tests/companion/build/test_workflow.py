@@ -106,12 +106,12 @@ def test_results_are_reused_until_something_that_went_in_changes(without_kernels
     assert (house.runs("first"), house.runs("second")) == (1, 1)
 
     changed = house.run(settings={"first.factor": "3"})
-    assert changed["first"].reasons == ("parameter factor 2 -> 3",)
+    assert changed["first"].reasons == ("factor 2 -> 3",)
     assert changed["second"].reasons == ("record small/first changed",)
     assert house.record("first")["values"]["frames"] == 3 * 40
 
     back = house.run(only=["first"])
-    assert back["first"].reasons == ("parameter factor 3 -> 2",)
+    assert back["first"].reasons == ("factor 3 -> 2",)
     notebook = house.notebooks / "first.md"
     notebook.write_text(notebook.read_text().replace("A tiny", "A very tiny"))
     assert house.run(only=["first"])["first"].reasons == ("the notebook's text changed",)
@@ -179,7 +179,7 @@ def test_the_folder_that_was_worked_in_is_told_nowhere_whatever_its_name(house):
         ({"factor": "true"}, "parameter factor is True: expected int"),
         ({"factor": "none"}, "parameter factor is None: expected int"),
         ({"rate": "fast"}, "parameter rate is 'fast': expected float or None"),
-        ({"flight": "x"}, "parameter 'flight' is given by the workflow"),
+        ({"flight": "x"}, "'flight' is given by the workflow"),
     ],
 )
 def test_unknown_parameters_and_wrong_types_are_errors(house, settings, message):
