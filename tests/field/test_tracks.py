@@ -7,7 +7,7 @@ from small_survey import AREA, errors_of, look, observed, path
 from trexton.base.errors import ParameterError
 from trexton.field.tracks import TrackFilter, Tracks
 from trexton.flights.aiding import Aiding
-from trexton.localization.methods import check_fit
+from trexton.localization.methods import fitting
 from trexton.localization.motion import RandomWalk
 from trexton.localization.observation import Observation
 
@@ -135,7 +135,7 @@ def test_the_claimed_region_holds_the_vehicle(field, motion, later):
 def test_tracks_refuse_parts_they_cannot_use(field):
     parts = {"filter": Tracks(), "motion": RandomWalk.of(np.eye(2)), "measurement": field}
     with pytest.raises(ParameterError, match="'random-walk' does not fit filter 'tracks'"):
-        check_fit(parts)
+        fitting(parts)
 
 
 def test_a_velocity_that_comes_with_the_frames_makes_both_better(field, motion, later, rng):
