@@ -101,8 +101,8 @@ def test_a_survey_flown_twice_claims_what_it_errs():
         area, frame = (-0.25, 4.25, -0.25, 2.75), np.arange(len(time))
         survey = Flight("survey", frame, time, places, area, histograms=seen, features="waves")
         field = TextonMap.train(survey, method="field", rng=rng).parts["measurement"]
-        growth = float(field.lasting_growth(np.array([[2.0, 1.0]]))[0])
-        return field.error_model.lasting, growth
+        growth = float(field.correlated_inflation(np.array([[2.0, 1.0]]))[0])
+        return field.error_model.correlated_sigma, growth
 
     once, grown = claimed(1)
     assert grown == 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from small_survey import errors_of, look, path, training
 
-from trexton.field.features import KEPT, MANY, Features
+from trexton.field.features import MAX_COMPONENTS, MAX_FEATURES, Features
 from trexton.field.field import Field
 from trexton.field.singer import Singer
 from trexton.field.tracks import TrackFilter
@@ -59,9 +59,9 @@ def test_features_that_say_nearly_the_same_are_taken_along_their_axes(histograms
 
 
 def test_of_very_many_features_the_strongest_axes_are_kept(rng):
-    many = rng.poisson(3.0, (500, MANY + 10)).astype(float)
-    assert Features.of(many)(many).shape == (500, KEPT)
-    assert Features.of(many[:, :MANY])(many[:, :MANY]).shape == (500, MANY)
+    many = rng.poisson(3.0, (500, MAX_FEATURES + 10)).astype(float)
+    assert Features.of(many)(many).shape == (500, MAX_COMPONENTS)
+    assert Features.of(many[:, :MAX_FEATURES])(many[:, :MAX_FEATURES]).shape == (500, MAX_FEATURES)
 
 
 @pytest.mark.parametrize(

@@ -9,11 +9,11 @@ from small_survey import AREA, errors_of, look, observed, path, training
 from threadpoolctl import threadpool_limits
 
 from trexton.base.errors import MapError, ParameterError
-from trexton.field.error_model import ErrorModel, unknown
+from trexton.field.cross_validation import _error_coefficients
+from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.field import Field
 from trexton.field.grid import grid_cells
 from trexton.field.singer import Singer
-from trexton.field.study import _growth
 from trexton.field.tracks import TrackFilter
 from trexton.localization.localizer import Localizer, TextonMap
 
@@ -31,13 +31,13 @@ def test_a_strip_has_no_more_cells_than_asked_for():
 
 def test_the_likeliest_cell_is_where_the_frame_was_taken(field, later):
     places, histograms = later
-    best = [field.centers[field.over_cells(observed(h)).argmax()] for h in histograms]
+    best = [field.centers[field.log_posterior(observed(h)).argmax()] for h in histograms]
     assert np.median(np.hypot(*(np.array(best) - places).T)) < 0.15
 
 
 def test_likelihood_at_places_is_that_of_the_cells_between(field, later):
     seen = observed(later[1][0])
-    grid = field.over_cells(seen)
+    grid = field.log_posterior(seen)
     np.testing.assert_allclose(field.log_likelihood(field.centers[::37], seen), grid[::37])
     between = (field.centers[10] + field.centers[11]) / 2
     assert field.log_likelihood(between[None], seen) == pytest.approx(grid[10:12].mean())
@@ -47,17 +47,17 @@ def test_likelihood_at_places_is_that_of_the_cells_between(field, later):
 def test_a_value_that_no_frame_has_rules_out_no_place(field, later, value):
     odd = later[1][0].copy()
     odd[3] = value
-    assert np.isfinite(field.over_cells(observed(odd))).all()
+    assert np.isfinite(field.log_posterior(observed(odd))).all()
 
 
 def test_few_samples_are_believed_less(field, later):
-    every, few = (field.over_cells(observed(later[1][0], n)) for n in (None, 50))
+    every, few = (field.log_posterior(observed(later[1][0], n)) for n in (None, 50))
     assert np.ptp(few) < np.ptp(every)
 
 
 def test_expected_error_grows_where_nothing_was_flown(field):
     flown, corner = path(500)[0][100:101], np.array([[0.0, 3.0]])
-    assert 0 < field.expected_error(flown)[0] < field.expected_error(corner)[0]
+    assert 0 < field.predicted_error(flown)[0] < field.predicted_error(corner)[0]
 
 
 def test_no_error_is_expected_beyond_what_two_places_of_the_area_lie_apart(field, rng):
@@ -65,8 +65,8 @@ def test_no_error_is_expected_beyond_what_two_places_of_the_area_lie_apart(field
     x_min, x_max, y_min, y_max = field.area
     drawn = rng.uniform((x_min, y_min), (x_max, y_max), (2, 20_000, 2))
     apart = np.hypot(*(drawn[0] - drawn[1]).T).mean()
-    hopeless = Field.from_arrays(field.arrays() | {"expected": np.full(3, 100.0)})
-    assert hopeless.expected_error(field.centers) == pytest.approx(apart, rel=0.03)
+    hopeless = Field.from_arrays(field.arrays() | {"error_coefficients": np.full(3, 100.0)})
+    assert hopeless.predicted_error(field.centers) == pytest.approx(apart, rel=0.03)
 
 
 def test_errors_of_places_that_are_hardly_known_grow_faster_than_of_those_known_badly(rng):
@@ -75,21 +75,21 @@ def test_errors_of_places_that_are_hardly_known_grow_faster_than_of_those_known_
     known = variances / (1 - variances)
     lengths = rng.exponential(0.05 + 0.1 * np.sqrt(known) + 0.4 * known)
     turned = rng.uniform(0, 2 * np.pi, 4000)
-    factors = _growth(
+    factors = _error_coefficients(
         lengths[:, None] * np.column_stack([np.cos(turned), np.sin(turned)]), variances
     )
-    assert unknown(np.array([0.1, 0.8])) @ factors == pytest.approx([0.128, 1.85], rel=0.1)
+    assert error_terms(np.array([0.1, 0.8])) @ factors == pytest.approx([0.128, 1.85], rel=0.1)
 
 
 @pytest.mark.parametrize("variance", [0.01, 0.49, 0.51, 0.99])
 def test_where_all_is_known_alike_the_mean_error_is_expected(variance):
     errors = np.tile([[0.3, 0.0]], (40, 1))
-    assert _growth(errors, np.full(40, variance)).tolist() == [pytest.approx(0.3), 0, 0]
+    assert _error_coefficients(errors, np.full(40, variance)).tolist() == [pytest.approx(0.3), 0, 0]
 
 
 def test_no_place_is_expected_to_be_found_better_than_what_is_new_in_each_frame(field):
-    flattered = Field.from_arrays(field.arrays() | {"expected": np.zeros(3)})
-    assert (flattered.expected_error(field.centers) == field.error_model.fresh).all()
+    flattered = Field.from_arrays(field.arrays() | {"error_coefficients": np.zeros(3)})
+    assert (flattered.predicted_error(field.centers) == field.error_model.white_sigma).all()
 
 
 @pytest.mark.parametrize("spread", [1e-4, 1e-3, 0.03])
@@ -105,13 +105,13 @@ def test_a_flight_that_hovers_is_learned_or_refused_in_a_sentence(spread, count,
     except MapError as error:
         assert "fly over" in str(error)
     else:
-        assert np.isfinite(learned.expected_error(learned.centers)).all()
+        assert np.isfinite(learned.predicted_error(learned.centers)).all()
 
 
 def test_lasting_errors_grow_where_less_is_known_than_where_they_were_learned(field):
     flown, corner = path(500)[0][100:101], np.array([[0.0, 3.0]])
-    assert field.lasting_growth(flown)[0] == 1 < field.lasting_growth(corner)[0]
-    known, unknown = field.expected_error(np.concatenate([flown, corner]))
+    assert field.correlated_inflation(flown)[0] == 1 < field.correlated_inflation(corner)[0]
+    known, unknown = field.predicted_error(np.concatenate([flown, corner]))
     assert unknown > known
 
 
@@ -141,14 +141,25 @@ def test_a_survey_that_repeats_its_lanes_is_not_trusted_between_them(monkeypatch
         return float(np.mean(squared))
 
     grown = nees()
-    monkeypatch.setattr(Field, "lasting_growth", lambda self, places: np.ones(len(places)))
+    monkeypatch.setattr(Field, "correlated_inflation", lambda self, places: np.ones(len(places)))
     assert grown < 0.75 * nees()
 
 
 def test_a_field_survives_its_arrays(field, later):
     again = Field.from_arrays(field.arrays(), **field.as_dict())
     seen = observed(later[1][3])
-    np.testing.assert_array_equal(again.over_cells(seen), field.over_cells(seen))
+    np.testing.assert_array_equal(again.log_posterior(seen), field.log_posterior(seen))
+
+
+def test_a_map_with_the_former_names_of_arrays_still_loads(field, motion):
+    for part in (field, motion):
+        former = {name: old for old, name in part.renamed.items()}
+        arrays = {former.get(name, name): array for name, array in part.arrays().items()}
+        assert set(arrays) != set(part.arrays())
+        again = type(part).from_arrays(arrays, **part.as_dict()).arrays()
+        assert {name: a.tobytes() for name, a in again.items()} == {
+            name: a.tobytes() for name, a in part.arrays().items()
+        }
 
 
 def test_equal_training_gives_equal_bytes(field):
@@ -156,7 +167,7 @@ def test_equal_training_gives_equal_bytes(field):
         np.testing.assert_array_equal(array, field.arrays()[name])
 
 
-@pytest.mark.parametrize("name", ["noise", "mean", "prior", "signed", "learned_at"])
+@pytest.mark.parametrize("name", ["noise", "mean", "prior", "signed", "training_variance"])
 def test_arrays_that_do_not_fit_are_refused(field, name):
     arrays = field.arrays()
     arrays[name] = arrays[name][:-1] if arrays[name].ndim else arrays[name][None]
@@ -219,17 +230,17 @@ def test_coordinates_far_from_zero_change_nothing(later):
     )
     here, there = Field().fit(given), Field().fit(far)
     np.testing.assert_allclose(
-        there.expected_error(places + [east, north]), here.expected_error(places), rtol=1e-3
+        there.predicted_error(places + [east, north]), here.predicted_error(places), rtol=1e-3
     )
     for histogram in histograms[:5]:
         seen = observed(histogram)
-        np.testing.assert_allclose(there.over_cells(seen), here.over_cells(seen), atol=0.05)
+        np.testing.assert_allclose(there.log_posterior(seen), here.log_posterior(seen), atol=0.05)
 
 
 def test_a_longer_flight_than_it_can_hold_is_thinned_and_merged():
     given = training(4000)
     field = Field(cells=400).fit(given)
-    assert field.expected_error(given.positions[:3]).max() < 0.5
+    assert field.predicted_error(given.positions[:3]).max() < 0.5
 
 
 def test_errors_part_into_what_lasts_and_what_is_new(rng):
@@ -241,21 +252,21 @@ def test_errors_part_into_what_lasts_and_what_is_new(rng):
         kick = rng.normal(0, 0.3 * np.sqrt(1 - memory**2), 2)
         lasting[row] = memory * lasting[row - 1] + kick
     model = ErrorModel.of(lasting + rng.normal(0, 0.1, (6000, 2)), time, 0.01)
-    assert model.lasting == pytest.approx(0.3, rel=0.2)
-    assert model.fresh == pytest.approx(0.1, rel=0.4)
-    assert model.lasts_s == pytest.approx(0.5, rel=0.3)
+    assert model.correlated_sigma == pytest.approx(0.3, rel=0.2)
+    assert model.white_sigma == pytest.approx(0.1, rel=0.4)
+    assert model.time_constant_s == pytest.approx(0.5, rel=0.3)
 
 
 def test_independent_errors_last_a_frame(rng):
     model = ErrorModel.of(rng.normal(0, 0.2, (500, 2)), np.arange(500) * 0.1, 0.01)
-    assert model.lasts_s <= 0.11 and model.fresh > 0.1
+    assert model.time_constant_s <= 0.11 and model.white_sigma > 0.1
     assert ErrorModel(0.0, 0.2, 0.5).independent_s(0.1) == pytest.approx(0.1)
 
 
 def test_a_mean_of_lasting_errors_varies_as_said(rng):
     """Var(mean of n) = variance times independent_s / (n period), for n many times as long."""
     model, period = ErrorModel(0.3, 0.15, 0.4), 0.08
-    memory = np.exp(-period / model.lasts_s)
+    memory = np.exp(-period / model.time_constant_s)
     runs, lasting = [], rng.normal(0, 0.3, 2000)
     for _ in range(250):
         kick = rng.normal(0, 0.3 * np.sqrt(1 - memory**2), 2000)

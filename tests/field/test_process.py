@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from trexton.field.blocks import blocks_in_time
-from trexton.field.process import NOISE, Process, choose_length, matern, merge_places
+from trexton.field.process import NOISE, Process, matern, merge_places, select_length
 
 
 def waves(places: np.ndarray) -> np.ndarray:
@@ -64,7 +64,7 @@ def test_the_length_of_the_floor_is_found(rng):
     def found(scale: float) -> float:
         features = np.sin(places @ rng.normal(0, scale, (2, 6)))
         centred = features - features.mean(axis=0)
-        return choose_length(places, centred, blocks, diagonal)[0].length
+        return select_length(places, centred, blocks, diagonal)[0].length
 
     assert found(3.0) < found(0.3)
 

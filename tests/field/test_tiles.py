@@ -10,7 +10,7 @@ from small_room import SHAPE, histogram_flight, picture_flight
 from small_survey import look, observed, training
 
 from trexton.base.errors import MapError
-from trexton.field.features import MANY, Features
+from trexton.field.features import MAX_FEATURES, Features
 from trexton.field.field import Field
 from trexton.field.process import Process
 from trexton.field.tiles import Tiles
@@ -87,9 +87,9 @@ def test_between_two_lanes_the_parts_know_where_a_frame_is(rng):
 
     def off(given: Training) -> tuple[float, float]:
         field = Field().fit(given)
-        best = [field.centers[field.over_cells(observed(each)).argmax()] for each in later]
+        best = [field.centers[field.log_posterior(observed(each)).argmax()] for each in later]
         away = np.hypot(*(np.array(best) - places).T)
-        return float(away.mean()), float(field.expected_error(places).mean())
+        return float(away.mean()), float(field.predicted_error(places).mean())
 
     assert len(Field().fit(survey).offsets) == 4
     (tiled, foretold), (whole, doubted) = off(survey), off(replace(survey, cells=1))
@@ -117,7 +117,7 @@ def test_of_every_part_the_same_is_taken(rng):
 def test_very_many_bins_of_parts_are_taken_along_their_axes(rng):
     histograms = rng.dirichlet(np.ones(9 * 50), 300)
     taken = Features.of(histograms, 9)
-    assert taken.axes.shape[1] == 9 * (MANY // 9)
+    assert taken.axes.shape[1] == 9 * (MAX_FEATURES // 9)
     np.testing.assert_allclose(taken.axes.T @ taken.axes, np.eye(396), atol=1e-9)
 
 

@@ -25,7 +25,7 @@ def test_before_the_first_frame_it_may_be_anywhere(field, motion):
 
 def test_a_first_frame_that_speaks_for_no_place_leaves_it_lost(field, motion, monkeypatch):
     tracker = TrackFilter(motion, field, AREA)
-    monkeypatch.setattr(field, "over_cells", lambda seen: np.zeros(len(field.centers)))
+    monkeypatch.setattr(field, "log_posterior", lambda seen: np.zeros(len(field.centers)))
     for _ in range(2):
         tracker.step(observed(np.zeros(12)))
         estimate = tracker.estimate()

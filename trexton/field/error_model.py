@@ -1,4 +1,6 @@
-"""How the errors of single frames hang together in time."""
+"""How the errors of single frames are correlated in time, and how they grow with the field's
+variance.
+"""
 
 from __future__ import annotations
 
@@ -6,38 +8,38 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["ErrorModel", "unknown"]
+__all__ = ["ErrorModel", "error_terms"]
 
-LEAST_KNOWN = 0.02  # share of the signal that is known of any place
+MIN_EXPLAINED = 0.02  # share of the signal that the field explains of any place
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorModel:
-    """How single frames err: a part that stays for a while, and a part that is new in each.
+    """Errors of single frames: a first-order Gauss-Markov process, AR(1), and white noise.
 
     Attributes
     ----------
-    lasting, fresh : float
+    correlated_sigma, white_sigma : float
         Standard deviations along one axis, metres.
-    lasts_s : float
-        Time in seconds after which the lasting part is down to 1/e.
+    time_constant_s : float
+        Of the correlated error.
     """
 
-    lasting: float
-    fresh: float
-    lasts_s: float
+    correlated_sigma: float
+    white_sigma: float
+    time_constant_s: float
 
     def independent_s(self, period_s: float) -> float:
         """Seconds between frames whose errors are as good as independent: 1 + 2 sum of the
         autocorrelations, in frames of that period.
         """
-        memory = np.exp(-period_s / self.lasts_s)
-        share = self.lasting**2 / (self.lasting**2 + self.fresh**2)
+        memory = np.exp(-period_s / self.time_constant_s)
+        share = self.correlated_sigma**2 / (self.correlated_sigma**2 + self.white_sigma**2)
         return float(period_s * (1 + 2 * share * memory / (1 - memory)))
 
     @classmethod
     def of(cls, errors: np.ndarray, time: np.ndarray, finest: float) -> ErrorModel:
-        """From ``(N, 2)`` errors of frames; `finest` is the least that `fresh` may be.
+        """From ``(N, 2)`` errors of frames; `finest` is the least that `white_sigma` may be.
 
         Outliers are shortened to three median lengths: they are the likelihood's affair.
         """
@@ -58,17 +60,17 @@ class ErrorModel:
             return cls(np.sqrt(variance / 2), max(np.sqrt(variance / 2), finest), period)
         memory = float(np.clip(second / first, 0.2, 0.98))
         share = float(np.clip(first / memory, 0.25, 1.0))
-        fresh = max(np.sqrt(variance * (1 - share)), finest)
-        return cls(np.sqrt(variance * share), fresh, -period / np.log(memory))
+        white = max(np.sqrt(variance * (1 - share)), finest)
+        return cls(np.sqrt(variance * share), white, -period / np.log(memory))
 
 
-def unknown(variances: np.ndarray) -> np.ndarray:
-    """``(M, 3)`` terms with which errors grow: always the same, as the root of what is unknown over
-    what is known of a place, and as that itself, of `variances` ``(M,)`` as shares of the signal.
+def error_terms(variances: np.ndarray) -> np.ndarray:
+    """``(M, 3)`` regressors of the mean error: 1, the root of unexplained over explained variance,
+    and that ratio itself, of the field's `variances` ``(M,)`` as shares of the signal.
 
-    A place that is known badly is found less exactly; one that is hardly known is not told from
-    others.
+    With a larger variance a place is located less exactly; where next to nothing is explained it is
+    not told from others.
     """
     variances = np.maximum(variances, 0.0)
-    over_known = variances / np.maximum(1 - variances, LEAST_KNOWN)
-    return np.column_stack([np.ones_like(over_known), np.sqrt(over_known), over_known])
+    ratio = variances / np.maximum(1 - variances, MIN_EXPLAINED)
+    return np.column_stack([np.ones_like(ratio), np.sqrt(ratio), ratio])

@@ -17,8 +17,8 @@ from trexton.vision.histograms import SUM_TOLERANCE
 
 __all__ = ["Features"]
 
-MANY = 400  # features: more are taken along their axes, of which the strongest are kept
-KEPT = 125
+MAX_FEATURES = 400  # features: more are taken along their axes, of which the strongest are kept
+MAX_COMPONENTS = 125
 APART = -2.0  # by `_apart`: features that are nearer to each other are taken along their axes
 LEAST = 1e-6  # variance along an axis, as a share of the largest: below that it says nothing
 
@@ -48,7 +48,7 @@ class Features:
             return cls._of_parts(histograms, parts)
         signed = bool((histograms < 0).any())
         values = _values(histograms, signed)
-        used = _telling(values)
+        used = _informative(values)
         alone = np.eye(values.shape[1])[:, used]
         if not len(used):
             return cls(alone, signed)
@@ -57,22 +57,22 @@ class Features:
         covariance = np.cov((values @ alone).T).reshape(len(used), len(used))
         sums = histograms.sum(axis=1)
         bins = not signed and np.ptp(sums) <= SUM_TOLERANCE * sums.max()
-        if len(used) <= MANY and (bins or _apart(covariance) >= APART):
+        if len(used) <= MAX_FEATURES and (bins or _apart(covariance) >= APART):
             return cls(alone, signed)
         variances, turn = np.linalg.eigh(covariance)
         kept = variances > LEAST * variances[-1]
-        kept[:-KEPT] = False
+        kept[:-MAX_COMPONENTS] = False
         return cls(alone @ (turn[:, kept] / np.sqrt(variances[kept])), signed)
 
     @classmethod
     def _of_parts(cls, histograms: np.ndarray, parts: int) -> Features:
         """Roots of the bins of every part, or as many of their principal axes as may be."""
         values = _values(histograms, signed=False).reshape(len(histograms) * parts, -1)
-        used = _telling(values)
+        used = _informative(values)
         alone = np.eye(values.shape[1])[:, used]
-        if parts * len(used) > MANY:
+        if parts * len(used) > MAX_FEATURES:
             _, turn = np.linalg.eigh(np.cov(values[:, used].T))
-            alone = alone @ turn[:, -(MANY // parts) :]
+            alone = alone @ turn[:, -(MAX_FEATURES // parts) :]
         return cls(np.kron(np.eye(parts), alone), signed=False)
 
     def __call__(self, histograms: np.ndarray) -> np.ndarray:
@@ -85,7 +85,7 @@ def _values(histograms: np.ndarray, signed: bool) -> np.ndarray:
     return histograms.astype(float) if signed else np.sqrt(np.maximum(histograms, 0))
 
 
-def _telling(values: np.ndarray) -> np.ndarray:
+def _informative(values: np.ndarray) -> np.ndarray:
     """Columns that vary; of those that are equal, which say nothing the second time, the first."""
     varying = np.flatnonzero(np.ptp(values, axis=0) > 1e-9 * np.abs(values).max(axis=0))
     _, first = np.unique(values[:, varying], axis=1, return_index=True)

@@ -52,8 +52,10 @@ class Hypotheses:
         self.motion, self.limit, self.radius = motion, limit, SEPARATION * cell
         self._order = order = len(motion.prior_variance)
         period_s, axes = float(motion.period_s), np.eye(2)
-        error_memory, bias_memory = np.exp(-period_s / np.array([errors.lasts_s, BIAS_TIME_S]))
-        variance = errors.lasting**2
+        error_memory, bias_memory = np.exp(
+            -period_s / np.array([errors.time_constant_s, BIAS_TIME_S])
+        )
+        variance = errors.correlated_sigma**2
         self._transition, self._noise, self._prior, self._bias = np.zeros((4, order + 4, order + 4))
         self._transition[:order, :order] = motion.transition
         self._transition[order:-2, order:-2] = error_memory * axes

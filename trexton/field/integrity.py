@@ -1,8 +1,7 @@
-"""Lost or not: a test of its own, whatever the filter thinks of itself.
+"""Integrity: whether the estimate is lost, tested by a field that is learned beside the method.
 
-A field of the floor, learned beside the method, says of every frame how much better it fits where
-the estimate is than a place drawn from the whole area. A chain of two states, here and elsewhere,
-adds that up over the frames.
+The field says of every frame how much better it fits where the estimate is than a place drawn from
+the whole area. A Markov chain of two states, here and elsewhere, adds that up over the frames.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from typing import Self
 
 import numpy as np
 
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.field.field import Field
 from trexton.localization.base import Part, Training, learned
@@ -22,9 +21,9 @@ from trexton.localization.observation import Observation
 
 __all__ = ["Elsewhere", "Integrity", "NoIntegrity"]
 
-CARRIED = 1e-3  # chance a frame that a vehicle that was here is elsewhere
-RETURNED = 0.1  # and the other way round: filters find their way back
-ODD = 1e-3  # share of frames that fit no place better than another, whatever they look like
+KIDNAP_PROBABILITY = 1e-3  # a frame, that a vehicle that was here is elsewhere
+RETURN_PROBABILITY = 0.1  # the other way round: filters find their way back
+CLUTTER_PROBABILITY = 1e-3  # that a frame fits no place better than another
 
 
 @dataclass(eq=False)
@@ -46,11 +45,10 @@ class NoIntegrity(Integrity):
 
 @dataclass(eq=False)
 class Elsewhere(Field, Integrity):
-    """Lost where the frames speak for other places.
+    """Lost where the frames support other places.
 
-    What counts as here is what the calibration usually claims: a filter that is carried away claims
-    more, and must not be excused by it.
-
+    The covariance about the estimate is at most the usual one of the calibration: a filter that
+    was kidnapped claims more, and must not be excused by it.
     """
 
     needs = {"calibration": Replay}
@@ -60,38 +58,28 @@ class Elsewhere(Field, Integrity):
     usual: np.ndarray = learned()  # () metres, deviation along an axis
 
     def fit(self, training: Training) -> Self:
-        """Learn the field.
-
-        Raises
-        ------
-        MapError
-            There is no calibration, whose claims are what this tests.
-        """
-        whole = training.texton_map
-        calibration = whole.parts.get("calibration") if whole is not None else None
-        if not isinstance(calibration, Replay):
-            raise MapError(
-                "integrity tests what a calibration claims: train it with calibration=replay"
-            )
+        """Learn the field, and take over the usual deviation of the calibration."""
+        assert training.texton_map is not None
+        calibration = training.texton_map.parts["calibration"]
         return super().fit(training).with_learned(usual=calibration.usual)
 
     def prepare(self) -> None:
         super().prepare()
         if self.usual is not None and not (self.usual.shape == () and 0 < self.usual < np.inf):
             raise ParameterError(
-                f"the integrity's usual claim is {self.usual}: expected a positive length"
+                f"the integrity's usual deviation is {self.usual}: expected a positive length"
             )
 
     def open(self) -> Judge:
         return _Chain(self)
 
-    def evidence(self, observation: Observation, estimate: Estimate) -> float:
-        """Log of the frame's likelihood about the estimate over its mean anywhere."""
-        found = self.over_cells(observation)
-        shares = np.exp(found - found.max())
-        claimed = estimate.about_position
-        claimed = claimed * min(1.0, 2 * float(self.usual) ** 2 / float(np.trace(claimed)))
-        inverse = np.linalg.inv(claimed + self.cell**2 / 12 * np.eye(2))
+    def log_evidence(self, observation: Observation, estimate: Estimate) -> float:
+        """Log of the frame's likelihood about the estimate over its mean over the area."""
+        log_posterior = self.log_posterior(observation)
+        shares = np.exp(log_posterior - log_posterior.max())
+        covariance = estimate.about_position
+        covariance = covariance * min(1.0, 2 * float(self.usual) ** 2 / float(np.trace(covariance)))
+        inverse = np.linalg.inv(covariance + self.cell**2 / 12 * np.eye(2))
         offset = self.centers - estimate.position
         squared = np.einsum("ni,ij,nj->n", offset, inverse, offset)
         about = np.exp(-0.5 * (squared - squared.min()))
@@ -104,12 +92,14 @@ class _Chain:
         self.reset()
 
     def reset(self) -> None:
-        """Forget all frames; lost until some have spoken for the estimate."""
-        self._elsewhere = 1 - CARRIED
+        """Forget all frames; lost until some support the estimate."""
+        self._elsewhere = 1 - KIDNAP_PROBABILITY
 
     def judge(self, estimate: Estimate, observation: Observation | None) -> Estimate:
         if observation is not None:
-            prior = (1 - RETURNED) * self._elsewhere + CARRIED * (1 - self._elsewhere)
-            fits = (1 - ODD) * np.exp(self._test.evidence(observation, estimate)) + ODD
+            here = 1 - self._elsewhere
+            prior = (1 - RETURN_PROBABILITY) * self._elsewhere + KIDNAP_PROBABILITY * here
+            evidence = np.exp(self._test.log_evidence(observation, estimate))
+            fits = (1 - CLUTTER_PROBABILITY) * evidence + CLUTTER_PROBABILITY
             self._elsewhere = float(prior / (prior + (1 - prior) * fits))
         return replace(estimate, lost=self._elsewhere > self._test.doubt)

@@ -1,4 +1,6 @@
-"""The likelihood of features over the cells of a floor, and where a vehicle is expected before."""
+"""The likelihood of a histogram's features over the cells of a floor, and the prior density of
+places by where the survey flew.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Basis", "Table", "bumps", "relative"]
+__all__ = ["Basis", "Table", "log_prior", "rbf_kernel"]
 
-DEGREES = 6.0  # of freedom of the Student distribution
-UNFLOWN = 0.1  # share of the prior that does not expect the vehicle where it was in training
+DEGREES_OF_FREEDOM = 6.0  # of the Student distribution
+UNIFORM_SHARE = 0.1  # of the prior that does not expect the vehicle where the survey was
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +31,9 @@ class Basis:
 
     @classmethod
     def of(cls, signal: np.ndarray, noise: np.ndarray, samples: int | None) -> Basis:
+        """Of the variances ``(d,)`` of the signal and the noise covariance ``(d, d)``, larger where
+        only so many samples were counted.
+        """
         counted = 0.0 if samples is None else 0.25 / samples  # variance of the root of a frequency
         lengths, axes = np.linalg.eigh(noise + counted * np.eye(len(noise)))
         white = axes / np.sqrt(np.maximum(lengths, lengths[-1] * 1e-9 + 1e-12))
@@ -50,40 +55,37 @@ class Table:
 
     @classmethod
     def of(cls, mean: np.ndarray, variance: np.ndarray, strength: np.ndarray) -> Table:
+        """Of the field's ``(M, d)`` mean and ``(M,)`` variance at the cells, along the basis."""
         total = 1 + variance[:, None] * strength
         weights = np.hstack([1 / total, -2 * mean / total]).astype(np.float32)
         constant = (np.square(mean) / total).sum(axis=1)
         return cls(weights, constant, -0.5 * np.log(total).sum(axis=1))
 
-    def misfit(self, found: np.ndarray, cells: np.ndarray | int) -> np.ndarray:
-        """Squared deviations a feature from which `log_likelihood` made `found` at `cells`."""
-        d = self.weights.shape[1] // 2
-        squared = np.expm1((self.log_norm[cells] - found) / (0.5 * (DEGREES + d)))
-        result: np.ndarray = DEGREES / d * squared
-        return result
-
     def log_likelihood(self, features: np.ndarray) -> np.ndarray:
         """``(M,)`` for features ``(d,)``, or ``(n, M)`` for ``(n, d)``, up to a constant."""
         both = np.concatenate([features * features, features], axis=-1).astype(np.float32)
         squared = np.maximum(both @ self.weights.T + self.constant, 0)
-        half = 0.5 * (DEGREES + features.shape[-1])
-        found: np.ndarray = self.log_norm - half * np.log1p(squared / DEGREES)
-        return found
+        half = 0.5 * (DEGREES_OF_FREEDOM + features.shape[-1])
+        return self.log_norm - half * np.log1p(squared / DEGREES_OF_FREEDOM)
+
+    def squared_residual(self, likelihood: np.ndarray, cells: np.ndarray | int) -> np.ndarray:
+        """Squared deviations a feature from which `log_likelihood` made `likelihood` at `cells`."""
+        d = self.weights.shape[1] // 2
+        half = 0.5 * (DEGREES_OF_FREEDOM + d)
+        return DEGREES_OF_FREEDOM / d * np.expm1((self.log_norm[cells] - likelihood) / half)
 
 
-def bumps(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:
-    """``(M, N)`` Gaussian bumps around the places, a third of the length wide."""
+def rbf_kernel(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:
+    """``(M, N)`` radial basis functions around the places, of a third of the length."""
     squared = np.square(centers).sum(axis=1)[:, None] + np.square(places).sum(axis=1)
-    bumps: np.ndarray = np.exp(-4.5 / length**2 * (squared - 2 * centers @ places.T))
-    return bumps
+    return np.exp(-4.5 / length**2 * (squared - 2 * centers @ places.T))
 
 
-def relative(density: np.ndarray) -> np.ndarray:
+def log_prior(density: np.ndarray) -> np.ndarray:
     """``(M,)`` log of a density over the uniform one, part of which is mixed in; 0 where there is
     none anywhere.
     """
     mean = density.mean()
     if mean == 0:
         return np.zeros_like(density)
-    relative: np.ndarray = np.log((1 - UNFLOWN) * density / mean + UNFLOWN)
-    return relative
+    return np.log((1 - UNIFORM_SHARE) * density / mean + UNIFORM_SHARE)

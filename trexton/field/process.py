@@ -17,13 +17,13 @@ import numpy as np
 if TYPE_CHECKING:
     from trexton.field.blocks import Block
 
-__all__ = ["Process", "choose_length", "matern", "merge_places", "surprise"]
+__all__ = ["Process", "select_length", "matern", "merge_places", "negative_log_predictive_density"]
 
 # Noise of a frame as a share of the signal variance: what the field must not try to follow.
 NOISE = 0.03
 # Lengths that are tried, as shares of the diagonal of what was flown over.
 LENGTHS = (0.03, 0.045, 0.07, 0.1, 0.15)
-LARGEST = 1600  # places a process holds; more are merged, so that its price has an end
+MAX_PLACES = 1600  # places a process holds; more are merged, so that its price has an end
 
 
 def matern(places: np.ndarray, others: np.ndarray, length: float) -> np.ndarray:
@@ -37,7 +37,7 @@ def matern(places: np.ndarray, others: np.ndarray, length: float) -> np.ndarray:
 
 
 def merge_places(
-    places: np.ndarray, features: np.ndarray, largest: int = LARGEST
+    places: np.ndarray, features: np.ndarray, largest: int = MAX_PLACES
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Means of the frames in the cells of a grid just coarse enough to leave at most `largest`.
 
@@ -145,7 +145,9 @@ class Process:
             yield block, mean - lost @ self.weights[out], np.maximum(without, 0)
 
 
-def surprise(process: Process, blocks: Sequence[Block]) -> tuple[float, np.ndarray, np.ndarray]:
+def negative_log_predictive_density(
+    process: Process, blocks: Sequence[Block]
+) -> tuple[float, np.ndarray, np.ndarray]:
     """How unlikely left-out blocks are, a feature of a place, with `Process.residuals`.
 
     Minus twice its log likelihood, less a constant: each feature's signal variance takes its
@@ -157,14 +159,14 @@ def surprise(process: Process, blocks: Sequence[Block]) -> tuple[float, np.ndarr
     return misfit, errors, variances
 
 
-def choose_length(
+def select_length(
     places: np.ndarray, features: np.ndarray, blocks: Sequence[Block], diagonal: float
 ) -> tuple[Process, np.ndarray, np.ndarray]:
     """The process whose left-out blocks are likeliest, with their residuals and variances."""
     best = None
     for length in diagonal * np.array(LENGTHS):
         process = Process.fit(places, features, float(length))
-        misfit, errors, variances = surprise(process, blocks)
+        misfit, errors, variances = negative_log_predictive_density(process, blocks)
         if best is None or misfit < best[0]:
             best = misfit, process, errors, variances
     assert best is not None

@@ -26,16 +26,17 @@ class Singer(LinearMotion):
     less of the velocity than it knows.
     """
 
+    renamed = {"lasts_s": "time_constant_s"}
     agility: float = option(2.0, "accelerations are taken so many times as large as flown", above=0)
     acceleration: np.ndarray = learned()  # () standard deviation along an axis, m/s^2
-    lasts_s: np.ndarray = learned()  # () time constant of the acceleration, tau
+    time_constant_s: np.ndarray = learned()  # () time constant of the acceleration, tau
 
     def fit(self, training: Training) -> Self:
         speed, acceleration, time_constant = flight_statistics(training.positions, training.time)
         return self.with_learned(
             speed=np.asarray(speed),
             acceleration=np.asarray(self.agility * acceleration),
-            lasts_s=np.asarray(time_constant),
+            time_constant_s=np.asarray(time_constant),
             period_s=np.asarray(training.period_s),
         )
 
@@ -46,7 +47,7 @@ class Singer(LinearMotion):
             decayed = np.exp(-ratio)
             return np.array([tau**2 * (decayed - 1 + ratio), tau * (1 - decayed), decayed])
 
-        tau = float(self.lasts_s)
+        tau = float(self.time_constant_s)
         transition = np.array([[1, dt, 0], [0, 1, 0], [0, 0, 0.0]])
         transition[:, 2] = response(np.array([dt]))[:, 0]
         middles = (np.arange(32) + 0.5) / 32 * dt  # the integral over the noise's age, by midpoints

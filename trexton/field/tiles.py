@@ -18,21 +18,21 @@ from scipy.spatial.distance import cdist
 
 from trexton.field.blocks import Block, blocks_in_time
 from trexton.field.grid import bilinear, grid_cells
-from trexton.field.process import Process, surprise
+from trexton.field.process import Process, negative_log_predictive_density
 from trexton.localization.base import Area
 
 __all__ = ["Tiles"]
 
-STUDIED = 800  # frames among which look-alikes are sought
-SEARCHED = 400  # parts of frames of which the likelihood is asked
+MAX_FRAMES = 800  # frames among which look-alikes are sought
+MAX_ROWS = 400  # parts of frames of which the likelihood is asked
 LENGTH = 0.1  # of the kernel meanwhile, as a share of the diagonal of what was flown over
-FEWEST = 10  # pairs of frames that must show the same ground
-AROUND = 0.2  # of a step: how far from what look-alikes say the search begins
-EXACT = 0.02  # of a step, and of the likelihood of a feature
-TRIES = 120
-WORTH = 0.1  # of the likelihood of a feature, for which places of their own are taken
-MOST = 16  # parts; of more, each sees little and all cost much
-COARSE = 1600  # cells of the grid on which variances are taken, which are smooth
+MIN_PAIRS = 10  # pairs of frames that must show the same ground
+SIMPLEX_SIZE = 0.2  # of a step: how far from what look-alikes say the search begins
+TOLERANCE = 0.02  # of a step, and of the likelihood of a feature
+MAX_EVALUATIONS = 120
+MIN_GAIN = 0.1  # of the likelihood of a feature, for which places of their own are taken
+MAX_TILES = 16  # parts; of more, each sees little and all cost much
+COARSE_CELLS = 1600  # cells of the grid on which variances are taken, which are smooth
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +67,13 @@ class Tiles:
             Seconds.
         """
         whole, parts = cls(np.zeros((1, 2))), features.shape[1]
-        if parts == 1 or parts > MOST:
+        if parts == 1 or parts > MAX_TILES:
             return whole
-        step = -(-len(places) // STUDIED)
+        step = -(-len(places) // MAX_FRAMES)
         steps = _steps(places[::step], features[::step])
         if steps is None:
             return whole
-        thinned = slice(None, None, -(-len(places) * parts // SEARCHED))
+        thinned = slice(None, None, -(-len(places) * parts // MAX_ROWS))
         places, features = places[thinned], features[thinned]
         blocks = blocks_in_time(time[thinned])
         length = LENGTH * max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
@@ -81,23 +81,23 @@ class Tiles:
         def misfit(tiles: Tiles) -> float:
             values = features.reshape(len(places) * len(tiles.offsets), -1)
             process = Process.fit(tiles.places(places), values - values.mean(axis=0), length)
-            return surprise(process, tiles.blocks(blocks))[0]
+            return negative_log_predictive_density(process, tiles.blocks(blocks))[0]
 
         size = max(float(np.abs(steps).max()), 1e-3)
-        corners = size * AROUND * np.vstack([np.zeros(4), np.eye(4)])
+        corners = size * SIMPLEX_SIZE * np.vstack([np.zeros(4), np.eye(4)])
         best = minimize(
             lambda steps: misfit(cls.apart(steps.reshape(2, 2), parts)),
             steps.ravel(),
             method="Nelder-Mead",
             options={
                 "initial_simplex": steps.ravel() + corners,
-                "xatol": EXACT * size,
-                "fatol": EXACT,
-                "maxfev": TRIES,
+                "xatol": TOLERANCE * size,
+                "fatol": TOLERANCE,
+                "maxfev": MAX_EVALUATIONS,
             },
         )
         found, together = cls.apart(best.x.reshape(2, 2), parts), cls(np.zeros((parts, 2)))
-        return found if best.fun < min(misfit(whole), misfit(together)) - WORTH else whole
+        return found if best.fun < min(misfit(whole), misfit(together)) - MIN_GAIN else whole
 
     @classmethod
     def apart(cls, steps: np.ndarray, parts: int) -> Tiles:
@@ -121,7 +121,7 @@ class Tiles:
         reach = np.abs(self.offsets).max(axis=0)
         x, y = np.reshape(area, (2, 2)) + np.outer(reach, (-1, 1))
         wider = (*x.tolist(), *y.tolist())
-        cells, shape = grid_cells(wider, COARSE)
+        cells, shape = grid_cells(wider, COARSE_CELLS)
         grid, corners = process.variance(cells).reshape(shape), np.array(wider)
         found = [bilinear(grid, corners, centers + offset) for offset in self.offsets]
         return np.mean(found, axis=0)
@@ -147,7 +147,7 @@ def _steps(places: np.ndarray, features: np.ndarray) -> np.ndarray | None:
             _apart(places, features[:, part], features[:, following]) for part, following in pairs
         ]
         joined = np.concatenate(votes)
-        if len(joined) < FEWEST:
+        if len(joined) < MIN_PAIRS:
             return None
         steps.append(np.median(joined, axis=0))
     return np.array(steps)

@@ -59,9 +59,11 @@ class Tracks(Filter):
     uses = ("odometry",)
     knows_velocity: ClassVar[bool] = True
     tracks: int = option(
-        5, "hypotheses at most, and as many again that take the velocity to be biased",
-        low=1, high=100,
-    )  # fmt: skip
+        5,
+        "hypotheses at most, and as many again that take the velocity to be biased",
+        low=1,
+        high=100,
+    )
     velocity_sigma: float = option(
         0.1, "standard deviation in m/s along an axis of a velocity that brings none", above=0
     )
@@ -109,7 +111,7 @@ class TrackFilter:
         self.hypotheses = Hypotheses(motion, errors, tracks, cell)
         self._period_s = period_s = float(motion.period_s)
         self._speed_variance = float(motion.speed) ** 2 + BIAS_SIGMA**2
-        self._white = errors.fresh**2 * np.eye(2)
+        self._white = errors.white_sigma**2 * np.eye(2)
         self._rounding = cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         self._residual_gain = 1 - np.exp(-period_s / RESIDUAL_TIME_S)
         self._independent_s = errors.independent_s(period_s)
@@ -137,12 +139,12 @@ class TrackFilter:
         if observation is None:
             hypotheses.predict()
             return
-        log_posterior = self.measurement.over_cells(observation)
+        log_posterior = self.measurement.log_posterior(observation)
         peak = log_posterior.max()
         kept = np.flatnonzero(log_posterior > peak - LOG_LIKELIHOOD_RANGE)
         cells, shares = self.measurement.centers[kept], np.exp(log_posterior[kept] - peak)
         shares /= shares.sum()
-        residual = self.measurement.strangeness(observation, log_posterior)
+        residual = self.measurement.normalized_residual(observation, log_posterior)
         self._residual += (min(residual, RESIDUAL_LIMIT) - self._residual) * self._residual_gain
         measured = observation.aiding.velocity
         sigma = observation.aiding.velocity_sigma or self.velocity_sigma
@@ -293,7 +295,7 @@ class TrackFilter:
         joint = np.einsum("t,tij->ij", weights, hypotheses.covariances[:, :4, :4])
         joint = joint + np.einsum("t,ti,tj->ij", weights, offset, offset)
         unfamiliar = max(1.0, min(self._residual, NOVELTY_THRESHOLD) / INFLATION_RESIDUAL)
-        inflation = self.measurement.lasting_growth(states[:1, :2]) * unfamiliar**4
+        inflation = self.measurement.correlated_inflation(states[:1, :2]) * unfamiliar**4
         joint[:2, :2] += (inflation - 1) * hypotheses.error_variance
         elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * hypotheses.radius
         lost = bool(

@@ -83,7 +83,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         texton_map = base.for_method(method, flight=located, rng=rng)
         track = fly(_localizer(texton_map, parameters), frames)
         runs[method], timings[method] = track.position, of_frames(track.step_s, "_s")
-        if hasattr(texton_map.parts["measurement"], "expected_error"):
+        if hasattr(texton_map.parts["measurement"], "predicted_error"):
             field_map = texton_map
             halves = _with_half(texton_map, frames, parameters)
     rng = stream(parameters.seed, "intervals")
@@ -112,7 +112,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         **whereabouts(train),
     }
     if field_map is not None:
-        expected = field_map.parts["measurement"].expected_error
+        expected = field_map.parts["measurement"].predicted_error
         foretold = 100 * float(expected(test.position[known]).mean())
         values["expected"] = {"method": field_map.method, "error_cm": foretold}
         series["expected"], values["hardest"] = _expected(expected, train)

@@ -152,7 +152,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
                 for name, runs in flown.items()
             },
-            "expected_cm": 100 * changed["field"].parts["measurement"].expected_error(truth),
+            "expected_cm": 100 * changed["field"].parts["measurement"].predicted_error(truth),
             "field_error_cm": 100 * flown["field"][0].errors(truth),
             "area_m": test.area,
         }
@@ -237,7 +237,7 @@ def _predictor(
     """
     from scipy.stats import spearmanr
 
-    expected = texton_map.parts["measurement"].expected_error(places)
+    expected = texton_map.parts["measurement"].predicted_error(places)
     losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
     loss = smooth(losses, texton_map.positions, places, sigma)
 

@@ -126,7 +126,7 @@ def judge_floor(
         }
         runs = {method: _flown(maps[method], frames, flights.seed) for method in methods}
     field = maps[METHOD].parts["measurement"]
-    heat = _over_floor(field.expected_error, floor.area)
+    heat = _over_floor(field.predicted_error, floor.area)
     rng = stream(flights.seed, "intervals")
     first = euclidean(next(iter(runs.values())), test.position)
     centre = constant_guess(base.positions, len(test))
@@ -138,7 +138,7 @@ def judge_floor(
         "predicted_cm": 100 * heat.mean(),
         "measured": {name: _summary(run, test, rng) for name, run in runs.items()},
         "centre_cm": _summary(centre, test, rng)["mean_cm"],
-        "correlation": rank_correlation(field.expected_error(test.position), first, rng=rng),
+        "correlation": rank_correlation(field.predicted_error(test.position), first, rng=rng),
         "heat": {"error_m": heat.round(4), "extent_m": floor.area},
         "worst_m": _worst(_over_floor(field.variance_at, floor.area), floor.area),
     }

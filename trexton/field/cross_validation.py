@@ -1,0 +1,188 @@
+"""Leave-neighbours-out cross-validation of a training flight: blocks of it are left out and located
+by a field of the rest, which gives the field's hyperparameters and a model of its errors.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.spatial import cKDTree
+
+from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
+from trexton.field.error_model import ErrorModel, error_terms
+from trexton.field.grid import grid_cells
+from trexton.field.likelihood import Basis, Table, log_prior, rbf_kernel
+from trexton.field.process import Process, select_length
+from trexton.field.tiles import Tiles
+from trexton.localization.base import Area
+
+__all__ = ["CrossValidation"]
+
+MAX_FRAMES = 800  # of which it takes place; longer flights are thinned
+FAMILIAR_SHARE = 0.95  # of left-out frames whose normalized residual is at most 1
+CELLS = 1200  # of the grid on which left-out frames are located
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """What left-out blocks teach.
+
+    Attributes
+    ----------
+    length : float
+        Of the kernel, metres.
+    signal : (d,) array
+        Variances of the features over the floor.
+    noise : (d, d) array
+        Their covariance from frame to frame.
+    error_model : ErrorModel
+    error_coefficients : (3,) array
+        See `Field.predicted_error`.
+    training_variance : float
+        Median of the field's variance where the left-out frames were.
+    revisit_inflation : float
+        See `Field.correlated_inflation`.
+    residual_scale : float
+        Squared residual a feature that `FAMILIAR_SHARE` of the left-out frames do not exceed.
+    """
+
+    length: float
+    signal: np.ndarray
+    noise: np.ndarray
+    error_model: ErrorModel
+    error_coefficients: np.ndarray
+    training_variance: float
+    revisit_inflation: float
+    residual_scale: float
+
+    @classmethod
+    def of(
+        cls,
+        places: np.ndarray,
+        features: np.ndarray,
+        time: np.ndarray,
+        area: Area,
+        tiles: Tiles,
+    ) -> CrossValidation:
+        """Of a flight whose `features` ``(N, d)``, tile after tile, have mean zero."""
+        step = -(-len(places) // MAX_FRAMES)
+        places, features, time = places[::step], features[::step], time[::step]
+        diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
+        blocks, parts = blocks_in_time(time), len(tiles.offsets)
+        # All frames are located, but the processes hold no more rows than of whole frames.
+        every = -(-len(places) * parts // MAX_FRAMES)
+        rows, row_blocks = tiles.places(places[::every]), tiles.blocks(blocks, every)
+        held = features[::every].reshape(len(rows), -1)
+        process, residuals, uncertain = select_length(rows, held, row_blocks, diagonal)
+        signal = np.tile((np.square(residuals) / uncertain[:, None]).mean(axis=0), parts)
+        frames = len(rows) // parts
+        noise = _noise(residuals.reshape(frames, -1), uncertain.reshape(frames, parts).mean(axis=1))
+        basis = Basis.of(signal, noise, None)
+        centers, _ = grid_cells(area, CELLS)
+        finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
+        flown = np.repeat(places[::every], parts, axis=0)
+        flight = _Flight(places, features @ basis.whiten, blocks, tiles, flown)
+        errors, variances, squared = flight.located(process, basis, row_blocks, centers)
+        model = ErrorModel.of(errors, time, finest)
+        later = _prediction_distance(centers, places, rows, process.length, tiles)
+        wider = blocks_in_space(row_blocks, rows, np.repeat(time[::every], parts), later)
+        revisit_inflation = 1.0
+        if wider != row_blocks:
+            there, _, _ = flight.located(process, basis, wider, centers)
+            ratio = ErrorModel.of(there, time, finest).correlated_sigma / model.correlated_sigma
+            revisit_inflation = max(1.0, ratio**2)
+        return cls(
+            process.length,
+            signal,
+            noise,
+            model,
+            _error_coefficients(errors, variances),
+            float(np.median(variances)),
+            revisit_inflation,
+            float(np.quantile(squared, FAMILIAR_SHARE)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Flight:
+    """Frames to locate: their places, features in a basis, and blocks that are left out; and for
+    each row of a process the place of its frame.
+    """
+
+    places: np.ndarray
+    features: np.ndarray
+    blocks: Sequence[Block]
+    tiles: Tiles
+    flown: np.ndarray
+
+    def located(
+        self, process: Process, basis: Basis, left_out: Sequence[Block], centers: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Of each frame, located alone without its block: ``(N, 2)`` errors in metres, ``(N,)`` the
+        field's variance at its place, and ``(N,)`` its squared residual a feature at the best cell.
+        Of the process the rows in `left_out` are left out.
+        """
+        places, offsets = self.places, self.tiles.offsets
+        errors, variances, residuals = np.empty_like(places), *np.empty((2, len(places)))
+        density = rbf_kernel(centers, self.flown, process.length)
+        everywhere = density.sum(axis=1)
+        # The field along the basis is a sum over the tiles.
+        shares = np.split(basis.whiten, len(offsets))
+        predictions = zip(
+            *(
+                replace(process, weights=process.weights @ share).predict_without(
+                    left_out, centers + offset
+                )
+                for share, offset in zip(shares, offsets, strict=True)
+            ),
+            strict=True,
+        )
+        for block, parts in zip(self.blocks, predictions, strict=True):
+            (gone, *_), means, spreads = zip(*parts, strict=True)
+            mean, variance = sum(means[1:], means[0]), sum(spreads[1:], spreads[0]) / len(parts)
+            rows = block.rows
+            prior = log_prior(everywhere - density[:, gone.left_out].sum(axis=1))
+            table = Table.of(mean, variance, basis.strength)
+            posterior = table.log_likelihood(self.features[rows]) + prior
+            best = posterior.argmax(axis=1)
+            residuals[rows] = table.squared_residual(posterior.max(axis=1) - prior[best], best)
+            posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
+            posterior /= posterior.sum(axis=1, keepdims=True)
+            errors[rows] = posterior @ centers - places[rows]
+            near = np.square(places[rows][:, None] - centers).sum(axis=2).argmin(axis=1)
+            variances[rows] = variance[near]
+        return errors, variances, residuals
+
+
+def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
+    """``(d, d)`` covariance where the field is known best, shrunk towards its diagonal."""
+    count, d = errors.shape
+    best = np.argsort(variances, kind="stable")[: max(count // 2, min(count, 2 * d))]
+    covariance = errors[best].T @ errors[best] / len(best)
+    shrink = max(0.1, d / (d + len(best)))
+    diagonal = np.diag(covariance)
+    floor = 1e-3 * diagonal.mean() + 1e-12  # a feature that never erred here will elsewhere
+    return (1 - shrink) * covariance + np.diag(shrink * diagonal + floor)
+
+
+def _prediction_distance(
+    centers: np.ndarray, places: np.ndarray, rows: np.ndarray, length: float, tiles: Tiles
+) -> float:
+    """Metres from what a later flight will show to the nearest of `rows`, on average.
+
+    It is expected half as far from the places of the survey as the prior allows.
+    """
+    weights = np.exp(log_prior(rbf_kernel(centers, places, length / 2).sum(axis=1)))
+    distance = cKDTree(rows).query(tiles.places(centers))[0].reshape(len(centers), -1)
+    return float(np.average(distance.mean(axis=1), weights=weights))
+
+
+def _error_coefficients(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
+    """``(3,)`` non-negative factors of `error_terms` that fit the lengths of the errors best."""
+    lengths = np.hypot(*errors.T)
+    if np.ptp(variances) < 1e-9:  # nothing to tell the terms apart
+        return np.array([lengths.mean(), 0.0, 0.0])
+    return nnls(error_terms(variances), lengths)[0]
