@@ -11,8 +11,8 @@ import pytest
 from conftest import mocap_record, small_flight
 from small_loop import make_flight
 
-import trexton.companion.build.api
-import trexton.companion.build.workflow
+import trexton.companion.build.make
+import trexton.companion.build.plan
 import trexton.companion.cli.run  # binds what is stood in for below, before that
 from trexton.base.progress import set_quiet
 from trexton.cli import main as cli
@@ -56,7 +56,7 @@ def test_run_hands_settings_on_and_says_why_one_was_left_out(asked, capsys):
 
 def test_run_makes_a_small_book_of_what_there_is(asked, capsys, monkeypatch, tmp_path):
     monkeypatch.setattr(
-        trexton.companion.build.api, "build_small_book", lambda *given: f"book of {given[2]}"
+        trexton.companion.build.make, "build_small_book", lambda *given: f"book of {given[2]}"
     )
     assert cli.main(["run", "a", "--out", str(tmp_path)]) == 0
     assert capsys.readouterr().out.endswith(f"book of {tmp_path}\n")
@@ -108,7 +108,7 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
         assessment.run(train, test, options).save(out / pairs[0].name)
         return [Outcome(pairs[0].name, "assessment", "ran")]
 
-    monkeypatch.setattr(trexton.companion.build.workflow, "run_experiments", stand_in)
+    monkeypatch.setattr(trexton.companion.build.plan, "run_experiments", stand_in)
     out = tmp_path / "out"
     words = ["report", str(tmp_path / "loop"), "--no-book", "--methods", "paper"]
     assert cli.main([*words, "--out", str(out)]) == 0
@@ -119,9 +119,7 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
     assert (out / "report.html").read_text("utf-8").rstrip().endswith("</html>")
 
     failed = [Outcome("loop", "assessment", "failed", ("oops",))]
-    monkeypatch.setattr(
-        trexton.companion.build.workflow, "run_experiments", lambda *_, **__: failed
-    )
+    monkeypatch.setattr(trexton.companion.build.plan, "run_experiments", lambda *_, **__: failed)
     write_flight(small_flight(), tmp_path / "small")
     again = ["report", str(tmp_path / "small"), "--no-book", "--out", str(tmp_path / "again")]
     assert cli.main(again) == 1
@@ -149,9 +147,9 @@ def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkey
         assessment.run(train, test, assessment.Parameters()).save(out / pairs[0].name)
         return [Outcome(pairs[0].name, "assessment", "reused")]
 
-    monkeypatch.setattr(trexton.companion.build.workflow, "run_experiments", stand_in)
+    monkeypatch.setattr(trexton.companion.build.plan, "run_experiments", stand_in)
     monkeypatch.setattr(
-        trexton.companion.build.api, "build_small_book", lambda *given: f"book of {given[2]}"
+        trexton.companion.build.make, "build_small_book", lambda *given: f"book of {given[2]}"
     )
     words = ["report", str(tmp_path / "loop"), "--test-flight", "other"]
     assert cli.main([*words, "--out", str(tmp_path / "out")]) == 0

@@ -12,15 +12,16 @@ from conftest import ROOT, mocap_record, small_flight
 from trexton.base.errors import DataError, TrextonError
 from trexton.base.wording import Tree
 from trexton.companion.build import prepare_flights as book_flights
-from trexton.companion.build.api import build_small_book
-from trexton.companion.build.audit import audit
+from trexton.companion.build.make import build_small_book
+from trexton.companion.build.link_check import audit
 from trexton.companion.build.formats import nbformat
 from trexton.companion.build.library import MODULES, describe_module
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prepare_flights import prepare_flights
 from trexton.companion.build.prose import render
-from trexton.companion.build.stage import Contents, stage
-from trexton.companion.build.workflow import FlightPair, Outcome
+from trexton.companion.build.sources import Contents, stage
+from trexton.companion.build.display import Outcome
+from trexton.companion.build.flight_pairs import FlightPair
 from trexton.flights import read_flight, write_flight
 from trexton.localization.landing import TouchdownZone
 

@@ -12,7 +12,7 @@ from conftest import ROOT
 from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.companion.build.formats import nbformat
-from trexton.companion.build.found import what_we_found
+from trexton.companion.build.headlines import what_we_found
 from trexton.companion.build.library import describe_module
 from trexton.companion.build.notebook import show_table
 from trexton.companion.build.pages import (
@@ -25,8 +25,8 @@ from trexton.companion.build.pages import (
 )
 from trexton.companion.build.paper_map import load_map, map_table
 from trexton.companion.build.prose import records_by_name
-from trexton.companion.build.workflow import Outcome
-from trexton.companion.claims.api import load_claims
+from trexton.companion.build.display import Outcome
+from trexton.companion.claims.ledger import load_claims
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.names import flight_title

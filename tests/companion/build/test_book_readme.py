@@ -15,7 +15,7 @@ from PIL import Image
 from trexton import __version__
 from trexton.base.errors import TrextonError
 from trexton.base.records import Record
-from trexton.companion.build.moving import moving_picture
+from trexton.companion.build.animation import moving_picture
 from trexton.companion.build.readme import is_current, kept_numbers, results_table, with_table
 
 

@@ -26,7 +26,8 @@ from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.executor import connect, spread, working_on
 from trexton.companion.build.execution import Job, execute
 from trexton.companion.build.workers import workers
-from trexton.companion.build.workflow import FlightPair, run_experiments
+from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.plan import run_experiments
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights import write_flight
 
@@ -203,7 +204,8 @@ def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
         import signal; signal.signal(signal.SIGINT, signal.default_int_handler)
         import sys; sys.path.insert(0, {str(ROOT / "tests")!r})
         from tiny_experiment import tiny
-        from trexton.companion.build.workflow import FlightPair, run_experiments
+        from trexton.companion.build.flight_pairs import FlightPair
+        from trexton.companion.build.plan import run_experiments
         experiments = {{"first": tiny("F"),
             "second": tiny("S", after=("first",))}}
         run_experiments([FlightPair({str(flight)!r})], {str(tmp_path / "out")!r},

@@ -26,7 +26,8 @@ from trexton.companion.cli.play import serve
 from trexton.companion.experiments import mocap_training
 from trexton.companion.experiments.replay import replay
 from trexton.companion.experiments.style import COLORS
-from trexton.companion.player import player_html, record_replay
+from trexton.companion.player.page import player_html
+from trexton.companion.player.playback import record_replay
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.vision.patches import gather_patches
 
@@ -194,7 +195,7 @@ def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, monkeypatch,
             assert answer.read().decode() == page
         with pytest.raises(ParameterError, match=f"--port {server.server_port}: Address already"):
             serve(page, server.server_port)
-        monkeypatch.setattr("trexton.companion.player.record_replay", None)  # refused before it
+        monkeypatch.setattr("trexton.companion.player.playback.record_replay", None)  # refused before it
         assert main([*words, "--port", str(server.server_port)]) == 1
         assert "Address already in use" in capsys.readouterr().err
         with pytest.raises(HTTPError, match="404"):

@@ -8,7 +8,8 @@ from tiny_notebooks import write_notebook
 
 from trexton.base.errors import ParameterError
 from trexton.companion.build.sweep import Plan, sweep
-from trexton.companion.build.workflow import FlightPair, run_experiments
+from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.plan import run_experiments
 
 KEPT = "mend it, what was there before is kept"
 

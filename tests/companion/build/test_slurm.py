@@ -11,7 +11,8 @@ import pytest
 from conftest import ROOT, small_flight
 from slurm_tools import LocalSlurm, missing
 
-from trexton.companion.build.workflow import FlightPair, run_experiments
+from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.plan import run_experiments
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights import write_flight
 

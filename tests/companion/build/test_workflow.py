@@ -23,7 +23,8 @@ from trexton.cli import main as cli
 from trexton.companion.build.execution import Done
 from trexton.companion.build.formats import nbformat
 from trexton.companion.build.notebooks import Notebook
-from trexton.companion.build.workflow import FlightPair, run_experiments
+from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.plan import run_experiments
 from trexton.companion.experiments.declaration import Experiment
 from trexton.flights import read_flight, write_flight
 from trexton.flights.pair import load_pair
@@ -345,7 +346,8 @@ def test_killed_in_the_middle_it_leaves_no_kernel_and_is_run_again(
     script = (
         f"import sys; sys.path.insert(0, {str(ROOT / 'tests')!r})\n"
         "from tiny_experiment import tiny\n"
-        "from trexton.companion.build.workflow import *\n"
+        "from trexton.companion.build.flight_pairs import FlightPair\n"
+        "from trexton.companion.build.plan import run_experiments\n"
         "run_experiments([FlightPair(sys.argv[1])], sys.argv[2], notebooks=sys.argv[3],\n"
         "                experiments={'first': tiny('F')})"
     )

@@ -9,7 +9,7 @@ from conftest import ROOT
 from tiny_notebooks import write_notebook
 
 from trexton.base.errors import TrextonError
-from trexton.companion.build.facts import Fact, inputs_of, reasons
+from trexton.companion.build.nodes import HashedNode, inputs_of, reasons
 from trexton.companion.build.notebooks import Notebook, find_notebooks
 from trexton.companion.experiments.registry import EXPERIMENTS
 
@@ -77,7 +77,7 @@ def test_changes_are_told_in_words(tmp_path):
         "record small/first": {"small/first": "2"},
     }
     before = {name: json.dumps(entries) for name, entries in old.items()}
-    facts = [Fact(name, "task", lambda entries=entries: entries) for name, entries in new.items()]
+    facts = [HashedNode(name, "task", lambda entries=entries: entries) for name, entries in new.items()]
     assert reasons(facts, before, tmp_path, "second") == [
         "parameter gone 2 -> absent",
         "parameter n 1 -> 2",

@@ -17,7 +17,7 @@ from trexton.base.errors import DataError
 from trexton.cli.main import main
 from trexton.companion.build import shell
 from trexton.companion.build.prose import render
-from trexton.companion.build.shell import with_output
+from trexton.companion.build.console_output import with_output
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.importers import IMPORTERS, importer
 

@@ -8,8 +8,7 @@ from conftest import mocap_record
 
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.records import Record
-from trexton.companion.claims.api import (
-    VERDICTS,
+from trexton.companion.claims.ledger import (
     Claim,
     Finding,
     count_verdicts,
@@ -20,6 +19,7 @@ from trexton.companion.claims.api import (
     write_ledger,
 )
 from trexton.companion.claims.page import claims_html, counts_html, filters_html
+from trexton.companion.claims.rules import VERDICTS
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.registry import EXPERIMENTS
 

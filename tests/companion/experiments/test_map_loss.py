@@ -10,7 +10,7 @@ from small_room import histogram_flight, picture_flight
 from trexton.base.errors import MapError
 from trexton.base.files import canonical_json
 from trexton.base.records import Record
-from trexton.companion.claims.api import judge_all, load_claims
+from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import map_loss
 from trexton.companion.experiments.correlation import pair_correlation, rank_correlation
 from trexton.companion.figures import map_loss as figures

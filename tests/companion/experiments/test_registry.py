@@ -6,7 +6,7 @@ import pytest
 
 from trexton.base.plugins import PLUGINS
 from trexton.companion.build.notebooks import find_notebooks
-from trexton.companion.claims.api import load_claims
+from trexton.companion.claims.ledger import load_claims
 from trexton.companion.experiments.declaration import NEEDS
 from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
 

@@ -10,7 +10,7 @@ from trexton.base.files import canonical_json
 from trexton.base.records import Record
 from trexton.companion.checks.bench import Row
 from trexton.companion.checks.timing import Times
-from trexton.companion.claims.api import judge_all, load_claims
+from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import speed, timing
 from trexton.companion.experiments.printed import published
 from trexton.companion.figures import speed as speed_figures

@@ -8,7 +8,7 @@ from small_room import histogram_flight, picture_flight
 
 from trexton.base.files import canonical_json
 from trexton.base.records import Record
-from trexton.companion.claims.api import judge_all, load_claims
+from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import stored, trade_off, tuned
 from trexton.companion.experiments.evaluation import frames_of, trained_map
 from trexton.companion.experiments.track import tracks

@@ -14,7 +14,7 @@ from pytask_parallel import ParallelBackend, WorkerType, registry
 
 from trexton.base.errors import TrextonError
 from trexton.companion.build import execution
-from trexton.companion.build.facts import Fact
+from trexton.companion.build.nodes import HashedNode
 
 __all__ = ["Turns", "build", "task"]
 
@@ -32,8 +32,8 @@ class _Task(pytask.TaskWithoutPath):
 def task(
     name: str,
     function: Callable[[], None],
-    reads: Sequence[Fact],
-    leaves: Sequence[Fact],
+    reads: Sequence[HashedNode],
+    leaves: Sequence[HashedNode],
     turn: str | None = None,
 ) -> pytask.TaskWithoutPath:
     """A task for `build`: `turn` is ``"try_first"``, ``"try_last"`` or None."""

@@ -11,18 +11,21 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
-from trexton.companion.build.audit import audit
-from trexton.companion.build.finish import finish_book
+from trexton.companion.build.link_check import audit
+from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prepare_flights import prepare_flights
-from trexton.companion.build.found import what_we_found
+from trexton.companion.build.headlines import what_we_found
 from trexton.companion.build.prose import records_by_name
 from trexton.companion.build.readme import is_current
-from trexton.companion.build.stage import Contents, stage
+from trexton.companion.build.sources import Contents, stage
 from trexton.base.cache import code_hashes, repository_root, shipped
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, digest, put_in_place, work_folder
 from trexton.base.progress import say
-from trexton.companion.build.workflow import FlightPair, Outcome, outputs_of, run_experiments
+from trexton.companion.build.display import Outcome
+from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.nodes import outputs_of
+from trexton.companion.build.plan import run_experiments
 from trexton.companion.build.plan import sole_writer
 
 _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
@@ -110,7 +113,7 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
         stage(contents, source, toc_file)
         key = digest(
             _tree_hash(source),
-            code_hashes("trexton.companion.build.api"),
+            code_hashes("trexton.companion.build.make"),
             {name: version(name) for name in _BUILDERS},
         )
         if (html / "index.html").is_file() and stamp.is_file() and stamp.read_text() == key:

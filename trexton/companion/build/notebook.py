@@ -18,7 +18,7 @@ from IPython.display import HTML, SVG, Markdown
 from matplotlib.figure import Figure
 
 from trexton.base.cache import kept_results, repository_root
-from trexton.companion.claims.api import judge_all, load_claims, write_ledger
+from trexton.companion.claims.ledger import judge_all, load_claims, write_ledger
 from trexton.companion.claims.page import claims_html, counts_html, filters_html
 from trexton.base.errors import ParameterError
 from trexton.companion.experiments.registry import EXPERIMENTS
@@ -29,7 +29,8 @@ from trexton.flights.names import flight_title
 from trexton.flights.pair import load_pair
 from trexton.base.options import Options
 from trexton.companion.experiments.printed import look_up, published
-from trexton.companion.player import Recording, player_html
+from trexton.companion.player.page import player_html
+from trexton.companion.player.playback import Playback
 from trexton.base.records import Record
 from trexton.base.wording import Tree, as_html, middle, template_environment
 
@@ -123,7 +124,7 @@ class Page:
                 stream.write(content)
         return SVG(svg)
 
-    def play(self, recording: Recording) -> HTML:
+    def play(self, recording: Playback) -> HTML:
         """Write ``<experiment>-player.html`` beside the record, and show it in the page."""
         name = f"{self.record.experiment}-player.html"
         with atomic_file(self.folder / name) as stream:

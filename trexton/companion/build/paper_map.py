@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from trexton.companion.claims.api import Claim, Finding, judge_all, load_claims
+from trexton.companion.claims.ledger import Claim, Finding, judge_all, load_claims
 from trexton.base.errors import ParameterError
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.names import flight_title

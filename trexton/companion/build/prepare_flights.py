@@ -14,7 +14,7 @@ from trexton.flights import Flight, read_flight
 from trexton.flights.registry import fetch, raw_files
 from trexton.base.progress import say
 from trexton.base.records import software_versions
-from trexton.companion.build.workflow import FlightPair
+from trexton.companion.build.flight_pairs import FlightPair
 
 __all__ = ["REAL", "SIMULATED", "Prepared", "prepare_flights"]
 

@@ -19,7 +19,7 @@ from trexton.localization.landing import TouchdownZone
 from trexton.companion.experiments.printed import published
 from trexton.base.records import upgraded
 from trexton.base.wording import Tree, template_environment
-from trexton.companion.build.workflow import Outcome
+from trexton.companion.build.display import Outcome
 
 __all__ = ["records_by_name", "render"]
 

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from trexton.companion.build.found import PLACES
+from trexton.companion.build.headlines import PLACES
 from trexton.base.cache import repository_root
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
@@ -132,7 +132,7 @@ def is_current(readme: Path, results: Path) -> bool:
 
 def main(root: Path, results: Path) -> None:
     """Renew numbers, table and picture of the clone at `root`."""
-    from trexton.companion.build.moving import moving_picture
+    from trexton.companion.build.animation import moving_picture
 
     flights = kept_numbers(results)
     player = next(

@@ -19,8 +19,8 @@ from trexton.base.files import atomic_file
 from trexton.companion.build import engine
 from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.execution import Job
-from trexton.companion.build.facts import (
-    Fact,
+from trexton.companion.build.nodes import (
+    HashedNode,
     inputs_of,
     outputs_fact,
     outputs_of,
@@ -30,7 +30,7 @@ from trexton.companion.build.facts import (
     remembered,
 )
 from trexton.companion.build.notebooks import Notebook
-from trexton.companion.build.pairs import FlightPair
+from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.workers import Workers
 
 __all__ = ["Run", "Step"]
@@ -122,7 +122,7 @@ class Run:
         stale = {key for key, one in self.outcomes.items() if one.status in ("failed", "skipped")}
         return [path for path in found if (path.parent.name, path.stem) not in stale]
 
-    def _facts(self, step: Step, planned: Mapping[str, Step]) -> tuple[list[Fact], list[Fact]]:
+    def _facts(self, step: Step, planned: Mapping[str, Step]) -> tuple[list[HashedNode], list[HashedNode]]:
         """What goes in, and what comes out."""
         folder, name, owner = self._folder(step), step.notebook.name, step.name
         data = step.pair.hashes if step.pair else {}
@@ -136,7 +136,7 @@ class Run:
         return reads, [*leaves, record_fact(folder / f"{name}.json")]
 
     def _perform(
-        self, step: Step, facts: tuple[list[Fact], list[Fact]], before: Mapping[str, str] | None,
+        self, step: Step, facts: tuple[list[HashedNode], list[HashedNode]], before: Mapping[str, str] | None,
         display: Display,
     ) -> None:  # fmt: skip
         """Run the notebook; its results replace the last ones when they are whole."""
@@ -166,7 +166,7 @@ class Run:
             (folder / file).unlink(missing_ok=True)
         self._settle(Outcome(*step.key, "ran", tuple(why), done.seconds), display)
 
-    def _job(self, step: Step, reads: Sequence[Fact]) -> Job:
+    def _job(self, step: Step, reads: Sequence[HashedNode]) -> Job:
         given = step.pair.parameters(self.out) if step.pair else {"out": str(self.out)}
         labels = {
             entry
@@ -193,7 +193,7 @@ class Run:
             cluster="" if step.experiment.alone else self.workers.cluster,
         )
 
-    def _outcome(self, step: Step, report: Any, facts: tuple[list[Fact], list[Fact]]) -> Outcome:
+    def _outcome(self, step: Step, report: Any, facts: tuple[list[HashedNode], list[HashedNode]]) -> Outcome:
         """What the engine's report means where the step itself did not say."""
         if report.outcome == pytask.TaskOutcome.SKIP_UNCHANGED:
             parts = [

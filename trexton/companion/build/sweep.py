@@ -34,8 +34,8 @@ from trexton.base.records import software_versions
 from trexton.simulator.layouts import LAYOUTS
 from trexton.companion.build import engine
 from trexton.companion.build.cells import measure, record
-from trexton.companion.build.facts import Fact, fixed
-from trexton.companion.build.pairs import FlightPair, check_names, check_out
+from trexton.companion.build.nodes import HashedNode, fixed
+from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.workers import Workers, workers
 
@@ -214,7 +214,7 @@ def _tasks(
     for layout, seed in _floors(plan.floors):
         name = f"{layout}-{seed}"
         pair = FlightPair(*(str(out / "flights" / f"{name}-{kind}") for kind in _PATTERNS))
-        flown = Fact(f"flight {name}", "", partial(_flown, pair))
+        flown = HashedNode(f"flight {name}", "", partial(_flown, pair))
         sources.append((name, pair, flown))
         tasks.append(_flying(plan.floors, layout, seed, pair, flown, call))
     module = experiment.module
@@ -229,7 +229,7 @@ def _tasks(
                 fixed("code", cell.name, code_hashes(module)),
                 fixed("versions", cell.name, software_versions()),
             ]
-            leaves = [Fact("outputs", cell.name, partial(_file, path))]
+            leaves = [HashedNode("outputs", cell.name, partial(_file, path))]
             perform = partial(_measured, call, module, pair, cell)
             turn = "try_last" if experiment.alone else None
             tasks.append(engine.task(cell.name, perform, reads, leaves, turn))
@@ -246,7 +246,7 @@ def _floors(floors: Floors | None) -> Iterator[tuple[str, int]]:
 
 
 def _flying(
-    floors: Floors | None, layout: str, seed: int, pair: FlightPair, flown: Fact, call: Call
+    floors: Floors | None, layout: str, seed: int, pair: FlightPair, flown: HashedNode, call: Call
 ) -> Any:
     assert floors is not None
     name = f"flights/{layout}-{seed}"

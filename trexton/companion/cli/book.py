@@ -6,7 +6,7 @@ import argparse
 import time
 
 from trexton.base.arguments import add_assignments, assignments
-from trexton.companion.build.api import make_book
+from trexton.companion.build.make import make_book
 from trexton.companion.cli.run import print_outcomes
 
 

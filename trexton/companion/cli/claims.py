@@ -16,7 +16,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     from pathlib import Path
 
-    from trexton.companion.claims.api import count_verdicts, write_ledger
+    from trexton.companion.claims.ledger import count_verdicts, write_ledger
 
     rows = write_ledger(Path(arguments.results))
     for claim, findings in rows:

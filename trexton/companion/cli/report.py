@@ -22,8 +22,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.base.records import Record
+    from trexton.companion.build.flight_pairs import FlightPair
+    from trexton.companion.build.plan import run_experiments
     from trexton.companion.build.small_report import write_report
-    from trexton.companion.build.workflow import FlightPair, run_experiments
     from trexton.companion.cli.run import print_outcomes
 
     out = Path(arguments.out)
@@ -49,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     print(finding(record))
     if not arguments.no_book:
-        from trexton.companion.build.api import build_small_book
+        from trexton.companion.build.make import build_small_book
 
         print(build_small_book(pairs, outcomes, out))
     print(page)

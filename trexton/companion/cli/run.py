@@ -8,7 +8,9 @@ from pathlib import Path
 
 from trexton.base.arguments import add_assignments, assignments
 from trexton.base.errors import ParameterError
-from trexton.companion.build.workflow import FlightPair, Outcome, run_experiments
+from trexton.companion.build.display import Outcome
+from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.plan import run_experiments
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -55,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     print_outcomes(outcomes, arguments.explain)
     if not arguments.no_book and any(outcome.status in ("ran", "reused") for outcome in outcomes):
-        from trexton.companion.build.api import build_small_book
+        from trexton.companion.build.make import build_small_book
 
         print(build_small_book(pairs, outcomes, Path(arguments.out), arguments.notebooks))
     return int(any(outcome.status == "failed" for outcome in outcomes))

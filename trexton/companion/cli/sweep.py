@@ -11,8 +11,8 @@ from typing import Any
 from trexton.base.arguments import add_assignments, assignments
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, check_not_read, check_writable
+from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.sweep import Floors, Plan, sweep
-from trexton.companion.build.workflow import FlightPair
 
 _TEXT, _TEXTS, _WHOLE = "text in quotes", "a list of texts", "a whole number"
 # What a plan may have, and what each of it is.

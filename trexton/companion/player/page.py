@@ -9,17 +9,18 @@ from html import escape
 from importlib.resources import files
 from typing import Any
 
-from trexton.companion.player.recording import Recording
+from trexton.companion import player
+from trexton.companion.player.playback import Playback
 
 __all__ = ["player_html"]
 
 
-def player_html(recording: Recording, title: str | None = None) -> str:
+def player_html(recording: Playback, title: str | None = None) -> str:
     """The page that plays `recording`.
 
     Parameters
     ----------
-    recording : Recording
+    recording : Playback
     title : str, optional
         In place of the flight's name.
     """
@@ -37,10 +38,10 @@ def player_html(recording: Recording, title: str | None = None) -> str:
 
 
 def _read(name: str) -> str:
-    return (files("trexton.companion.player") / name).read_text(encoding="utf-8")
+    return (files(player) / name).read_text(encoding="utf-8")
 
 
-def _still(recording: Recording) -> str:
+def _still(recording: Playback) -> str:
     """Where scripts are off: the whole track and its estimates as one drawing."""
     x_min, x_max, y_min, y_max = (100 * value for value in recording.area)
     pad = 0.05 * max(x_max - x_min, y_max - y_min)

@@ -16,7 +16,7 @@ from trexton.base.records import software_versions
 from trexton.companion.build.notebooks import Notebook
 
 __all__ = [
-    "Fact",
+    "HashedNode",
     "fixed",
     "inputs_of",
     "outputs_of",
@@ -37,7 +37,7 @@ _LABELS = {
 
 
 @dataclass
-class Fact:
+class HashedNode:
     """A node of the engine: named entries whose values are compared, among them hashes of files.
 
     Attributes
@@ -70,17 +70,17 @@ class Fact:
         """Nothing is kept: the task writes the files itself."""
 
 
-def fixed(name: str, owner: str, entries: Mapping[str, object]) -> Fact:
+def fixed(name: str, owner: str, entries: Mapping[str, object]) -> HashedNode:
     """What is known beforehand; values that are no text are compared by their `repr`."""
     texts = {
         key: value if isinstance(value, str) else repr(value) for key, value in entries.items()
     }
-    return Fact(name, owner, lambda: texts)
+    return HashedNode(name, owner, lambda: texts)
 
 
 def inputs_of(
     owner: str, notebook: Notebook, parameters: Mapping[str, object], data: Mapping[str, str]
-) -> list[Fact]:
+) -> list[HashedNode]:
     """Everything that goes into a run but the records of other experiments."""
     paper = sorted(paper_file("").glob("*.toml"))
     return [
@@ -94,7 +94,7 @@ def inputs_of(
     ]
 
 
-def reading(owner: str, records: Sequence[Path]) -> Fact:
+def reading(owner: str, records: Sequence[Path]) -> HashedNode:
     """Which records are read: a record that is gone changes a result too."""
     return fixed("record", owner, {_label(path): "read" for path in records})
 
@@ -103,7 +103,7 @@ def _label(path: Path) -> str:
     return f"{path.parent.name}/{path.stem}"
 
 
-def record_fact(path: Path, owner: str = "", timings: bool = False) -> Fact:
+def record_fact(path: Path, owner: str = "", timings: bool = False) -> HashedNode:
     """The record at `path`; its timings count only if `timings`."""
     label = _label(path)
 
@@ -114,17 +114,17 @@ def record_fact(path: Path, owner: str = "", timings: bool = False) -> Fact:
             return None
         return {label: digest({k: v for k, v in content.items() if timings or k != "timings"})}
 
-    return Fact(f"record {label}", owner, read)
+    return HashedNode(f"record {label}", owner, read)
 
 
-def outputs_fact(owner: str, folder: Path, name: str) -> Fact:
+def outputs_fact(owner: str, folder: Path, name: str) -> HashedNode:
     """All files that the experiment left; None without its record."""
 
     def read() -> Entries | None:
         files = {path.name: digest(path) for path in outputs_of(folder, name)}
         return files if f"{name}.json" in files else None
 
-    return Fact("outputs", owner, read)
+    return HashedNode("outputs", owner, read)
 
 
 def outputs_of(folder: Path, name: str) -> list[Path]:
@@ -156,7 +156,7 @@ def remembered(root: Path) -> dict[str, dict[str, str]]:
 
 
 def reasons(
-    facts: list[Fact], before: Mapping[str, str] | None, folder: Path, name: str
+    facts: list[HashedNode], before: Mapping[str, str] | None, folder: Path, name: str
 ) -> list[str]:
     """Why the last run cannot be reused, in words."""
     if before is None:

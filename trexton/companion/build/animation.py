@@ -32,7 +32,7 @@ def moving_picture(recording: Mapping[str, Any]) -> bytes:
     Parameters
     ----------
     recording : mapping
-        As the player keeps it: see `trexton.companion.player.Recording`.
+        As the player keeps it: see `trexton.companion.player.playback.Playback`.
     """
     frames = recording["frames"]
     frames = frames[:: -(-len(frames) // _FRAMES)]
