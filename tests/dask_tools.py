@@ -11,7 +11,7 @@ from pathlib import Path
 from conftest import ROOT
 from patience import eventually
 
-from trexton.base.executor import connect
+from trexton.companion.executor import connect
 
 __all__ = ["Cluster"]
 

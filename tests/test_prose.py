@@ -14,9 +14,9 @@ import pytest
 from conftest import ROOT
 
 import trexton
-from trexton.base.wording import template_environment
 from trexton.cli.main import build_parser, verbs
 from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
+from trexton.companion.wording import template_environment
 from trexton.evaluation.suitability import heat_map, local_losses
 from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate

@@ -282,7 +282,7 @@ def test_bad_parameters_are_one_clear_error(build):
 
 @pytest.mark.parametrize("width", [0.05, 0.4, 3.0, 300.0])
 @pytest.mark.parametrize("informed", [0.1, 10.0])
-@pytest.mark.parametrize("count, times", [(600, 10), (1600, 2)])
+@pytest.mark.parametrize("count, times", [(600, 2), (1600, 2)])
 def test_states_that_bounds_leave_out_could_not_have_won(rng, width, informed, count, times):
     motion = RandomWalk.of(np.array([[0.04, 0.01], [0.01, 0.09]]))
     for _ in range(times):
@@ -292,4 +292,5 @@ def test_states_that_bounds_leave_out_could_not_have_won(rng, width, informed, c
         scores = -informed * np.square(states - width * 7.1).sum(axis=1)
         density = motion.density(states, previous, weights)
         assert motion.likeliest(scores, states, previous, weights) == np.argmax(scores + density)
-        assert (motion._by_singles(states, previous, weights) >= density).all()
+        bounds = motion._upper_bounds(states, previous, weights)
+        assert bounds is None or (bounds >= density).all()

@@ -26,10 +26,8 @@ _MINUS_HALF = np.array([-0.5, -0.5])
 _FAR = -500.0
 _SQUARE = 0.4  # side of the squares on which bounds are found, in deviations of the process
 _MOST_SQUARES = 400  # a side
-# Pairs of particles from which a bound is worth its time, and how many particles of the highest
-# bounds are looked at for what the others must be able to beat.
-_BY_SQUARES, _BY_SINGLES = (1500**2, 64), (250**2, 4)
-_TINY = np.float32(1e-37)  # below it a number in single precision is denormal, or zero
+_WORTH_BOUNDS = 1500**2  # pairs of particles from which bounds of their densities save time
+_CANDIDATES = 64  # particles of the highest bounds: what they reach the others must be able to
 
 
 @dataclass(eq=False)
@@ -144,42 +142,19 @@ class RandomWalk(MotionModel):
     def likeliest(
         self, scores: np.ndarray, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
     ) -> int:
-        """See `MotionModel.likeliest`; states that cannot win by a bound are not looked at."""
-        if len(states) * len(previous) < min(_BY_SQUARES[0], _BY_SINGLES[0]):
-            return super().likeliest(scores, states, previous, weights)
+        """See `MotionModel.likeliest`; of many states those are left out that a bound rules out."""
         rows = np.arange(len(states))
-        for bound, (worth, few) in (
-            (self._by_squares, _BY_SQUARES),
-            (self._by_singles, _BY_SINGLES),
-        ):
-            if len(rows) * len(previous) < worth or len(rows) <= few:
-                continue
-            at_most = bound(states[rows], previous, weights)
-            if at_most is None:
-                continue
-            at_most += scores[rows]
-            highest = rows[np.argpartition(at_most, -few)[-few:]]
-            beaten = scores[highest] + self.density(states[highest], previous, weights)
-            rows = rows[at_most >= beaten.max()]
+        bounds = None
+        if len(states) * len(previous) >= _WORTH_BOUNDS and len(states) > _CANDIDATES:
+            bounds = self._upper_bounds(states, previous, weights)
+        if bounds is not None:
+            bounds += scores
+            highest = np.argpartition(bounds, -_CANDIDATES)[-_CANDIDATES:]
+            reached = scores[highest] + self.density(states[highest], previous, weights)
+            rows = np.flatnonzero(bounds >= reached.max())
         return int(rows[super().likeliest(scores[rows], states[rows], previous, weights)])
 
-    def _by_singles(
-        self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
-    ) -> np.ndarray:
-        """``(M,)`` upper bounds of `density`: itself in single precision, and how far that errs."""
-        (left, right), half = self._features(states, previous)
-        found = _summed(
-            left.astype(np.float32), right.astype(np.float32), weights.astype(np.float32), None
-        )
-        found += _TINY
-        # Rounded are four products that make 4 half at most, a sum of N, an exponential and its
-        # logarithm, which is 90 at most.
-        steps = 40 * half + len(previous) + 100
-        at_most: np.ndarray = np.log(found).astype(float)
-        at_most += steps * float(np.finfo(np.float32).eps)
-        return at_most
-
-    def _by_squares(
+    def _upper_bounds(
         self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray
     ) -> np.ndarray | None:
         """``(M,)`` upper bounds of `density`; None where particles are too far apart for them.

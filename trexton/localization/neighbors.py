@@ -9,7 +9,6 @@ spends more on a call than a whole search takes here, and leaves the order of eq
 
 from __future__ import annotations
 
-import sys
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -25,10 +24,7 @@ if TYPE_CHECKING:
 __all__ = ["BoxTree", "NearestHistograms", "Neighbors", "neighbors_in_flight"]
 
 METHODS = ("brute", "tree")
-# Histograms from which the tree is worth it: where numba is loaded already, and where it is not.
-# The onboard program with the paper's 800 starts without numba, at ten microseconds more a frame;
-# the bits are equal.
-TREE_FROM, TREE_FROM_COLD = 100, 1000
+TREE_FROM = 5000  # histograms: the tree is no quicker with fewer, and loads numba
 LEAF = 32  # rows in a leaf, at most
 SPREAD = 64  # rows that show how wide a node is
 _ROUNDING = 1e-12  # more than a sum of 256 products can be off
@@ -64,12 +60,9 @@ class NearestHistograms:
     k : int
         Neighbours to return, at most N.
     method : {"brute", "tree"} or None
-        None chooses by N, and by whether numba is loaded.
+        None chooses by N.
     distance : Distance, optional
         Euclidean unless given.
-    backend : {"numba", "numpy"} or None
-        None takes numba where it is installed. NumPy always searches by brute force; the bits are
-        the same.
 
     Raises
     ------
@@ -85,7 +78,6 @@ class NearestHistograms:
         positions: np.ndarray,
         k: int = 5,
         method: str | None = None,
-        backend: str | None = None,
         distance: Distance | None = None,
     ):
         histograms = np.asarray(histograms, dtype=np.float64)
@@ -108,11 +100,10 @@ class NearestHistograms:
         self._shape = histograms.shape[1:]
         if distance is not None:
             histograms = distance.features(histograms)
-        enough = TREE_FROM if "numba" in sys.modules else TREE_FROM_COLD
-        wanted = method == "tree" or (method is None and len(histograms) >= enough)
+        wanted = method == "tree" or (method is None and len(histograms) >= TREE_FROM)
         self._rows = None if distance is None or distance.embedded else histograms
         wanted = wanted and self._rows is None
-        self._kernels: Any = compiled("nearest_in_tree", backend) if wanted else None
+        self._kernels: Any = compiled("nearest_in_tree") if wanted else None
         self._tree = BoxTree.build(histograms) if self._kernels else None
         self._columns = None if self._kernels else _Columns(histograms)
 

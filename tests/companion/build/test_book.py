@@ -10,7 +10,7 @@ import pytest
 from conftest import ROOT, mocap_record, small_flight
 
 from trexton.base.errors import DataError, TrextonError
-from trexton.base.wording import Tree
+from trexton.companion.wording import Tree
 from trexton.companion.build import prepare_flights as book_flights
 from trexton.companion.build.make import build_small_book
 from trexton.companion.build.link_check import audit

@@ -23,7 +23,7 @@ from tiny_experiment import tiny
 from tiny_notebooks import BODY, write_notebook
 
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.base.executor import connect, spread, working_on
+from trexton.companion.executor import connect, spread, working_on
 from trexton.companion.build.execution import Job, execute
 from trexton.companion.build.workers import workers
 from trexton.companion.build.flight_pairs import FlightPair
@@ -95,7 +95,7 @@ def test_nothing_answers_or_nobody_works(flight, tmp_path):
 
 def test_what_is_no_scheduler_is_told_at_once(monkeypatch):
     """The address of the dashboard, or of another server, was waited for without end."""
-    monkeypatch.setattr("trexton.base.executor._GREETING_S", 0.2)
+    monkeypatch.setattr("trexton.companion.executor._GREETING_S", 0.2)
     with socket.create_server(("127.0.0.1", 0)) as silent:
         port = silent.getsockname()[1]
         for address in (f"tcp://127.0.0.1:{port}", f"http://127.0.0.1:{port}"):

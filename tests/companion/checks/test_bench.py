@@ -13,9 +13,7 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import ParameterError
-from trexton.base.executor import limited_threads
 from trexton.base.records import machine
-from trexton.base.wording import duration
 from trexton.cli import main as cli
 from trexton.companion.checks import bench_estimation as estimation
 from trexton.companion.checks import bench_images as images
@@ -27,6 +25,8 @@ from trexton.companion.checks.bench_onboard import onboard
 from trexton.companion.checks.growth import exponent
 from trexton.companion.checks.scene import Scene, crowd, observations
 from trexton.companion.checks.timing import Times, interleave
+from trexton.companion.executor import limited_threads
+from trexton.companion.wording import duration
 from trexton.evaluation.runtime import StageTimer
 from trexton.localization.estimation import MaximumAPosteriori
 from trexton.localization.filters import ParticleFilter

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from small_room import histogram_flight, picture_flight
 
-from trexton.base.wording import interval, percent
 from trexton.companion.experiments import beyond
 from trexton.companion.figures import beyond as figures
+from trexton.companion.wording import interval, percent
 
 
 @pytest.fixture(scope="module")

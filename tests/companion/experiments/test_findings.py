@@ -8,9 +8,9 @@ from conftest import ROOT
 from jinja2 import UndefinedError
 
 from trexton.base.records import Record
-from trexton.base.wording import apart, beside, fixed, interval, number, percent, times
 from trexton.companion.build.notebook import Given, Page
 from trexton.companion.experiments.registry import EXPERIMENTS, LEDGER
+from trexton.companion.wording import apart, beside, fixed, interval, number, percent, times
 from trexton.evaluation.metrics import wilson_interval
 
 

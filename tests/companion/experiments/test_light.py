@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import ParameterError
-from trexton.base.wording import distance
 from trexton.companion.experiments import light
 from trexton.companion.figures import light as figures
+from trexton.companion.wording import distance
 from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import Camera, MapImage
 

@@ -13,8 +13,8 @@ import pytest
 from conftest import small_flight
 
 from trexton.base.errors import ParameterError
-from trexton.base.executor import working_on
 from trexton.base.records import Record
+from trexton.companion.executor import working_on
 from trexton.companion.experiments import triggered_landing
 from trexton.companion.experiments.closed_loop import Attempt
 from trexton.companion.experiments.triggered_landing import summarize_attempts

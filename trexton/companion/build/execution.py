@@ -18,7 +18,7 @@ from pathlib import Path
 from subprocess import DEVNULL
 from typing import Any
 
-from trexton.base.executor import CLUSTER, PROCESSES, THREAD_VARIABLES
+from trexton.companion.executor import CLUSTER, PROCESSES, THREAD_VARIABLES
 from trexton.vision.kernels.load import usable_cores
 
 __all__ = ["Done", "Job", "describe", "execute", "stop_all"]

@@ -9,7 +9,7 @@ from typing import Any
 
 from trexton.companion.claims.rules import REPRODUCED, Quantity, near
 from trexton.companion.experiments.printed import published
-from trexton.base.wording import apart, interval, middle, number, percent
+from trexton.companion.wording import apart, interval, middle, number, percent
 
 __all__ = ["PLACES", "Found", "what_we_found"]
 

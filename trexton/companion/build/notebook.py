@@ -32,7 +32,7 @@ from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.player.page import player_html
 from trexton.companion.player.playback import Playback
 from trexton.base.records import Record
-from trexton.base.wording import Tree, as_html, middle, template_environment
+from trexton.companion.wording import Tree, as_html, middle, template_environment
 
 __all__ = ["Given", "Page", "given", "ledger", "reference", "show_table"]
 

@@ -14,7 +14,7 @@ from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.names import flight_title
 from trexton.companion.experiments.printed import paper_file
 from trexton.base.records import Record
-from trexton.base.wording import number
+from trexton.companion.wording import number
 
 __all__ = ["Item", "load_map", "map_table"]
 

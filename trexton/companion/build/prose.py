@@ -18,7 +18,7 @@ from trexton.flights.importers import describe
 from trexton.localization.landing import TouchdownZone
 from trexton.companion.experiments.printed import published
 from trexton.base.records import upgraded
-from trexton.base.wording import Tree, template_environment
+from trexton.companion.wording import Tree, template_environment
 from trexton.companion.build.display import Outcome
 
 __all__ = ["records_by_name", "render"]

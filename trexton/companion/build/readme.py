@@ -19,7 +19,7 @@ from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
 from trexton.companion.experiments.printed import look_up
 from trexton.base.records import Record
-from trexton.base.wording import middle, number, percent
+from trexton.companion.wording import middle, number, percent
 
 __all__ = ["is_current", "kept_numbers", "results_table", "with_table"]
 

@@ -17,7 +17,7 @@ from trexton.companion.figures import assessment as figures
 from trexton.companion.experiments.drawing import to_svg
 from trexton.base.files import atomic_file
 from trexton.base.records import Record
-from trexton.base.wording import as_html, distance, middle
+from trexton.companion.wording import as_html, distance, middle
 
 __all__ = ["write_report"]
 

@@ -22,7 +22,7 @@ import pytask
 
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.base.executor import end_with_parent, limited
+from trexton.companion.executor import end_with_parent, limited
 from trexton.companion.experiments.declaration import Experiment, SeedParameters
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.base.files import atomic_file, canonical_json, digest

@@ -12,7 +12,7 @@ from typing import Any
 
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.base.executor import connect
+from trexton.companion.executor import connect
 from trexton.base.files import digest
 from trexton.vision.kernels.load import usable_cores
 from trexton.base.options import whole

@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base.executor import limited_threads
 from trexton.base.progress import say
-from trexton.base.wording import duration
 from trexton.companion.checks.scene import Scene, crowd, observations
 from trexton.companion.checks.timing import Row, Times, interleave
+from trexton.companion.executor import limited_threads
+from trexton.companion.wording import duration
 from trexton.evaluation.runtime import StageTimer
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.neighbors import NearestHistograms

@@ -8,9 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.base.executor import limited_threads
 from trexton.companion.checks.scene import Scene
 from trexton.companion.checks.timing import Row, interleave
+from trexton.companion.executor import limited_threads
 from trexton.vision.histograms import sampled_histogram, texton_histogram
 from trexton.vision.patches import gather_patches, position_grid, sample_positions
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base.executor import limited_threads
 from trexton.companion.checks.scene import Scene, crowd, observations
 from trexton.companion.checks.timing import Row, Times, interleave
+from trexton.companion.executor import limited_threads
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.neighbors import NearestHistograms
 from trexton.vision.histograms import sampled_histogram, texton_histogram

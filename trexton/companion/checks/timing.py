@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from trexton.base.wording import duration
+from trexton.companion.wording import duration
 
 __all__ = ["Row", "Times", "interleave", "table"]
 

@@ -19,10 +19,10 @@ from typing import Any
 
 from trexton.base.cache import kept_results
 from trexton.base.errors import TrextonError
-from trexton.base.executor import THREAD_VARIABLES
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.progress import progress
 from trexton.base.records import software_versions, upgraded
+from trexton.companion.executor import THREAD_VARIABLES
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.pair import load_pair
 

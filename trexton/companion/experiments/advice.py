@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from trexton.base.records import Record
-from trexton.base.wording import distance, middle, percent
 from trexton.companion.experiments.assessment import STRETCH_S, best_method
+from trexton.companion.wording import distance, middle, percent
 
 __all__ = ["advice"]
 

@@ -16,14 +16,14 @@ from typing import Any
 import numpy as np
 
 from trexton.base.defaults import SAMPLES, TEXTONS
-from trexton.base.executor import spread
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import distance, number, percent
+from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import frames_of
 from trexton.companion.experiments.floors import FloorParameters, lent_floor, painted_floor
 from trexton.companion.experiments.track import Track, fly
+from trexton.companion.wording import distance, number, percent
 from trexton.evaluation.metrics import mean_over_groups, mean_with_interval
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight

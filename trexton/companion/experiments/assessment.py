@@ -14,7 +14,6 @@ import numpy as np
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import distance, middle, times
 from trexton.companion.experiments.declaration import Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
     evenly_spread,
@@ -24,6 +23,7 @@ from trexton.companion.experiments.evaluation import (
     whereabouts,
 )
 from trexton.companion.experiments.track import fly
+from trexton.companion.wording import distance, middle, times
 from trexton.evaluation.metrics import (
     constant_guess,
     euclidean,

@@ -12,7 +12,6 @@ import numpy as np
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import beside, interval, middle, percent
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
@@ -23,6 +22,7 @@ from trexton.companion.experiments.evaluation import (
 )
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.track import Track, fly
+from trexton.companion.wording import beside, interval, middle, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.evaluation.suitability import local_losses, smooth, usual_sigma
 from trexton.flights.aiding import Aiding

@@ -10,11 +10,11 @@ from scipy.stats import binom
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import number, percent
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.mocap_training import LANDING_SPREAD_M
 from trexton.companion.experiments.track import HELD, Track, tracks
+from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate

@@ -15,7 +15,6 @@ import numpy as np
 from trexton.base.cache import cached
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import apart, interval
 from trexton.companion.experiments.declaration import (
     POSITIONS,
     Experiment,
@@ -24,6 +23,7 @@ from trexton.companion.experiments.declaration import (
 )
 from trexton.companion.experiments.evaluation import drawn_histograms, frames_of, trained_map
 from trexton.companion.experiments.track import tracks
+from trexton.companion.wording import apart, interval
 from trexton.evaluation.metrics import summarize
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import ParameterError
-from trexton.base.executor import spread
 from trexton.base.streams import stream
+from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SeedParameters, option
 from trexton.flights.aiding import Aiding
 from trexton.localization.landing import LandingZone

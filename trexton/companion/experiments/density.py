@@ -17,15 +17,15 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from trexton.base.defaults import SAMPLES, TEXTONS
-from trexton.base.executor import spread
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import distance, number, percent
+from trexton.companion.executor import spread
 from trexton.companion.experiments.aiding import mean_over_floors
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import frames_of
 from trexton.companion.experiments.floors import FloorParameters, lent_floor, painted_floor
 from trexton.companion.experiments.track import fly
+from trexton.companion.wording import distance, number, percent
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap

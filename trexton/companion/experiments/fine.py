@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base import wording
-from trexton.base.executor import spread
 from trexton.base.records import Record
 from trexton.base.streams import stream
+from trexton.companion import wording
+from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.followed import (
     GROSS,

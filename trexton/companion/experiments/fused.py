@@ -10,12 +10,12 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import number, percent
 from trexton.companion.experiments.calibration import METHODS
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.receivers import RECEIVERS, Receiver, Settings, readings
 from trexton.companion.experiments.track import HELD, tracks
+from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate

@@ -18,9 +18,9 @@ from trexton.base.defaults import TEXTONS
 from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import distance
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.evaluation import evenly_spread
+from trexton.companion.wording import distance
 from trexton.evaluation.metrics import constant_guess, euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.distances import Euclidean, Hellinger

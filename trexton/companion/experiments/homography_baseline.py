@@ -9,7 +9,6 @@ import numpy as np
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import interval, middle, number
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.evaluation import floor_picture
 from trexton.companion.experiments.stitched import (
@@ -21,6 +20,7 @@ from trexton.companion.experiments.stitched import (
     locate_all,
     picture_of,
 )
+from trexton.companion.wording import interval, middle, number
 from trexton.evaluation.metrics import euclidean, summarize
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight

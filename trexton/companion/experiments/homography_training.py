@@ -12,11 +12,11 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import middle, number
 from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import evaluate, floor_picture, frames_of, map_of
 from trexton.companion.experiments.stitched import homography_maps, locate_all
 from trexton.companion.experiments.track import tracks
+from trexton.companion.wording import middle, number
 from trexton.evaluation.metrics import absolute_errors, euclidean, summarize
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError
-from trexton.base.executor import spread
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import number, percent
+from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.track import fly
+from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import euclidean, success_rate
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import LOST_SHARE, ignorance

@@ -9,12 +9,12 @@ import numpy as np
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import apart, interval, middle, percent
 from trexton.companion.experiments.beyond import VARIANTS
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.floors import lent_floor
 from trexton.companion.experiments.track import fly
+from trexton.companion.wording import apart, interval, middle, percent
 from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area

@@ -11,11 +11,11 @@ import numpy as np
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import interval, number
 from trexton.companion.experiments.correlation import pair_correlation, pearson, rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import evenly_spread, floor_picture, frames_of, map_of
 from trexton.companion.experiments.track import fly
+from trexton.companion.wording import interval, number
 from trexton.evaluation.metrics import block_rows, bootstrap_interval, euclidean
 from trexton.evaluation.suitability import (
     cosine_similarity,

@@ -10,7 +10,6 @@ import numpy as np
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import beside, interval, middle, number, percent
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
     drift,
@@ -21,6 +20,7 @@ from trexton.companion.experiments.evaluation import (
     whereabouts,
 )
 from trexton.companion.experiments.track import Track, tracks
+from trexton.companion.wording import beside, interval, middle, number, percent
 from trexton.evaluation.metrics import (
     absolute_errors,
     block_rows,

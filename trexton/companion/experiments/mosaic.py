@@ -12,9 +12,9 @@ import numpy as np
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import number
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.stitched import floor_residual, picture_of, stitched_map
+from trexton.companion.wording import number
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 

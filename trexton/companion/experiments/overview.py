@@ -14,9 +14,9 @@ from trexton.base.errors import FlightError
 from trexton.base.progress import progress
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import distance
 from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import floor_picture, map_of
+from trexton.companion.wording import distance
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Estimate, Localizer

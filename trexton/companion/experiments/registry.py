@@ -29,7 +29,8 @@ A module ``trexton/companion/experiments/<name>.py`` holds all of an experiment 
 and `MODULES` here has one line for it. Defaults, types and ranges stand in `Parameters` alone: the
 command line, the notebook, the checks and the record take them from there. Frames are flown by
 `trexton.companion.experiments.track.fly`; independent repeats and trials go through
-`trexton.base.executor.spread`. The notebook ``notebooks/<name>.md`` has the prose and begins with::
+`trexton.companion.executor.spread`. The notebook ``notebooks/<name>.md`` has the prose and begins
+with::
 
     given = notebook.given(name.Parameters, globals())
     record = name.run(given.train, given.test, given.parameters)

@@ -10,13 +10,13 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base.executor import limited_threads
 from trexton.base.records import Record, machine
 from trexton.base.streams import stream
-from trexton.base.wording import number
 from trexton.companion.checks.bench import STAGES, measure
 from trexton.companion.checks.timing import Row, interleave
+from trexton.companion.executor import limited_threads
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
+from trexton.companion.wording import number
 from trexton.flights.flight import Flight
 
 __all__ = ["EXPERIMENT", "finding", "Parameters", "run"]

@@ -14,7 +14,7 @@ from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
-from trexton.base.wording import METRES_FROM
+from trexton.companion.wording import METRES_FROM
 
 __all__ = [
     "COLORS",

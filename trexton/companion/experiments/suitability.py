@@ -14,13 +14,13 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import ImageError
-from trexton.base.executor import spread
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import number, percent
+from trexton.companion.executor import spread
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, SeedParameters, option
 from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor
+from trexton.companion.wording import number, percent
 from trexton.flights.flight import Flight
 
 __all__ = ["EXPERIMENT",

@@ -14,9 +14,9 @@ import numpy as np
 from trexton.base.defaults import TEXTONS
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import number
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.evaluation import floor_picture, trained_map
+from trexton.companion.wording import number
 from trexton.flights.flight import Flight
 from trexton.vision.histograms import label_image
 from trexton.vision.images import bgr_from_yuv

@@ -10,14 +10,14 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base.executor import limited_threads
 from trexton.base.progress import progress
 from trexton.base.records import Record, machine
 from trexton.base.streams import stream
-from trexton.base.wording import number, percent, times
+from trexton.companion.executor import limited_threads
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.track import fly
+from trexton.companion.wording import number, percent, times
 from trexton.evaluation.runtime import STAGES, StageTimer, frequency, milliseconds
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from trexton.base.defaults import SAMPLES
-from trexton.base.executor import spread
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import percent
+from trexton.companion.executor import spread
 from trexton.companion.experiments.closed_loop import (
     ATTITUDE,
     Attempt,
@@ -32,6 +31,7 @@ from trexton.companion.experiments.declaration import SURVEYED, Experiment, opti
 from trexton.companion.experiments.evaluation import trained_map
 from trexton.companion.experiments.floors import FloorParameters, painted_floor
 from trexton.companion.experiments.triggered_landing import mission_over
+from trexton.companion.wording import percent
 from trexton.evaluation.metrics import euclidean, mean_over_groups, success_rate
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone, TouchdownZone

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base.executor import spread
 from trexton.base.streams import stream
+from trexton.companion.executor import spread
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate

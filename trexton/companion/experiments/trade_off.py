@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base.executor import limited_threads, working_on
 from trexton.base.progress import progress
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import interval, middle, number
+from trexton.companion.executor import limited_threads, working_on
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.stored import time_stored
 from trexton.companion.experiments.track import Track, fly, tracks
 from trexton.companion.experiments.tuned import search_settings
+from trexton.companion.wording import interval, middle, number
 from trexton.evaluation.metrics import absolute_errors, block_rows, bootstrap_interval, summarize
 from trexton.evaluation.runtime import frequency, milliseconds
 from trexton.flights.flight import Flight

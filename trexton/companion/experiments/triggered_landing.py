@@ -11,7 +11,6 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.base.wording import number, percent
 from trexton.companion.experiments.closed_loop import (
     Attempt,
     Lander,
@@ -22,6 +21,7 @@ from trexton.companion.experiments.closed_loop import (
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import floor_picture, map_of
 from trexton.companion.experiments.floors import lent_floor
+from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import bootstrap_interval, success_rate
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight

@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import MapError
-from trexton.base.executor import spread
 from trexton.base.streams import stream
 from trexton.companion.checks.tuning import replayed_errors
+from trexton.companion.executor import spread
 from trexton.companion.experiments.track import fly
 from trexton.evaluation.metrics import summarize
 from trexton.flights.flight import Flight

@@ -7,9 +7,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from trexton.base.records import Record
-from trexton.base.wording import distance
 from trexton.companion.experiments.aiding import METHODS
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
+from trexton.companion.wording import distance
 
 __all__ = ["errors", "table"]
 

@@ -12,8 +12,8 @@ from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.ticker import NullFormatter
 
 from trexton.base.records import Record
-from trexton.base.wording import duration
 from trexton.companion.experiments.style import COLORS, SERIES, canvas, legend_below
+from trexton.companion.wording import duration
 
 __all__ = ["growth", "limits", "roofline", "rows"]
 

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 
 from trexton.base.records import Record
-from trexton.base.wording import number, span
 from trexton.companion.experiments.style import COLORS, canvas, landed
 from trexton.companion.experiments.touchdown import LANDERS
+from trexton.companion.wording import number, span
 
 __all__ = ["bounds", "table", "targets", "waiting"]
 

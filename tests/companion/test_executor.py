@@ -12,7 +12,7 @@ from pathlib import Path
 from conftest import ROOT
 from patience import alive, eventually
 
-from trexton.base.executor import CLUSTER, PROCESSES, limited, spread, working_on
+from trexton.companion.executor import CLUSTER, PROCESSES, limited, spread, working_on
 
 
 def double(item: int) -> int:
