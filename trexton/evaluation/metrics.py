@@ -113,11 +113,9 @@ def mean_with_interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, 
             f"rows have shape {np.shape(rows)}: expected (R, N) values of runs and frames, "
             "one of each at least"
         )
-    drawn = [
-        np.nanmean(rows[rng.integers(len(rows))][block_rows(rows.shape[1], rng)])
-        for _ in range(500)
-    ]
-    low, high = bootstrap_interval(drawn, rows.shape[1])
+    runs, count = rows.shape
+    drawn = [rows[rng.integers(runs), block_rows(count, rng)] for _ in range(500)]
+    low, high = bootstrap_interval([np.nanmean(each) for each in drawn], count)
     return {"value": np.nanmean(rows), "low": low, "high": high}
 
 
@@ -185,14 +183,10 @@ def summarize(
     draws = whole(draws, "draws")
     absolute = 100 * np.stack([absolute_errors(run, truth) for run in runs])
     missing = float((~np.isfinite(absolute).all(axis=2)).sum(axis=1).mean())
-    result: dict[str, Any] = {
-        "runs": len(runs),
-        "frames": absolute.shape[1] - missing,
-        "missing": missing,
-    }
-    if result["frames"] == 0:
-        return result
     count = absolute.shape[1]
+    result: dict[str, Any] = {"runs": len(runs), "frames": count - missing, "missing": missing}
+    if count == missing:
+        return result
     drawn = [absolute[rng.integers(len(runs)), block_rows(count, rng)] for _ in range(draws)]
     of_runs, of_draws = (
         [each for track in tracks if (each := _statistics(track, 100 * diagonal))]
@@ -302,6 +296,5 @@ def mean_over_groups(
     mean, count = float(np.mean(values)), len(values)
     if count < 2:
         return {"value": mean, "low": None, "high": None}
-    standard_error = np.std(values, ddof=1) / np.sqrt(count)
-    reach = -float(stdtrit(count - 1, 0.025) * standard_error)
+    reach = -float(stdtrit(count - 1, 0.025) * (np.std(values, ddof=1) / np.sqrt(count)))
     return {"value": mean, "low": max(lowest, mean - reach), "high": min(highest, mean + reach)}

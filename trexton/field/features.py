@@ -77,8 +77,7 @@ class Features:
 
     def __call__(self, histograms: np.ndarray) -> np.ndarray:
         """``(..., d)`` features of ``(..., K)`` histograms."""
-        found: np.ndarray = _values(histograms, self.signed) @ self.axes
-        return found
+        return _values(histograms, self.signed) @ self.axes
 
 
 def _values(histograms: np.ndarray, signed: bool) -> np.ndarray:

@@ -11,12 +11,15 @@ from __future__ import annotations
 import numpy as np
 
 from trexton.field.error_model import ErrorModel
+from trexton.field.kalman import MeasurementPrediction
 from trexton.field.linear_motion import LinearMotion
 
-__all__ = ["BIAS_SIGMA", "SEPARATION", "Hypotheses"]
+__all__ = ["BIAS_SIGMA", "CLUTTER_PROBABILITY", "Hypotheses"]
 
+CLUTTER_PROBABILITY = 1e-3  # that a frame, or a velocity, says nothing, whatever it looks like
 BIAS_SIGMA = 0.3  # m/s along an axis, of a velocity that is biased
 BIAS_TIME_S = 5.0  # time constant of the bias: it turns with the vehicle
+BIAS_DECAY_S = 2.6  # time constant of the weight of a bias that explains nothing
 BIAS_SWITCH_PROBABILITY = 1e-3  # a frame, that the bias sets in or ends
 SEPARATION = 5.0  # cells between the births of two hypotheses
 NEGLIGIBLE_WEIGHT = 1e-6  # of a hypothesis, over that of the best
@@ -66,7 +69,6 @@ class Hypotheses:
         self._prior[order:-2, order:-2] = variance * axes
         self._bias[-2:, -2:] = BIAS_SIGMA**2 * axes
         self.error_variance = variance * axes
-        self.velocity_variance = self._prior[2:4, 2:4]
         self.frame, self.velocity = np.zeros((2, 2, order + 4))
         self.frame[:, :2] = self.frame[:, order:-2] = axes
         self.velocity[:, 2:4] = self.velocity[:, -2:] = axes
@@ -118,6 +120,27 @@ class Hypotheses:
         grown = np.where(self.biased, 1 - self._transition[-1, -1] ** 2, 0.0)
         covariances = transition @ self.covariances @ np.swapaxes(transition, -1, -2) + self._noise
         self.covariances = covariances + grown[:, None, None] * self._bias
+
+    def update_velocity(self, velocity: np.ndarray, noise: np.ndarray) -> None:
+        """Update by a measured velocity with its ``(2, 2)`` noise covariance.
+
+        Weights change by the likelihood over that of a velocity of which nothing is known. Where
+        the velocity is biased it says nothing about the place: the hypotheses that take it to be
+        gain as much as the one that gains most, a little less each time.
+        """
+        if not len(self):
+            return
+        biased, prior = self.biased, self._prior[2:4, 2:4] + noise
+        prediction = MeasurementPrediction.of(self.states, self.covariances, self.velocity, noise)
+        innovation = velocity - prediction.mean
+        self.states, self.covariances = prediction.updated(velocity)
+        squared = np.einsum("ti,tij,tj->t", innovation, prediction.precision, innovation)
+        squared -= velocity @ np.linalg.solve(prior, velocity)
+        ratio = np.linalg.det(prediction.precision) * np.linalg.det(prior)
+        gain = np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), CLUTTER_PROBABILITY)
+        gain[biased] = np.exp(-float(self.motion.period_s) / BIAS_DECAY_S) * gain.max()
+        weights = self.weights * gain
+        self.weights = weights / weights.sum()
 
     def give_birth(self, mean: np.ndarray, covariance: np.ndarray) -> None:
         """One more, at a place where the frame is seen: its ``(2,)`` mean and ``(2, 2)``

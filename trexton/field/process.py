@@ -32,8 +32,7 @@ def matern(places: np.ndarray, others: np.ndarray, length: float) -> np.ndarray:
     squared -= 2 * places @ others.T
     distance = np.sqrt(np.maximum(squared, 0, out=squared), out=squared)
     distance *= np.sqrt(3) / length
-    kernel: np.ndarray = (1 + distance) * np.exp(-distance)
-    return kernel
+    return (1 + distance) * np.exp(-distance)
 
 
 def merge_places(

@@ -160,5 +160,4 @@ def _apart(places: np.ndarray, features: np.ndarray, others: np.ndarray) -> np.n
     distance = cdist(features, others, "sqeuclidean")
     nearest = distance.argmin(axis=1)
     mutual = np.flatnonzero(distance.argmin(axis=0)[nearest] == np.arange(len(nearest)))
-    found: np.ndarray = places[mutual] - places[nearest[mutual]]
-    return found
+    return places[mutual] - places[nearest[mutual]]

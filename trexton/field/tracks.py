@@ -23,7 +23,7 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.field.field import Field
-from trexton.field.hypotheses import BIAS_SIGMA, Hypotheses
+from trexton.field.hypotheses import BIAS_SIGMA, CLUTTER_PROBABILITY, Hypotheses
 from trexton.field.kalman import MeasurementPrediction
 from trexton.field.linear_motion import LinearMotion
 from trexton.localization.base import Area
@@ -36,10 +36,8 @@ if TYPE_CHECKING:
 
 __all__ = ["TrackFilter", "Tracks"]
 
-CLUTTER_PROBABILITY = 1e-3  # that a frame says nothing about the place, whatever it looks like
 OUTLIER_TIME_S = 0.2  # correlation time of outliers, with velocity aiding
 VELOCITY_GATE_SIGMA = 5.0  # innovation gate for velocity aiding
-BIAS_DECAY_S = 2.6  # time constant of the weight of a velocity bias that explains nothing
 BIRTH_PROBABILITY = 1e-3  # a frame, that the vehicle is where no hypothesis is
 BIRTH_MASS = 0.02  # share of a frame's likelihood that a place must hold for a birth
 LOG_LIKELIHOOD_RANGE = 25.0  # cells this far below the best count as none
@@ -153,7 +151,7 @@ class TrackFilter:
             hypotheses.switch_bias()
         hypotheses.predict()
         if velocity is not None:
-            self._update_velocity(velocity, sigma**2 * np.eye(2))
+            hypotheses.update_velocity(velocity, sigma**2 * np.eye(2))
         birth = np.log(BIRTH_PROBABILITY) if len(hypotheses) else 0.0
         evidence, supported = self._update_frame(cells, shares)
         log_weights = np.log(hypotheses.weights) + self._log_chance(evidence, velocity is not None)
@@ -183,31 +181,6 @@ class TrackFilter:
             )
         usual = np.sqrt(self._speed_variance + sigma**2)
         return velocity if np.abs(velocity).max() <= VELOCITY_GATE_SIGMA * usual else None
-
-    def _update_velocity(self, velocity: np.ndarray, noise: np.ndarray) -> None:
-        """Update by a measured velocity with its ``(2, 2)`` noise covariance.
-
-        Weights change by the likelihood over that of a velocity of which nothing is known. Where
-        the velocity is biased it says nothing about the place: the hypotheses that take it to be
-        gain as much as the one that gains most, a little less each time.
-        """
-        hypotheses = self.hypotheses
-        if not len(hypotheses):
-            return
-        biased = hypotheses.biased
-        prediction = MeasurementPrediction.of(
-            hypotheses.states, hypotheses.covariances, hypotheses.velocity, noise
-        )
-        innovation = velocity - prediction.mean
-        hypotheses.states, hypotheses.covariances = prediction.updated(velocity)
-        unknown = hypotheses.velocity_variance + noise
-        squared = np.einsum("ti,tij,tj->t", innovation, prediction.precision, innovation)
-        squared -= velocity @ np.linalg.solve(unknown, velocity)
-        ratio = np.linalg.det(prediction.precision) * np.linalg.det(unknown)
-        chance = np.maximum(np.sqrt(ratio) * np.exp(-0.5 * squared), CLUTTER_PROBABILITY)
-        chance[biased] = np.exp(-self._period_s / BIAS_DECAY_S) * chance.max()
-        weights = hypotheses.weights * chance
-        hypotheses.weights = weights / weights.sum()
 
     def _update_frame(self, cells: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Update by the frame's likelihood `shares` ``(M,)`` over `cells` ``(M, 2)``.
