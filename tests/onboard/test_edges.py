@@ -14,8 +14,8 @@ from onboard_tools import make_fix, surroundings
 from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
 from trexton.onboard import sinks
-from trexton.onboard.edges import classes_of_options, markdown_table
-from trexton.onboard.sources import source_classes
+from trexton.onboard.edges import classes_of_options, edge_classes, markdown_table
+from trexton.onboard.sources import SOURCES
 
 STRANGER = '''
 """One line of text a fix, in any unit."""
@@ -68,7 +68,7 @@ def plain(tmp_path, monkeypatch):
 
 def parsed(*words: str):
     parser = argparse.ArgumentParser()
-    kinds = classes_of_options(sinks.sink_classes())
+    kinds = classes_of_options(edge_classes("sinks", sinks.SINKS))
     for kind in kinds:
         add_options(parser, kind)
     arguments = parser.parse_args(words)
@@ -84,7 +84,7 @@ def test_a_strangers_sink_in_one_file_of_forty_lines(plain, tmp_path):
     sink.write(make_fix(1.0, (1.25, 2.0)))
     sink.close()
     assert (tmp_path / "out").read_text() == "125.0 200.0\n"
-    table = markdown_table(sinks.sink_classes(), "--output")
+    table = markdown_table(edge_classes("sinks", sinks.SINKS), "--output")
     assert "| `plain:FILE` | a line of text a position |" in table
     assert "| `--plain-digits` | `2` | digits after the point |" in table
 
@@ -97,5 +97,5 @@ def test_its_options_are_checked_and_named_as_typed(plain, words):
 
 def test_the_book_shows_the_tables_that_the_declarations_make():
     page = (ROOT / "book" / "onboard.md").read_text()
-    assert markdown_table(sinks.sink_classes(), "--output") in page
-    assert markdown_table(source_classes(), "--camera") in page
+    assert markdown_table(edge_classes("sinks", sinks.SINKS), "--output") in page
+    assert markdown_table(edge_classes("sources", SOURCES), "--camera") in page

@@ -15,8 +15,8 @@ from onboard_tools import Clock
 from patience import eventually
 
 from trexton.base.errors import FlightError, ImageError, ParameterError, TrextonError
+from trexton.base.plugins import resolve
 from trexton.flights import read_flight
-from trexton.onboard.edges import load
 from trexton.onboard.grabber import Grabber, Recording
 from trexton.onboard.sources import SOURCES, CameraLost, Frame, Playback, Source, View, open_source
 from trexton.onboard.sources.flight import FlightSource
@@ -50,7 +50,7 @@ class TestRegistry:
 
     def test_modules_load_by_name(self):
         for kind in SOURCES:
-            assert load(SOURCES[kind]).addresses
+            assert resolve("sources", kind, SOURCES).addresses
 
     @pytest.mark.parametrize(
         "address", ["nowhere", "/dev/videoX", "", "simulator:x", "video:none.avi", "flight:none"]

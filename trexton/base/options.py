@@ -151,6 +151,14 @@ class Option:
             raise self._refusal(value, f"one of {', '.join(self.choices)}")
         return value
 
+    def describe(self) -> str:
+        """Meaning, type and range in a line for people."""
+        kinds = " or ".join("none" if kind is NoneType else kind.__name__ for kind in self.types)
+        limits = {">=": self.low, "<=": self.high, ">": self.above, "<": self.below}
+        span = [f"{sign} {limit:g}" for sign, limit in limits.items() if limit is not None]
+        words = ", ".join([kinds, *span, *(["|".join(self.choices)] if self.choices else [])])
+        return f"{self.meaning} ({words})" if self.meaning else f"({words})"
+
     def _refusal(self, value: object, expected: str) -> ParameterError:
         return ParameterError(f"parameter {self.name} is {value!r}: expected {expected}")
 

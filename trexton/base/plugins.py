@@ -18,7 +18,15 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 
-__all__ = ["PLUGINS", "address_of", "addresses", "import_plugins", "names", "resolve"]
+__all__ = [
+    "PLUGINS",
+    "address_of",
+    "addresses",
+    "import_plugins",
+    "is_there",
+    "names",
+    "resolve",
+]
 
 PLUGINS = "TREXTON_PLUGINS"  # environment variable: modules to import first, with commas between
 
@@ -105,14 +113,18 @@ def import_plugins(modules: str | None = None) -> None:
 def _import(module: str, what: str) -> Any:
     if module in sys.modules:
         return sys.modules[module]
-    if os.getcwd() not in sys.path and "" not in sys.path:
-        sys.path.append(os.getcwd())  # a file beside the flight, as a person types its name
-    try:
-        present = find_spec(module) is not None
-    except (ImportError, ValueError):  # a parent is missing, or the name is none
-        present = False
-    if not present:
+    if not is_there(module):
         raise ParameterError(
             f"{what} needs the module {module!r}, which is not here: check its name"
         )
     return import_module(module)
+
+
+def is_there(module: str) -> bool:
+    """Whether a module can be imported, here or beside the working folder."""
+    if os.getcwd() not in sys.path and "" not in sys.path:
+        sys.path.append(os.getcwd())  # a file beside the flight, as a person types its name
+    try:
+        return module in sys.modules or find_spec(module) is not None
+    except (ImportError, ValueError):  # a parent is missing, or the name is none
+        return False

@@ -9,6 +9,7 @@ import argparse
 import os
 import sys
 import traceback
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -28,6 +29,7 @@ COMMANDS = {
     "simulate": "trexton.cli.simulate",
     "methods": "trexton.cli.methods",
     "train": "trexton.cli.train",
+    "methods": "trexton.cli.methods",
     "onboard": "trexton.cli.onboard",
     "replay": "trexton.cli.replay",
 }
@@ -49,8 +51,10 @@ def help_line(module: str) -> str:
     return paragraph.partition("``: ")[2] or paragraph
 
 
-def build_parser(chosen: str | None = None) -> argparse.ArgumentParser:
-    """The parser; only the module of the `chosen` verb is imported."""
+def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argparse.ArgumentParser:
+    """The parser for the `words` of a command line; only the module of the `chosen` verb is
+    imported.
+    """
     parser = argparse.ArgumentParser(
         prog="trexton", description="Texton-based global localization for micro aerial vehicles."
     )
@@ -58,12 +62,13 @@ def build_parser(chosen: str | None = None) -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in [chosen] if chosen in COMMANDS else verbs():
         assert name is not None
-        words = help_line(address_of("commands", name, COMMANDS)).replace("%", "%%")
+        said = help_line(address_of("commands", name, COMMANDS)).replace("%", "%%")
         command = commands.add_parser(
-            name, help=words.rstrip("."), description=words[:1].upper() + words[1:]
+            name, help=said.rstrip("."), description=said[:1].upper() + said[1:]
         )
         command.add_argument("-q", "--quiet", action="store_true", help="no progress on stderr")
         _add_plugin(command)
+        command.set_defaults(words=list(words))
         if name == chosen:
             resolve("commands", name, COMMANDS).add_arguments(command)
     return parser
@@ -88,7 +93,7 @@ def main(argv: list[str] | None = None) -> int:
     _add_plugin(first)  # what a plugin offers is among the choices of the parser
     try:
         import_plugins(",".join(first.parse_known_args(argv)[0].plugin))
-        arguments = build_parser(chosen).parse_args(argv)
+        arguments = build_parser(chosen, argv).parse_args(argv)
         set_quiet(arguments.quiet)
         return resolve("commands", arguments.command, COMMANDS).run(arguments) or 0
     except KeyboardInterrupt:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 
 from trexton.base.arguments import add_assignments, add_options, chosen_options
 from trexton.base.options import Options
@@ -11,6 +12,7 @@ __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    from trexton.base.plugins import names
     from trexton.onboard.sinks import SINKS
     from trexton.onboard.sources import SOURCES
 
@@ -21,16 +23,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="SINK",
-        help=f"KIND or KIND:ADDRESS, repeatable; kinds: {', '.join(SINKS)} (default json)",
+        help="KIND, KIND:ADDRESS or module:Class:ADDRESS, repeatable; kinds: "
+        f"{', '.join(names('sinks', SINKS))} (default json)",
     )
     words = "another part, or an option of one that trexton methods lists, repeatable"
     add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
-    parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {', '.join(SOURCES)}."
+    parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {', '.join(names('sources', SOURCES))}."
     parser.add_argument(
         "--preflight", action="store_true",
         help="check camera, map and autopilot for some seconds, a line each, and command nothing",
     )  # fmt: skip
-    for kind in _classes():
+    for kind in _classes(parser.get_default("words")):
         add_options(parser, kind)
 
 
@@ -40,6 +43,7 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.base.errors import TrextonError
     from trexton.base.records import plain
     from trexton.onboard import Settings, build
+    from trexton.onboard.settings import Flying
     from trexton.onboard.signals import stopped_by_signals
     from trexton.onboard.voice import flush, say
 
@@ -47,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
         arguments.map,
         tuple(arguments.outputs or ["json"]),
         tuple(arguments.settings),
-        {kind: chosen_options(arguments, kind) for kind in _classes()},
+        {kind: chosen_options(arguments, kind) for kind in _classes(arguments.words)},
     )
     if arguments.preflight:
         from trexton.onboard.preflight import preflight
@@ -59,12 +63,13 @@ def run(arguments: argparse.Namespace) -> int:
         summary = build(settings).run(stop)
     say("trexton onboard: " + json.dumps(plain(summary)))
     flush()
-    if left_out := summary["left_out"]:
-        file, lines = next(iter(left_out.items()))
-        raise TrextonError(
-            f"{file}: {lines} lines were left out while the rest went on (a full disk?): make "
-            "room, or name another place"
-        )
+    files = [each.partition(":")[2] for each in settings.outputs] + [settings.of(Flying).log]
+    for name, count in summary["left_out"].items():
+        if name in files:
+            raise TrextonError(
+                f"{name}: {count} lines were left out while the rest went on (a full disk?): make "
+                "room, or name another place"
+            )
     if summary["frames"] and not summary["observed"]:
         faults = ", ".join(f"{name} {count}" for name, count in summary["faults"].items())
         raise TrextonError(
@@ -74,10 +79,17 @@ def run(arguments: argparse.Namespace) -> int:
     return 0
 
 
-def _classes() -> list[type[Options]]:
-    from trexton.onboard.edges import classes_of_options
+def _classes(words: Sequence[str]) -> list[type[Options]]:
+    """All that has options, with the sources and sinks of their own that `words` name."""
+    from trexton.onboard.edges import classes_of_options, edge_classes
     from trexton.onboard.settings import Flying, Landing, Placement
-    from trexton.onboard.sinks import sink_classes
-    from trexton.onboard.sources import source_classes
+    from trexton.onboard.sinks import SINKS
+    from trexton.onboard.sources import SOURCES
 
-    return [Flying, Placement, Landing, *classes_of_options([*source_classes(), *sink_classes()])]
+    def typed(flag: str) -> list[str]:
+        after = [word for before, word in zip(words, words[1:], strict=False) if before == flag]
+        return after + [word.partition("=")[2] for word in words if word.startswith(flag + "=")]
+
+    sources = edge_classes("sources", SOURCES, typed("--camera"))
+    sinks = edge_classes("sinks", SINKS, typed("--output"))
+    return [Flying, Placement, Landing, *classes_of_options([*sources, *sinks])]

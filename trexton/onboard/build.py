@@ -16,11 +16,12 @@ from trexton.localization.landing import TouchdownZone
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.methods import parse_choices
 from trexton.onboard.commander import Lander
+from trexton.onboard.edges import edge_at
 from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, Placement, Settings
-from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
+from trexton.onboard.sinks import SINKS, Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.json_lines import JsonLines
-from trexton.onboard.sources import Delayed, Rectified, Source, View, open_source
+from trexton.onboard.sources import Delayed, Expected, Rectified, Source, open_source
 from trexton.onboard.tally import Tally
 
 __all__ = ["build"]
@@ -63,7 +64,7 @@ def build(settings: Settings) -> Onboard:
     tally = Tally()
     rectification = texton_map.rectification
     shape = texton_map.image_shape if rectification is None else rectification.source[::-1]
-    expected = View(shape, texton_map.period_s, flying.seed)
+    expected = Expected(shape, texton_map.period_s, flying.seed)
     source = open_source(flying.camera, expected, settings.options)
     _check_fit(flying.camera, source, texton_map)
     if rectification is not None and not source.rectified:
@@ -112,15 +113,13 @@ def _warm_up(localizer: Localizer) -> None:
 
 
 def _landers(sinks: Iterable[Sink]) -> list[Lander]:
-    from trexton.onboard.sinks.mavlink import MavlinkSink
-
-    landers = [sink for sink in sinks if isinstance(sink, MavlinkSink)]
+    landers = [sink.lander for sink in sinks if sink.lander is not None]
     if not landers:
         raise ParameterError(
             "--arm-landing needs an output that can command it: "
             "add --output udpout:HOST:PORT or another MAVLink link"
         )
-    return list(landers)
+    return landers
 
 
 def _check_fit(camera: str, source: Source, texton_map: TextonMap) -> None:
@@ -151,9 +150,5 @@ def _check_files(read: Sequence[str], outputs: Iterable[str], log: str | None) -
 
 
 def _writes_lines(address: str) -> bool:
-    from trexton.onboard.edges import load
-    from trexton.onboard.sinks import SINKS
-
-    kind = address.partition(":")[0]
-    declared = load(SINKS[kind]).addresses if kind in SINKS else {}
-    return f"{kind}:FILE" in declared
+    found = edge_at("sinks", address, SINKS)
+    return found is not None and f"{found[1]}:FILE" in found[0].addresses

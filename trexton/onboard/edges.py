@@ -6,13 +6,17 @@ From the declaration come the command line's group, the checks and the table of 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
-from importlib import import_module
 from typing import Any
 
+from trexton.base.errors import ParameterError
 from trexton.base.options import Options
+from trexton.base.plugins import is_there, names, resolve
 
-__all__ = ["Edge", "classes_of_options", "load", "markdown_table"]
+__all__ = ["Edge", "classes_of_options", "edge_at", "edge_classes", "markdown_table"]
+
+_OWN = re.compile(r"([A-Za-z_][\w.]*:[A-Za-z_]\w*)(?::(.*))?", re.S)  # module:Class[:REST]
 
 
 class Edge:
@@ -29,12 +33,51 @@ class Edge:
     addresses: Mapping[str, str] = {}
     options: type[Options] = Options
 
+    @classmethod
+    def make(cls, address: str, options: Any, around: Any) -> Edge:
+        """The edge at `address`, not yet opened.
 
-def load(place: str) -> type[Any]:
-    """The class at ``module:name``."""
-    module, _, name = place.partition(":")
-    edge: type[Any] = getattr(import_module(module), name)
-    return edge
+        Parameters
+        ----------
+        address : str
+            What was typed after the kind and its colon.
+        options : Options
+            Of its class of options.
+        around : object
+            What it may need to know beside them; its ``kind`` is the word before the address.
+        """
+        raise NotImplementedError(f"{cls.__name__} is made by hand, not by an address")
+
+
+def edge_at(kind: str, address: str, table: Mapping[str, str]) -> tuple[Any, str, str] | None:
+    """The class that ``NAME:REST`` or ``module:Class:REST`` names, that name, and the rest.
+
+    None where it names no class.
+
+    Parameters
+    ----------
+    kind : {"sinks", "sources"}
+    table : mapping of str to str
+        The library's own.
+    """
+    name, _, rest = address.partition(":")
+    if name in names(kind, table):
+        return resolve(kind, name, table), name, rest
+    own = _OWN.fullmatch(address)
+    if own is None or not is_there(own[1].partition(":")[0]):
+        return None
+    edge = resolve(kind, own[1], table)
+    if not (isinstance(edge, type) and issubclass(edge, Edge)):
+        raise ParameterError(f"{own[1]} is none of the {kind}: make it a subclass of their base")
+    return edge, own[1], own[2] or ""
+
+
+def edge_classes(kind: str, table: Mapping[str, str], typed: Iterable[str] = ()) -> list[Any]:
+    """Every class of a kind once: the library's, those of installed packages, and those that the
+    words of a command line name as ``module:Class``.
+    """
+    own = [found[0] for word in typed if _OWN.match(word) and (found := edge_at(kind, word, table))]
+    return list(dict.fromkeys([resolve(kind, name, table) for name in names(kind, table)] + own))
 
 
 def classes_of_options(edges: Iterable[type[Edge]]) -> list[type[Options]]:

@@ -93,7 +93,7 @@ class Onboard:
     def run(self, stop: threading.Event) -> dict[str, Any]:
         """Go on until the source ends, `frames` are done or `stop` is set; returns the summary.
 
-        Its ``left_out`` counts the lines that files did not take.
+        Its ``left_out`` counts what outputs did not take.
         """
         feed = feed_from(self.source, self.tally)
         began = self._clock()
@@ -122,13 +122,16 @@ class Onboard:
             self._service.stopping()
             feed.close()
             summary = self.status.summary()
-            for sink in self._everything():
-                sink.event({"event": "end", **summary})
-                sink.close()
+            for guard in self._everything():
+                guard.event({"event": "end", **summary, "left_out": self._left_out()})
+                guard.close()
             flush()
-        files = {each.sink.file: each.left_out for each in self._everything()}
-        summary["left_out"] = {file: n for file, n in files.items() if n and file not in ("", "-")}
-        return summary
+        return {**summary, "left_out": self._left_out()}
+
+    def _left_out(self) -> dict[str, int]:
+        """What each output did not take, by its file or name; standard output is not counted."""
+        counts = {(each.sink.file or each.sink.name): each.left_out for each in self._everything()}
+        return {name: count for name, count in counts.items() if count and name != "-"}
 
     def _give_up(self, began: float) -> None:
         """A run of so many frames must end, even where the camera never gives the first."""

@@ -19,6 +19,7 @@ from trexton.localization.measurement import EXCLUDED_SECONDS
 from trexton.localization.neighbors import neighbors_in_flight
 from trexton.onboard.aids import Aids
 from trexton.onboard.build import build
+from trexton.onboard.edges import edge_at
 from trexton.onboard.inspection import BLACK, WHITE
 from trexton.onboard.loop import CAUSES, Onboard
 from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, Placement, Settings
@@ -38,7 +39,6 @@ BLURRED = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay belo
 OFF_SCALE = 0.2  # share of pixels that are black or white
 MIRRORED = 0.05  # by which a floor's mirror image must fit better: some floors are symmetric
 USUAL = 0.99  # share of training frames nearer to another: one place in a hundred alarms in vain
-AUTOPILOTS = ("Mavlink", "Paparazzi")
 
 
 @dataclass(frozen=True)
@@ -89,13 +89,14 @@ def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
     TrextonError
         As `build`: the settings do not fit.
     """
-    told = tuple(each for each in settings.outputs if _of_autopilot(each))
+    sinks = ((each, edge_at("sinks", each, SINKS)) for each in settings.outputs)
+    autopilots = tuple(each for each, found in sinks if found and found[0].autopilot)
     changes: dict[Any, Any] = {
         Flying: replace(settings.of(Flying), log=None, frames=None),
         Landing: Landing(),
         Playback: replace(settings.of(Playback), pace="stamps"),
     }
-    quiet = replace(settings, outputs=told, options={**settings.options, **changes})
+    quiet = replace(settings, outputs=autopilots, options={**settings.options, **changes})
     onboard, stop = build(quiet), threading.Event()
     onboard.source = watched = _Watched(onboard.source, onboard.aids)
     timer = threading.Timer(seconds, stop.set)
@@ -277,38 +278,10 @@ def _of_delay(watched: _Watched) -> Iterator[Check]:
 
 def _of_links(settings: Settings, onboard: Onboard, now: float) -> Iterator[Check]:
     """What the autopilots had said when the loop ended, at `now`."""
-    from trexton.onboard.sinks.mavlink import MavlinkOptions, MavlinkSink
-
-    options = settings.of(MavlinkOptions)
-    for sink in (guard.sink for guard in onboard.sinks):
-        if not isinstance(sink, MavlinkSink):
-            yield Check("link", True, f"{sink.name} never answers: nothing can be said of it")
-            continue
-        listener = sink.speaker.listener
-        heard = listener.present(now) and listener.certain
-        words = f"autopilot {listener.target[0]} heard" if listener.target else "no autopilot heard"
-        words += ", silent since" if listener.target and not listener.present(now) else ""
-        words += "" if listener.certain or not listener.target else ": several, give --system-id"
-        yield Check("link", heard, f"{sink.name}: {words}")
-        known = listener.origin or options.place
-        words = f"{known[0]:.7f}, {known[1]:.7f}" if known else "not given: add --origin"
-        needed = options.autopilot == "ardupilot"
-        words += "" if known or needed else " for modes that need a global position"
-        yield Check("origin", bool(known) or not needed, words)
-        fused = listener.fused(now)
-        told = {
-            True: "the autopilot has a position",
-            False: "the autopilot HAS NO POSITION",
-            None: "the autopilot does not say whether it has a position",
-        }
-        yield Check("fused", fused is True, told[fused])
+    for guard in onboard.sinks:
+        yield from (Check(*each) for each in guard.sink.checks(now))
     if onboard.sinks:
         heading = settings.of(Placement).heading
         words = "not given: add --heading, 0 where the map's +y points north"
         words = words if heading is None else f"the map's +y points to {heading:g} degrees"
         yield Check("heading", heading is not None, words)
-
-
-def _of_autopilot(address: str) -> bool:
-    place = SINKS.get(address.partition(":")[0], "")
-    return any(name in place for name in AUTOPILOTS)

@@ -1,20 +1,22 @@
 """Where positions go: a registry of classes that declare themselves.
 
 An address is ``KIND`` or ``KIND:REST``. A sink is one file with its class, its address and its
-options, and its line here.
+options, and its line here; one of a person's own needs no line (`trexton.base.plugins`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
-from trexton.onboard.edges import load
+from trexton.base.plugins import names
+from trexton.onboard.edges import edge_at
 from trexton.onboard.sinks.base import Guard, Sink, Surroundings
 
-__all__ = ["Guard", "SINKS", "Sink", "Surroundings", "open_sink", "sink_classes"]
+__all__ = ["Guard", "SINKS", "Sink", "Surroundings", "open_sink"]
 
 # kind: module and class; several kinds may share one
 SINKS = {
@@ -29,11 +31,6 @@ SINKS = {
 }
 
 
-def sink_classes() -> list[type[Sink]]:
-    """Every registered class once."""
-    return list(dict.fromkeys(load(place) for place in SINKS.values()))
-
-
 def open_sink(
     address: str, around: Surroundings, options: Mapping[type[Options], Any] | None = None
 ) -> Sink:
@@ -42,6 +39,7 @@ def open_sink(
     Parameters
     ----------
     address : str
+        ``KIND``, ``KIND:REST``, or ``module:Class:REST`` of a sink of one's own.
     around : Surroundings
     options : mapping, optional
         An object for each class of options that differs from its defaults.
@@ -51,11 +49,15 @@ def open_sink(
     ParameterError
         The kind is unknown, the address incomplete, or an extra is not installed.
     """
-    kind = address.partition(":")[0]
-    if kind not in SINKS:
+    found = edge_at("sinks", address, SINKS)
+    if found is None:
         raise ParameterError(
             f"output {address!r} is of no known kind: "
-            f"give one of {', '.join(SINKS)}, a colon and an address"
+            f"give one of {', '.join(names('sinks', SINKS))}, a colon and an address, or "
+            "module:Class"
         )
-    sink: type[Sink] = load(SINKS[kind])
-    return sink.make(address, (options or {}).get(sink.options, sink.options()), around)
+    kind, name, rest = found
+    made: Sink = kind.make(
+        rest, (options or {}).get(kind.options, kind.options()), replace(around, kind=name)
+    )
+    return made

@@ -5,18 +5,22 @@ from __future__ import annotations
 
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from trexton.base.errors import TrextonError
 from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
+
+if TYPE_CHECKING:
+    from trexton.onboard.commander import Lander
 
 __all__ = ["Guard", "Sink", "Surroundings"]
 
@@ -40,6 +44,8 @@ class Surroundings:
         What of the other side's knowledge is used.
     clock : callable
         Seconds, the clock that stamps live frames.
+    kind : str
+        The word before the sink's address.
     """
 
     local: LocalFrame
@@ -48,11 +54,13 @@ class Surroundings:
     tally: Tally
     aiding: str = "none"
     clock: Callable[[], float] = time.monotonic
+    kind: str = ""
 
 
 class Sink(Edge, ABC):
-    """Takes one fix after another; may raise `OSError` except in its constructor: `Guard` sees to
-    it.
+    """Takes one fix after another. Where the world outside fails it raises `OSError`, except in its
+    constructor: `Guard` counts what was not delivered and tries again. Any other error is a bug and
+    ends the run.
 
     Attributes
     ----------
@@ -60,15 +68,24 @@ class Sink(Edge, ABC):
         In messages to people.
     file : str
         The file it writes, if any: nothing that was read, and no file twice.
+    autopilot : bool
+        Whether it goes to an autopilot: the preflight check speaks to those alone.
+    lander : Lander or None
+        What commands a landing, where it can; see `trexton.onboard.commander`.
     """
 
     name = "output"
     file = ""
+    autopilot: ClassVar[bool] = False
 
-    @classmethod
-    def make(cls, address: str, options: Any, around: Surroundings) -> Sink:
-        """The sink at `address`, as typed, not yet opened; `options` is of its class of options."""
-        raise NotImplementedError(f"{cls.__name__} is made by hand, not by an address")
+    @property
+    def lander(self) -> Lander | None:
+        """None: it commands nothing."""
+        return None
+
+    def checks(self, now: float) -> Iterable[tuple[str, bool, str]]:
+        """What the preflight check says of the other side: a name, whether it holds, why."""
+        yield "link", True, f"{self.name} never answers: nothing can be said of it"
 
     @abstractmethod
     def open(self) -> None:
@@ -138,7 +155,7 @@ class Guard:
                 self._open = True
             act()
             self._pause = FIRST_PAUSE
-        except (OSError, ValueError, TypeError, AttributeError) as error:
+        except (OSError, TrextonError) as error:
             self._tally.fault("output")
             self.left_out += 1
             why = getattr(error, "strerror", None) or error
@@ -147,6 +164,11 @@ class Guard:
             self._pause = min(2 * self._pause, LONGEST_PAUSE)
             self._open = False
             self._close()
+        except Exception:  # a bug: nothing more is asked of it, and the run ends
+            self.left_out += 1
+            self._open, self._retry_at = False, np.inf
+            self._close()
+            raise
 
     def close(self) -> None:
         """Close the sink, whatever state it is in."""

@@ -27,7 +27,7 @@ class CsvTable(Sink):
 
     @classmethod
     def make(cls, address: str, options: Options, around: Surroundings) -> CsvTable:
-        return cls(named_file(address))
+        return cls(named_file(address, around.kind))
 
     def open(self) -> None:
         self._file.open()

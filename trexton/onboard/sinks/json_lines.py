@@ -57,7 +57,7 @@ class JsonLines(Sink):
 
     @classmethod
     def make(cls, address: str, options: Options, around: Surroundings) -> JsonLines:
-        return cls(address.partition(":")[2])
+        return cls(address)
 
     def open(self) -> None:
         self._file.open()

@@ -13,9 +13,8 @@ from trexton.base.errors import ParameterError
 __all__ = ["LineFile", "named_file"]
 
 
-def named_file(address: str) -> str:
+def named_file(path: str, kind: str) -> str:
     """The file of an address ``KIND:FILE``; raises `ParameterError` where it names none."""
-    kind, _, path = address.partition(":")
     if not path:
         raise ParameterError(
             f"output {kind!r} names no file: give {kind}:FILE, or {kind}:- for standard output"

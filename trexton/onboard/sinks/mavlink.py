@@ -7,7 +7,7 @@ import select
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -107,6 +107,7 @@ class MavlinkSink(Sink):
         "serial:DEVICE:BAUD": "MAVLink on a serial line",
     }
     options = MavlinkOptions
+    autopilot = True
 
     def __init__(
         self,
@@ -120,6 +121,7 @@ class MavlinkSink(Sink):
         self.name = address
         self._link, self.speaker, self._tally, self._clock = link, speaker, tally, clock
         self._key = key
+        self._options = MavlinkOptions()
         self._codec = self._new_codec()
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._alarm, self._bell = socket.socketpair()  # a new fix ends the thread's wait
@@ -132,6 +134,7 @@ class MavlinkSink(Sink):
 
     @classmethod
     def make(cls, address: str, options: MavlinkOptions, around: Surroundings) -> MavlinkSink:
+        address = f"{around.kind}:{address}"
         link = make_link(address)
         try:
             from trexton.onboard.mavlink.listener import Listener
@@ -146,7 +149,34 @@ class MavlinkSink(Sink):
         speaker = Speaker(
             profile, around.motion_rate, listener, options.place, aiding=around.aiding
         )
-        return cls(address, link, speaker, around.tally, options.key(), around.clock)
+        sink = cls(address, link, speaker, around.tally, options.key(), around.clock)
+        sink._options = options
+        return sink
+
+    @property
+    def lander(self) -> MavlinkSink:
+        """Itself: it commands the landing, and hears the answer."""
+        return self
+
+    def checks(self, now: float) -> Iterator[tuple[str, bool, str]]:
+        listener, options = self.speaker.listener, self._options
+        heard = listener.present(now) and listener.certain
+        words = f"autopilot {listener.target[0]} heard" if listener.target else "no autopilot heard"
+        words += ", silent since" if listener.target and not listener.present(now) else ""
+        words += "" if listener.certain or not listener.target else ": several, give --system-id"
+        yield "link", heard, f"{self.name}: {words}"
+        known = listener.origin or options.place
+        words = f"{known[0]:.7f}, {known[1]:.7f}" if known else "not given: add --origin"
+        needed = options.autopilot == "ardupilot"
+        words += "" if known or needed else " for modes that need a global position"
+        yield "origin", bool(known) or not needed, words
+        fused = listener.fused(now)
+        words = {
+            True: "the autopilot has a position",
+            False: "the autopilot HAS NO POSITION",
+            None: "the autopilot does not say whether it has a position",
+        }[fused]
+        yield "fused", fused is True, words
 
     def open(self) -> None:
         self._stop.clear()

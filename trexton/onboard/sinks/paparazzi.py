@@ -48,6 +48,7 @@ class PaparazziSink(Sink):
         The extra is not installed, or the bus is none.
     """
 
+    autopilot = True
     addresses = {
         "paparazzi:AIRCRAFT": f"Paparazzi's Ivy bus at {BUS}",
         "paparazzi:AIRCRAFT@BUS": "the same on another bus, as in `7@192.168.1.255:2010`",
@@ -70,10 +71,10 @@ class PaparazziSink(Sink):
 
     @classmethod
     def make(cls, address: str, options: Options, around: Surroundings) -> PaparazziSink:
-        aircraft, _, bus = address.partition(":")[2].partition("@")
+        aircraft, _, bus = address.partition("@")
         if not aircraft.isdecimal() or int(aircraft) > 255:
             raise ParameterError(
-                f"output {address!r}: give paparazzi:AIRCRAFT, a number from 0 to 255, "
+                f"output 'paparazzi:{address}': give paparazzi:AIRCRAFT, a number from 0 to 255, "
                 f"and @BUS where it is not {BUS}"
             )
         return cls(int(aircraft), around.local, bus or BUS)

@@ -22,7 +22,7 @@ class TumTrajectory(Sink):
 
     @classmethod
     def make(cls, address: str, options: Options, around: Surroundings) -> TumTrajectory:
-        return cls(named_file(address))
+        return cls(named_file(address, around.kind))
 
     def open(self) -> None:
         self._file.open()

@@ -7,17 +7,19 @@ Adding a source is its file and its line here.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
-from trexton.onboard.edges import load
-from trexton.onboard.sources.base import CameraLost, Frame, Playback, Source, View
+from trexton.base.plugins import names
+from trexton.onboard.edges import edge_at, edge_classes
+from trexton.onboard.sources.base import CameraLost, Expected, Frame, Playback, Source
 from trexton.onboard.sources.wrapped import Delayed, Rectified
 
 __all__ = [
-    "CameraLost", "Delayed", "Frame", "Playback", "Rectified", "SOURCES", "Source", "View",
-    "open_source", "source_classes",
+    "CameraLost", "Delayed", "Frame", "Playback", "Rectified", "SOURCES", "Source", "Expected",
+    "open_source",
 ]  # fmt: skip
 
 # kind: module and class, in the order in which they are asked
@@ -31,20 +33,15 @@ SOURCES = {
 }
 
 
-def source_classes() -> list[type[Source]]:
-    """Every registered class once."""
-    return list(dict.fromkeys(load(place) for place in SOURCES.values()))
-
-
 def open_source(
-    address: str, view: View | None = None, options: Mapping[type[Options], Any] | None = None
+    address: str, around: Expected | None = None, options: Mapping[type[Options], Any] | None = None
 ) -> Source:
     """The source at `address`, not yet opened.
 
     Parameters
     ----------
     address : str
-    view : View, optional
+    around : Expected, optional
     options : mapping, optional
         An object for each class of options that differs from its defaults.
 
@@ -54,26 +51,28 @@ def open_source(
         Nothing is there, or no source understands the address.
     """
     try:
-        return _made(address, view or View(), options or {})
+        return _made(address, around or Expected(), options or {})
     except OSError as error:
         raise ParameterError(
             f"camera {address[:80]!r} cannot be read ({error.strerror or error}): check its path"
         ) from None
 
 
-def _made(address: str, view: View, options: Mapping[type[Options], Any]) -> Source:
+def _made(address: str, around: Expected, options: Mapping[type[Options], Any]) -> Source:
     if len(address.splitlines()) > 1:
         raise ParameterError(f"camera {address!r}: expected one line")
-    kind, colon, rest = address.partition(":")
-    if colon and kind in SOURCES:
-        candidates = [(load(SOURCES[kind]), rest)]
-    else:
-        candidates = [(load(place), address) for place in SOURCES.values()]
-        candidates = [(source, words) for source, words in candidates if source.matches(words)]
-    for source, words in candidates[:1]:
-        made: Source = source.make(words, options.get(source.options, source.options()), view)
+    found = edge_at("sources", address, SOURCES) if ":" in address else None
+    if found is None:
+        recognised = (each for each in edge_classes("sources", SOURCES) if each.matches(address))
+        found = next(((each, "", address) for each in recognised), None)
+    if found is not None:
+        source, kind, rest = found
+        made: Source = source.make(
+            rest, options.get(source.options, source.options()), replace(around, kind=kind)
+        )
         return made
     raise ParameterError(
         f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, "
-        f"a video file or URL, simulator, or KIND:ADDRESS with KIND one of {', '.join(SOURCES)}"
+        "a video file or URL, simulator, or KIND:ADDRESS with KIND one of "
+        + ", ".join(names("sources", SOURCES))
     )

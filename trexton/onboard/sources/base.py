@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from trexton.base.options import Options, option
 from trexton.flights.aiding import Aiding
 from trexton.onboard.edges import Edge
 
-__all__ = ["CameraLost", "Frame", "Playback", "Source", "View"]
+__all__ = ["CameraLost", "Frame", "Playback", "Source", "Expected"]
 
 
 class CameraLost(TrextonError):
@@ -54,7 +53,7 @@ class Playback(Options):
 
 
 @dataclass(frozen=True)
-class View:
+class Expected:
     """What a source may need to know beside its address and its options.
 
     Attributes
@@ -65,11 +64,14 @@ class View:
         Seconds from frame to frame where the source itself does not say.
     seed : int
         Of what is drawn.
+    kind : str
+        The word before the source's address; empty where none was typed.
     """
 
     shape: tuple[int, int] | None = None
     period_s: float = 0.08
     seed: int = 1
+    kind: str = ""
 
 
 class Source(Edge, ABC):
@@ -90,11 +92,6 @@ class Source(Edge, ABC):
     def matches(address: str) -> bool:
         """Whether an address without a kind is of this one."""
         return False
-
-    @classmethod
-    def make(cls, address: str, options: Any, view: View) -> Source:
-        """The source at `address`, without its kind, not yet opened."""
-        raise NotImplementedError(f"{cls.__name__} is made by hand, not by an address")
 
     @abstractmethod
     def open(self) -> None:

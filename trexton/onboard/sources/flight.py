@@ -6,7 +6,7 @@ from pathlib import Path
 
 from trexton.base.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight
-from trexton.onboard.sources.base import Frame, Playback, Source, View
+from trexton.onboard.sources.base import Expected, Frame, Playback, Source
 from trexton.onboard.sources.pacing import Paced
 
 __all__ = ["FlightSource"]
@@ -38,7 +38,7 @@ class FlightSource(Source):
         return (Path(_parted(address)[0]) / "flight.toml").is_file()
 
     @classmethod
-    def make(cls, address: str, options: Playback, view: View) -> Source:
+    def make(cls, address: str, options: Playback, around: Expected) -> Source:
         folder, part = _parted(address)
         flight = read_flight(folder)
         if part is not None:

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from trexton.base.errors import ImageError
-from trexton.onboard.sources.base import Frame, Playback, Source, View
+from trexton.onboard.sources.base import Expected, Frame, Playback, Source
 from trexton.onboard.sources.pacing import Paced
 from trexton.vision.images import read_image
 
@@ -40,12 +40,12 @@ class ImageFolder(Source):
         return Path(address).is_dir()
 
     @classmethod
-    def make(cls, address: str, options: Playback, view: View) -> Source:
-        source = cls(address, options, view)
+    def make(cls, address: str, options: Playback, around: Expected) -> Source:
+        source = cls(address, options, around)
         return Paced(source) if options.pace == "stamps" else source
 
-    def __init__(self, folder: str, options: Playback, view: View):
-        self.playback, self.view = options, view
+    def __init__(self, folder: str, options: Playback, around: Expected):
+        self.playback, self.around = options, around
         self.pictures = sorted(
             (file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES),
             key=_natural,
@@ -64,7 +64,7 @@ class ImageFolder(Source):
         lap, row = divmod(self._next, len(self.pictures))
         if lap >= self.playback.laps:
             return None
-        stamp = self._next * self.view.period_s
+        stamp = self._next * self.around.period_s
         self._next += 1
         try:
             return Frame(stamp, read_image(self.pictures[row]))

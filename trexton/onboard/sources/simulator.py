@@ -6,7 +6,7 @@ import re
 
 from trexton.base.errors import ParameterError
 from trexton.base.streams import stream
-from trexton.onboard.sources.base import Frame, Playback, Source, View
+from trexton.onboard.sources.base import Expected, Frame, Playback, Source
 from trexton.onboard.sources.pacing import Paced
 
 __all__ = ["SimulatorSource"]
@@ -38,14 +38,14 @@ class SimulatorSource(Source):
         return address == "simulator"
 
     @classmethod
-    def make(cls, address: str, options: Playback, view: View) -> Source:
+    def make(cls, address: str, options: Playback, around: Expected) -> Source:
         seed = re.fullmatch("[0-9]{1,9}", address)
         if address not in ("", "simulator") and not seed:
             raise ParameterError(
                 f"camera 'simulator:{address}': "
                 "give simulator or simulator:SEED with a whole number"
             )
-        source = cls(int(address) if seed else view.seed)
+        source = cls(int(address) if seed else around.seed)
         return source if options.pace == "fast" else Paced(source)
 
     def __init__(self, seed: int = 1):

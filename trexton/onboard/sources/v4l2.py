@@ -11,7 +11,7 @@ import cv2
 
 from trexton.base.errors import ImageError
 from trexton.base.options import Options
-from trexton.onboard.sources.base import CameraLost, Frame, Source, View
+from trexton.onboard.sources.base import CameraLost, Expected, Frame, Source
 from trexton.vision.images import yuv_from_uyvy
 
 __all__ = ["V4l2Source"]
@@ -23,7 +23,7 @@ class V4l2Source(Source):
     Parameters
     ----------
     device : str
-    view : View
+    around : Expected
     capture : callable
         Opens the device as `cv2.VideoCapture` does.
     clock : callable
@@ -39,17 +39,17 @@ class V4l2Source(Source):
         return re.fullmatch(r"/dev/video\d+", address) is not None
 
     @classmethod
-    def make(cls, address: str, options: Options, view: View) -> Source:
-        return cls(address, view)
+    def make(cls, address: str, options: Options, around: Expected) -> Source:
+        return cls(address, around)
 
     def __init__(
         self,
         device: str,
-        view: View,
+        around: Expected,
         capture: Callable[..., Any] = cv2.VideoCapture,
         clock: Callable[[], float] = time.monotonic,
     ):
-        self.device, self.view, self._make_capture, self._clock = device, view, capture, clock
+        self.device, self.around, self._make_capture, self._clock = device, around, capture, clock
         self.gives = "images"
         self._capture: Any = None
         self._reversed = False
@@ -62,8 +62,8 @@ class V4l2Source(Source):
                 "check cable, permissions, and that nobody else uses it"
             )
         capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"UYVY"))
-        if self.view.shape is not None:
-            rows, columns = self.view.shape
+        if self.around.shape is not None:
+            rows, columns = self.around.shape
             capture.set(cv2.CAP_PROP_FRAME_WIDTH, columns)
             capture.set(cv2.CAP_PROP_FRAME_HEIGHT, rows)
         capture.set(cv2.CAP_PROP_BUFFERSIZE, 1)

@@ -15,7 +15,7 @@ import numpy as np
 
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import Options
-from trexton.onboard.sources.base import CameraLost, Frame, Playback, Source, View
+from trexton.onboard.sources.base import CameraLost, Expected, Frame, Playback, Source
 from trexton.onboard.sources.pacing import Paced
 from trexton.vision.images import decode_image, yuv_from_bgr
 
@@ -78,7 +78,7 @@ class StreamSource(Source):
         return _is_stream(address)
 
     @classmethod
-    def make(cls, address: str, options: Options, view: View) -> Source:
+    def make(cls, address: str, options: Options, around: Expected) -> Source:
         path = Path(address)
         if path.is_char_device() and not re.match(r"/dev/video\d+$", address):
             raise ParameterError(f"camera {address!r} is no camera: give /dev/videoN")
@@ -127,18 +127,18 @@ class VideoFile(Source):
         return Path(address).is_file()
 
     @classmethod
-    def make(cls, address: str, options: Playback, view: View) -> Source:
+    def make(cls, address: str, options: Playback, around: Expected) -> Source:
         if _is_stream(address) or address.startswith("/dev/"):
-            return StreamSource.make(address, Options(), view)
+            return StreamSource.make(address, Options(), around)
         if not Path(address).is_file():
             raise ImageError(
                 f"{address}: no such video: give a file, a URL or a GStreamer pipeline"
             )
-        source = cls(address, options, view)
+        source = cls(address, options, around)
         return Paced(source) if options.pace == "stamps" else source
 
-    def __init__(self, path: str, options: Playback, view: View):
-        self.path, self.playback, self.view = path, options, view
+    def __init__(self, path: str, options: Playback, around: Expected):
+        self.path, self.playback, self.around = path, options, around
         self.files = (path,)
         self._capture: Any = None
         self._index, self._lap = 0, 0
@@ -151,7 +151,7 @@ class VideoFile(Source):
                 "convert it, or give a folder of images"
             )
         rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.view.period_s
+        self.period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.around.period_s
         self._pictures = _Pictures(self._capture)
 
     def read(self) -> Frame | None:
