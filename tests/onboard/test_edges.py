@@ -46,7 +46,7 @@ class Plain(Sink):
 
     @classmethod
     def make(cls, address, options, around):
-        return cls(named_file(address), options)
+        return cls(named_file(address, around.kind), options)
 
     def open(self):
         self.lines.open()

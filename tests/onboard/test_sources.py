@@ -18,7 +18,15 @@ from trexton.base.errors import FlightError, ImageError, ParameterError, Trexton
 from trexton.base.plugins import resolve
 from trexton.flights import read_flight
 from trexton.onboard.grabber import Grabber, Recording
-from trexton.onboard.sources import SOURCES, CameraLost, Frame, Playback, Source, View, open_source
+from trexton.onboard.sources import (
+    SOURCES,
+    CameraLost,
+    Expected,
+    Frame,
+    Playback,
+    Source,
+    open_source,
+)
 from trexton.onboard.sources.flight import FlightSource
 from trexton.onboard.sources.pacing import Paced
 from trexton.onboard.sources.simulator import SimulatorSource
@@ -108,7 +116,7 @@ class TestImages:
             cv2.imwrite(str(tmp_path / f"f{number}.png"), picture)
         (tmp_path / "f1.png").write_bytes(b"no image")
         (tmp_path / "notes.txt").write_text("not a frame")
-        frames = everything(open_source(str(tmp_path), View(period_s=0.5)))
+        frames = everything(open_source(str(tmp_path), Expected(period_s=0.5)))
         assert [frame.time for frame in frames] == [0.0, 0.5, 1.0, 1.5]
         assert frames[0].picture is None
         for frame, number in zip(frames[1:], (2, 9, 10), strict=False):
@@ -147,7 +155,7 @@ class TestVideo:
     def test_no_video_is_an_error(self, tmp_path):
         (tmp_path / "text.avi").write_text("not a video")
         with pytest.raises(ImageError, match="not a video"):
-            VideoFile(str(tmp_path / "text.avi"), Playback(), View()).open()
+            VideoFile(str(tmp_path / "text.avi"), Playback(), Expected()).open()
 
     def test_a_named_pipe_is_a_live_stream(self, tmp_path):
         pipe = tmp_path / "camera.y4m"
@@ -210,7 +218,7 @@ class FakeCapture:
 
 class TestV4l2:
     def source(self, capture, **options) -> V4l2Source:
-        return V4l2Source("/dev/video0", View(**options), capture, Clock(5.0))
+        return V4l2Source("/dev/video0", Expected(**options), capture, Clock(5.0))
 
     def test_uyvy_bytes_as_they_are(self, rng):
         raw = rng.integers(0, 256, (4, 6, 2), dtype=np.uint8)

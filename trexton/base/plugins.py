@@ -87,7 +87,9 @@ def resolve(kind: str, name: str, table: Mapping[str, str], *, imports: bool = T
     try:
         return getattr(loaded, attribute) if colon else loaded
     except AttributeError:
-        raise ParameterError(f"{kind} {name!r} is unknown: {module} has no {attribute}") from None
+        raise ParameterError(
+            f"{kind} {name!r} is unknown: {module} has no {attribute}, give another name"
+        ) from None
 
 
 def import_plugins(modules: str | None = None) -> None:
