@@ -29,7 +29,6 @@ COMMANDS = {
     "simulate": "trexton.cli.simulate",
     "methods": "trexton.cli.methods",
     "train": "trexton.cli.train",
-    "methods": "trexton.cli.methods",
     "onboard": "trexton.cli.onboard",
     "replay": "trexton.cli.replay",
 }
