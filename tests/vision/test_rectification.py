@@ -14,7 +14,7 @@ from trexton.cli.main import main
 from trexton.flights import read_flight, write_flight
 from trexton.flights.importing import import_flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.onboard.sources import Frame, Rectified, View, open_source
+from trexton.onboard.sources import Expected, Frame, Rectified, open_source
 from trexton.simulator import record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.images import yuv_from_bgr
@@ -131,8 +131,8 @@ def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(pl
     assert Rectified(One(frame), SMALL).read().picture.shape == (84, 112, 3)
     for other in (None, np.zeros((84, 112, 3), np.uint8), np.zeros(8)):
         assert Rectified(One(replace(frame, picture=other)), SMALL).read().picture is other
-    assert open_source(str(place / "flight"), View()).rectified
-    assert not open_source(str(place / "images"), View()).rectified
+    assert open_source(str(place / "flight"), Expected()).rectified
+    assert not open_source(str(place / "images"), Expected()).rectified
     with pytest.raises(ImageError, match="apply the map's rectification"):
         Localizer(texton_map, rng=np.random.default_rng(2)).step(frame.picture)
 
