@@ -103,8 +103,8 @@ class TextonDictionary:
 
     @cached_property
     def weights(self) -> np.ndarray:
-        """``(3 P P, K)``: 2 t; the nearest texton has the largest score 2 p.t - |t|^2, as |p|^2 is
-        common.
+        """``(3 P P, K)``: 2 t; the nearest texton has the largest score ``2 p.t - |t|^2``, as
+        ``|p|^2`` is common.
 
         Single precision where every partial sum stays below 2**24 (6x6 patches do), and so is exact
         in any order.

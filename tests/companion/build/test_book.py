@@ -4,22 +4,25 @@ from __future__ import annotations
 
 import re
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
+import yaml
 from conftest import ROOT, mocap_record, small_flight
 
+import trexton
 from trexton.base.errors import DataError, TrextonError
 from trexton.companion.wording import Tree
 from trexton.companion.build import prepare_flights as book_flights
 from trexton.companion.build.make import build_small_book
 from trexton.companion.build.link_check import audit
 from trexton.companion.build.formats import nbformat
-from trexton.companion.build.library import MODULES, describe_module
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prepare_flights import prepare_flights
 from trexton.companion.build.prose import render
-from trexton.companion.build.sources import Contents, stage
+from trexton.companion.build.sources import Contents, public_names, stage
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.flights import read_flight, write_flight
@@ -318,16 +321,24 @@ def test_every_experiment_page_offers_its_notebook_record_and_figures(built_book
 # ------------------------------------------------------------------------------
 
 
-def test_every_module_of_the_library_page_exists_and_names_what_is_public():
-    for name in MODULES:
-        text = describe_module(name)
-        assert text.startswith(f"## {name}\n"), f"{name} is not there"
-    text = describe_module("trexton.flights.flight")
-    assert (
-        "Flight(\n    name: str,\n    frame: np.ndarray," in text
-        and "- `.part(name: str) -> Flight`: The frames" in text
-    )
-    assert describe_module("trexton.no_such_module") == ""
+def test_the_page_of_the_library_shows_all_that_is_public(page, tmp_path):
+    """As the book builds it, every warning of a docstring an error."""
+    config = yaml.safe_load((ROOT / "book" / "_config.yml").read_text())["sphinx"]
+    autodoc = [name for name in config["extra_extensions"] if name.startswith("sphinx.")]
+    names = ("autodoc_default_options", "autodoc_typehints", "default_role", "nitpick_ignore_regex")
+    options = {name: config["config"][name] for name in names}
+    lines = [f"extensions = {['myst_parser', *autodoc]}", *(f"{k} = {v!r}" for k, v in options.items())]
+    source = tmp_path / "source"
+    source.mkdir()
+    (source / "conf.py").write_text("\n".join(lines))
+    text = page((ROOT / "book" / "library.md").read_text(), public_names=public_names())
+    (source / "index.md").write_text(text)
+    command = [sys.executable, "-m", "sphinx", "-q", "-n", "-W", "--keep-going"]
+    done = subprocess.run([*command, source, tmp_path / "out"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    html = (tmp_path / "out" / "index.html").read_text()
+    for name in trexton.__all__:
+        assert f'id="trexton.{name}"' in html or not callable(getattr(trexton, name))
 
 
 def test_what_markdown_takes_for_markup_is_made_harmless(page):

@@ -13,7 +13,6 @@ from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.companion.build.formats import nbformat
 from trexton.companion.build.headlines import what_we_found
-from trexton.companion.build.library import describe_module
 from trexton.companion.build.notebook import show_table
 from trexton.companion.build.pages import (
     describe_notebook,
@@ -214,11 +213,6 @@ def test_pages_are_described_by_their_first_words_or_their_finding():
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# T\n\nText.")])
     describe_notebook(notebook)
     assert notebook.metadata["myst"]["html_meta"]["description"] == "Text."
-
-
-def test_names_that_a_package_hands_on_are_described_where_it_stands():
-    text = describe_module("trexton.registration.mosaic")
-    assert "stitch(" in text and "Mosaic(" in text and text.count("```python") >= 4
 
 
 def test_a_link_to_a_figure_or_table_of_the_page_becomes_its_number():

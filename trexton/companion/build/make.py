@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
+import trexton
 from trexton.companion.build.link_check import audit
 from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prepare_flights import prepare_flights
@@ -114,6 +115,7 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
         key = digest(
             _tree_hash(source),
             code_hashes("trexton.companion.build.make"),
+            [code_hashes(module) for module in trexton._EXPORTS.values()],  # their docstrings
             {name: version(name) for name in _BUILDERS},
         )
         if (html / "index.html").is_file() and stamp.is_file() and stamp.read_text() == key:

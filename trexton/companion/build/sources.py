@@ -11,7 +11,7 @@ from typing import Any
 
 import yaml
 
-from trexton.companion.build.library import MODULES, describe_module
+import trexton
 from trexton.companion.build.pages import (
     describe_notebook,
     description,
@@ -30,7 +30,7 @@ from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.nodes import outputs_of
 from trexton.companion.build.formats import nbformat
 
-__all__ = ["Contents", "stage"]
+__all__ = ["Contents", "public_names", "stage"]
 
 # Pages whose commands are run, in order, on a part of a flight with images.
 _EXECUTED = {"your_flight"}
@@ -157,8 +157,15 @@ def _context(contents: Contents) -> dict[str, Any]:
     return page_names(contents.results, records) | {
         "sim": records.get("sim-survey", {}), "cyberzoo": records.get("cyberzoo", {}),
         "records": records, "flights": flights, "flight": named, "absent": dict(contents.absent),
-        "modules": [text for name in MODULES if (text := describe_module(name))],
+        "public_names": public_names(),
     }  # fmt: skip
+
+
+def public_names() -> list[tuple[str, str]]:
+    """The names that the library declares, each with ``class`` or ``function``, as autodoc asks."""
+    names = [name for name in trexton.__all__ if callable(getattr(trexton, name))]
+    kinds = {True: "class", False: "function"}
+    return [(name, kinds[isinstance(getattr(trexton, name), type)]) for name in names]
 
 
 def _figures(contents: Contents) -> dict[str, list[str]]:
