@@ -57,6 +57,19 @@ def test_there_are_the_five_that_are_promised():
     ]
 
 
+def add(body: str, folder: Path) -> None:
+    """Follow a section: its file, its notebook if it has one, its line."""
+    (file,), (line,) = FILE.findall(body), LINE.findall(body)
+    assert len(file[1].splitlines()) <= 60
+    (folder / file[0]).write_text(file[1])
+    for path, text in NOTEBOOK.findall(body):
+        (folder / path).write_text(text)
+    registry = folder / line[0]
+    before, anchor, after = registry.read_text().partition(line[1] + "\n")
+    assert anchor, f"{line[1]!r} is not in {line[0]}"
+    registry.write_text(f"{before}{anchor}{line[2]}\n{after}")
+
+
 @pytest.mark.parametrize("title", SECTIONS)
 def test_it_is_done_as_printed(title, tmp_path, flight):
     body = SECTIONS[title]
@@ -66,15 +79,7 @@ def test_it_is_done_as_printed(title, tmp_path, flight):
     for name in ("notebooks", "data/paper"):
         shutil.copytree(ROOT / name, tmp_path / name, ignore=ignored)
     shutil.copy(ROOT / "pyproject.toml", tmp_path)
-    (file,), (line,) = FILE.findall(body), LINE.findall(body)
-    assert len(file[1].splitlines()) <= 60
-    (tmp_path / file[0]).write_text(file[1])
-    for path, text in NOTEBOOK.findall(body):
-        (tmp_path / path).write_text(text)
-    registry = tmp_path / line[0]
-    before, anchor, after = registry.read_text().partition(line[1] + "\n")
-    assert anchor, f"{line[1]!r} is not in {line[0]}"
-    registry.write_text(f"{before}{anchor}{line[2]}\n{after}")
+    add(body, tmp_path)
     work = tmp_path / "work"
     work.mkdir()
     write_recording(work / "recording.npz")
@@ -120,3 +125,39 @@ def check(title: str, work: Path) -> None:
         names = {path.name for path in results.iterdir()}
         assert {"stillness.json", "stillness.ipynb", "stillness-steps.svg"} <= names
         assert "A frame looks like the one before" in (results / "stillness.ipynb").read_text()
+
+
+# What the suite itself asks of whatever is added: formats, types, directions, tables, prose.
+CHECKS = [
+    ["-m", "ruff", "format", "--check", "."],
+    ["-m", "ruff", "check", "."],
+    ["-m", "mypy"],
+    ["-c", "from importlinter.cli import lint_imports_command as run; run()"],
+    ["-m", "vulture"],
+    [
+        "-m", "pytest", "-q", "-p", "no:randomly", "-m", "not slow", "tests/test_prose.py",
+        "tests/base/test_options.py", "tests/localization/test_methods.py",
+        "tests/onboard/test_edges.py", "tests/companion/experiments/test_findings.py",
+        "tests/companion/claims", "tests/companion/build/test_book_prose.py",
+    ],
+]  # fmt: skip
+
+
+def test_all_of_them_leave_the_checks_and_the_suite_green(tmp_path):
+    names = subprocess.run(
+        ["git", "-C", ROOT, "ls-files", "-z"], capture_output=True, text=True, check=True
+    ).stdout
+    for name in filter(None, names.split("\0")):
+        if (ROOT / name).is_file():
+            (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, tmp_path / name)
+    if (ROOT / ".mypy_cache").is_dir():
+        shutil.copytree(ROOT / ".mypy_cache", tmp_path / ".mypy_cache")
+    for body in SECTIONS.values():
+        add(body, tmp_path)
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "TREXTON_CACHE": str(tmp_path / "c")}
+    for words in CHECKS:
+        done = subprocess.run(
+            [sys.executable, *words], cwd=tmp_path, capture_output=True, text=True, env=environment
+        )
+        assert done.returncode == 0, f"{words}\n{done.stdout[-4000:]}\n{done.stderr[-2000:]}"
