@@ -12,9 +12,9 @@ import pytest
 
 from trexton.base.errors import DataError
 from trexton.companion.build.charts import inline_figure, is_figure
-from trexton.companion.build.postprocessing import finish_page
 from trexton.companion.build.icons import with_icons
 from trexton.companion.build.mathematics import mathml
+from trexton.companion.build.postprocessing import finish_page
 from trexton.companion.experiments.drawing import chart_data, to_png, to_svg
 from trexton.companion.experiments.style import COLORS, canvas
 

@@ -11,6 +11,7 @@ from conftest import ROOT
 
 from trexton.base.errors import ParameterError
 from trexton.base.records import Record
+from trexton.companion.build.display import Outcome
 from trexton.companion.build.formats import nbformat
 from trexton.companion.build.headlines import what_we_found
 from trexton.companion.build.notebook import show_table
@@ -24,7 +25,6 @@ from trexton.companion.build.pages import (
 )
 from trexton.companion.build.paper_map import load_map, map_table
 from trexton.companion.build.prose import records_by_name
-from trexton.companion.build.display import Outcome
 from trexton.companion.claims.ledger import load_claims
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS

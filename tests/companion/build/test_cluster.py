@@ -23,11 +23,11 @@ from tiny_experiment import tiny
 from tiny_notebooks import BODY, write_notebook
 
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.companion.executor import connect, spread, working_on
 from trexton.companion.build.execution import Job, execute
-from trexton.companion.build.workers import workers
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
+from trexton.companion.build.workers import workers
+from trexton.companion.executor import connect, spread, working_on
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights import write_flight
 

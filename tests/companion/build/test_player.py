@@ -195,7 +195,9 @@ def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, monkeypatch,
             assert answer.read().decode() == page
         with pytest.raises(ParameterError, match=f"--port {server.server_port}: Address already"):
             serve(page, server.server_port)
-        monkeypatch.setattr("trexton.companion.player.playback.record_replay", None)  # refused before it
+        monkeypatch.setattr(
+            "trexton.companion.player.playback.record_replay", None
+        )  # refused before it
         assert main([*words, "--port", str(server.server_port)]) == 1
         assert "Address already in use" in capsys.readouterr().err
         with pytest.raises(HTTPError, match="404"):

@@ -7,9 +7,9 @@ from tiny_experiment import tiny
 from tiny_notebooks import write_notebook
 
 from trexton.base.errors import ParameterError
-from trexton.companion.build.sweep import Plan, sweep
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
+from trexton.companion.build.sweep import Plan, sweep
 
 KEPT = "mend it, what was there before is kept"
 

@@ -11,8 +11,8 @@ from conftest import small_flight
 
 from trexton.base.errors import ParameterError
 from trexton.cli import main as cli
-from trexton.companion.build.sweep import Floors, Plan, sweep
 from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.sweep import Floors, Plan, sweep
 from trexton.companion.experiments import mocap_training
 from trexton.flights import write_flight
 

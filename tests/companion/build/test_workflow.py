@@ -21,9 +21,9 @@ from tiny_notebooks import BODY, FAILING, write_notebook
 from trexton.base.errors import FlightError, ParameterError, TrextonError
 from trexton.cli import main as cli
 from trexton.companion.build.execution import Done
+from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.formats import nbformat
 from trexton.companion.build.notebooks import Notebook
-from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
 from trexton.companion.experiments.declaration import Experiment
 from trexton.flights import read_flight, write_flight
@@ -274,9 +274,7 @@ def test_what_a_flight_cannot_serve_is_skipped_with_the_reason(house, image_fold
     }  # fmt: skip
     frames = house.flight / "frames.csv"
     frames.write_text(frames.read_text().replace("1,0.0,1.0,0.0", "1,0.0,nan,nan"))
-    house.experiments = {
-        "first": tiny("First", needs=("positions",))
-    }
+    house.experiments = {"first": tiny("First", needs=("positions",))}
     assert house.run()["first"].reasons == ("small lacks positions in some frames",)
 
 

@@ -77,7 +77,9 @@ def test_changes_are_told_in_words(tmp_path):
         "record small/first": {"small/first": "2"},
     }
     before = {name: json.dumps(entries) for name, entries in old.items()}
-    facts = [HashedNode(name, "task", lambda entries=entries: entries) for name, entries in new.items()]
+    facts = [
+        HashedNode(name, "task", lambda entries=entries: entries) for name, entries in new.items()
+    ]
     assert reasons(facts, before, tmp_path, "second") == [
         "parameter gone 2 -> absent",
         "parameter n 1 -> 2",

@@ -9,15 +9,15 @@ import tomllib
 import cv2
 import numpy as np
 import pytest
-from small_recording import recording
 from conftest import ROOT
+from small_recording import recording
 from small_room import histogram_flight, picture_flight
 
 from trexton.base.errors import DataError
 from trexton.cli.main import main
 from trexton.companion.build import shell
-from trexton.companion.build.prose import render
 from trexton.companion.build.console_output import with_output
+from trexton.companion.build.prose import render
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.importers import IMPORTERS, importer
 

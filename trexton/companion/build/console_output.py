@@ -18,11 +18,11 @@ import numpy as np
 
 from trexton.base.errors import DataError
 from trexton.base.files import atomic_file, canonical_json, digest
+from trexton.base.progress import say
+from trexton.base.records import software_versions
 from trexton.flights import Flight
 from trexton.flights.exporters import Trajectory, export
 from trexton.flights.frames import ImageFiles
-from trexton.base.progress import say
-from trexton.base.records import software_versions
 
 __all__ = ["lay_recording", "with_output"]
 

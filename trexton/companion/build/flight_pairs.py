@@ -11,10 +11,10 @@ from functools import cached_property
 from pathlib import Path
 
 from trexton.base.errors import FlightError, ParameterError
+from trexton.base.progress import say
 from trexton.companion.experiments.declaration import NEEDS, Experiment
 from trexton.flights import Flight, read_flight
 from trexton.flights.pair import with_splits
-from trexton.base.progress import say
 
 __all__ = ["FlightPair", "check_names", "check_out"]
 

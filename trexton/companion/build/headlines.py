@@ -45,7 +45,8 @@ def what_we_found(records: Records) -> list[Found]:
     Parameters
     ----------
     records : mapping
-        Values by flight and experiment, as `trexton.companion.build.prose.records_by_name` gives them.
+        Values by flight and experiment, as `trexton.companion.build.prose.records_by_name` gives
+        them.
     """
     makers = (_accuracy, _filter, _better, _spread, _landing)
     return [found for make in makers if (found := make(records)) is not None]

@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from trexton.base.files import digest
-from trexton.companion.experiments.printed import paper_file
 from trexton.base.records import software_versions
 from trexton.companion.build.notebooks import Notebook
+from trexton.companion.experiments.printed import paper_file
 
 __all__ = [
     "HashedNode",

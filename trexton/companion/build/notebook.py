@@ -18,21 +18,21 @@ from IPython.display import HTML, SVG, Markdown
 from matplotlib.figure import Figure
 
 from trexton.base.cache import kept_results, repository_root
+from trexton.base.errors import ParameterError
+from trexton.base.files import atomic_file
+from trexton.base.options import Options
+from trexton.base.records import Record
 from trexton.companion.claims.ledger import judge_all, load_claims, write_ledger
 from trexton.companion.claims.page import claims_html, counts_html, filters_html
-from trexton.base.errors import ParameterError
-from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.experiments.drawing import to_png, to_svg
-from trexton.base.files import atomic_file
+from trexton.companion.experiments.printed import look_up, published
+from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.player.page import player_html
+from trexton.companion.player.playback import Playback
+from trexton.companion.wording import Tree, as_html, middle, template_environment
 from trexton.flights import Flight
 from trexton.flights.names import flight_title
 from trexton.flights.pair import load_pair
-from trexton.base.options import Options
-from trexton.companion.experiments.printed import look_up, published
-from trexton.companion.player.page import player_html
-from trexton.companion.player.playback import Playback
-from trexton.base.records import Record
-from trexton.companion.wording import Tree, as_html, middle, template_environment
 
 __all__ = ["Given", "Page", "given", "ledger", "reference", "show_table"]
 

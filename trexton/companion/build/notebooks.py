@@ -15,11 +15,11 @@ from typing import Any
 import trexton
 from trexton.base.cache import code_hashes, kept_results, shipped
 from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.files import digest
+from trexton.companion.build.formats import jupytext
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import MODULES
-from trexton.base.files import digest
 from trexton.flights.tables import read_text
-from trexton.companion.build.formats import jupytext
 
 __all__ = ["GIVEN", "Notebook", "find_notebooks"]
 

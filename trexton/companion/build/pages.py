@@ -9,12 +9,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from trexton.companion.build.formats import nbformat
 from trexton.companion.build.headlines import what_we_found
 from trexton.companion.build.paper_map import map_table
 from trexton.companion.claims.ledger import load_records
 from trexton.flights.names import flight_title
 from trexton.localization.measurement import EXCLUDED_SECONDS
-from trexton.companion.build.formats import nbformat
 
 __all__ = [
     "describe_notebook",

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 
-from trexton.companion.claims.ledger import Claim, Finding, judge_all, load_claims
 from trexton.base.errors import ParameterError
-from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights.names import flight_title
-from trexton.companion.experiments.printed import paper_file
 from trexton.base.records import Record
+from trexton.companion.claims.ledger import Claim, Finding, judge_all, load_claims
+from trexton.companion.experiments.printed import paper_file
+from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.wording import number
+from trexton.flights.names import flight_title
 
 __all__ = ["Item", "load_map", "map_table"]
 

@@ -1,4 +1,7 @@
-"""The built book as one PDF, printed by a headless browser: ``python -m trexton.companion.build.pdf``."""
+"""The built book as one PDF, printed by a headless browser.
+
+``python -m trexton.companion.build.pdf`` writes it.
+"""
 
 from __future__ import annotations
 

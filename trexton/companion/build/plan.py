@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.companion.experiments.declaration import Experiment
-from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.build.display import Display, Outcome
-from trexton.companion.build.notebooks import GIVEN, Notebook, find_notebooks
 from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
+from trexton.companion.build.notebooks import GIVEN, Notebook, find_notebooks
 from trexton.companion.build.steps import Run, Step
 from trexton.companion.build.workers import default_jobs, workers
+from trexton.companion.experiments.declaration import Experiment
+from trexton.companion.experiments.registry import EXPERIMENTS
 
 __all__ = ["Outcome", "default_jobs", "run_experiments", "sole_writer"]
 

@@ -16,9 +16,9 @@ from pathlib import Path
 import cv2
 from bs4 import BeautifulSoup, Tag
 
+from trexton.base.files import atomic_file
 from trexton.companion.build.charts import inline_figure, is_figure
 from trexton.companion.build.icons import with_icons
-from trexton.base.files import atomic_file
 
 __all__ = ["finish_book", "finish_page"]
 

@@ -10,11 +10,11 @@ from typing import Any
 from trexton.base.cache import code_hashes
 from trexton.base.errors import DataError, FlightError
 from trexton.base.files import atomic_file, canonical_json
-from trexton.flights import Flight, read_flight
-from trexton.flights.registry import fetch, raw_files
 from trexton.base.progress import say
 from trexton.base.records import software_versions
 from trexton.companion.build.flight_pairs import FlightPair
+from trexton.flights import Flight, read_flight
+from trexton.flights.registry import fetch, raw_files
 
 __all__ = ["REAL", "SIMULATED", "Prepared", "prepare_flights"]
 

@@ -14,12 +14,12 @@ from typing import Any
 import jinja2
 
 from trexton.base.errors import DataError
+from trexton.base.records import upgraded
+from trexton.companion.build.display import Outcome
+from trexton.companion.experiments.printed import published
+from trexton.companion.wording import Tree, template_environment
 from trexton.flights.importers import describe
 from trexton.localization.landing import TouchdownZone
-from trexton.companion.experiments.printed import published
-from trexton.base.records import upgraded
-from trexton.companion.wording import Tree, template_environment
-from trexton.companion.build.display import Outcome
 
 __all__ = ["records_by_name", "render"]
 

@@ -1,7 +1,7 @@
 """The README's moving picture and its table of results, made from the results of a book.
 
-``python -m trexton.companion.build.readme`` renews both, and ``data/reference/readme.json``, the few numbers
-behind the table with where they come from.
+``python -m trexton.companion.build.readme`` renews both, and ``data/reference/readme.json``, the
+few numbers behind the table with where they come from.
 """
 
 from __future__ import annotations
@@ -13,19 +13,22 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from trexton.companion.build.headlines import PLACES
 from trexton.base.cache import repository_root
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
-from trexton.companion.experiments.printed import look_up
 from trexton.base.records import Record
+from trexton.companion.build.headlines import PLACES
+from trexton.companion.experiments.printed import look_up
 from trexton.companion.wording import middle, number, percent
 
 __all__ = ["is_current", "kept_numbers", "results_table", "with_table"]
 
 _KEPT = Path("data") / "reference" / "readme.json"
 _PICTURE = Path("book") / "_static" / "flight.webp"
-_BEGIN, _END = "<!-- results: python -m trexton.companion.build.readme -->", "<!-- end of results -->"
+_BEGIN, _END = (
+    "<!-- results: python -m trexton.companion.build.readme -->",
+    "<!-- end of results -->",
+)
 _MOST_BYTES = 300_000
 # label: experiment, mean distance to the truth, share of frames that the 90 % region holds
 _ROWS: dict[str, tuple[str, str, tuple[str, str] | None]] = {

@@ -9,14 +9,14 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
-from trexton.companion.build.charts import inline_figure
 from trexton.base.cache import shipped
-from trexton.companion.experiments import assessment
-from trexton.companion.experiments.advice import advice
-from trexton.companion.figures import assessment as figures
-from trexton.companion.experiments.drawing import to_svg
 from trexton.base.files import atomic_file
 from trexton.base.records import Record
+from trexton.companion.build.charts import inline_figure
+from trexton.companion.experiments import assessment
+from trexton.companion.experiments.advice import advice
+from trexton.companion.experiments.drawing import to_svg
+from trexton.companion.figures import assessment as figures
 from trexton.companion.wording import as_html, distance, middle
 
 __all__ = ["write_report"]

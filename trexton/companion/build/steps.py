@@ -14,11 +14,11 @@ from typing import Any
 import pytask
 
 from trexton.base.errors import TrextonError
-from trexton.companion.experiments.declaration import Experiment
 from trexton.base.files import atomic_file
 from trexton.companion.build import engine
 from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.execution import Job
+from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.nodes import (
     HashedNode,
     inputs_of,
@@ -30,8 +30,8 @@ from trexton.companion.build.nodes import (
     remembered,
 )
 from trexton.companion.build.notebooks import Notebook
-from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.workers import Workers
+from trexton.companion.experiments.declaration import Experiment
 
 __all__ = ["Run", "Step"]
 
@@ -122,7 +122,9 @@ class Run:
         stale = {key for key, one in self.outcomes.items() if one.status in ("failed", "skipped")}
         return [path for path in found if (path.parent.name, path.stem) not in stale]
 
-    def _facts(self, step: Step, planned: Mapping[str, Step]) -> tuple[list[HashedNode], list[HashedNode]]:
+    def _facts(
+        self, step: Step, planned: Mapping[str, Step]
+    ) -> tuple[list[HashedNode], list[HashedNode]]:
         """What goes in, and what comes out."""
         folder, name, owner = self._folder(step), step.notebook.name, step.name
         data = step.pair.hashes if step.pair else {}
@@ -136,9 +138,12 @@ class Run:
         return reads, [*leaves, record_fact(folder / f"{name}.json")]
 
     def _perform(
-        self, step: Step, facts: tuple[list[HashedNode], list[HashedNode]], before: Mapping[str, str] | None,
+        self,
+        step: Step,
+        facts: tuple[list[HashedNode], list[HashedNode]],
+        before: Mapping[str, str] | None,
         display: Display,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Run the notebook; its results replace the last ones when they are whole."""
         folder, name = self._folder(step), step.notebook.name
         why = reasons(facts[0] + facts[1][:1], before, folder, name)
@@ -193,7 +198,9 @@ class Run:
             cluster="" if step.experiment.alone else self.workers.cluster,
         )
 
-    def _outcome(self, step: Step, report: Any, facts: tuple[list[HashedNode], list[HashedNode]]) -> Outcome:
+    def _outcome(
+        self, step: Step, report: Any, facts: tuple[list[HashedNode], list[HashedNode]]
+    ) -> Outcome:
         """What the engine's report means where the step itself did not say."""
         if report.outcome == pytask.TaskOutcome.SKIP_UNCHANGED:
             parts = [

@@ -22,22 +22,22 @@ import pytask
 
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.companion.executor import end_with_parent, limited
-from trexton.companion.experiments.declaration import Experiment, SeedParameters
-from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.base.files import atomic_file, canonical_json, digest
-from trexton.flights import read_flight
 from trexton.base.options import Options
-from trexton.companion.experiments.printed import look_up
 from trexton.base.progress import say
 from trexton.base.records import software_versions
-from trexton.simulator.layouts import LAYOUTS
 from trexton.companion.build import engine
 from trexton.companion.build.cells import measure, record
-from trexton.companion.build.nodes import HashedNode, fixed
 from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
+from trexton.companion.build.nodes import HashedNode, fixed
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.workers import Workers, workers
+from trexton.companion.executor import end_with_parent, limited
+from trexton.companion.experiments.declaration import Experiment, SeedParameters
+from trexton.companion.experiments.printed import look_up
+from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.flights import read_flight
+from trexton.simulator.layouts import LAYOUTS
 
 __all__ = ["Floors", "Plan", "Swept", "sweep"]
 

@@ -12,14 +12,14 @@ from typing import Any
 
 from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.companion.executor import connect
 from trexton.base.files import digest
-from trexton.vision.kernels.load import usable_cores
 from trexton.base.options import whole
 from trexton.base.progress import say
 from trexton.base.records import software_versions
 from trexton.companion.build import execution
 from trexton.companion.build.execution import Done, Job
+from trexton.companion.executor import connect
+from trexton.vision.kernels.load import usable_cores
 
 __all__ = ["Workers", "default_jobs", "workers"]
 
@@ -125,7 +125,11 @@ def _seceded(job: Job) -> Done:
 
 def _fingerprint() -> str:
     modules: dict[str, str] = {}
-    for name in ("trexton.companion.experiments.registry", "trexton.localization.localizer", "trexton.companion.build.execution"):
+    for name in (
+        "trexton.companion.experiments.registry",
+        "trexton.localization.localizer",
+        "trexton.companion.build.execution",
+    ):
         modules |= code_hashes(name)
     return digest(modules, software_versions())
 
