@@ -14,17 +14,17 @@ from conftest import ROOT, mocap_record, small_flight
 
 import trexton
 from trexton.base.errors import DataError, TrextonError
-from trexton.companion.wording import Tree
 from trexton.companion.build import prepare_flights as book_flights
-from trexton.companion.build.make import build_small_book
-from trexton.companion.build.link_check import audit
+from trexton.companion.build.display import Outcome
+from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.formats import nbformat
+from trexton.companion.build.link_check import audit
+from trexton.companion.build.make import build_small_book
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prepare_flights import prepare_flights
 from trexton.companion.build.prose import render
 from trexton.companion.build.sources import Contents, public_names, stage
-from trexton.companion.build.display import Outcome
-from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.wording import Tree
 from trexton.flights import read_flight, write_flight
 from trexton.localization.landing import TouchdownZone
 
@@ -327,7 +327,10 @@ def test_the_page_of_the_library_shows_all_that_is_public(page, tmp_path):
     autodoc = [name for name in config["extra_extensions"] if name.startswith("sphinx.")]
     names = ("autodoc_default_options", "autodoc_typehints", "default_role", "nitpick_ignore_regex")
     options = {name: config["config"][name] for name in names}
-    lines = [f"extensions = {['myst_parser', *autodoc]}", *(f"{k} = {v!r}" for k, v in options.items())]
+    lines = [
+        f"extensions = {['myst_parser', *autodoc]}",
+        *(f"{k} = {v!r}" for k, v in options.items()),
+    ]
     source = tmp_path / "source"
     source.mkdir()
     (source / "conf.py").write_text("\n".join(lines))

@@ -12,22 +12,21 @@ from importlib.metadata import version
 from pathlib import Path
 
 import trexton
-from trexton.companion.build.link_check import audit
-from trexton.companion.build.postprocessing import finish_book
-from trexton.companion.build.prepare_flights import prepare_flights
-from trexton.companion.build.headlines import what_we_found
-from trexton.companion.build.prose import records_by_name
-from trexton.companion.build.readme import is_current
-from trexton.companion.build.sources import Contents, stage
 from trexton.base.cache import code_hashes, repository_root, shipped
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, digest, put_in_place, work_folder
 from trexton.base.progress import say
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.headlines import what_we_found
+from trexton.companion.build.link_check import audit
 from trexton.companion.build.nodes import outputs_of
-from trexton.companion.build.plan import run_experiments
-from trexton.companion.build.plan import sole_writer
+from trexton.companion.build.plan import run_experiments, sole_writer
+from trexton.companion.build.postprocessing import finish_book
+from trexton.companion.build.prepare_flights import prepare_flights
+from trexton.companion.build.prose import records_by_name
+from trexton.companion.build.readme import is_current
+from trexton.companion.build.sources import Contents, stage
 
 _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
 

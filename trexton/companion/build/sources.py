@@ -12,6 +12,12 @@ from typing import Any
 import yaml
 
 import trexton
+from trexton.base.errors import DataError
+from trexton.companion.build.console_output import with_output
+from trexton.companion.build.display import Outcome
+from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.formats import nbformat
+from trexton.companion.build.nodes import outputs_of
 from trexton.companion.build.pages import (
     describe_notebook,
     description,
@@ -21,14 +27,8 @@ from trexton.companion.build.pages import (
     with_flight,
 )
 from trexton.companion.build.prose import records_by_name, render
-from trexton.companion.build.console_output import with_output
-from trexton.base.errors import DataError
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.frames import ImageFiles
-from trexton.companion.build.display import Outcome
-from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.nodes import outputs_of
-from trexton.companion.build.formats import nbformat
 
 __all__ = ["Contents", "public_names", "stage"]
 
