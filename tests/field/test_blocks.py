@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
+from trexton.field.tiles import Tiles
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 
@@ -30,7 +31,8 @@ def test_neighbours_in_time_are_left_out_with_a_block():
 
 
 def test_blocks_of_every_third_frame_have_rows_for_each_of_its_parts():
-    block = Block(np.array([5, 6, 7, 8, 9]), np.arange(3, 12)).of_every(3, 2)
+    given = Block(np.array([5, 6, 7, 8, 9]), np.arange(3, 12))
+    (block,) = Tiles(np.zeros((2, 2))).blocks([given], 3)
     assert block.rows.tolist() == [4, 5, 6, 7]
     assert block.left_out.tolist() == [2, 3, 4, 5, 6, 7]
 

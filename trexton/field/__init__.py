@@ -1,7 +1,6 @@
-"""The field: what histogram the floor shows at each place, learned as a process, and a tracker on
-top of it.
+"""Method ``field``: histograms as Gaussian processes over the floor, and a filter of several
+hypotheses on top of them.
 
-A k-NN asks which training frame looks like this one; a field asks at which place this histogram
-would be seen, also between the training frames, and knows how well it knows that. In flight NumPy
-is enough; learning takes SciPy.
+A k-NN asks which training frame is most similar; a field predicts the histogram of any place, also
+between the training frames, with a variance. In flight NumPy is enough; learning takes SciPy.
 """

@@ -1,4 +1,4 @@
-"""What is left out of a flight to see how a map of the rest errs: blocks of it, in time and space.
+"""Blocks of a flight for leave-neighbours-out cross-validation, in time and in space.
 
 Frames near a left-out one in time show nearly the same; so do those of another pass over the same
 place. A later flight comes less near to the survey, and errs more than blocks that were left out
@@ -29,15 +29,6 @@ class Block:
 
     rows: np.ndarray
     left_out: np.ndarray
-
-    def of_every(self, every: int, parts: int) -> Block:
-        """The block of a flight's every n-th frame only, with so many rows a frame."""
-        return Block(*(_of_every(rows, every, parts) for rows in (self.rows, self.left_out)))
-
-
-def _of_every(rows: np.ndarray, every: int, parts: int) -> np.ndarray:
-    kept = rows[rows % every == 0] // every
-    return (kept[:, None] * parts + np.arange(parts)).ravel()
 
 
 def blocks_in_time(

@@ -1,4 +1,5 @@
-"""What of a histogram a field follows: roots or values, as they are or along axes of their own.
+"""Features of a histogram that a field follows: roots of frequencies or values, as they are or
+along principal axes.
 
 Roots of counts and frequencies have noise alike for rare and frequent bins (Bartlett 1936), and
 distances of Hellinger. Values of which some are negative count nothing: they are taken as they are,
@@ -17,10 +18,10 @@ from trexton.vision.histograms import SUM_TOLERANCE
 
 __all__ = ["Features"]
 
-MAX_FEATURES = 400  # features: more are taken along their axes, of which the strongest are kept
-MAX_COMPONENTS = 125
-APART = -2.0  # by `_apart`: features that are nearer to each other are taken along their axes
-LEAST = 1e-6  # variance along an axis, as a share of the largest: below that it says nothing
+MAX_FEATURES = 400  # more are taken along their principal axes
+MAX_COMPONENTS = 125  # principal axes that are kept
+REDUNDANCY = -2.0  # mean log eigenvalue below which features are taken along their principal axes
+MIN_EIGENVALUE = 1e-6  # of an axis that is kept, as a share of the largest
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,10 +58,10 @@ class Features:
         covariance = np.cov((values @ alone).T).reshape(len(used), len(used))
         sums = histograms.sum(axis=1)
         bins = not signed and np.ptp(sums) <= SUM_TOLERANCE * sums.max()
-        if len(used) <= MAX_FEATURES and (bins or _apart(covariance) >= APART):
+        if len(used) <= MAX_FEATURES and (bins or _mean_log_eigenvalue(covariance) >= REDUNDANCY):
             return cls(alone, signed)
         variances, turn = np.linalg.eigh(covariance)
-        kept = variances > LEAST * variances[-1]
+        kept = variances > MIN_EIGENVALUE * variances[-1]
         kept[:-MAX_COMPONENTS] = False
         return cls(alone @ (turn[:, kept] / np.sqrt(variances[kept])), signed)
 
@@ -91,8 +92,8 @@ def _informative(values: np.ndarray) -> np.ndarray:
     return varying[np.sort(first)]
 
 
-def _apart(covariance: np.ndarray) -> float:
-    """Mean log of the variances along the principal axes of the correlations; 0 without any."""
+def _mean_log_eigenvalue(covariance: np.ndarray) -> float:
+    """Of the correlation matrix of a covariance; 0 where features are independent."""
     deviations = np.sqrt(np.diag(covariance))
     variances = np.linalg.eigvalsh(covariance / np.outer(deviations, deviations))
-    return float(np.log(np.maximum(variances, LEAST)).mean())
+    return float(np.log(np.maximum(variances, MIN_EIGENVALUE)).mean())

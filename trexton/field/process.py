@@ -1,4 +1,5 @@
-"""Gaussian processes from places to features, one a feature, with one kernel.
+"""Gaussian processes from places to features, one a feature, with one kernel; their predictions
+with a block left out, and the choice of the kernel's length by them.
 
 Equations after Rasmussen & Williams, "Gaussian Processes for Machine Learning" (2006): (2.25) and
 (2.26) for mean and variance, Sec. 5.4.2 for predictions with a part left out. Shapes, throughout:
@@ -17,7 +18,7 @@ import numpy as np
 if TYPE_CHECKING:
     from trexton.field.blocks import Block
 
-__all__ = ["Process", "select_length", "matern", "merge_places", "negative_log_predictive_density"]
+__all__ = ["Process", "select_length", "matern", "merge_places", "nlpd"]
 
 # Noise of a frame as a share of the signal variance: what the field must not try to follow.
 NOISE = 0.03
@@ -102,22 +103,19 @@ class Process:
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """``(M, K)`` mean at places, in slices that stay small."""
-        found = np.empty((len(places), self.weights.shape[1]))
-        for part, kernel in self._kernels(places):
-            found[part] = kernel @ self.weights
-        return found
+        return np.concatenate([kernel @ self.weights for kernel in self._kernels(places)])
 
     def variance(self, places: np.ndarray) -> np.ndarray:
         """``(M,)`` variance at places, without noise."""
-        found = np.empty(len(places))
-        for part, kernel in self._kernels(places):
-            found[part] = 1 - np.einsum("ij,ij->i", kernel @ self.precision, kernel)
-        return np.maximum(found, 0)
+        explained = [
+            np.einsum("ij,ij->i", kernel @ self.precision, kernel)
+            for kernel in self._kernels(places)
+        ]
+        return np.maximum(1 - np.concatenate(explained), 0)
 
-    def _kernels(self, places: np.ndarray) -> Iterator[tuple[slice, np.ndarray]]:
+    def _kernels(self, places: np.ndarray) -> Iterator[np.ndarray]:
         for first in range(0, len(places), 1024):
-            part = slice(first, first + 1024)
-            yield part, matern(places[part], self.places, self.length)
+            yield matern(places[first : first + 1024], self.places, self.length)
 
     def residuals(self, blocks: Sequence[Block]) -> tuple[np.ndarray, np.ndarray]:
         """``(N, K)`` errors at each place without its block; ``(N,)`` variances with noise."""
@@ -144,29 +142,25 @@ class Process:
             yield block, mean - lost @ self.weights[out], np.maximum(without, 0)
 
 
-def negative_log_predictive_density(
-    process: Process, blocks: Sequence[Block]
-) -> tuple[float, np.ndarray, np.ndarray]:
-    """How unlikely left-out blocks are, a feature of a place, with `Process.residuals`.
+def nlpd(process: Process, blocks: Sequence[Block]) -> tuple[float, np.ndarray, np.ndarray]:
+    """Negative log predictive density of left-out blocks, twice that of a feature of a place and
+    less a constant, with `Process.residuals`.
 
-    Minus twice its log likelihood, less a constant: each feature's signal variance takes its
-    likeliest value.
+    Each feature's signal variance takes its likeliest value.
     """
     errors, variances = process.residuals(blocks)
     scale = (np.square(errors) / variances[:, None]).mean(axis=0)
-    misfit = float(np.log(np.maximum(scale, 1e-300)).mean() + np.log(variances).mean())
-    return misfit, errors, variances
+    density = float(np.log(np.maximum(scale, 1e-300)).mean() + np.log(variances).mean())
+    return density, errors, variances
 
 
 def select_length(
     places: np.ndarray, features: np.ndarray, blocks: Sequence[Block], diagonal: float
 ) -> tuple[Process, np.ndarray, np.ndarray]:
-    """The process whose left-out blocks are likeliest, with their residuals and variances."""
-    best = None
-    for length in diagonal * np.array(LENGTHS):
-        process = Process.fit(places, features, float(length))
-        misfit, errors, variances = negative_log_predictive_density(process, blocks)
-        if best is None or misfit < best[0]:
-            best = misfit, process, errors, variances
-    assert best is not None
-    return best[1], best[2], best[3]
+    """The process with the least `nlpd` of left-out blocks, with their residuals and variances."""
+    processes = (
+        Process.fit(places, features, float(length)) for length in diagonal * np.array(LENGTHS)
+    )
+    judged = ((process, *nlpd(process, blocks)) for process in processes)
+    process, _, errors, variances = min(judged, key=lambda each: each[1])
+    return process, errors, variances

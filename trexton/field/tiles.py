@@ -1,9 +1,9 @@
-"""What ground the parts of an image show: places of their own, beside that of the frame.
+"""The ground footprints of image tiles, learned from a survey: places beside that of the frame.
 
 A field over the places of frames knows little between two lanes of a survey. But an image that is
-cut into parts shows the floor of several places at once, and what its left part sees from one lane
-its right part saw from the next. Taken as one field over the ground, of which a frame sees as many
-places as it has parts, a survey covers all that it has seen, not only where it was.
+cut into tiles shows the floor of several places at once, and what its left tile shows from one lane
+its right tile showed from the next. With one field over the ground, of which a frame shows as many
+places as it has tiles, a survey covers all that it has shown, not only where it was.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from scipy.spatial.distance import cdist
 
 from trexton.field.blocks import Block, blocks_in_time
 from trexton.field.grid import bilinear, grid_cells
-from trexton.field.process import Process, negative_log_predictive_density
+from trexton.field.process import Process, nlpd
 from trexton.localization.base import Area
 
 __all__ = ["Tiles"]
 
-MAX_FRAMES = 800  # frames among which look-alikes are sought
-MAX_ROWS = 400  # parts of frames of which the likelihood is asked
+MAX_FRAMES = 800  # among which mutual nearest neighbours are sought
+MAX_ROWS = 400  # tiles of frames of which the predictive density is taken
 LENGTH = 0.1  # of the kernel meanwhile, as a share of the diagonal of what was flown over
-MIN_PAIRS = 10  # pairs of frames that must show the same ground
-SIMPLEX_SIZE = 0.2  # of a step: how far from what look-alikes say the search begins
-TOLERANCE = 0.02  # of a step, and of the likelihood of a feature
+MIN_PAIRS = 10  # of frames that must show the same ground
+SIMPLEX_SIZE = 0.2  # of a step, of the initial simplex
+TOLERANCE = 0.02  # of a step, and of the predictive density
 MAX_EVALUATIONS = 120
-MIN_GAIN = 0.1  # of the likelihood of a feature, for which places of their own are taken
-MAX_TILES = 16  # parts; of more, each sees little and all cost much
-COARSE_CELLS = 1600  # cells of the grid on which variances are taken, which are smooth
+MIN_GAIN = 0.1  # of predictive density, for which tiles get footprints of their own
+MAX_TILES = 16  # of more, each shows little and all cost much
+COARSE_CELLS = 1600  # of the grid on which variances are taken, which are smooth
 
 
 @dataclass(frozen=True, eq=False)
 class Tiles:
-    """Where the parts of an image look, from the place of its frame.
+    """Footprints of an image's tiles, from the place of its frame.
 
     Attributes
     ----------
@@ -53,16 +53,16 @@ class Tiles:
         """As a training flight shows by itself, without camera and height.
 
         Two frames of which one shows to the left what the other shows to the right are as far from
-        each other as its two parts. How far that is exactly the likelihood of left-out blocks
-        tells, and whether one field of the ground foretells them at all: better than a field for
-        each part, and better than one place for all parts, as of a camera that turned meanwhile.
+        each other as these two tiles. The predictive density of left-out blocks says how far that
+        is exactly, and whether one field of the ground predicts them at all: better than a field
+        for each tile, and better than one place for all tiles, as of a camera that turned.
 
         Parameters
         ----------
         places : (N, 2) array
             Metres.
         features : (N, C, k) array
-            Of each of the C parts.
+            Of each of the C tiles.
         time : (N,) array
             Seconds.
         """
@@ -78,15 +78,15 @@ class Tiles:
         blocks = blocks_in_time(time[thinned])
         length = LENGTH * max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
 
-        def misfit(tiles: Tiles) -> float:
+        def density(tiles: Tiles) -> float:
             values = features.reshape(len(places) * len(tiles.offsets), -1)
             process = Process.fit(tiles.places(places), values - values.mean(axis=0), length)
-            return negative_log_predictive_density(process, tiles.blocks(blocks))[0]
+            return nlpd(process, tiles.blocks(blocks))[0]
 
         size = max(float(np.abs(steps).max()), 1e-3)
         corners = size * SIMPLEX_SIZE * np.vstack([np.zeros(4), np.eye(4)])
         best = minimize(
-            lambda steps: misfit(cls.apart(steps.reshape(2, 2), parts)),
+            lambda steps: density(cls.apart(steps.reshape(2, 2), parts)),
             steps.ravel(),
             method="Nelder-Mead",
             options={
@@ -96,25 +96,25 @@ class Tiles:
                 "maxfev": MAX_EVALUATIONS,
             },
         )
-        found, together = cls.apart(best.x.reshape(2, 2), parts), cls(np.zeros((parts, 2)))
-        return found if best.fun < min(misfit(whole), misfit(together)) - MIN_GAIN else whole
+        fitted, together = cls.apart(best.x.reshape(2, 2), parts), cls(np.zeros((parts, 2)))
+        return fitted if best.fun < min(density(whole), density(together)) - MIN_GAIN else whole
 
     @classmethod
     def apart(cls, steps: np.ndarray, parts: int) -> Tiles:
-        """So many parts, the steps ``(2, 2)`` from one to the next, to the right and down, given in
-        metres; about the place of the frame.
+        """So many tiles about the place of the frame; steps ``(2, 2)`` in metres from one to the
+        next, to the right and down.
         """
         middle = (isqrt(parts) - 1) / 2
         down, right = np.divmod(np.arange(parts), isqrt(parts))
         return cls((right - middle)[:, None] * steps[0] + (down - middle)[:, None] * steps[1])
 
     def places(self, places: np.ndarray) -> np.ndarray:
-        """``(N C, 2)`` places of what the parts of frames at ``(N, 2)`` places show."""
+        """``(N C, 2)`` footprints of frames at ``(N, 2)`` places."""
         return (places[:, None] + self.offsets).reshape(-1, 2)
 
     def variance(self, process: Process, centers: np.ndarray, area: Area) -> np.ndarray:
-        """``(M,)`` variance of the process, on average over what is shown from the centres of an
-        area's cells; by way of a coarse grid where there are several parts.
+        """``(M,)`` variance of the process, on average over the footprints from the centres of an
+        area's cells; by way of a coarse grid where there are several tiles.
         """
         if len(self.offsets) == 1:
             return process.variance(centers + self.offsets)
@@ -123,17 +123,22 @@ class Tiles:
         wider = (*x.tolist(), *y.tolist())
         cells, shape = grid_cells(wider, COARSE_CELLS)
         grid, corners = process.variance(cells).reshape(shape), np.array(wider)
-        found = [bilinear(grid, corners, centers + offset) for offset in self.offsets]
-        return np.mean(found, axis=0)
+        return np.mean([bilinear(grid, corners, centers + each) for each in self.offsets], axis=0)
 
     def blocks(self, blocks: Sequence[Block], every: int = 1) -> list[Block]:
-        """Blocks of a flight's frames as blocks of the parts of every n-th of them."""
-        return [block.of_every(every, len(self.offsets)) for block in blocks]
+        """Blocks of a flight's frames as blocks of the tiles of every n-th of them."""
+        count = len(self.offsets)
+
+        def of_tiles(rows: np.ndarray) -> np.ndarray:
+            kept = rows[rows % every == 0] // every
+            return (kept[:, None] * count + np.arange(count)).ravel()
+
+        return [Block(of_tiles(block.rows), of_tiles(block.left_out)) for block in blocks]
 
 
 def _steps(places: np.ndarray, features: np.ndarray) -> np.ndarray | None:
-    """``(2, 2)`` metres from a part to the next to the right, and to the next below, by the frames
-    that look alike there; None where too few do.
+    """``(2, 2)`` metres from a tile to the next to the right, and to the next below, by mutual
+    nearest neighbours among the frames; None where there are too few.
     """
     side = isqrt(features.shape[1])
     number = np.arange(side**2).reshape(side, side)
@@ -154,9 +159,7 @@ def _steps(places: np.ndarray, features: np.ndarray) -> np.ndarray | None:
 
 
 def _apart(places: np.ndarray, features: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """``(n, 2)`` metres from the one to the other of two frames, of which one's features are most
-    like the other's `others` and the other way round.
-    """
+    """``(n, 2)`` metres between mutual nearest neighbours, frames by `features` and by `others`."""
     distance = cdist(features, others, "sqeuclidean")
     nearest = distance.argmin(axis=1)
     mutual = np.flatnonzero(distance.argmin(axis=0)[nearest] == np.arange(len(nearest)))
