@@ -17,12 +17,11 @@ from trexton.base.records import machine
 from trexton.cli import main as cli
 from trexton.companion.checks import bench_estimation as estimation
 from trexton.companion.checks import bench_images as images
-from trexton.companion.checks import growth, start
+from trexton.companion.checks import bench_processes
 from trexton.companion.checks.bench import STAGES, Row, measure, table
-from trexton.companion.checks.bench_estimation import _by_numpy, _map_by_einsum, _map_by_sums
+from trexton.companion.checks.bench_estimation import _by_numpy, _map_by_einsum, exponent
 from trexton.companion.checks.bench_images import _by_cdist, operations
-from trexton.companion.checks.bench_onboard import onboard
-from trexton.companion.checks.growth import exponent
+from trexton.companion.checks.bench_processes import onboard
 from trexton.companion.checks.scene import Scene, crowd, observations
 from trexton.companion.checks.timing import Times, interleave
 from trexton.companion.executor import limited_threads
@@ -110,7 +109,7 @@ def test_yardsticks_of_the_histogram_compute_the_histogram(rng):
     assert np.allclose(_by_cdist(image, dictionary), texton_histogram(image, dictionary))
 
 
-def test_yardsticks_of_the_filter_find_the_same_particle(rng):
+def test_yardstick_of_the_filter_finds_the_same_particle(rng):
     motion, mixture = (
         RandomWalk.of(0.05 * np.eye(2)),
         RankMixture.of(0.2 * np.eye(2)[None].repeat(5, axis=0)),
@@ -127,9 +126,7 @@ def test_yardsticks_of_the_filter_find_the_same_particle(rng):
         np.linalg.inv(0.05 * np.eye(2)),
     )
     expected = MaximumAPosteriori().position(now, before, motion)
-    assert np.array_equal(_map_by_einsum(*inputs), expected) and np.array_equal(
-        _map_by_sums(*inputs), expected
-    )
+    assert np.array_equal(_map_by_einsum(*inputs), expected)
 
 
 def test_yardstick_of_the_neighbours_finds_the_same_rows(rng):
@@ -200,7 +197,7 @@ STAGE_ROWS = {
 @pytest.fixture
 def hurried(monkeypatch):
     """Every contestant once or twice: what is measured matters here, not how long it took."""
-    for module in (estimation, growth, images):
+    for module in (estimation, images):
         brief = partial(interleave, seconds=1e-4, rounds=1)
         monkeypatch.setattr(module, "interleave", lambda turns, *_, brief=brief, **__: brief(turns))
 
@@ -218,7 +215,7 @@ def test_a_stage_is_beside_its_yardsticks(stage, scene, hurried):
 
 
 def test_growth_of_every_size_is_fitted(scene, hurried):
-    rows = list(growth.growth(scene, quick=True))
+    rows = list(estimation.growth(scene, quick=True))
     stages = dict.fromkeys(row.stage for row in rows)
     assert len(stages) == 6 and all(stage.startswith("growth, ") for stage in stages)
     for stage in stages:
@@ -250,8 +247,8 @@ def test_started_processes_have_bytecode_whatever_the_environment(scene, monkeyp
     """Where Python writes none every source would be compiled anew, and that be measured."""
     monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
     told = []
-    monkeypatch.setattr(start.subprocess, "run", lambda *_, env, **__: told.append(env))
-    list(start.start(scene, quick=True))
+    monkeypatch.setattr(bench_processes.subprocess, "run", lambda *_, env, **__: told.append(env))
+    list(bench_processes.start(scene, quick=True))
     assert told and all(
         "PYTHONDONTWRITEBYTECODE" not in env and env["PYTHONPYCACHEPREFIX"] for env in told
     )

@@ -24,9 +24,9 @@ STAGES = {
     "frame": ("bench_estimation", "whole_frame"),
     "homography": ("bench_images", "homography"),
     "simulator": ("bench_images", "simulator"),
-    "start": ("start", "start"),
-    "onboard": ("bench_onboard", "onboard"),
-    "growth": ("growth", "growth"),
+    "start": ("bench_processes", "start"),
+    "onboard": ("bench_processes", "onboard"),
+    "growth": ("bench_estimation", "growth"),
 }
 
 

@@ -1,10 +1,12 @@
-"""Stages that follow the histogram: neighbours, filter, and the frame as a whole."""
+"""Stages that follow the histogram: neighbours, filter, the whole frame; and growth with size.
+
+Offers the stages, each a generator of rows beside its yardsticks.
+"""
 
 from __future__ import annotations
 
-import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import cycle
 from typing import Any
 
@@ -18,8 +20,11 @@ from trexton.companion.wording import duration
 from trexton.evaluation.runtime import StageTimer
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.neighbors import NearestHistograms
+from trexton.onboard.status import resident_bytes
+from trexton.vision.histograms import sampled_histogram, texton_histogram
+from trexton.vision.textons import TextonDictionary
 
-__all__ = ["filter_step", "neighbors", "whole_frame"]
+__all__ = ["exponent", "filter_step", "growth", "neighbors", "whole_frame"]
 
 _K = 5
 
@@ -54,7 +59,7 @@ def _by_numpy(table: np.ndarray, query: np.ndarray) -> np.ndarray:
 
 
 def filter_step(scene: Scene, quick: bool) -> Iterator[Row]:
-    """One step of the filter with its MAP estimate against `einsum` and a plain double sum."""
+    """One step of the filter with its MAP estimate against `einsum`."""
     motion, mixture = scene.map.parts["motion"], scene.map.parts["measurement"]
     precision = np.linalg.inv(motion.growth(scene.map.period_s))
     for count, limit, threads in ((50, 0.5, 1), (500, 0.04, 1), (5000, 0.02, 2)):
@@ -72,16 +77,17 @@ def filter_step(scene: Scene, quick: bool) -> Iterator[Row]:
         assert before is not None  # two steps were made
         inputs = (now.states, now.log_likelihood, before.states, before.weights, precision)
         contestants = {"ours": ours, "einsum": lambda: _map_by_einsum(*inputs)}
-        if count <= 500:
-            contestants["double sum"] = lambda: _map_by_sums(*inputs)
         with limited_threads(threads):
             times = interleave(contestants, 0.3 if quick else 1.0, 3 if quick else 9)
-        for name, asked in (("einsum", limit), ("double sum", None)):
-            if name in times:
-                other = f"{name}, MAP alone"
-                yield Row.compare(
-                    "filter step", count, threads, times["ours"], other, times[name], asked
-                )
+        yield Row.compare(
+            "filter step",
+            count,
+            threads,
+            times["ours"],
+            "einsum, MAP alone",
+            times["einsum"],
+            limit,
+        )
 
 
 def _map_by_einsum(
@@ -93,23 +99,6 @@ def _map_by_einsum(
         squared = np.einsum("ija,ab,ijb->ij", difference, precision, difference)
         density[first : first + 100] = np.exp(-0.5 * squared) @ weights
     return particles[np.argmax(log_likelihood + np.log(density + 1e-300))]
-
-
-def _map_by_sums(
-    particles: np.ndarray, log_likelihood: Any, previous: Any, weights: Any, precision: Any
-) -> np.ndarray:
-    (a, b), (_, d) = precision.tolist()
-    best, place = -np.inf, 0
-    known = list(zip(previous.tolist(), weights.tolist(), strict=False))
-    for i, (x, y) in enumerate(particles.tolist()):
-        total = 1e-300
-        for (u, v), weight in known:
-            dx, dy = x - u, y - v
-            total += weight * np.e ** (-0.5 * (a * dx * dx + 2 * b * dx * dy + d * dy * dy))
-        score = log_likelihood[i] + np.log(total)
-        if score > best:
-            best, place = score, i
-    return particles[place]
 
 
 def whole_frame(scene: Scene, quick: bool) -> Iterator[Row]:
@@ -153,13 +142,77 @@ def _many_frames(localizer: Any, frames: Any, count: int) -> tuple[np.ndarray, t
         localizer.step(frame)
         seconds[index] = time.perf_counter() - start
         if index == count // 10:
-            before = _resident_bytes()
-    return seconds, (before, _resident_bytes())
+            before = resident_bytes()
+    return seconds, (before, resident_bytes())
 
 
-def _resident_bytes() -> int:
-    try:
-        with open("/proc/self/statm") as stream:
-            return int(stream.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-    except OSError:
-        return 0
+def growth(scene: Scene, quick: bool) -> Iterator[Row]:
+    """Image size, textons, samples, particles, stored histograms; one thread, else the paper's
+    defaults.
+    """
+    contests: tuple[tuple[str, tuple[int, ...], Callable[..., Any]], ...] = (
+        ("pixels, full sampling", (160 * 120, 320 * 240, 640 * 480, 1280 * 960), _image),
+        ("textons, full sampling", (8, 16, 32, 64, 128), _textons),
+        ("samples", (50, 200, 800, 3200, 12_800), _samples),
+        ("particles, filter and MAP", (25, 100, 400, 1600, 6400), _particles),
+        ("stored histograms, tree", (1000, 10_000, 100_000, 1_000_000), _stored("tree")),
+        ("stored histograms, in turn", (1000, 10_000, 100_000), _stored("brute")),
+    )
+    for what, sizes, make in contests:
+        sizes = sizes[:-1] if quick else sizes
+        rng = scene.rng("growth")
+        with limited_threads(1):
+            contestants = {size: make(scene, size, rng) for size in sizes}
+            times = interleave(contestants, 0.1 if quick else 0.4, 5)
+        yield from _fitted(what, times)
+
+
+def exponent(sizes: Any, seconds: Any) -> tuple[float, float]:
+    """Slope and constant of log time over log size, by least squares."""
+    slope, constant = np.polyfit(np.log(sizes), np.log(seconds), 1)
+    return float(slope), float(constant)
+
+
+def _fitted(what: str, times: dict[int, Times]) -> Iterator[Row]:
+    slope, constant = exponent(list(times), [each.median for each in times.values()])
+    for size, each in times.items():
+        fitted = float(np.exp(constant) * size**slope)
+        yield Row.compare(f"growth, {what}", size, 1, each, f"fit, exponent {slope:.2f}", fitted)
+
+
+def _image(scene: Scene, pixels: int, rng: np.random.Generator) -> Callable[..., Any]:
+    height = round(np.sqrt(pixels * 3 / 4))
+    image = np.resize(scene.frame, (height, pixels // height, 3))
+    return lambda: texton_histogram(image, scene.dictionary, threads=1)
+
+
+def _textons(scene: Scene, count: int, rng: np.random.Generator) -> Callable[..., Any]:
+    dictionary = TextonDictionary(rng.integers(0, 256, (count, 6, 6, 3), dtype=np.uint8))
+    return lambda: texton_histogram(scene.frame, dictionary, threads=1)
+
+
+def _samples(scene: Scene, count: int, rng: np.random.Generator) -> Callable[..., Any]:
+    return lambda: sampled_histogram(scene.frame, scene.dictionary, count, rng=rng)
+
+
+def _particles(scene: Scene, count: int, rng: np.random.Generator) -> Callable[..., Any]:
+    parts = scene.map.parts
+    filter_ = ParticleFilter(parts["motion"], parts["measurement"], scene.map.area, count, rng=rng)
+    seen = cycle(observations(2.5 + 0.4 * scene.rng("measurements").standard_normal((100, 5, 2))))
+
+    def step() -> Any:
+        filter_.step(next(seen))
+        return filter_.position()
+
+    return step
+
+
+def _stored(method: str) -> Callable[..., Any]:
+    def make(scene: Scene, count: int, rng: np.random.Generator) -> Callable[..., Any]:
+        nearest = NearestHistograms(
+            crowd(scene.histograms, count, rng), np.zeros((count, 2)), method=method
+        )
+        queries = iter(np.tile(crowd(scene.histograms, 200, rng), (100, 1)))
+        return lambda: nearest.query(next(queries))
+
+    return make

@@ -128,34 +128,23 @@ def interleave(
 
 def table(rows: list[Row]) -> str:
     """Rows as a text table."""
-    head = (
-        "stage",
-        "size",
-        "threads",
-        "ours",
-        "p99",
-        "yardstick",
-        "takes",
-        "ratio",
-        "at most",
-        "",
-        "",
-    )
-    lines = [head]
-    for row in rows:
-        limit = "" if row.limit is None else f"{row.limit:.2f}"
-        verdict = {True: "holds", False: "MISSED", None: ""}[row.holds]
-        p99 = "" if row.p99_s is None else duration(row.p99_s)
-        ours = (row.stage, row.size, str(row.threads), duration(row.ours_s), p99)
-        theirs = (
-            row.yardstick,
-            duration(row.yardstick_s),
-            f"{row.ratio:.3g}",
-            limit,
-            verdict,
-            row.note,
-        )
-        lines.append(ours + theirs)
-    widths = [max(map(len, column)) for column in zip(*lines, strict=False)]
-    cells = (map(str.ljust, line, widths) for line in lines)
-    return "\n".join("  ".join(line).rstrip() for line in cells)
+    import pandas as pd
+
+    verdicts = {True: "holds", False: "MISSED", None: ""}
+    cells = [
+        {
+            "stage": row.stage,
+            "size": row.size,
+            "threads": row.threads,
+            "ours": duration(row.ours_s),
+            "p99": "" if row.p99_s is None else duration(row.p99_s),
+            "yardstick": row.yardstick,
+            "takes": duration(row.yardstick_s),
+            "ratio": f"{row.ratio:.3g}",
+            "at most": "" if row.limit is None else f"{row.limit:.2f}",
+            "": verdicts[row.holds],
+            "note": row.note,
+        }
+        for row in rows
+    ]
+    return pd.DataFrame(cells).to_string(index=False)
