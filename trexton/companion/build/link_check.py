@@ -29,7 +29,9 @@ class _Links:
         self.loaded = [str(each.get("src", each.get("data"))) for each in page.select(_LOADED)]
         self.loaded += [str(each.get("href", "")) for each in links]
         self.links = [str(each["href"]) for each in page.select("a[href]")]
-        self.anchors = {str(each[key]) for key in ("id", "name") for each in page.select(f"[{key}]")}
+        self.anchors = {
+            str(each[key]) for key in ("id", "name") for each in page.select(f"[{key}]")
+        }
         self.undescribed = [
             str(each.get("src", ""))
             for each in page.select("img")
