@@ -34,7 +34,8 @@ from trexton.flights import Flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.importers import importer
 from trexton.flights.importers.calibration import read_calibration
-from trexton.localization.localizer import TextonMap
+from trexton.localization.map_files import load_map, save_map
+from trexton.localization.training import train_map
 from trexton.onboard.logbook import replayed
 from trexton.vision.images import read_image
 
@@ -200,8 +201,8 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
         part.mkdir()
     sound = write_flight(small(), folder / "sound")
     table = {name: (sound / name).read_bytes() for name in ("flight.toml", "frames.csv")}
-    texton_map = TextonMap.train(small(), neighbors=2, rng=np.random.default_rng(1))
-    map_bytes = texton_map.save(folder / "sound.npz").read_bytes()
+    texton_map = train_map(small(), neighbors=2, rng=np.random.default_rng(1))
+    map_bytes = save_map(texton_map, folder / "sound.npz").read_bytes()
     record = Record("e", "f", {"a": 1}, {"b": 2.0}, series={"time_s": [0.0, 1.0]})
     record_bytes = record.save(folder / "records").read_bytes()
     (folder / "p.csv").write_text("t,x,y\n0,1,2\n1,1,2\n2,1,3\n")
@@ -228,7 +229,7 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
             _file("i.png", folder, read_image),
             [_encoded(s) for s in (".png", ".jpg", ".bmp", ".webp", ".tiff")],
         ),
-        "map": (_file("m.npz", parts["map"], TextonMap.load), [map_bytes]),
+        "map": (_file("m.npz", parts["map"], load_map), [map_bytes]),
         "record": (_file("r.json", folder, Record.load), [record_bytes]),
         "import euroc": (_importer("euroc", "mav0/vicon0/data.csv", parts["euroc"], True), [euroc]),
         "import tum": (_importer("tum", "groundtruth.txt", parts["tum"], True), [track]),

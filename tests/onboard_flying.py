@@ -11,6 +11,7 @@ from onboard_tools import AREA, room, room_map
 
 from trexton.flights import Flight
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.training import train_map
 from trexton.onboard import Fix, Onboard
 from trexton.onboard.sinks import Guard, Sink
 from trexton.onboard.sources import Frame, Source
@@ -48,7 +49,7 @@ def run(
 
 
 def histogram_map(flight: Flight) -> TextonMap:
-    return TextonMap.train(flight.part("train"), neighbors=3, rng=np.random.default_rng(1))
+    return train_map(flight.part("train"), neighbors=3, rng=np.random.default_rng(1))
 
 
 def room_localizer(**options) -> Localizer:

@@ -14,6 +14,7 @@ import numpy as np
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Estimate, TextonMap
 from trexton.localization.motion import RandomWalk
+from trexton.localization.training import train_map
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.sinks import Surroundings
@@ -59,7 +60,7 @@ def room_map() -> TextonMap:
         flight = record_flight(
             f"{folder}/survey", frames=200, every=4, seed=1, camera=CAMERA, floor=colourful_floor()
         )
-        texton_map = TextonMap.train(flight, n_textons=16, rng=np.random.default_rng(1))
+        texton_map = train_map(flight, n_textons=16, rng=np.random.default_rng(1))
     # The survey was thinned out: a live camera gives four frames where it kept one.
     walk = RandomWalk.of(texton_map.parts["motion"].covariance / 4, 0.08)
     return replace(texton_map, period_s=0.08, parts=texton_map.parts | {"motion": walk})
@@ -74,7 +75,7 @@ def field_map() -> TextonMap:
         flight = record_flight(
             f"{folder}/survey", frames=800, seed=1, camera=CAMERA, floor=colourful_floor()
         )
-        return TextonMap.train(
+        return train_map(
             flight, method="field", n_textons=16, rng=np.random.default_rng(1),
             **{"motion.agility": 1.0},
         )  # fmt: skip

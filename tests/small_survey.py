@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 
 from trexton.field.tracks import TrackFilter
-from trexton.localization.base import Training
 from trexton.localization.distances import Hellinger
 from trexton.localization.observation import Observation
+from trexton.localization.training_set import Training
 
 AREA = (0.0, 4.0, 0.0, 3.0)
 
@@ -43,7 +43,6 @@ def training(count: int = 500, scale: float = 1.0, **changes) -> Training:
         distance=Hellinger(),
         dictionary=None,
         flight=None,
-        texton_map=None,
         rng=rng,
     )
     return replace(given, **changes)

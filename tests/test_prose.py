@@ -62,7 +62,7 @@ def names(tmp_path_factory):
         floor=floor,
         camera=Camera(width=640, height=480, focal=520.0),
     )
-    texton_map = trexton.TextonMap.train(flight, n_textons=8, rng=np.random.default_rng(0))
+    texton_map = trexton.train_map(flight, n_textons=8, rng=np.random.default_rng(0))
     localizer = trexton.Localizer(
         texton_map, samples=100, particles=50, rng=np.random.default_rng(0)
     )

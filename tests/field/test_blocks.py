@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
 from trexton.field.tiles import Tiles
 from trexton.flights.flight import Flight
-from trexton.localization.localizer import TextonMap
+from trexton.localization.training import train_map
 
 
 @pytest.mark.parametrize("count", [3, 18, 75])
@@ -102,7 +102,7 @@ def test_a_survey_flown_twice_claims_what_it_errs():
         seen = np.exp(0.5 * np.sin(places @ waves) + noise)
         area, frame = (-0.25, 4.25, -0.25, 2.75), np.arange(len(time))
         survey = Flight("survey", frame, time, places, area, histograms=seen, features="waves")
-        field = TextonMap.train(survey, method="field", rng=rng).parts["measurement"]
+        field = train_map(survey, method="field", rng=rng).parts["measurement"]
         growth = float(field.correlated_inflation(np.array([[2.0, 1.0]]))[0])
         return field.error_model.correlated_sigma, growth
 

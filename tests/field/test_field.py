@@ -15,7 +15,9 @@ from trexton.field.field import Field
 from trexton.field.grid import grid_cells
 from trexton.field.singer import Singer
 from trexton.field.tracks import TrackFilter
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import load_map, save_map
+from trexton.localization.training import train_map
 
 
 def test_cells_fill_the_area():
@@ -278,8 +280,8 @@ def test_a_mean_of_lasting_errors_varies_as_said(rng):
 
 def test_the_method_trains_flies_and_is_stored(tmp_path):
     flight = histogram_flight("hall", frames=200)
-    texton_map = TextonMap.train(flight, method="field", rng=np.random.default_rng(1))
-    again = TextonMap.load(texton_map.save(tmp_path / "map.npz"))
+    texton_map = train_map(flight, method="field", rng=np.random.default_rng(1))
+    again = load_map(save_map(texton_map, tmp_path / "map.npz"))
     fly = [Localizer(each, rng=np.random.default_rng(3)) for each in (texton_map, again)]
     for histogram in flight.histograms[:20]:
         one, other = (localizer.step(histogram) for localizer in fly)
@@ -289,14 +291,14 @@ def test_the_method_trains_flies_and_is_stored(tmp_path):
 
 def test_a_method_without_neighbours_takes_no_number_of_them():
     flight = histogram_flight("hall", frames=200)
-    texton_map = TextonMap.train(flight, method="field", rng=np.random.default_rng(1))
+    texton_map = train_map(flight, method="field", rng=np.random.default_rng(1))
     with pytest.raises(ParameterError, match="'field' looks at none"):
         Localizer(texton_map, neighbors=3, rng=np.random.default_rng(3))
 
 
 def test_a_field_measures_for_particles_too():
     flight = histogram_flight("hall", frames=200)
-    texton_map = TextonMap.train(flight, measurement="field", rng=np.random.default_rng(1))
+    texton_map = train_map(flight, measurement="field", rng=np.random.default_rng(1))
     localizer = Localizer(texton_map, particles=500, rng=np.random.default_rng(3))
     for histogram in flight.histograms[:30]:
         estimate = localizer.step(histogram)

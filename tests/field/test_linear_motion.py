@@ -12,7 +12,9 @@ from trexton.field.constant_velocity import ConstantVelocity
 from trexton.field.linear_motion import LinearMotion, flight_statistics
 from trexton.field.singer import Singer
 from trexton.field.tracks import TrackFilter
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import load_map, save_map
+from trexton.localization.training import train_map
 
 
 @dataclass(eq=False)
@@ -69,8 +71,8 @@ def test_the_filter_of_method_field_takes_any_of_them(field, later, kind):
 def test_one_is_chosen_by_name_and_flown_from_the_stored_map(tmp_path, name):
     flight = histogram_flight("hall", frames=200)
     rng = np.random.default_rng(1)
-    trained = TextonMap.train(flight, method="field", motion=name, rng=rng)
-    texton_map = TextonMap.load(trained.save(tmp_path / "map.npz"))
+    trained = train_map(flight, method="field", motion=name, rng=rng)
+    texton_map = load_map(save_map(trained, tmp_path / "map.npz"))
     localizer = Localizer(texton_map, rng=np.random.default_rng(3))
     for histogram in flight.histograms[:20]:
         estimate = localizer.step(histogram)

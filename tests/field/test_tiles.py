@@ -16,8 +16,9 @@ from trexton.field.process import Process
 from trexton.field.tiles import Tiles
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.localization.base import Training
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.training import for_method, train_map
+from trexton.localization.training_set import Training
 from trexton.vision.camera import Camera
 from trexton.vision.textons import TextonDictionary
 
@@ -138,9 +139,7 @@ def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(
 ):
     held = picture_flight(tmp_path / "held", "held", frames=frames, turns=6)
     astray = turned(held, tmp_path, rng)
-    maps = [
-        TextonMap.train(flight, method="field", n_textons=6, rng=rng) for flight in (held, astray)
-    ]
+    maps = [train_map(flight, method="field", n_textons=6, rng=rng) for flight in (held, astray)]
     assert [each.cells for each in maps] == [2, 1]
     assert capsys.readouterr().err.count("show nothing of each other") == 1
     assert [each.provenance["parameters"]["cells"] for each in maps] == [2, 1]
@@ -151,14 +150,14 @@ def test_method_field_takes_quarters_of_images_unless_the_heading_was_not_held(
 
 def test_a_map_for_another_method_is_counted_anew_if_its_flight_is_given(tmp_path, rng):
     flight = picture_flight(tmp_path, "flight", frames=160, turns=6)
-    base = TextonMap.train(flight, n_textons=6, neighbors=2, rng=rng)
-    assert base.cells == base.for_method("field", rng=rng).cells == 1
-    field = base.for_method("field", flight=flight, rng=rng)
+    base = train_map(flight, n_textons=6, neighbors=2, rng=rng)
+    assert base.cells == for_method(base, "field", rng=rng).cells == 1
+    field = for_method(base, "field", flight=flight, rng=rng)
     assert field.cells == 2
-    back = field.for_method("paper", flight=flight, rng=rng)
+    back = for_method(field, "paper", flight=flight, rng=rng)
     np.testing.assert_array_equal(back.histograms, base.histograms)
     with pytest.raises(MapError, match="has 3 frames, the map 160: give the frames"):
-        base.for_method("field", flight=flight.select(slice(0, 3)), rng=rng)
+        for_method(base, "field", flight=flight.select(slice(0, 3)), rng=rng)
 
 
 def test_whole_images_are_counted_in_the_view_that_was_asked_for(tmp_path, rng):
@@ -169,7 +168,7 @@ def test_whole_images_are_counted_in_the_view_that_was_asked_for(tmp_path, rng):
     )  # fmt: skip
     choices = {"n_textons": 6, "method": "field", "view": "nadir"}
     found, asked = (
-        TextonMap.train(tilted, rng=np.random.default_rng(3), cells=cells, **choices)
+        train_map(tilted, rng=np.random.default_rng(3), cells=cells, **choices)
         for cells in (None, 1)
     )
     assert found.cells == 1
@@ -178,8 +177,8 @@ def test_whole_images_are_counted_in_the_view_that_was_asked_for(tmp_path, rng):
 
 def test_the_papers_method_takes_whole_images_also_on_a_map_of_quarters(tmp_path, rng):
     flight = picture_flight(tmp_path, "flight", frames=160, turns=6)
-    base = TextonMap.train(flight, n_textons=6, neighbors=2, rng=rng)
-    field = base.for_method("field", flight=flight, rng=rng)
+    base = train_map(flight, n_textons=6, neighbors=2, rng=rng)
+    field = for_method(base, "field", flight=flight, rng=rng)
     paper = Localizer(field, samples=50, method="paper", rng=rng).map
     assert (paper.cells, paper.method) == (1, "paper")
     np.testing.assert_allclose(paper.histograms, base.histograms, atol=1e-12)
@@ -199,5 +198,5 @@ def test_a_part_of_the_flight_need_not_find_again_where_the_parts_look(rng, monk
 def test_histograms_that_came_with_a_dictionary_are_of_whole_images(rng):
     words = TextonDictionary(rng.integers(0, 255, (15, 6, 6, 3), dtype=np.uint8))
     flight = histogram_flight("flight", frames=120)
-    known = TextonMap.train(flight, method="field", dictionary=words, rng=rng)
+    known = train_map(flight, method="field", dictionary=words, rng=rng)
     assert known.cells == 1 and len(known.parts["measurement"].offsets) == 1

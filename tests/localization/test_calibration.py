@@ -10,24 +10,26 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.companion.checks.scene import observations
 from trexton.field.integrity import Elsewhere
 from trexton.localization.calibration import Evidence, Replay
+from trexton.localization.cross_validation import WARM_S, leave_neighbors_out
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.measurement import EXCLUDED_SECONDS
-from trexton.localization.replay import STRETCH_S, WARM_S, replay, stretches
+from trexton.localization.map_files import load_map, save_map
+from trexton.localization.replay import STRETCH_S, replay, stretches
 from trexton.localization.scale import ErrorScale, independent_after
-from trexton.localization.unseen import flown_unseen
+from trexton.localization.training import for_method, train_map, training_set, with_choices
+from trexton.localization.training_set import EXCLUDED_SECONDS
 
 
 @pytest.fixture(scope="module")
 def plain() -> TextonMap:
     flight = histogram_flight("hall", frames=160, turns=6.0)
-    return TextonMap.train(flight, rng=np.random.default_rng(1))
+    return train_map(flight, rng=np.random.default_rng(1))
 
 
 @pytest.fixture(scope="module")
 def guarded() -> TextonMap:
     flight = histogram_flight("hall", frames=160, turns=6.0)
-    return TextonMap.train(flight, method="guarded", rng=np.random.default_rng(1))
+    return train_map(flight, method="guarded", rng=np.random.default_rng(1))
 
 
 def drawn(rng, count):
@@ -93,7 +95,7 @@ def test_replay_flies_what_its_map_did_not_see(plain):
 
 
 def test_the_training_flight_flies_as_if_each_frame_were_new(plain):
-    flown = list(flown_unseen(plain, samples=50, rng=np.random.default_rng(2)))
+    flown = list(leave_neighbors_out(plain, training_set(plain, rng=np.random.default_rng(2)), 50))
     rows = np.array([each.row for each in flown])
     settled = round(2.0 / plain.period_s)
     count = len(plain.time) - settled
@@ -112,9 +114,9 @@ def test_the_training_flight_flies_as_if_each_frame_were_new(plain):
 def test_flights_that_cannot_be_judged_are_refused(plain):
     short = replace(plain, histograms=plain.histograms[:10])
     with pytest.raises(MapError, match="longer one"):
-        list(flown_unseen(short, samples=50, rng=np.random.default_rng(2)))
+        list(leave_neighbors_out(short, training_set(short, rng=np.random.default_rng(2)), 50))
     with pytest.raises(ParameterError, match="needs a RankMixture"):
-        plain.for_method("field").changed({"calibration": "replay"})
+        with_choices(for_method(plain, "field"), {"calibration": "replay"})
 
 
 def flights(texton_map, frames=120, **options):
@@ -144,7 +146,7 @@ def test_claims_hold_better_than_the_filters_own(plain, guarded):
 
 
 def test_the_position_is_the_same_and_predictions_keep_their_scale(guarded):
-    unjudged = guarded.changed({"integrity": "none", "calibration": "none"})
+    unjudged = with_choices(guarded, {"integrity": "none", "calibration": "none"})
     for raw, judged in zip(flights(unjudged)[1], flights(guarded)[1], strict=True):
         np.testing.assert_array_equal(raw.position, judged.position)
     localizer = Localizer(guarded, rng=np.random.default_rng(3))
@@ -159,14 +161,14 @@ def test_the_position_is_the_same_and_predictions_keep_their_scale(guarded):
 
 
 def test_a_trusting_calibration_leaves_the_filter_its_word(plain):
-    trusting = plain.changed({"calibration": "replay", "calibration.trusting": True})
+    trusting = with_choices(plain, {"calibration": "replay", "calibration.trusting": True})
     for raw, judged in zip(flights(plain)[1], flights(trusting)[1], strict=True):
         np.testing.assert_array_equal(raw.about_position, judged.covariance)
         assert judged.measurement is not None
 
 
 def test_a_saved_map_makes_the_same_claims(guarded, tmp_path):
-    loaded = TextonMap.load(guarded.save(tmp_path / "map.npz"))
+    loaded = load_map(save_map(guarded, tmp_path / "map.npz"))
     for one, other in zip(flights(guarded)[1], flights(loaded)[1], strict=True):
         assert one.covariance.tobytes() == other.covariance.tobytes() and one.lost == other.lost
 
@@ -193,7 +195,7 @@ def test_frames_that_speak_for_another_place_say_lost(guarded):
 
 
 def test_judges_learn_anew_when_the_method_changes(guarded):
-    wider = guarded.changed({"motion.sigma": 0.5})
+    wider = with_choices(guarded, {"motion.sigma": 0.5})
     assert not np.array_equal(
         wider.parts["calibration"].of_estimate, guarded.parts["calibration"].of_estimate
     )
@@ -211,9 +213,9 @@ def test_what_does_not_fit_is_refused(plain):
         lambda: Replay(samples=0),
         lambda: Elsewhere(doubt=0.0),
         lambda: Elsewhere(cells=1),
-        lambda: plain.changed({"calibration.samples": 10}),
+        lambda: with_choices(plain, {"calibration.samples": 10}),
     ):
         with pytest.raises(ParameterError, match="expected|choose"):
             build()
     with pytest.raises(ParameterError, match="calibration=replay"):
-        plain.changed({"integrity": "elsewhere"})
+        with_choices(plain, {"integrity": "elsewhere"})

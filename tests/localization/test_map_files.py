@@ -11,19 +11,26 @@ from small_room import histogram_flight
 from test_methods import OWN
 
 from trexton.base.errors import MapError
-from trexton.localization.localizer import TextonMap
-from trexton.localization.map_files import DAMAGE, read_arrays
+from trexton.localization.map_files import (
+    DAMAGE,
+    from_arrays,
+    load_map,
+    read_arrays,
+    save_map,
+    to_arrays,
+)
+from trexton.localization.training import train_map, with_choices
 from trexton.vision.textons import TextonDictionary
 
 
 @pytest.fixture(scope="module")
 def texton_map():
-    return TextonMap.train(histogram_flight("hall", frames=80), rng=np.random.default_rng(1))
+    return train_map(histogram_flight("hall", frames=80), rng=np.random.default_rng(1))
 
 
 def stored(path, texton_map, **changes):
     """The map's file with some arrays replaced (None: left out)."""
-    arrays = texton_map.to_arrays() | changes
+    arrays = to_arrays(texton_map) | changes
     np.savez(path, **{name: array for name, array in arrays.items() if array is not None})
     return path
 
@@ -35,7 +42,7 @@ def with_value(array, value):
 
 
 def header(texton_map, **changes):
-    found = json.loads(texton_map.to_arrays()["header"].tobytes())
+    found = json.loads(to_arrays(texton_map)["header"].tobytes())
     return np.frombuffer(json.dumps(found | changes).encode(), np.uint8)
 
 
@@ -98,14 +105,14 @@ BAD = {
 def test_what_no_training_gives_is_one_sentence(kind, texton_map, tmp_path):
     path = stored(tmp_path / "map.npz", texton_map, **BAD[kind](texton_map))
     with pytest.raises(MapError, match=r"map\.npz: "):
-        TextonMap.load(path)
+        load_map(path)
 
 
 def test_whole_maps_load(texton_map, tmp_path):
     stored(tmp_path / "map.npz", texton_map)
-    again = TextonMap.load(tmp_path / "map.npz")
-    for name, array in texton_map.to_arrays().items():
-        np.testing.assert_array_equal(again.to_arrays()[name], array)
+    again = load_map(tmp_path / "map.npz")
+    for name, array in to_arrays(texton_map).items():
+        np.testing.assert_array_equal(to_arrays(again)[name], array)
 
 
 def test_maps_of_other_features_and_of_whole_numbers_load(tmp_path):
@@ -115,8 +122,8 @@ def test_maps_of_other_features_and_of_whole_numbers_load(tmp_path):
         {"position": np.round(flight.position * 100).astype(int), "time": np.arange(80)},
     ):
         train = replace(flight, area=(-500.0, 1000.0, -500.0, 1000.0), **changes)
-        texton_map = TextonMap.train(train, rng=np.random.default_rng(1))
-        again = TextonMap.load(texton_map.save(tmp_path / "map.npz"))
+        texton_map = train_map(train, rng=np.random.default_rng(1))
+        again = load_map(save_map(texton_map, tmp_path / "map.npz"))
         np.testing.assert_array_equal(again.histograms, texton_map.histograms)
 
 
@@ -124,40 +131,40 @@ def test_neighbours_are_no_more_than_frames(texton_map, tmp_path):
     few = {"histograms": texton_map.histograms[:4], "positions": texton_map.positions[:4]}
     path = stored(tmp_path / "map.npz", texton_map, time=texton_map.time[:4], **few)
     with pytest.raises(MapError, match="neighbours are at most 4"):
-        TextonMap.load(path)
+        load_map(path)
 
 
 def test_a_map_whose_calibration_trusts_its_filter_loads(tmp_path):
     flight, choices = histogram_flight("hall", frames=80), {"calibration.trusting": True}
     rng = np.random.default_rng(0)
-    stored = TextonMap.train(flight, method="guarded", rng=rng, **choices)
-    assert TextonMap.load(stored.save(tmp_path / "map.npz")).parts["calibration"].trusting
+    stored = train_map(flight, method="guarded", rng=rng, **choices)
+    assert load_map(save_map(stored, tmp_path / "map.npz")).parts["calibration"].trusting
 
 
 def test_a_field_takes_as_many_features_as_its_map_has():
     flight = histogram_flight("hall", frames=60)
-    arrays = TextonMap.train(flight, method="field", rng=np.random.default_rng(0)).to_arrays()
+    arrays = to_arrays(train_map(flight, method="field", rng=np.random.default_rng(0)))
     arrays["measurement.axes"] = arrays["measurement.axes"][:-1]
     with pytest.raises(MapError, match="axes are those of 5 features"):
-        TextonMap.from_arrays(arrays)
+        from_arrays(arrays)
 
 
 def test_a_file_does_not_decide_which_code_runs(texton_map, tmp_path):
-    own = texton_map.changed({"distance": OWN})
+    own = with_choices(texton_map, {"distance": OWN})
     assert (
-        type(TextonMap.load(own.save(tmp_path / "own.npz")).parts["distance"]).__name__ == "Cosine"
+        type(load_map(save_map(own, tmp_path / "own.npz")).parts["distance"]).__name__ == "Cosine"
     )
     parts = {"distance": {"name": "this:Zen", "options": {}}}
     path = stored(tmp_path / "map.npz", texton_map, header=header(texton_map, parts=parts))
     with pytest.raises(MapError, match="not of the library: name its module with --plugin this"):
-        TextonMap.load(path)
+        load_map(path)
 
 
 def test_files_that_would_unpack_to_more_are_refused(texton_map, tmp_path):
     path = tmp_path / "map.npz"
-    np.savez_compressed(path, **texton_map.to_arrays() | {"histograms": np.zeros((10**6, 20))})
+    np.savez_compressed(path, **to_arrays(texton_map) | {"histograms": np.zeros((10**6, 20))})
     with pytest.raises(MapError, match="would unpack"):
-        TextonMap.load(path)
+        load_map(path)
     stored(path, texton_map)
     with zipfile.ZipFile(path) as archive:
         members = {name: archive.read(name) for name in archive.namelist()}
@@ -168,26 +175,26 @@ def test_files_that_would_unpack_to_more_are_refused(texton_map, tmp_path):
         for name, content in members.items():
             archive.writestr(name, content)
     with pytest.raises(MapError):
-        TextonMap.load(path)
+        load_map(path)
     members["positions.npy"] = b"\x93NUMPY\x03\x00" + members["positions.npy"][8:]
     with zipfile.ZipFile(path, "w") as archive:
         for name, content in members.items():
             archive.writestr(name, content)
     with pytest.raises(MapError, match="format"):
-        TextonMap.load(path)
+        load_map(path)
 
 
 def test_pipes_and_folders_are_refused_not_waited_for(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path / "pipe", tmp_path):
         with pytest.raises(MapError, match="not a regular file"):
-            TextonMap.load(path)
+            load_map(path)
 
 
 def test_a_dictionary_needs_images_to_fit(texton_map, tmp_path):
     textons = np.zeros((5, 2, 2, 3), np.uint8)
     path = stored(tmp_path / "map.npz", texton_map, textons=textons, image_shape=np.array([24, 32]))
-    loaded = TextonMap.load(path)
+    loaded = load_map(path)
     assert isinstance(loaded.dictionary, TextonDictionary) and loaded.image_shape == (24, 32)
 
 

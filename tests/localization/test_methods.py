@@ -12,10 +12,12 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.localization.base import Part, learned
 from trexton.localization.distances import Euclidean, Hellinger
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.map_files import load_map, save_map
 from trexton.localization.methods import METHODS, changed, compose, fitting, parse_choices
 from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.roles import ROLES, make, name_of
+from trexton.localization.training import for_method, train_map, training_set, with_choices
 
 
 @dataclass(eq=False)
@@ -36,7 +38,7 @@ OWN = f"{__name__}:Cosine"
 
 def trained(**choices) -> TextonMap:
     flight = histogram_flight("hall", frames=80)
-    return TextonMap.train(flight, rng=np.random.default_rng(1), **choices)
+    return train_map(flight, rng=np.random.default_rng(1), **choices)
 
 
 def flown(texton_map, **options) -> np.ndarray:
@@ -75,7 +77,7 @@ def test_a_method_names_parts_of_known_roles(method):
 def test_a_part_of_ones_own_needs_no_entry(tmp_path):
     texton_map = trained(distance=OWN)
     assert isinstance(texton_map.parts["distance"], Cosine)
-    again = TextonMap.load(texton_map.save(tmp_path / "map.npz"))
+    again = load_map(save_map(texton_map, tmp_path / "map.npz"))
     assert isinstance(again.parts["distance"], Cosine)
     np.testing.assert_array_equal(flown(texton_map), flown(again))
     assert not np.array_equal(flown(texton_map), flown(trained()))
@@ -85,7 +87,7 @@ def test_one_distance_serves_training_and_flight():
     texton_map = trained(distance="hellinger")
     assert isinstance(texton_map.parts["distance"], Hellinger)
     squared = np.sqrt(texton_map.histograms / 2)
-    rows = texton_map.training().neighbors(3, 0.5)
+    rows = training_set(texton_map).neighbors(3, 0.5)
     row = 20
     allowed = np.abs(texton_map.time - texton_map.time[row]) > 0.5 + 1e-9
     distance = np.where(allowed, np.linalg.norm(squared - squared[row], axis=1), np.inf)
@@ -111,12 +113,12 @@ def test_choices_in_training_and_in_flight_come_to_the_same():
 
 def test_parts_that_stay_keep_what_they_learned():
     texton_map = trained()
-    other = texton_map.changed({"filter.particles": 80, "recovery": "augmented"})
+    other = with_choices(texton_map, {"filter.particles": 80, "recovery": "augmented"})
     for role in ("motion", "measurement", "distance"):
         assert other.parts[role] is texton_map.parts[role]
     assert other.parts["filter"].particles == 80
-    assert texton_map.changed({"recovery": "none", "filter.particles": 50}) is texton_map
-    assert texton_map.for_method("paper") is texton_map
+    assert with_choices(texton_map, {"recovery": "none", "filter.particles": 50}) is texton_map
+    assert for_method(texton_map, "paper") is texton_map
 
 
 def test_some_rows_of_a_training_set_with_the_parts_of_all():
@@ -131,7 +133,7 @@ def test_a_localizer_may_fly_another_method(monkeypatch):
     monkeypatch.setitem(METHODS, "roots", METHODS["paper"] | {"distance": "hellinger"})
     here = flown(trained(), method="roots")
     np.testing.assert_array_equal(here, flown(trained(method="roots")))
-    assert trained().for_method("roots").method == "roots"
+    assert for_method(trained(), "roots").method == "roots"
 
 
 def test_the_growth_is_that_of_the_motion():
@@ -191,7 +193,7 @@ def test_a_choice_that_nothing_reads_or_that_does_not_fit_is_refused(method, cho
         changed(compose(method), choices)
     flight = histogram_flight("hall", frames=80)
     with pytest.raises(ParameterError, match=message):
-        TextonMap.train(flight, method=method, rng=np.random.default_rng(1), **choices)
+        train_map(flight, method=method, rng=np.random.default_rng(1), **choices)
 
 
 def test_chi_square_is_the_plain_formula_in_training_and_in_flight():
@@ -245,7 +247,7 @@ def test_what_is_no_part_cannot_be_set(word):
 
 def test_other_parts_that_fit_are_taken_and_what_is_no_longer_read_goes():
     choices = {"filter": "tracks", "motion": "constant-velocity", "measurement": "field"}
-    texton_map = trained().changed(choices)
+    texton_map = with_choices(trained(), choices)
     assert set(texton_map.parts) == set(choices)
     assert np.isfinite(flown(texton_map)).all()
-    assert set(trained().for_method("field").parts) == set(METHODS["field"])
+    assert set(for_method(trained(), "field").parts) == set(METHODS["field"])

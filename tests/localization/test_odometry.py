@@ -8,8 +8,10 @@ import pytest
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.streams import stream
 from trexton.flights.aiding import Aiding
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import load_map, save_map
 from trexton.localization.odometry import LEAST, Visual
+from trexton.localization.training import train_map, with_choices
 from trexton.simulator import record_flight
 from trexton.vision.camera import Camera
 
@@ -25,7 +27,7 @@ def flight(tmp_path_factory):
 @pytest.fixture(scope="module")
 def texton_map(flight):
     rng = stream(1, "training")
-    return TextonMap.train(flight, method="field", n_textons=8, rng=rng, odometry="visual")
+    return train_map(flight, method="field", n_textons=8, rng=rng, odometry="visual")
 
 
 @pytest.fixture
@@ -111,20 +113,20 @@ def test_a_localizer_follows_with_it_and_forgets_it(texton_map, flight):
 
 
 def test_it_is_saved_with_the_map(texton_map, tmp_path):
-    texton_map.save(tmp_path / "map.npz")
-    loaded = TextonMap.load(tmp_path / "map.npz").parts["odometry"]
+    save_map(texton_map, tmp_path / "map.npz")
+    loaded = load_map(tmp_path / "map.npz").parts["odometry"]
     assert loaded.sigma.tolist() == texton_map.parts["odometry"].sigma.tolist()
     assert loaded.camera.tolist() == texton_map.parts["odometry"].camera.tolist()
 
 
 def test_what_it_lacks_is_said(flight, texton_map):
     with pytest.raises(MapError, match="lacks its camera.*train without odometry"):
-        TextonMap.train(
+        train_map(
             replace(flight, camera=None), method="field", n_textons=8,
             rng=np.random.default_rng(1), odometry="visual",
         )  # fmt: skip
     with pytest.raises(MapError, match="odometry=visual"):
-        texton_map.changed({"odometry.sure": 0.2})
+        with_choices(texton_map, {"odometry.sure": 0.2})
     with pytest.raises(ParameterError, match="sure is 2"):
         Visual(sure=2.0)
     whole = texton_map.parts["odometry"]

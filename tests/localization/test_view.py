@@ -14,7 +14,9 @@ from onboard_tools import CAMERA, colourful_flight, colourful_floor
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.flights.aiding import Aiding
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import load_map, save_map
+from trexton.localization.training import for_method, train_map
 from trexton.localization.view import Nadir
 from trexton.vision.camera import Camera
 from trexton.vision.histograms import texton_histogram
@@ -41,7 +43,7 @@ def flight(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def trained(flight):
-    return TextonMap.train(flight, n_textons=6, cells=2, rng=np.random.default_rng(1), view="nadir")
+    return train_map(flight, n_textons=6, cells=2, rng=np.random.default_rng(1), view="nadir")
 
 
 @pytest.mark.parametrize(
@@ -99,14 +101,14 @@ def test_a_frame_of_the_training_flight_is_counted_as_in_training(flight, traine
 
 
 def test_it_is_kept_with_the_map_and_through_a_change_of_method(trained, tmp_path):
-    again = TextonMap.load(trained.save(tmp_path / "map.npz"))
+    again = load_map(save_map(trained, tmp_path / "map.npz"))
     assert np.array_equal(again.parts["view"].camera, trained.parts["view"].camera)
-    field = again.for_method("field", rng=np.random.default_rng(3))
+    field = for_method(again, "field", rng=np.random.default_rng(3))
     assert field.parts["view"].camera is again.parts["view"].camera
 
 
 def test_a_turn_is_another_view_of_the_same_frames(flight, trained):
-    turned = TextonMap.train(
+    turned = train_map(
         flight, n_textons=6, cells=2, rng=np.random.default_rng(1),
         **{"view": "nadir", "view.turn": "true"},
     )  # fmt: skip
@@ -115,11 +117,11 @@ def test_a_turn_is_another_view_of_the_same_frames(flight, trained):
 
 
 def test_a_map_in_another_view_is_not_changed_afterwards(flight):
-    plain = TextonMap.train(flight, n_textons=6, rng=np.random.default_rng(1))
+    plain = train_map(flight, n_textons=6, rng=np.random.default_rng(1))
     for view in ("nadir", Nadir().of(flight)):
         with pytest.raises(ParameterError, match="choose it when training"):
             Localizer(plain, rng=np.random.default_rng(2), view=view)
-    nadir = TextonMap.train(flight, n_textons=6, rng=np.random.default_rng(1), view="nadir")
+    nadir = train_map(flight, n_textons=6, rng=np.random.default_rng(1), view="nadir")
     for other in ({"view.turn": True}, {"view": Nadir().of(flight)}):
         with pytest.raises(ParameterError, match="choose it when training"):
             Localizer(nadir, rng=np.random.default_rng(2), **other)
@@ -130,14 +132,12 @@ def test_a_map_in_another_view_is_not_changed_afterwards(flight):
 @pytest.mark.parametrize("lacking", ["height", "attitude", "camera"])
 def test_what_a_flight_lacks_is_named(flight, lacking):
     with pytest.raises(MapError, match=f"lacks.*{lacking}"):
-        TextonMap.train(
-            replace(flight, **{lacking: None}), rng=np.random.default_rng(1), view="nadir"
-        )
+        train_map(replace(flight, **{lacking: None}), rng=np.random.default_rng(1), view="nadir")
 
 
 def test_attitudes_that_were_never_recorded_are_lacking(flight):
     with pytest.raises(MapError, match="lacks attitudes"):
-        TextonMap.train(
+        train_map(
             replace(flight, attitude=np.full((len(flight), 3), np.nan)),
             rng=np.random.default_rng(1), view="nadir",
         )  # fmt: skip
@@ -145,7 +145,7 @@ def test_attitudes_that_were_never_recorded_are_lacking(flight):
 
 def test_a_camera_that_takes_other_pictures_is_refused(flight):
     with pytest.raises(MapError, match=r"are 128x96.*takes 256x192.*correct \[camera\]"):
-        TextonMap.train(
+        train_map(
             replace(flight, camera=Camera(256, 192, 208.0)), rng=np.random.default_rng(1),
             view="nadir",
         )  # fmt: skip
@@ -153,7 +153,7 @@ def test_a_camera_that_takes_other_pictures_is_refused(flight):
 
 def test_heights_below_the_floor_are_refused(flight):
     with pytest.raises(MapError, match="not above its floor"):
-        TextonMap.train(
+        train_map(
             replace(flight, height=-flight.height), rng=np.random.default_rng(1), view="nadir"
         )
 

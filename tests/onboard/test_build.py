@@ -9,7 +9,9 @@ from onboard_tools import colourful_flight, room_map
 
 from trexton.cli.main import main
 from trexton.flights import write_flight
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import save_map
+from trexton.localization.training import train_map
 from trexton.onboard import Settings, build
 from trexton.onboard.settings import Flying
 
@@ -17,8 +19,8 @@ from trexton.onboard.settings import Flying
 @pytest.fixture
 def flight(tmp_path):
     folder = write_flight(small_flight(60), tmp_path / "flight")
-    path = TextonMap.train(small_flight(60), neighbors=3, rng=np.random.default_rng(1)).save(
-        tmp_path / "map.npz"
+    path = save_map(
+        train_map(small_flight(60), neighbors=3, rng=np.random.default_rng(1)), tmp_path / "map.npz"
     )
     return folder, path
 
@@ -45,7 +47,7 @@ def test_nothing_is_written_over_what_is_read_and_no_file_twice(outputs, flight,
 @pytest.mark.parametrize("images", [False, True])
 def test_what_takes_long_at_first_is_done_before_it_is_ready(images, flight, tmp_path, monkeypatch):
     """A first start compiles: the loop would be silent for longer than systemd's watchdog waits."""
-    path = room_map().save(tmp_path / "images.npz") if images else flight[1]
+    path = save_map(room_map(), tmp_path / "images.npz") if images else flight[1]
     stepped, step = [], Localizer.step
 
     def steps(self, frame, **known):
@@ -62,11 +64,11 @@ def test_what_takes_long_at_first_is_done_before_it_is_ready(images, flight, tmp
 
 def test_a_view_that_turns_needs_a_heading(tmp_path, capsys):
     flight = colourful_flight(tmp_path / "room", frames=30)
-    turned = TextonMap.train(
+    turned = train_map(
         flight, n_textons=4, rng=np.random.default_rng(1),
         **{"view": "nadir", "view.turn": True},
     )  # fmt: skip
-    path = turned.save(tmp_path / "turned.npz")
+    path = save_map(turned, tmp_path / "turned.npz")
     words = ["onboard", str(path), "--camera", str(tmp_path / "room"), "--output", "csv:/dev/null"]
     assert main(words) == 1
     assert "add --aiding all" in capsys.readouterr().err
@@ -117,7 +119,9 @@ def test_images_for_a_map_of_histograms(flight, capsys):
 
 
 def test_a_flight_of_which_nothing_could_be_used_is_a_failure(flight, tmp_path, capsys):
-    path = room_map().save(tmp_path / "room.npz")  # 16 textons, and the histograms have another K
+    path = save_map(
+        room_map(), tmp_path / "room.npz"
+    )  # 16 textons, and the histograms have another K
     words = ["onboard", str(path), "--camera", str(flight[0]), "--output", "csv:/dev/null"]
     for quiet in ([], ["--quiet"]):
         assert main([*words, *quiet]) == 1

@@ -16,6 +16,8 @@ import pytest
 from onboard_tools import CAMERA, field_map, room, room_map
 from patience import eventually
 
+from trexton.localization.map_files import save_map
+
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
 from onboard_autopilot import ATTITUDE, Autopilot, mavlink  # noqa: E402
@@ -39,7 +41,7 @@ class Flight:
         self.script = subprocess.Popen(
             [
                 *(sys.executable, "-m", "trexton", "onboard"),
-                str((texton_map or room_map()).save(folder / "map.npz")),
+                str(save_map(texton_map or room_map(), folder / "map.npz")),
                 *("--camera", str(camera), "--rate", "50", "--log", str(self._log)),
                 *("--output", f"udpout:127.0.0.1:{autopilot.port}"),
                 *("--land", f"{ZONE[0]},{ZONE[1]}", "--radius", "1.0", "--spread", "0.8"),

@@ -11,7 +11,8 @@ import pytest
 from conftest import small_flight
 from onboard_tools import AREA, room, room_map
 
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.training import train_map
 from trexton.onboard import Onboard
 from trexton.onboard.sinks import Guard, open_sink
 from trexton.onboard.sources import Frame, Source
@@ -52,7 +53,7 @@ class Room(Source):
 def test_three_thousand_frames_do_not_grow(tmp_path):
     flight = small_flight(200)
     localizer = Localizer(
-        TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(1)),
+        train_map(flight, neighbors=3, rng=np.random.default_rng(1)),
         recovery="augmented",
         rng=np.random.default_rng(2),
     )

@@ -12,7 +12,8 @@ import pytest
 from conftest import ROOT, small_flight
 
 from trexton.cli.main import main
-from trexton.localization.localizer import TextonMap
+from trexton.localization.map_files import save_map
+from trexton.localization.training import train_map
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.tally import FAULTS
 
@@ -48,8 +49,8 @@ def test_import_pulls_in_nothing_heavy():
 
 
 def test_a_flight_of_the_script_pulls_in_nothing_heavy_either(flight_folder, tmp_path):
-    path = TextonMap.train(small_flight(60), neighbors=3, rng=np.random.default_rng(1)).save(
-        tmp_path / "map.npz"
+    path = save_map(
+        train_map(small_flight(60), neighbors=3, rng=np.random.default_rng(1)), tmp_path / "map.npz"
     )
     code = (
         "import sys\nfrom trexton.cli.main import main\n"
@@ -64,8 +65,8 @@ def test_a_flight_of_the_script_pulls_in_nothing_heavy_either(flight_folder, tmp
 
 @pytest.mark.parametrize("extra", ["pymavlink", "ivy"])
 def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
-    path = TextonMap.train(small_flight(60), neighbors=3, rng=np.random.default_rng(1)).save(
-        tmp_path / "map.npz"
+    path = save_map(
+        train_map(small_flight(60), neighbors=3, rng=np.random.default_rng(1)), tmp_path / "map.npz"
     )
     output = {"pymavlink": "udpout:127.0.0.1:14540", "ivy": "paparazzi:1"}[extra]
     code = (
@@ -110,8 +111,8 @@ def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
 def test_mistakes_on_the_command_line_get_one_sentence(
     options, sentence, flight_folder, tmp_path, capsys
 ):
-    path = TextonMap.train(small_flight(60), neighbors=3, rng=np.random.default_rng(1)).save(
-        tmp_path / "map.npz"
+    path = save_map(
+        train_map(small_flight(60), neighbors=3, rng=np.random.default_rng(1)), tmp_path / "map.npz"
     )
     camera = [] if "--camera" in options else ["--camera", str(flight_folder)]
     assert main(["onboard", str(path), *camera, *options]) == 1

@@ -17,7 +17,9 @@ from patience import eventually
 
 from trexton.base.streams import stream
 from trexton.flights import write_flight
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import save_map
+from trexton.localization.training import train_map
 from trexton.onboard import Fix, Onboard
 from trexton.onboard.sources.flight import FlightSource
 from trexton.onboard.tally import Tally
@@ -47,7 +49,7 @@ class TestReplayEquality:
         flight = small_flight(120)
         flight_folder = write_flight(flight, tmp_path / "flight")
         texton_map = histogram_map(flight)
-        path = texton_map.save(tmp_path / "map.npz")
+        path = save_map(texton_map, tmp_path / "map.npz")
         notebook = Localizer(texton_map, rng=stream(7, "flight", 0))
         expected = [notebook.step(histogram) for histogram in flight.part("test").histograms]
         command = [
@@ -76,7 +78,7 @@ class TestReplayEquality:
         assert log[-1]["event"] == "end" and log[-1]["frames"] == 60
 
     def test_on_the_authors_flight(self, cyberzoo):
-        texton_map = TextonMap.train(cyberzoo.part("train"), rng=np.random.default_rng(1))
+        texton_map = train_map(cyberzoo.part("train"), rng=np.random.default_rng(1))
         test = cyberzoo.part("test")
         notebook = Localizer(texton_map, rng=np.random.default_rng(2))
         expected = np.array([notebook.step(histogram).position for histogram in test.histograms])
@@ -145,7 +147,7 @@ class TestBadFrames:
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signals_end_the_flight_in_order(number, tmp_path):
     flight_folder = write_flight(small_flight(120), tmp_path / "flight")
-    path = histogram_map(small_flight(120)).save(tmp_path / "map.npz")
+    path = save_map(histogram_map(small_flight(120)), tmp_path / "map.npz")
     log = tmp_path / "log"
     command = [
         sys.executable,

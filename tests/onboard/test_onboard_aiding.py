@@ -16,6 +16,7 @@ from small_survey import look, path
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.training import train_map
 from trexton.onboard.aids import Aids
 from trexton.onboard.sinks import Guard
 from trexton.onboard.sources import Delayed, Frame
@@ -54,7 +55,7 @@ def aids(wanted: str, *known: Aiding) -> Aids:
 
 @pytest.fixture(scope="module")
 def fine(flights) -> TextonMap:
-    return TextonMap.train(flights[0], method="fine", n_textons=6, rng=np.random.default_rng(1))
+    return train_map(flights[0], method="fine", n_textons=6, rng=np.random.default_rng(1))
 
 
 def test_a_replay_is_better_for_what_was_recorded_beside_it(fine, flights):
@@ -167,7 +168,7 @@ def test_a_velocity_that_the_frames_contradict_is_counted_and_said_once(drift, c
         return Flight(name, np.arange(count), time, places, SURVEYED, histograms=seen)
 
     later = flown("later", 120, 51.3, 9)
-    texton_map = TextonMap.train(
+    texton_map = train_map(
         flown("survey", 500, 0.0, 2), method="field", rng=np.random.default_rng(1)
     )
     velocity = np.gradient(later.position, later.time, axis=0) + [drift, 0.0]

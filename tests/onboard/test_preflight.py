@@ -13,7 +13,8 @@ from onboard_tools import CAMERA, colourful_floor, mavlink, room_map
 
 from trexton.cli.main import main
 from trexton.flights import read_flight, write_flight
-from trexton.localization.localizer import TextonMap
+from trexton.localization.map_files import save_map
+from trexton.localization.training import train_map
 from trexton.onboard import Settings
 from trexton.onboard import preflight as module
 from trexton.onboard.preflight import blur_effect, preflight
@@ -30,7 +31,7 @@ def place(tmp_path_factory):
     record_flight(
         folder / "flight", pattern="waypoints", frames=30, camera=CAMERA, floor=colourful_floor()
     )
-    return str(room_map().save(folder / "map.npz")), str(folder / "flight")
+    return str(save_map(room_map(), folder / "map.npz")), str(folder / "flight")
 
 
 def checked(place, **options) -> dict[str, bool]:
@@ -90,12 +91,15 @@ def test_no_camera(place, capsys):
 
 @pytest.mark.parametrize("sure", [0.1, 0.999])
 def test_frames_that_show_no_motion_are_told(place, tmp_path, sure):
-    texton_map = TextonMap.train(
+    texton_map = train_map(
         read_flight(place[1]), method="field", n_textons=8, rng=np.random.default_rng(1),
         **{"odometry": "visual", "odometry.sure": sure},
     )  # fmt: skip
     settings = Settings(
-        str(texton_map.save(tmp_path / "moving.npz")), (), (), {Flying: Flying(camera=place[1])}
+        str(save_map(texton_map, tmp_path / "moving.npz")),
+        (),
+        (),
+        {Flying: Flying(camera=place[1])},
     )
     found = {check.name: check for check in preflight(settings, 1.0)}["odometry"]
     assert found.holds == (sure < 0.5) and "frames show a velocity" in found.words
@@ -106,9 +110,10 @@ def test_a_camera_that_looks_askew_is_told(tmp_path, degrees):
     flight = record_flight(
         tmp_path / "flight", frames=60, speed=1.0, camera=CAMERA, floor=colourful_floor()
     )
-    texton_map = TextonMap.train(
-        flight, method="fine", n_textons=6, rng=np.random.default_rng(1)
-    ).save(tmp_path / "fine.npz")
+    texton_map = save_map(
+        train_map(flight, method="fine", n_textons=6, rng=np.random.default_rng(1)),
+        tmp_path / "fine.npz",
+    )
     askew = replace(flight, attitude=flight.attitude + np.radians([0.0, degrees, 0.0]))
     write_flight(askew, tmp_path / "askew")
     # It ends before; over and over, for a busy computer drops most frames of the first lap.
@@ -148,9 +153,10 @@ def test_a_camera_that_mirrors_is_told(tmp_path, way):
     common = {"camera": Camera(160, 120, 130.0), "frames": 60}
     folder = tmp_path / "flight"
     flight = record_flight(folder, speed=1.0, every=3, **common)
-    texton_map = TextonMap.train(
-        flight, method="fine", n_textons=6, rng=np.random.default_rng(1)
-    ).save(tmp_path / "fine.npz")
+    texton_map = save_map(
+        train_map(flight, method="fine", n_textons=6, rng=np.random.default_rng(1)),
+        tmp_path / "fine.npz",
+    )
     if way == "another floor":
         folder = tmp_path / "other"
         record_flight(folder, floor=colourful_floor(), **common)
@@ -168,9 +174,9 @@ def test_a_camera_that_mirrors_is_told(tmp_path, way):
 @pytest.mark.parametrize("aiding", ["tilt", "none"])
 def test_frames_are_compared_in_the_maps_view(place, tmp_path, aiding):
     flight = read_flight(place[1])
-    texton_map = TextonMap.train(flight, rng=np.random.default_rng(1), view="nadir")
+    texton_map = train_map(flight, rng=np.random.default_rng(1), view="nadir")
     settings = Settings(
-        str(texton_map.save(tmp_path / "nadir.npz")), (), (),
+        str(save_map(texton_map, tmp_path / "nadir.npz")), (), (),
         {Flying: Flying(camera=place[1], aiding=aiding)},
     )  # fmt: skip
     found = {check.name: check for check in preflight(settings, 1.0)}

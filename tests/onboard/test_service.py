@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from conftest import ROOT, small_flight
 
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.training import train_map
 from trexton.onboard import Onboard
 from trexton.onboard.service import Service
 from trexton.onboard.sources.flight import FlightSource
@@ -27,7 +28,7 @@ def test_a_flight_says_ready_alive_and_stopping(tmp_path, monkeypatch):
         monkeypatch.setenv("WATCHDOG_USEC", "3")
         flight = small_flight(30)
         localizer = Localizer(
-            TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(1)),
+            train_map(flight, neighbors=3, rng=np.random.default_rng(1)),
             rng=np.random.default_rng(2),
         )
         systemd.setblocking(False)

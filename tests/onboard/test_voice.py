@@ -14,7 +14,8 @@ from conftest import small_flight
 from patience import eventually
 
 from trexton.flights import write_flight
-from trexton.localization.localizer import TextonMap
+from trexton.localization.map_files import save_map
+from trexton.localization.training import train_map
 from trexton.onboard.voice import Voice
 
 
@@ -23,8 +24,8 @@ def words(tmp_path) -> list[str]:
     """A flight at its own stamps that would go on for ever, with a log."""
     flight = small_flight(120)
     folder = write_flight(flight, tmp_path / "flight")
-    path = TextonMap.train(flight, neighbors=3, rng=np.random.default_rng(1)).save(
-        tmp_path / "map.npz"
+    path = save_map(
+        train_map(flight, neighbors=3, rng=np.random.default_rng(1)), tmp_path / "map.npz"
     )
     return [
         sys.executable, "-m", "trexton", "onboard", str(path), "--camera", str(folder),

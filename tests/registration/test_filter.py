@@ -10,6 +10,8 @@ import pytest
 from trexton.base.errors import MapError, ParameterError
 from trexton.flights.aiding import Aiding
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.map_files import load_map, save_map
+from trexton.localization.training import train_map, with_parts
 from trexton.registration.filter import Registration
 from trexton.simulator import Effects, record_flight
 from trexton.vision.camera import Camera
@@ -28,7 +30,7 @@ def flights(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def fine(flights) -> TextonMap:
-    return TextonMap.train(flights[0], method="fine", n_textons=6, rng=np.random.default_rng(1))
+    return train_map(flights[0], method="fine", n_textons=6, rng=np.random.default_rng(1))
 
 
 def flown(texton_map: TextonMap, flight, **options):
@@ -49,7 +51,7 @@ def test_the_map_flies_as_it_was_trained_and_as_it_was_read_back(fine, flights, 
     assert not any(each.lost for each in estimates[5:])
     last = estimates[-1]
     assert last.measurement is not None and (last.measurement.position == last.position).all()
-    again = flown(TextonMap.load(fine.save(tmp_path / "map.npz")), test)
+    again = flown(load_map(save_map(fine, tmp_path / "map.npz")), test)
     assert all((a.position == b.position).all() for a, b in zip(estimates, again, strict=True))
 
 
@@ -112,7 +114,7 @@ def test_a_height_that_cannot_be_is_as_none(fine, flights, height):
 def test_a_stitched_picture_serves_as_well(flights):
     train, test = flights
     bare = replace(train, floor_file=None)
-    texton_map = TextonMap.train(bare, method="fine", n_textons=6, rng=np.random.default_rng(1))
+    texton_map = train_map(bare, method="fine", n_textons=6, rng=np.random.default_rng(1))
     error = [
         np.hypot(*(e.position - p))
         for e, p in zip(flown(texton_map, test), test.position, strict=True)
@@ -134,8 +136,8 @@ def test_heights_that_are_missing_cost_no_map(fine, flights):
     train, _ = flights
     gaps = replace(train, height=np.where(train.frame % 3, train.height, np.nan))
     known = np.median(gaps.height[np.isfinite(gaps.height)])
-    part = fine.with_parts(
-        {"filter": Registration()}, flight=gaps, rng=np.random.default_rng(1)
+    part = with_parts(
+        fine, {"filter": Registration()}, flight=gaps, rng=np.random.default_rng(1)
     ).parts["filter"]
     assert part.camera[-1] == known
 
@@ -145,7 +147,7 @@ def test_a_heading_alone_is_no_attitude_to_learn_from(flights):
     heading = train.attitude.copy()
     heading[:, :2] = np.nan
     learned = [
-        TextonMap.train(
+        train_map(
             replace(train, attitude=attitude), method="fine", n_textons=6,
             rng=np.random.default_rng(1),
         ).parts["filter"].trust.tolist()
@@ -160,17 +162,17 @@ def test_what_it_lacks_is_named(fine, flights):
     with pytest.raises(MapError, match="given a histogram"):
         localizer.step(fine.histograms[0])
     with pytest.raises(MapError, match="trexton train FLIGHT --method fine"):
-        fine.with_parts({"filter": Registration()})
+        with_parts(fine, {"filter": Registration()})
     with pytest.raises(MapError, match="train on a flight with images"):
-        fine.with_parts({"filter": Registration()}, flight=replace(train, frames=None))
+        with_parts(fine, {"filter": Registration()}, flight=replace(train, frames=None))
     with pytest.raises(MapError, match="no picture of its floor"):
         bare = replace(train, floor_file=None)
-        fine.with_parts({"filter": Registration(picture="surveyed")}, flight=bare)
+        with_parts(fine, {"filter": Registration(picture="surveyed")}, flight=bare)
     with pytest.raises(MapError, match="lacks its camera or heights"):
-        fine.with_parts({"filter": Registration()}, flight=replace(train, height=None))
+        with_parts(fine, {"filter": Registration()}, flight=replace(train, height=None))
     with pytest.raises(MapError, match="no height of flight .* is above its floor"):
         grounded = replace(train, height=np.where(train.frame % 2, np.nan, 0.0))
-        fine.with_parts({"filter": Registration()}, flight=grounded)
+        with_parts(fine, {"filter": Registration()}, flight=grounded)
     with pytest.raises(MapError, match="train the map for it"):
         Registration().open({}, fine, np.random.default_rng(0))
     with pytest.raises(MapError, match=r"a camera of 2 numbers"):

@@ -13,7 +13,9 @@ from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.cli.main import main
 from trexton.flights import read_flight, write_flight
 from trexton.flights.importing import import_flight
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import load_map, save_map
+from trexton.localization.training import train_map
 from trexton.onboard.sources import Expected, Frame, Rectified, open_source
 from trexton.simulator import record_flight
 from trexton.vision.camera import Camera
@@ -81,8 +83,8 @@ def test_what_an_import_did_is_kept_with_the_flight_and_the_map(imported, tmp_pa
         again.rectification == SMALL
         and again.data_hash != replace(again, rectification=None).data_hash
     )
-    texton_map = TextonMap.train(again, n_textons=8, rng=np.random.default_rng(1))
-    assert TextonMap.load(texton_map.save(tmp_path / "map.npz")).rectification == SMALL
+    texton_map = train_map(again, n_textons=8, rng=np.random.default_rng(1))
+    assert load_map(save_map(texton_map, tmp_path / "map.npz")).rectification == SMALL
 
 
 def test_where_a_lens_is_undistorted_the_camera_is_the_calibrations():
@@ -101,8 +103,8 @@ def test_a_raw_picture_becomes_what_was_imported(place, imported):
 def test_a_camera_is_seen_as_it_was_when_the_map_was_made(place, imported, tmp_path):
     """Raw pictures lead to the places that imported ones lead to; before, each was of a wrong
     size."""
-    texton_map = TextonMap.train(imported, n_textons=8, rng=np.random.default_rng(1))
-    path, table = texton_map.save(tmp_path / "map.npz"), tmp_path / "raw.csv"
+    texton_map = train_map(imported, n_textons=8, rng=np.random.default_rng(1))
+    path, table = save_map(texton_map, tmp_path / "map.npz"), tmp_path / "raw.csv"
     raw = tmp_path / "camera"
     raw.mkdir()
     for file in (place / "images").glob("*.png"):
@@ -119,7 +121,7 @@ def test_a_camera_is_seen_as_it_was_when_the_map_was_made(place, imported, tmp_p
 
 
 def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(place, imported):
-    texton_map = TextonMap.train(imported, n_textons=8, rng=np.random.default_rng(1))
+    texton_map = train_map(imported, n_textons=8, rng=np.random.default_rng(1))
     frame = Frame(0.0, np.zeros((192, 256, 3), np.uint8))
 
     class One:
@@ -140,10 +142,10 @@ def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(pl
 def test_images_of_another_size_than_it_makes_train_no_map_that_cannot_be_read(imported):
     other = replace(imported, rectification=replace(SMALL, size=(56, 42)))
     with pytest.raises(MapError, match="images of 112x84 pixels, its .rectification. makes 56x42"):
-        TextonMap.train(other, n_textons=8, rng=np.random.default_rng(1))
+        train_map(other, n_textons=8, rng=np.random.default_rng(1))
     histograms = np.full((len(imported), 8), 1 / 8)
     bare = replace(imported, frames=None, histograms=histograms)
-    assert TextonMap.train(bare, rng=np.random.default_rng(1)).rectification is None
+    assert train_map(bare, rng=np.random.default_rng(1)).rectification is None
 
 
 def test_an_import_that_changes_nothing_keeps_nothing(place):

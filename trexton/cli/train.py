@@ -8,6 +8,8 @@ from typing import Any
 from trexton.base.arguments import add_assignments
 from trexton.base.defaults import NEIGHBORS, PATCH, TEXTONS, USUAL_CELLS
 from trexton.base.progress import say
+from trexton.localization.map_files import save_map
+from trexton.localization.training import train_map
 
 __all__ = ["add_arguments", "run"]
 
@@ -49,14 +51,13 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.base.files import check_not_read, check_writable
     from trexton.base.streams import stream
     from trexton.flights import read_flight
-    from trexton.localization.localizer import TextonMap
     from trexton.localization.methods import parse_choices
 
     check_not_read(arguments.output, arguments.flight)
     check_writable(arguments.output)
     flight = read_flight(arguments.flight).part_or_all("train")
     choices: dict[str, Any] = {**parse_choices(arguments.settings)}
-    texton_map = TextonMap.train(
+    texton_map = train_map(
         flight,
         method=arguments.method,
         n_textons=arguments.textons,
@@ -67,6 +68,6 @@ def run(arguments: argparse.Namespace) -> int:
         rng=stream(arguments.seed, "training"),
         **choices,
     )
-    path = texton_map.save(arguments.output)
+    path = save_map(texton_map, arguments.output)
     say(f"{len(texton_map.positions)} frames of {flight.name} became {path}")
     return 0

@@ -21,10 +21,11 @@ from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.features import Features
 from trexton.field.grid import bilinear, grid_cells
 from trexton.field.likelihood import Basis, Table, log_prior, rbf_kernel
-from trexton.localization.base import Training, learned
+from trexton.localization.base import learned
 from trexton.localization.estimate import ignorance
 from trexton.localization.measurement import MeasurementModel
 from trexton.localization.observation import Observation
+from trexton.localization.training_set import Training
 
 __all__ = ["Field"]
 

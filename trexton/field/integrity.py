@@ -14,10 +14,11 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.field.field import Field
-from trexton.localization.base import Part, Training, learned
+from trexton.localization.base import Part, learned
 from trexton.localization.calibration import Judge, Passing, Replay
 from trexton.localization.estimate import Estimate
 from trexton.localization.observation import Observation
+from trexton.localization.training_set import Training
 
 __all__ = ["Elsewhere", "Integrity", "NoIntegrity"]
 
@@ -59,9 +60,8 @@ class Elsewhere(Field, Integrity):
 
     def fit(self, training: Training) -> Self:
         """Learn the field, and take over the usual deviation of the calibration."""
-        assert training.texton_map is not None
-        calibration = training.texton_map.parts["calibration"]
-        return super().fit(training).with_learned(usual=calibration.usual)
+        usual = training.parts["calibration"].usual
+        return super().fit(training).with_learned(usual=usual)
 
     def prepare(self) -> None:
         super().prepare()

@@ -10,7 +10,8 @@ import numpy as np
 
 from trexton.base.options import option
 from trexton.field.linear_motion import LinearMotion, flight_statistics
-from trexton.localization.base import Training, learned
+from trexton.localization.base import learned
+from trexton.localization.training_set import Training
 
 __all__ = ["Singer"]
 

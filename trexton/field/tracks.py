@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,9 +30,7 @@ from trexton.localization.base import Area
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
 from trexton.localization.observation import Observation
-
-if TYPE_CHECKING:
-    from trexton.localization.texton_map import TextonMap
+from trexton.localization.texton_map import TextonMap
 
 __all__ = ["TrackFilter", "Tracks"]
 

@@ -1,89 +1,22 @@
-"""What every part of a method has in common: options, what it learns, arrays in and out."""
+"""What every part of a method has in common: options, what it needs, what it learns, arrays in and
+out.
+"""
 
 from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from trexton.base.errors import MapError
 from trexton.base.options import Options
-from trexton.localization.neighbors import NearestHistograms, neighbors_in_flight
 
-if TYPE_CHECKING:
-    from trexton.flights.flight import Flight
-    from trexton.localization.distances import Distance
-    from trexton.localization.texton_map import TextonMap
-    from trexton.vision.textons import TextonDictionary
-
-__all__ = ["Area", "Part", "Training", "learned"]
+__all__ = ["Area", "Part", "learned"]
 
 Area = tuple[float, float, float, float]  # x_min, x_max, y_min, y_max in metres
-
-
-@dataclass(frozen=True, eq=False)
-class Training:
-    """What parts learn from.
-
-    Attributes
-    ----------
-    histograms : (N, K) array
-        Relative texton frequencies, full sampling.
-    positions : (N, 2) array
-        Metres.
-    time : (N,) array
-        Seconds.
-    area : (x_min, x_max, y_min, y_max)
-    period_s : float
-        Median time from frame to frame.
-    distance : Distance
-        Between histograms, the one that flies.
-    dictionary : TextonDictionary or None
-        None where the flight came as histograms.
-    flight : Flight or None
-        The frames themselves, in the same order; None where only their histograms were kept.
-    rng : numpy.random.Generator
-    texton_map : TextonMap or None
-        For calibration and integrity, which judge a method: the map with all other parts trained.
-    cells : int
-        Parts of the image along each side, each with a histogram of its own.
-    """
-
-    histograms: np.ndarray
-    positions: np.ndarray
-    time: np.ndarray
-    area: Area
-    period_s: float
-    distance: Distance
-    dictionary: TextonDictionary | None
-    flight: Flight | None
-    rng: np.random.Generator
-    texton_map: TextonMap | None = None
-    cells: int = 1
-
-    @cached_property
-    def nearest(self) -> NearestHistograms:
-        """The search that flies, over the training set itself."""
-        return NearestHistograms(
-            self.histograms,
-            self.positions,
-            k=min(self.texton_map.neighbors if self.texton_map else 1, len(self.histograms)),
-            distance=self.distance,
-        )
-
-    def neighbors(self, k: int, excluded_s: float) -> np.ndarray:
-        """``(N, k)`` rows of the nearest histograms of each frame, those near in time left out.
-
-        Raises
-        ------
-        MapError
-            Some frame has fewer than k others outside the excluded time.
-        """
-        return neighbors_in_flight(self.nearest, self.histograms, self.time, k, excluded_s)
 
 
 def learned() -> Any:
@@ -128,8 +61,10 @@ class Part(Options):
         """Features that a histogram has, of those it learned from; None: any number will do."""
         return None
 
-    def fit(self, training: Training) -> Self:
-        """The part as it learned from a training set; itself where there is nothing to learn."""
+    def fit(self, training: Any) -> Self:
+        """The part as it learned from a `trexton.localization.training_set.Training`; itself where
+        there is nothing to learn.
+        """
         return self
 
     def with_learned(self, **arrays: np.ndarray) -> Self:

@@ -8,15 +8,16 @@ from typing import Protocol, Self
 import numpy as np
 
 from trexton.base.defaults import SAMPLES
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.errors import ParameterError
 from trexton.base.options import option
-from trexton.localization.base import Part, Training, learned
+from trexton.localization.base import Part, learned
 from trexton.localization.distances import Distance
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.measurement import RankMixture
 from trexton.localization.neighbors import Neighbors
 from trexton.localization.observation import Observation
 from trexton.localization.scale import ErrorScale, independent_after
+from trexton.localization.training_set import Training
 
 __all__ = ["Calibration", "Evidence", "Judge", "NoCalibration", "Passing", "Replay"]
 
@@ -98,13 +99,8 @@ class Replay(Calibration):
         return self.with_learned(**found, usual=np.asarray(np.median(deviations)))
 
     def _of_estimate(self, training: Training) -> tuple[ErrorScale, np.ndarray]:
-        from trexton.localization.unseen import (
-            flown_unseen,  # it flies a localizer, which is made of parts
-        )
-
-        if training.texton_map is None:
-            raise MapError("calibration judges a method: train it with the other parts")
-        flown = list(flown_unseen(training.texton_map, samples=self.samples, rng=training.rng))
+        assert training.fly is not None  # as it is for whatever judges a method
+        flown = list(training.fly(self.samples))
         seen = [Evidence.of(each.estimate, each.neighbors) for each in flown]
         features = np.array([each.about_estimate for each in seen])
         scale = ErrorScale.fit(
@@ -182,9 +178,7 @@ class Alone:
     @classmethod
     def of(cls, training: Training, samples: int) -> Alone:
         """Of the neighbours' mean, those near in time left out as for the measurement model."""
-        from trexton.localization.unseen import unseen
-
-        _, neighbors = unseen(training, samples)
+        _, neighbors = training.resampled(samples)
         errors, about, claimed = [], [], []
         for row, found in enumerate(neighbors):
             nobody = Estimate(found.position.mean(axis=0), np.eye(2))

@@ -8,7 +8,7 @@ import numpy as np
 
 from trexton.localization.neighbors import Neighbors
 
-__all__ = ["LOST_SHARE", "Estimate", "Measurement", "ignorance"]
+__all__ = ["LOST_SHARE", "Estimate", "Flown", "Measurement", "ignorance"]
 
 # A cloud this wide, as a share of knowing nothing but the area, is no position any more. Chosen by
 # the kidnapping experiment, which shows what other shares would miss and what they would refuse.
@@ -142,6 +142,32 @@ class Estimate:
         offset = self.mean - self.position
         moment: np.ndarray = self.covariance + np.outer(offset, offset)
         return moment
+
+
+@dataclass(frozen=True, eq=False)
+class Flown:
+    """One frame of a training flight that was flown again.
+
+    Attributes
+    ----------
+    row : int
+        Of the training set.
+    truth : (2,) array
+        Metres.
+    estimate : Estimate
+    neighbors : Neighbors
+    """
+
+    row: int
+    truth: np.ndarray
+    estimate: Estimate
+    neighbors: Neighbors
+
+    @property
+    def error(self) -> np.ndarray:
+        """``(2,)`` metres."""
+        error: np.ndarray = self.estimate.position - self.truth
+        return error
 
 
 def ignorance(area: tuple[float, float, float, float]) -> np.ndarray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -24,9 +24,7 @@ from trexton.localization.motion import MotionModel
 from trexton.localization.observation import Observation
 from trexton.localization.recovery import NoRecovery, Recovery
 from trexton.localization.resampling import Resampling, Wheel
-
-if TYPE_CHECKING:
-    from trexton.localization.texton_map import TextonMap
+from trexton.localization.texton_map import TextonMap
 
 __all__ = ["Filter", "ParticleFilter", "Particles", "RunningFilter"]
 

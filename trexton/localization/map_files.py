@@ -4,28 +4,27 @@ flight needs.
 
 from __future__ import annotations
 
+import io
 import json
 import os
 import tokenize
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Any
+from typing import IO, Any
 
 import numpy as np
 
-from trexton.base.errors import MapError
-from trexton.base.files import canonical_json
+from trexton.base.errors import MapError, ParameterError
+from trexton.base.files import atomic_file, canonical_json
 from trexton.localization.base import Part
 from trexton.localization.methods import fitting
 from trexton.localization.roles import name_of, part_class
+from trexton.localization.texton_map import TextonMap
 from trexton.vision.rectification import Rectification
 from trexton.vision.textons import TextonDictionary
 
-if TYPE_CHECKING:
-    from trexton.localization.texton_map import TextonMap
-
-__all__ = ["DAMAGE", "check_map", "from_arrays", "read_arrays", "to_arrays"]
+__all__ = ["check_map", "from_arrays", "load_map", "save_map", "to_arrays"]
 
 SCHEMA = 2
 MOST_BYTES = 2**32
@@ -47,8 +46,39 @@ DAMAGE = (
 )
 
 
+def save_map(texton_map: TextonMap, path: str | os.PathLike[str]) -> Path:
+    """Write a map as ``.npz``, whole or not at all."""
+    content = io.BytesIO()  # a ZipFile on a full disk complains once more when it is dropped
+    np.savez(content, **to_arrays(texton_map))  # type: ignore[arg-type]
+    with atomic_file(path, "wb") as stream:
+        stream.write(content.getbuffer())
+    return Path(path)
+
+
+def load_map(path: str | os.PathLike[str]) -> TextonMap:
+    """Read a map.
+
+    Raises
+    ------
+    MapError
+        The file is missing, damaged, no map, or of another schema.
+    """
+    try:
+        return from_arrays(read_arrays(path))
+    except (MapError, ParameterError) as error:
+        raise MapError(f"{path}: {error}") from None
+    except FileNotFoundError:
+        raise MapError(
+            f"{path}: no such map: make one with trexton train FLIGHT -o {path}"
+        ) from None
+    except DAMAGE as error:
+        raise MapError(
+            f"{path}: not a whole texton map ({error}): copy or train it again"
+        ) from None
+
+
 def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """The named arrays of a ``.npz`` file that `TextonMap.save` wrote.
+    """The named arrays of a ``.npz`` file that `save_map` wrote.
 
     Raises
     ------
@@ -139,8 +169,6 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
     KeyError
         An array is missing.
     """
-    from trexton.localization.texton_map import TextonMap  # which reads and writes by this module
-
     schema = int(arrays["schema"])
     if schema > SCHEMA:
         raise MapError(

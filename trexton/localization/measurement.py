@@ -10,17 +10,14 @@ import numpy as np
 from trexton.base.defaults import NEIGHBORS
 from trexton.base.errors import ParameterError
 from trexton.base.options import option
-from trexton.localization.base import Part, Training, learned
+from trexton.localization.base import Part, learned
 from trexton.localization.distances import Distance
 from trexton.localization.motion import whitener
 from trexton.localization.observation import Observation
+from trexton.localization.training_set import EXCLUDED_SECONDS, Training
 
-__all__ = ["EXCLUDED_SECONDS", "MeasurementModel", "RankMixture", "rank_covariances"]
+__all__ = ["MeasurementModel", "RankMixture", "rank_covariances"]
 
-# Frames closer in time than this see nearly the same floor: as neighbours they would flatter the
-# map. With half a second the k-NN errs on the training flight about as much as on a fresh flight of
-# the virtual room.
-EXCLUDED_SECONDS = 0.5
 # A centimetre: keeps a covariance of identical deviations invertible without mattering for any
 # other.
 _FLOOR_VARIANCE = 1e-4

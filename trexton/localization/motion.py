@@ -12,7 +12,8 @@ import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.options import option
-from trexton.localization.base import Area, Part, Training, learned
+from trexton.localization.base import Area, Part, learned
+from trexton.localization.training_set import Training
 from trexton.vision.kernels.load import in_strips
 
 __all__ = ["MotionModel", "RandomWalk", "process_covariance", "uniform_places"]

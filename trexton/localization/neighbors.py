@@ -10,16 +10,14 @@ spends more on a call than a whole search takes here, and leaves the order of eq
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.progress import progress
+from trexton.localization.distances import Distance
 from trexton.vision.kernels.load import compiled
-
-if TYPE_CHECKING:
-    from trexton.localization.distances import Distance
 
 __all__ = ["BoxTree", "NearestHistograms", "Neighbors", "neighbors_in_flight"]
 

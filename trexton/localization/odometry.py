@@ -17,8 +17,9 @@ from trexton.base.errors import MapError
 from trexton.base.options import option
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
-from trexton.localization.base import Part, Training, learned
+from trexton.localization.base import Part, learned
 from trexton.localization.lens import believable, camera_of, check_lens, known_or, learned_lens
+from trexton.localization.training_set import Training
 from trexton.vision.visual_odometry import Motion, VisualOdometry
 
 __all__ = ["Odometry", "RunningOdometry", "Visual"]

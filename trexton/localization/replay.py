@@ -8,49 +8,23 @@ flight that samples sees them; the dictionary stays.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from trexton.base.errors import MapError
 from trexton.flights.aiding import Aiding
-from trexton.localization.estimate import Estimate
+from trexton.localization.cross_validation import WARM_S
+from trexton.localization.estimate import Flown
 from trexton.localization.localizer import Localizer
-from trexton.localization.measurement import EXCLUDED_SECONDS
-from trexton.localization.neighbors import Neighbors
 from trexton.localization.texton_map import TextonMap
+from trexton.localization.training import with_parts
+from trexton.localization.training_set import EXCLUDED_SECONDS
 
-__all__ = ["WARM_S", "Flown", "replay", "stretches"]
+__all__ = ["replay", "stretches"]
 
 STRETCH_S = 5.0
-WARM_S = 2.0  # in which a filter settles: flown, but not judged
 MOST_STRETCHES = 8
-
-
-@dataclass(frozen=True, eq=False)
-class Flown:
-    """One frame of a training flight that was flown again.
-
-    Attributes
-    ----------
-    row : int
-        Of the training set.
-    truth : (2,) array
-        Metres.
-    estimate : Estimate
-    neighbors : Neighbors
-    """
-
-    row: int
-    truth: np.ndarray
-    estimate: Estimate
-    neighbors: Neighbors
-
-    @property
-    def error(self) -> np.ndarray:
-        """``(2,)`` metres."""
-        error: np.ndarray = self.estimate.position - self.truth
-        return error
 
 
 def stretches(time: np.ndarray) -> list[np.ndarray]:
@@ -109,9 +83,9 @@ def replay(
     half = len(every) // 2
     for first in range(half):
         pair = every[first], every[first + half]
-        method = _without(replace(texton_map, parts={}), np.concatenate(pair)).with_parts(
-            {role: part.untrained() for role, part in parts.items()}, rng=rng
-        )
+        rest = _without(replace(texton_map, parts={}), np.concatenate(pair))
+        untrained = {role: part.untrained() for role, part in parts.items()}
+        method = with_parts(rest, untrained, rng=rng)
         for order in (pair, [rows[::-1] for rows in pair[::-1]]):
             localizer = Localizer(method, rng=rng)
             for rows in order:

@@ -14,6 +14,7 @@ from trexton.base.files import check_not_read
 from trexton.base.streams import stream
 from trexton.localization.landing import TouchdownZone
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.map_files import load_map
 from trexton.localization.methods import parse_choices
 from trexton.onboard.commander import Lander
 from trexton.onboard.edges import edge_at
@@ -37,7 +38,7 @@ def build(settings: Settings) -> Onboard:
         over what is read, or an extra is not installed.
     """
     flying, landing = settings.of(Flying), settings.of(Landing)
-    texton_map = TextonMap.load(settings.map)
+    texton_map = load_map(settings.map)
     zone = landing.zone(texton_map.area)
     choices: dict[str, Any] = dict(parse_choices(settings.choices))
     localizer = Localizer(

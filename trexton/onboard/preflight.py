@@ -15,8 +15,8 @@ import numpy as np
 
 from trexton.base.errors import TrextonError
 from trexton.localization.localizer import Localizer
-from trexton.localization.measurement import EXCLUDED_SECONDS
 from trexton.localization.neighbors import neighbors_in_flight
+from trexton.localization.training_set import EXCLUDED_SECONDS
 from trexton.onboard.aids import Aids
 from trexton.onboard.build import build
 from trexton.onboard.edges import edge_at

@@ -12,13 +12,14 @@ import numpy as np
 from trexton.base.errors import MapError
 from trexton.base.options import option
 from trexton.flights.aiding import Aiding
-from trexton.localization.base import Training, learned
+from trexton.localization.base import learned
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
 from trexton.localization.lens import camera_of, usual_height
 from trexton.localization.measurement import RankMixture
 from trexton.localization.motion import MotionModel
 from trexton.localization.observation import Observation
+from trexton.localization.training_set import Training
 from trexton.registration.ground import Ground
 from trexton.registration.tracker import FloorTracker, fine_cell
 from trexton.registration.trust import FloorFix, Trust, learn_trust

@@ -28,7 +28,8 @@ from trexton.companion.experiments.replay import replay
 from trexton.companion.experiments.style import COLORS
 from trexton.companion.player.page import player_html
 from trexton.companion.player.playback import record_replay
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.training import train_map
 from trexton.vision.patches import gather_patches
 
 
@@ -38,7 +39,7 @@ def localizer(texton_map, seed=5, **options):
 
 @pytest.fixture
 def texton_map(rng):
-    return TextonMap.train(small_flight(), neighbors=3, rng=rng)
+    return train_map(small_flight(), neighbors=3, rng=rng)
 
 
 def embedded(page: str) -> dict:
@@ -74,7 +75,7 @@ def test_the_replay_of_an_experiment_shows_every_method_that_can_fly():
 
 def test_patches_are_those_that_the_step_sampled(tmp_path, rng):
     flight = picture_flight(tmp_path, "room")
-    texton_map = TextonMap.train(flight, n_textons=4, neighbors=2, rng=rng)
+    texton_map = train_map(flight, n_textons=4, neighbors=2, rng=rng)
     recording = record_replay({"one": localizer(texton_map, samples=30)}, flight, most_frames=5)
     dictionary = texton_map.dictionary
     for kept, row in zip(recording.frames, range(0, len(flight), 10), strict=True):
@@ -91,9 +92,7 @@ def test_patches_are_those_that_the_step_sampled(tmp_path, rng):
 
 def test_a_map_in_another_view_is_played_as_it_flies(tmp_path):
     train = colourful_flight(tmp_path / "room")
-    texton_map = TextonMap.train(
-        train, n_textons=4, cells=2, rng=np.random.default_rng(1), view="nadir"
-    )
+    texton_map = train_map(train, n_textons=4, cells=2, rng=np.random.default_rng(1), view="nadir")
     recording = record_replay({"one": localizer(texton_map, samples=None)}, train)
     told = np.rint(1000 * texton_map.histograms).astype(int).tolist()
     assert [each["histogram"] for each in recording.frames] == told
@@ -110,7 +109,7 @@ def test_a_truth_that_is_unknown_stays_unknown(texton_map):
 
 def test_a_method_that_compares_images_has_no_patches_and_its_errors_have_tenths(tmp_path):
     train = colourful_flight(tmp_path / "room")
-    texton_map = TextonMap.train(train, n_textons=4, rng=np.random.default_rng(1))
+    texton_map = train_map(train, n_textons=4, rng=np.random.default_rng(1))
     one = localizer(texton_map, samples=30)
     step, nearby = one.step, []
 

@@ -16,7 +16,7 @@ from trexton.companion.experiments.registry import EXPERIMENTS
 
 def test_code_behind_a_notebook_is_found_however_deep(tmp_path):
     body = (
-        "from trexton import TextonMap\nfrom trexton.companion.experiments import mocap_training\n"
+        "from trexton import Localizer\nfrom trexton.companion.experiments import mocap_training\n"
     )
     code = read(write_notebook(tmp_path, "deep", body)).code
     assert {

@@ -25,7 +25,7 @@ from trexton.companion.checks.tuning import (
 )
 from trexton.flights import Flight, write_flight
 from trexton.flights.aiding import Aiding
-from trexton.localization.localizer import TextonMap
+from trexton.localization.training import train_map
 from trexton.simulator import record_flight
 from trexton.vision.camera import Camera
 
@@ -70,7 +70,7 @@ def test_the_cheapest_of_the_good_is_chosen():
 
 def test_replayed_errors_are_of_maps_that_did_not_see_the_frames():
     flight = told_apart()
-    honest = TextonMap.train(flight, neighbors=1, rng=stream(1, "map"))
+    honest = train_map(flight, neighbors=1, rng=stream(1, "map"))
     errors = replayed_errors(honest, samples=None, rng=stream(1, "replay"))
     assert errors.ndim == 2 and errors.shape[1] == 2
     # Where every frame's histogram is noise, leaving the frame out leaves nothing to know it by.
@@ -78,7 +78,7 @@ def test_replayed_errors_are_of_maps_that_did_not_see_the_frames():
     noise = Flight("noise", flight.frame, flight.time, flight.position, flight.area,
                    histograms=rng.dirichlet(np.ones(8), len(flight)))  # fmt: skip
     lost = replayed_errors(
-        TextonMap.train(noise, neighbors=1, rng=stream(1, "map")),
+        train_map(noise, neighbors=1, rng=stream(1, "map")),
         samples=None, rng=stream(1, "replay"),
     )  # fmt: skip
     assert np.hypot(*lost.T).mean() > 1.5 * np.hypot(*errors.T).mean()
@@ -88,7 +88,7 @@ def test_a_replay_told_its_velocity_errs_less_forwards_and_backwards():
     flight = told_apart(240)
     noisy = flight.histograms * np.random.default_rng(2).uniform(0.5, 2, (240, 8))
     flight = replace(flight, histograms=noisy / noisy.sum(axis=1, keepdims=True))
-    texton_map = TextonMap.train(flight, method="field", rng=stream(1, "training"))
+    texton_map = train_map(flight, method="field", rng=stream(1, "training"))
     velocity = np.diff(flight.position, axis=0, prepend=0) / 0.2
     wrong = np.roll(velocity, 60, axis=0)
 

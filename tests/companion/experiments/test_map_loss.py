@@ -15,7 +15,7 @@ from trexton.companion.experiments import map_loss
 from trexton.companion.experiments.correlation import pair_correlation, rank_correlation
 from trexton.companion.figures import map_loss as figures
 from trexton.evaluation.suitability import cosine_similarity, global_loss, local_losses
-from trexton.localization.measurement import EXCLUDED_SECONDS
+from trexton.localization.training_set import EXCLUDED_SECONDS
 
 
 @pytest.fixture(scope="module")

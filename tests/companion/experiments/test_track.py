@@ -9,6 +9,7 @@ from trexton.companion.experiments.evaluation import trained_map
 from trexton.companion.experiments.track import fly, tracks
 from trexton.evaluation.metrics import euclidean
 from trexton.localization.localizer import Localizer
+from trexton.localization.training import for_method
 
 
 @pytest.fixture(scope="module")
@@ -21,7 +22,7 @@ def flown():
 @pytest.mark.parametrize("counted", [None, 400])
 @pytest.mark.parametrize("method", ["paper", "field"])
 def test_a_run_is_the_localizer_stepped_by_hand(flown, method, counted):
-    texton_map, test = flown[0].for_method(method), flown[1]
+    texton_map, test = for_method(flown[0], method), flown[1]
     run = fly(Localizer(texton_map, rng=stream(1, "run")), test.histograms, counted=counted)
     localizer = Localizer(texton_map, rng=stream(1, "run"))
     said = [

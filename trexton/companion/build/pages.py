@@ -14,7 +14,7 @@ from trexton.companion.build.headlines import what_we_found
 from trexton.companion.build.paper_map import map_table
 from trexton.companion.claims.ledger import load_records
 from trexton.flights.names import flight_title
-from trexton.localization.measurement import EXCLUDED_SECONDS
+from trexton.localization.training_set import EXCLUDED_SECONDS
 
 __all__ = [
     "describe_notebook",

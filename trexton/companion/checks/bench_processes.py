@@ -18,14 +18,16 @@ import numpy as np
 
 from trexton.companion.checks.scene import Scene
 from trexton.companion.checks.timing import Row, Times
+from trexton.localization.map_files import save_map
 
 __all__ = ["onboard", "start"]
 
 _FIRST_FRAME = """
 import sys
 import numpy as np
-from trexton.localization.localizer import Localizer, TextonMap
-localizer = Localizer(TextonMap.load(sys.argv[1]), rng=np.random.default_rng(1))
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import load_map
+localizer = Localizer(load_map(sys.argv[1]), rng=np.random.default_rng(1))
 assert localizer.step(np.load(sys.argv[2])).observed
 """
 _PROGRAMS = {
@@ -77,7 +79,10 @@ def start(scene: Scene, quick: bool) -> Iterator[Row]:
     """
     seconds: dict[str, list[float]] = {name: [] for name in _PROGRAMS}
     with tempfile.TemporaryDirectory() as folder:
-        texton_map, frame = scene.map.save(Path(folder) / "map.npz"), Path(folder) / "frame.npy"
+        texton_map, frame = (
+            save_map(scene.map, Path(folder) / "map.npz"),
+            Path(folder) / "frame.npy",
+        )
         np.save(frame, scene.frame)
         # An environment without bytecode would have every source compiled anew: its own cache.
         environment = {
@@ -104,7 +109,10 @@ def onboard(scene: Scene, quick: bool) -> Iterator[Row]:
     the memory it holds. Pictures come from memory: no camera is read, no JPEG decoded."""
     frames = 500 if quick else 5000
     with tempfile.TemporaryDirectory() as folder:
-        texton_map, pictures = scene.map.save(Path(folder) / "map.npz"), Path(folder) / "film.npy"
+        texton_map, pictures = (
+            save_map(scene.map, Path(folder) / "map.npz"),
+            Path(folder) / "film.npy",
+        )
         np.save(pictures, np.stack(scene.views[0][:12]))
         command = [sys.executable, "-c", _LOOP, str(texton_map), str(pictures), str(frames)]
         done = subprocess.run(command, check=True, capture_output=True, text=True)

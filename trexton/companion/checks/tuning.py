@@ -28,6 +28,7 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.methods import compose
 from trexton.localization.replay import replay, stretches
 from trexton.localization.roles import make
+from trexton.localization.training import for_method, train_map, with_choices, with_parts
 
 if TYPE_CHECKING:
     import optuna
@@ -132,12 +133,12 @@ class Bench:
         if key not in self._maps:
             rng = stream(self.seed, "training")
             chosen = {"n_textons": setting.textons or defaults.TEXTONS, "cells": setting.cells or 1}
-            self._maps[key] = TextonMap.train(self.flight, rng=rng, neighbors=1, **chosen)  # type: ignore[arg-type]
+            self._maps[key] = train_map(self.flight, rng=rng, neighbors=1, **chosen)  # type: ignore[arg-type]
         choices = {
             "measurement.neighbors": setting.neighbors, "filter.particles": setting.particles
         }  # fmt: skip
         chosen = {name: value for name, value in choices.items() if value is not None}
-        texton_map = self._maps[key].for_method(setting.method).changed(chosen)
+        texton_map = with_choices(for_method(self._maps[key], setting.method), chosen)
         if not setting.odometry:
             return texton_map
         odometry = {"odometry": self._moving.parts["odometry"]}
@@ -175,7 +176,7 @@ class Bench:
     def _moving(self) -> TextonMap:
         """A map with odometry, which is the same whatever the textons."""
         usual = self.map(Setting(**_usual("field", self.flight.has_images)))
-        return usual.with_parts({"odometry": make("odometry", "visual")}, flight=self.flight)
+        return with_parts(usual, {"odometry": make("odometry", "visual")}, flight=self.flight)
 
     @cached_property
     def _told(self) -> list[Aiding | None]:

@@ -10,6 +10,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 from trexton.base.defaults import SAMPLES
 from trexton.base.errors import ParameterError
 from trexton.base.progress import say
+from trexton.localization.map_files import load_map
 
 __all__ = ["add_arguments", "run"]
 
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.player.page import player_html
     from trexton.companion.player.playback import record_replay
     from trexton.flights import read_flight
-    from trexton.localization.localizer import Localizer, TextonMap
+    from trexton.localization.localizer import Localizer
 
     if not 0 <= arguments.port <= 65535:
         raise ParameterError(f"--port {arguments.port}: expected 1 to 65535, or 0 for a free one")
@@ -56,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
         check_writable(arguments.out)
     else:
         serve("", arguments.port).server_close()  # before the flight is replayed
-    texton_map = TextonMap.load(arguments.map)
+    texton_map = load_map(arguments.map)
     flight = read_flight(arguments.flight).part_or_all("test")
     localizers = {
         name or texton_map.method: Localizer(

@@ -28,6 +28,7 @@ from trexton.evaluation.metrics import mean_over_groups, mean_with_interval
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.training import for_method, train_map
 from trexton.simulator import Effects, Floor, record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.textons import MAX_TEXTONS
@@ -208,13 +209,13 @@ def _maps(survey: Flight, parameters: Parameters) -> dict[tuple[str | None, str]
     maps = {}
     for view in dict.fromkeys(view for view, _ in KNOWN.values()):
         choices: dict[str, Any] = {} if view is None else {"view": view}
-        base = TextonMap.train(
+        base = train_map(
             survey, n_textons=parameters.textons, cells=parameters.cells,
             rng=stream(parameters.seed, "training"), **choices,
         )  # fmt: skip
         for method in METHODS:
             rng = stream(parameters.seed, f"map {method}")
-            maps[view, method] = base.for_method(method, rng=rng)
+            maps[view, method] = for_method(base, method, rng=rng)
     return maps
 
 

@@ -35,9 +35,10 @@ from trexton.evaluation.runtime import of_frames
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.measurement import EXCLUDED_SECONDS
 from trexton.localization.methods import compose
 from trexton.localization.roles import make
+from trexton.localization.training import for_method, train_map, training_set, with_parts
+from trexton.localization.training_set import EXCLUDED_SECONDS
 
 __all__ = ["EXPERIMENT", "STRETCH_S", "Parameters", "best_method", "finding", "run"]
 
@@ -74,13 +75,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     frames = frames_of(test)
     known = test.located
     runs, timings, field_map, halves = {}, {}, None, []
-    base = TextonMap.train(
-        train, n_textons=parameters.textons, rng=stream(parameters.seed, "training")
-    )
+    base = train_map(train, n_textons=parameters.textons, rng=stream(parameters.seed, "training"))
     located = train.select(train.located)
     for method in parameters.methods.split():
         rng = stream(parameters.seed, f"map {method}")
-        texton_map = base.for_method(method, flight=located, rng=rng)
+        texton_map = for_method(base, method, flight=located, rng=rng)
         track = fly(_localizer(texton_map, parameters), frames)
         runs[method], timings[method] = track.position, of_frames(track.step_s, "_s")
         if hasattr(texton_map.parts["measurement"], "predicted_error"):
@@ -137,7 +136,7 @@ def _with_odometry(
 ) -> Localizer | None:
     """One that sees how the frames move, where the training flight has what that takes."""
     try:
-        seeing = texton_map.with_parts({"odometry": make("odometry", "visual")}, flight=flight)
+        seeing = with_parts(texton_map, {"odometry": make("odometry", "visual")}, flight=flight)
     except TrextonError:
         return None
     return _localizer(seeing, parameters)
@@ -157,7 +156,7 @@ def _with_half(
         try:
             rng = stream(parameters.seed, f"map {texton_map.method}")
             parts = {role: part.untrained() for role, part in texton_map.parts.items()}
-            half = replace(texton_map.select(rows), parts={}).with_parts(parts, rng=rng)
+            half = with_parts(replace(texton_map.select(rows), parts={}), parts, rng=rng)
             localizer = _localizer(half, parameters)
             tracks.append(fly(localizer, frames).position)
         except TrextonError:
@@ -181,7 +180,7 @@ def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any
     gaps = np.array([euclidean(positions, place).min() for place in test.position[known]])
     limits: dict[str, Any] = {"gap_m": float(np.percentile(gaps, 95))}
     try:
-        rows = texton_map.training().neighbors(1, EXCLUDED_SECONDS)[:, 0]
+        rows = training_set(texton_map).neighbors(1, EXCLUDED_SECONDS)[:, 0]
         far = euclidean(positions[rows], positions) > diagonal / 4
         limits["repeated"] = float(far.mean())
     except TrextonError:  # too short a flight to leave neighbours in time out

@@ -29,6 +29,7 @@ from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.roles import make
+from trexton.localization.training import for_method, with_choices, with_parts
 
 __all__ = ["EXPERIMENT", "VARIANTS", "Parameters", "Variant", "finding", "run"]
 
@@ -175,9 +176,9 @@ def _possible(variant: Variant, train: Flight, told: list[Aiding] | None) -> boo
 def _map_for(variant: Variant, base: TextonMap, located: Flight) -> TextonMap:
     """The map that a variant flies with: the paper's with other parts, or the field's with more."""
     if variant.odometry:
-        return base.with_parts({"odometry": make("odometry", "visual")}, flight=located)
+        return with_parts(base, {"odometry": make("odometry", "visual")}, flight=located)
     counted = located if variant.method == "field" and not variant.whole else None
-    return base.for_method(variant.method, flight=counted).changed(variant.choices)
+    return with_choices(for_method(base, variant.method, flight=counted), variant.choices)
 
 
 def _told(flight: Flight, seed: int) -> list[Aiding] | None:

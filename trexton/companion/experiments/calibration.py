@@ -18,6 +18,7 @@ from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
+from trexton.localization.training import for_method
 
 __all__ = ["EXPERIMENT", "METHODS", "Parameters", "finding", "run"]
 
@@ -51,7 +52,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     quarter_s = float(test.time[-1] - test.time[_settled(test)]) / QUARTERS
     for name in METHODS:
         rng = stream(parameters.seed, "calibration")
-        method = texton_map.for_method(name, flight=frames, rng=rng)
+        method = for_method(texton_map, name, flight=frames, rng=rng)
         histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
         runs = tracks(
             method, histograms, repeats=parameters.repeats, seed=parameters.seed, counted=samples,

@@ -27,6 +27,8 @@ from trexton.companion.wording import apart, interval
 from trexton.evaluation.metrics import summarize
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
+from trexton.localization.map_files import from_arrays, to_arrays
+from trexton.localization.training import train_map
 from trexton.vision.textons import TextonDictionary
 
 __all__ = ["EXPERIMENT", "finding", "Parameters", "run", "with_trace", "without_trace"]
@@ -166,12 +168,10 @@ def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:
     def compute() -> Any:
         rng = stream(seed, "training")
         dictionary = TextonDictionary.learn(train, rng=rng, method="winner-take-all")
-        return TextonMap.train(
-            train, neighbors=neighbors, rng=rng, dictionary=dictionary
-        ).to_arrays()
+        return to_arrays(train_map(train, neighbors=neighbors, rng=rng, dictionary=dictionary))
 
     inputs = {"flight": train.data_hash, "neighbors": neighbors, "seed": seed}
-    return TextonMap.from_arrays(
+    return from_arrays(
         cached("map-winner-take-all", "trexton.localization.localizer", inputs, compute)
     )
 

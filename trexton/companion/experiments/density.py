@@ -28,7 +28,8 @@ from trexton.companion.experiments.track import fly
 from trexton.companion.wording import distance, number, percent
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
+from trexton.localization.training import counted, for_method, train_map
 from trexton.simulator.floor import Floor
 from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
@@ -148,14 +149,12 @@ def _surveyed(
     seed: int,
 ) -> _Over:  # fmt: skip
     """The later flight's frames with maps of one survey."""
-    base = TextonMap.train(
-        survey, n_textons=parameters.textons, rng=stream(parameters.seed, "training")
-    )
+    base = train_map(survey, n_textons=parameters.textons, rng=stream(parameters.seed, "training"))
     field = stream(parameters.seed, "map field")
     maps = {
         "paper": base,
-        "field": base.for_method("field", rng=field),
-        "parts": base.counted(survey, parameters.cells).for_method("field", rng=field),
+        "field": for_method(base, "field", rng=field),
+        "parts": for_method(counted(base, survey, parameters.cells), "field", rng=field),
     }
     errors, held = {}, {}
     for name, texton_map in maps.items():

@@ -23,7 +23,9 @@ from trexton.evaluation.metrics import (
 )
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.map_files import from_arrays, to_arrays
 from trexton.localization.neighbors import NearestHistograms
+from trexton.localization.training import train_map
 from trexton.vision.histograms import sampled_histogram
 
 __all__ = [
@@ -68,9 +70,9 @@ def trained_map(
             "neighbors": neighbors,
             "positions": positions,
         }
-        return TextonMap.train(train, rng=rng, **options).to_arrays()
+        return to_arrays(train_map(train, rng=rng, **options))
 
-    return TextonMap.from_arrays(cached("map", "trexton.localization.localizer", inputs, compute))
+    return from_arrays(cached("map", "trexton.localization.localizer", inputs, compute))
 
 
 def map_of(

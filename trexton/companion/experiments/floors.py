@@ -30,6 +30,7 @@ from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.flights.registry import data_folder
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.training import for_method, train_map
 from trexton.simulator import LAYOUTS, PERIOD, Floor, record_flight
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE
 from trexton.vision.camera import Camera, MapImage
@@ -119,9 +120,11 @@ def judge_floor(
     with TemporaryDirectory(prefix="trexton-floor-") as name:
         train, test = flights.record(floor, Path(name))
         frames = frames_of(test)
-        base = TextonMap.train(train, rng=stream(flights.seed, "map"))
+        base = train_map(train, rng=stream(flights.seed, "map"))
         maps = {
-            method: base.for_method(method, flight=train, rng=stream(flights.seed, f"map {method}"))
+            method: for_method(
+                base, method, flight=train, rng=stream(flights.seed, f"map {method}")
+            )
             for method in dict.fromkeys((METHOD, *methods))  # each once
         }
         runs = {method: _flown(maps[method], frames, flights.seed) for method in methods}

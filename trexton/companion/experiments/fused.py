@@ -19,6 +19,7 @@ from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
+from trexton.localization.training import for_method
 
 __all__ = ["EXPERIMENT", "METHODS", "SENT", "Parameters", "finding", "run"]
 
@@ -57,7 +58,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     series: dict[str, Any] = {"time_s": test.time - test.time[0]}
     for name, label in METHODS.items():
         rng = stream(parameters.seed, "fused")
-        method = texton_map.for_method(name, flight=frames, rng=rng)
+        method = for_method(texton_map, name, flight=frames, rng=rng)
         histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
         tracked = tracks(
             method, histograms, repeats=parameters.repeats, seed=parameters.seed, counted=samples,

@@ -27,6 +27,7 @@ from trexton.evaluation.metrics import euclidean, success_rate
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import LOST_SHARE, ignorance
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.training import for_method
 
 __all__ = ["EXPERIMENT", "filter_trials", "finding", "found_after", "Parameters", "run", "Trial"]
 
@@ -108,7 +109,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     for name, (method, choices) in FILTERS.items():
         if method == "paper":
             choices = choices | {"particles": parameters.particles}
-        flown = texton_map.for_method(method, flight=frames)
+        flown = for_method(texton_map, method, flight=frames)
         trials = filter_trials(
             flown,
             drawn_histograms(test, flown, parameters.samples, parameters.seed),

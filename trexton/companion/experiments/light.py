@@ -19,6 +19,7 @@ from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.training import for_method, with_choices
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.vision.camera import Camera
 
@@ -58,7 +59,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     lent = lent_floor(train)  # before anything is trained
     base, located = map_of(train, parameters), train.select(train.located)
     maps = {
-        name: base.for_method(VARIANTS[name].method, flight=located).changed(VARIANTS[name].choices)
+        name: with_choices(
+            for_method(base, VARIANTS[name].method, flight=located), VARIANTS[name].choices
+        )
         for name in METHODS
     }
     lights = {f"drift {drift:g}": (drift, 0.0) for drift in DRIFTS}

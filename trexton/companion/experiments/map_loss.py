@@ -27,7 +27,8 @@ from trexton.evaluation.suitability import (
 )
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.measurement import EXCLUDED_SECONDS
+from trexton.localization.training import training_set
+from trexton.localization.training_set import EXCLUDED_SECONDS
 
 __all__ = ["EXPERIMENT", "finding", "Parameters", "run"]
 
@@ -67,7 +68,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     usual = usual_sigma(train.diagonal, AUTHORS)
     sigma = parameters.sigma or usual
     losses = local_losses(histograms, positions, sigma)
-    rows = texton_map.training().neighbors(parameters.neighbors, EXCLUDED_SECONDS)
+    rows = training_set(texton_map).neighbors(parameters.neighbors, EXCLUDED_SECONDS)
     errors = euclidean(positions[rows].mean(axis=1), positions)
     similarity, similarity_series = _similarity(histograms, positions, parameters.seed)
     sigmas = [round(share * usual, 4) for share in SWEPT]

@@ -9,6 +9,7 @@ from trexton.companion.experiments.evaluation import floor_picture, map_of
 from trexton.companion.player.playback import Playback, record_replay
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
+from trexton.localization.training import for_method
 
 __all__ = ["replay"]
 
@@ -37,7 +38,7 @@ def replay(train: Flight, test: Flight, parameters: MapParameters) -> Playback:
         if method == "fine" and not laid:
             continue
         try:
-            learned = texton_map.for_method(method, flight=frames, rng=rng)
+            learned = for_method(texton_map, method, flight=frames, rng=rng)
         except MapError:  # too short a flight, for one; the paper's method learns from any
             if method == "paper":
                 raise

@@ -37,6 +37,7 @@ from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.localization.localizer import TextonMap
 from trexton.localization.roles import make
+from trexton.localization.training import for_method, train_map, with_parts
 from trexton.simulator import record_flight
 
 __all__ = ["EXPERIMENT", "LANDERS", "Parameters", "finding", "gain", "rates", "run"]
@@ -210,16 +211,16 @@ def _maps(
             camera=mission.camera, height=mission.height,
         )  # fmt: skip
         field = _field(train, parameters, rng)
-        fine = paper.for_method("fine", flight=train, rng=rng)
+        fine = for_method(paper, "fine", flight=train, rng=rng)
         denser = _field(longer, parameters, rng)
         odometry = {"odometry": make("odometry", "visual")}
         return {
             (None, False, False): None,
             ("paper", False, False): paper,
             ("field", False, False): field,
-            ("field", True, False): field.with_parts(odometry, flight=train),
+            ("field", True, False): with_parts(field, odometry, flight=train),
             ("field", False, True): denser,
-            ("field", True, True): denser.with_parts(odometry, flight=longer),
+            ("field", True, True): with_parts(denser, odometry, flight=longer),
             ("fine", False, False): fine,
         }
 
@@ -227,7 +228,7 @@ def _maps(
 def _field(survey: Flight, parameters: Parameters, rng: np.random.Generator) -> TextonMap:
     """A trigger needs the velocity's covariance as it is: accelerations as they were flown."""
     agility: dict[str, Any] = {"motion.agility": 1.0}
-    return TextonMap.train(
+    return train_map(
         survey, method="field", n_textons=parameters.textons, cells=parameters.cells, rng=rng,
         **agility,
     )  # fmt: skip

@@ -26,6 +26,7 @@ from trexton.evaluation.metrics import absolute_errors, block_rows, bootstrap_in
 from trexton.evaluation.runtime import frequency, milliseconds
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.training import with_parts
 from trexton.vision.histograms import texton_histogram
 from trexton.vision.patches import position_grid
 
@@ -136,7 +137,7 @@ def retrained(
     measurement = texton_map.parts["measurement"]
     if neighbors is not None:
         measurement = measurement.with_options(neighbors=neighbors)
-    return texton_map.with_parts({"measurement": measurement})
+    return with_parts(texton_map, {"measurement": measurement})
 
 
 @dataclass

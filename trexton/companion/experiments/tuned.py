@@ -20,6 +20,7 @@ from trexton.companion.experiments.track import fly
 from trexton.evaluation.metrics import summarize
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.training import with_choices
 from trexton.vision.histograms import sampled_histogram
 
 __all__ = ["search_settings"]
@@ -138,7 +139,7 @@ def _with_noise(texton_map: TextonMap, times: int) -> TextonMap:
         return texton_map
     learned = texton_map.parts["motion"].growth(texton_map.period_s)
     sigma = times * float(np.sqrt(np.trace(learned) / 2))
-    return texton_map.changed({"motion.sigma": sigma})
+    return with_choices(texton_map, {"motion.sigma": sigma})
 
 
 def _told(name: str, row: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
@@ -153,7 +154,7 @@ def _replayed_cm(texton_map: TextonMap, seed: int, row: dict[str, Any]) -> float
     """Mean absolute error over both axes of a setting in the replay of the training flight."""
     choices = {"measurement.neighbors": row["neighbors"], "filter.particles": row["particles"]}
     rng = stream(seed, "replay")
-    errors = replayed_errors(texton_map.changed(choices), samples=row["samples"], rng=rng)
+    errors = replayed_errors(with_choices(texton_map, choices), samples=row["samples"], rng=rng)
     return 100 * float(np.abs(errors).mean())
 
 

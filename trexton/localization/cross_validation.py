@@ -1,4 +1,4 @@
-"""The training flight flown again as if each frame were new: what a method's errors will be like.
+"""Leave-neighbours-out cross-validation: the training flight flown again for a method's errors.
 
 No frame finds neighbours in the time around it, which look like it and would flatter the map; all
 others stay, for a later flight finds them as well. The flight is flown forwards and backwards.
@@ -14,51 +14,29 @@ from functools import partial
 import numpy as np
 
 from trexton.base.errors import MapError
-from trexton.localization.base import Training
-from trexton.localization.localizer import Localizer
-from trexton.localization.measurement import EXCLUDED_SECONDS
-from trexton.localization.neighbors import Neighbors, neighbors_in_flight
+from trexton.localization.estimate import Flown
+from trexton.localization.neighbors import Neighbors
 from trexton.localization.observation import Observation
-from trexton.localization.replay import WARM_S, Flown
+from trexton.localization.pipeline import Pipeline
 from trexton.localization.texton_map import JUDGES, TextonMap
+from trexton.localization.training_set import Training
 
-__all__ = ["flown_unseen", "unseen"]
+__all__ = ["WARM_S", "leave_neighbors_out"]
 
-
-def unseen(training: Training, samples: int) -> tuple[np.ndarray, list[Neighbors]]:
-    """``(N, K)`` histograms as a flight sees them, and the neighbours each has at other times.
-
-    Raises
-    ------
-    MapError
-        Some frame has too few.
-    """
-    histograms = training.histograms
-    if training.dictionary is not None:
-        shares = histograms / histograms.sum(axis=1, keepdims=True)
-        histograms = training.rng.multinomial(samples, shares) / samples
-    nearest, distance = training.nearest, training.distance
-    rows = neighbors_in_flight(nearest, histograms, training.time, nearest.k, EXCLUDED_SECONDS)
-    apart = [
-        distance.between(each[None], training.histograms[near])[0]
-        for each, near in zip(histograms, rows, strict=True)
-    ]
-    found = zip(rows, apart, training.positions[rows], strict=True)
-    return histograms, [Neighbors(*each) for each in found]
+WARM_S = 2.0  # in which a filter settles: flown, but not judged
 
 
-def flown_unseen(
-    texton_map: TextonMap, *, samples: int, rng: np.random.Generator
-) -> Iterator[Flown]:
+def leave_neighbors_out(texton_map: TextonMap, training: Training, samples: int) -> Iterator[Flown]:
     """Fly a map's own training flight.
 
     Parameters
     ----------
     texton_map : TextonMap
         Whose parts say which method; calibration and integrity do not fly.
+    training : Training
+        Of that flight.
     samples : int
         Patches a frame, where the map has a dictionary.
-    rng : numpy.random.Generator
 
     Raises
     ------
@@ -73,19 +51,19 @@ def flown_unseen(
         )
     parts = {role: part for role, part in texton_map.parts.items() if role not in JUDGES}
     method = replace(texton_map, parts=parts)
-    histograms, neighbors = unseen(replace(method.training(rng=rng), texton_map=method), samples)
+    histograms, neighbors = training.resampled(samples)
     drawn = samples if texton_map.dictionary is not None else None
-    localizer = Localizer(method, rng=rng)
+    pipeline = Pipeline(method, rng=training.rng)
     every = range(len(histograms))
     for order in (every, every[::-1]):
-        localizer.reset()
+        pipeline.reset()
         for since, row in enumerate(order):
             observation = Observation(
                 samples=drawn,
                 histogram=partial(histograms.__getitem__, row),
                 neighbors=partial(_found, neighbors[row]),
             )
-            estimate = localizer.advance(observation)
+            estimate = pipeline.advance(observation)
             if since >= settled:
                 yield Flown(row, texton_map.positions[row], estimate, neighbors[row])
 

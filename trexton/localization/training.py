@@ -1,0 +1,280 @@
+"""Training: a flight becomes a map, and parts of a map are trained anew on its training set.
+
+Calibration and integrity, which judge a method, learn last: they are handed a function that flies
+the method over the training set by leave-neighbours-out cross-validation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from trexton.base.defaults import PATCH, TEXTONS, USUAL_CELLS
+from trexton.base.errors import MapError, ParameterError
+from trexton.base.options import whole
+from trexton.base.progress import say
+from trexton.base.streams import generator
+from trexton.flights.flight import Flight
+from trexton.localization.base import Part
+from trexton.localization.counting import full_histograms
+from trexton.localization.cross_validation import leave_neighbors_out
+from trexton.localization.methods import changed, compose, fitting
+from trexton.localization.texton_map import JUDGES, TextonMap
+from trexton.localization.training_set import Training
+from trexton.vision.textons import MAX_PATCH, MAX_TEXTONS, TextonDictionary
+
+__all__ = ["counted", "for_method", "train_map", "training_set", "with_choices", "with_parts"]
+
+
+def train_map(
+    flight: Flight,
+    *,
+    method: str = "paper",
+    n_textons: int = TEXTONS,
+    patch: int = PATCH,
+    cells: int | None = None,
+    neighbors: int | None = None,
+    rng: np.random.Generator,
+    dictionary: TextonDictionary | None = None,
+    positions: np.ndarray | None = None,
+    **choices: object,
+) -> TextonMap:
+    """Learn a map from a flight (paper, Sec. Dataset Generation to Filtering).
+
+    Parameters
+    ----------
+    flight : Flight
+        With images, or with histograms only.
+    method : str
+        An entry of `trexton.localization.methods.METHODS`.
+    n_textons, patch : int
+        K, and the patch's side in pixels.
+    cells : int, optional
+        Parts of the image along each side, each with a histogram of its own; 1 in the paper.
+        The method's own unless given, see `trexton.base.defaults.USUAL_CELLS`; 1 where parts of
+        the image show nothing of what others show, as when the heading was not held.
+    neighbors : int, optional
+        Short for the choice ``measurement.neighbors``.
+    rng : numpy.random.Generator
+    dictionary : TextonDictionary, optional
+        Use this one instead of learning it from the flight's images.
+    positions : (N, 2) array, optional
+        Use these instead of the flight's ground truth; frames with NaN do not train.
+    **choices
+        ``role``: a part, or its name; ``role.option``: a value. They replace what the method
+        says.
+
+    Raises
+    ------
+    MapError
+        Too few frames with a position.
+    ParameterError
+        A method, part or option is unknown or out of range, `rng` is no generator.
+    """
+    if neighbors is not None:
+        choices["measurement.neighbors"] = neighbors
+    rng = generator(rng)
+    usual, own = cells is None, USUAL_CELLS.get(method, 1) if flight.has_images else 1
+    cells = whole(own if cells is None else cells, "cells", 1, 8)
+    n_textons = whole(n_textons, "n_textons", 1, MAX_TEXTONS)
+    patch = whole(patch, "patch", 1, MAX_PATCH)
+    parts: dict[str, Any] = compose(method, choices)
+    given = flight.position if positions is None else np.ma.asarray(positions, dtype=float)
+    given = np.ma.filled(given, np.nan)
+    if given.shape != (len(flight), 2):
+        raise ParameterError(
+            f"positions have shape {given.shape}: expected ({len(flight)}, 2), one for each frame"
+        )
+    known = np.isfinite(given).all(axis=1)
+    if known.sum() < 3:
+        raise MapError(
+            f"flight {flight.name!r} has {known.sum()} frames with a position: "
+            "training needs at least 3"
+        )
+    if cells > 1 and not flight.has_images:
+        raise ParameterError(
+            f"flight {flight.name!r} came as histograms: there is no image to cut into "
+            f"{cells} x {cells} parts, leave cells at 1"
+        )
+    trained, place, looked = flight.select(known), given[known], flight
+    shape = trained.image(0).shape[:2] if flight.has_images else None
+    rectified = flight.rectification if flight.has_images else None
+    if rectified and shape and rectified.size[::-1] != shape:
+        raise MapError(
+            f"flight {flight.name!r} has images of {shape[1]}x{shape[0]} pixels, its "
+            f"[rectification] makes {rectified.size[0]}x{rectified.size[1]}: import it again"
+        )
+    if "view" in parts:
+        parts["view"] = view = parts["view"].of(trained)
+        looked = view.flight(flight)
+    if flight.has_images:
+        dictionary = dictionary or TextonDictionary.learn(looked, n_textons, patch, rng=rng)
+    parameters = {
+        "method": method,
+        "n_textons": n_textons,
+        "patch": patch,
+        "cells": cells,
+        "positions": positions is not None,
+    }
+    from trexton.base.records import software_versions  # what training needs, no flight does
+
+    untrained = TextonMap(
+        dictionary,
+        full_histograms(looked.select(known), dictionary, cells),
+        place,
+        trained.time,
+        flight.area,
+        shape,
+        float(np.median(np.diff(trained.time))),
+        method,
+        {},
+        {
+            "flight": flight.name,
+            "data_hash": flight.data_hash,
+            "parameters": parameters,
+            "versions": software_versions(),
+        },
+        rectified,
+    )
+    if usual:
+        return _with_parts_or_whole(untrained, parts, trained, rng)
+    return with_parts(untrained, parts, flight=trained, rng=rng)
+
+
+def with_parts(
+    texton_map: TextonMap,
+    parts: Mapping[str, Part],
+    *,
+    flight: Flight | None = None,
+    rng: np.random.Generator | None = None,
+) -> TextonMap:
+    """A map with other parts, trained on its own training set.
+
+    Parameters
+    ----------
+    texton_map : TextonMap
+    parts : mapping of role to Part
+        Those not named stay as they are.
+    flight : Flight, optional
+        The frames behind the map, for parts that learn from more than histograms.
+    rng : numpy.random.Generator, optional
+        For parts that draw; a fixed one unless given.
+
+    Raises
+    ------
+    ParameterError
+        Another view than the map's: its histograms were not counted in that; or a part that
+        does not fit the others, see `trexton.localization.methods.fitting`.
+    """
+    own = texton_map.parts.get("view")
+    if texton_map.parts and parts.get("view", own) is not own:
+        raise ParameterError(
+            "the view belongs to the histograms of a map: choose it when training, as in "
+            "trexton train FLIGHT --set view=nadir"
+        )
+    result = replace(texton_map, parts=fitting(texton_map.parts | dict(parts), parts))
+    training = training_set(result, flight=flight, rng=rng)
+    fitted = {role: part.fit(training) for role, part in parts.items() if role not in JUDGES}
+    result = replace(result, parts=result.parts | fitted)
+    for role in JUDGES:  # they judge the method as a whole: what changes it concerns them too
+        if role in result.parts and (fitted or role in parts):
+            fly = partial(leave_neighbors_out, result, training)
+            judged = replace(training, parts=result.parts, fly=fly)
+            judge = result.parts[role].untrained().fit(judged)
+            result = replace(result, parts=result.parts | {role: judge})
+    return result
+
+
+def training_set(
+    texton_map: TextonMap, *, flight: Flight | None = None, rng: np.random.Generator | None = None
+) -> Training:
+    """What the parts learn from; see `with_parts`."""
+    return Training(
+        texton_map.histograms,
+        texton_map.positions,
+        texton_map.time,
+        texton_map.area,
+        texton_map.period_s,
+        texton_map.distance,
+        texton_map.dictionary,
+        flight,
+        np.random.default_rng(0) if rng is None else generator(rng),
+        k=min(texton_map.neighbors, len(texton_map.histograms)),
+        cells=texton_map.cells,
+    )
+
+
+def with_choices(
+    texton_map: TextonMap, choices: Mapping[str, object], *, rng: np.random.Generator | None = None
+) -> TextonMap:
+    """A map with the parts that `choices` name, trained on its own training set; see
+    `train_map`.
+    """
+    new = changed(texton_map.parts, choices)
+    return with_parts(texton_map, new, rng=rng) if new else texton_map
+
+
+def for_method(
+    texton_map: TextonMap,
+    method: str | None,
+    *,
+    flight: Flight | None = None,
+    rng: np.random.Generator | None = None,
+) -> TextonMap:
+    """A map with the parts of another method, trained as by `with_parts`; itself for its
+    own, or None.
+
+    Where the flight behind it is given, histograms are counted anew for a method that cuts
+    images into other parts, as by `train`. Else they stay as they are, but for those of parts
+    as its own method cuts them, which are joined for one that takes whole images.
+    """
+    if method is None or method == texton_map.method:
+        return texton_map
+    kept = {role: part for role, part in texton_map.parts.items() if role in ("view", "odometry")}
+    parts, own = compose(method), replace(texton_map, method=method, parts=kept)
+    cells = USUAL_CELLS.get(method, 1)
+    if flight is None or not flight.has_images:
+        as_usual = texton_map.cells == USUAL_CELLS.get(texton_map.method, 1)
+        own = own.joined() if as_usual and cells < texton_map.cells else own
+        return with_parts(own, parts, flight=flight, rng=rng)
+    return _with_parts_or_whole(counted(own, flight, cells), parts, flight, rng)
+
+
+def _with_parts_or_whole(
+    texton_map: TextonMap,
+    parts: Mapping[str, Part],
+    flight: Flight,
+    rng: np.random.Generator | None,
+) -> TextonMap:
+    """As `with_parts`, of whole images where the field does not find where their parts look."""
+    fitted = with_parts(texton_map, parts, flight=flight, rng=rng)
+    offsets = getattr(fitted.parts.get("measurement"), "offsets", None)
+    if texton_map.cells == 1 or offsets is None or len(offsets) > 1:
+        return fitted
+    say("parts of the images show nothing of each other: they are taken as a whole")
+    return with_parts(texton_map.joined(), parts, flight=flight, rng=rng)
+
+
+def counted(texton_map: TextonMap, flight: Flight, cells: int) -> TextonMap:
+    """A map with the histograms of so many parts of the image a side, of the `flight` behind
+    it; its parts stay as they are: see `with_parts`.
+
+    Raises
+    ------
+    MapError
+        The flight has other frames than the map.
+    """
+    if cells == texton_map.cells:
+        return texton_map
+    if len(flight) != len(texton_map.positions):
+        raise MapError(
+            f"flight {flight.name!r} has {len(flight)} frames, the map "
+            f"{len(texton_map.positions)}: give the frames that it was trained on"
+        )
+    view = texton_map.parts.get("view")
+    looked = flight if view is None else view.flight(flight)
+    return texton_map.with_histograms(full_histograms(looked, texton_map.alphabet, cells), cells)

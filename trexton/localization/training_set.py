@@ -1,0 +1,113 @@
+"""What the parts of a method learn from: a training set, and neighbours at other times."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from trexton.flights.flight import Flight
+from trexton.localization.base import Area
+from trexton.localization.distances import Distance
+from trexton.localization.estimate import Flown
+from trexton.localization.neighbors import NearestHistograms, Neighbors, neighbors_in_flight
+from trexton.vision.textons import TextonDictionary
+
+__all__ = ["EXCLUDED_SECONDS", "Training"]
+
+# Frames closer in time than this see nearly the same floor: as neighbours they would flatter the
+# map. With half a second the k-NN errs on the training flight about as much as on a fresh flight of
+# the virtual room.
+EXCLUDED_SECONDS = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Training:
+    """What parts learn from.
+
+    Attributes
+    ----------
+    histograms : (N, K) array
+        Relative texton frequencies, full sampling.
+    positions : (N, 2) array
+        Metres.
+    time : (N,) array
+        Seconds.
+    area : (x_min, x_max, y_min, y_max)
+    period_s : float
+        Median time from frame to frame.
+    distance : Distance
+        Between histograms, the one that flies.
+    dictionary : TextonDictionary or None
+        None where the flight came as histograms.
+    flight : Flight or None
+        The frames themselves, in the same order; None where only their histograms were kept.
+    rng : numpy.random.Generator
+    k : int
+        Neighbours of a frame.
+    cells : int
+        Parts of the image along each side, each with a histogram of its own.
+    parts : dict of str to Part
+        By role, trained: for calibration and integrity, which judge a method.
+    fly : callable or None
+        For them too: flies that method, for a number of samples a frame, by leave-neighbours-out
+        cross-validation.
+    """
+
+    histograms: np.ndarray
+    positions: np.ndarray
+    time: np.ndarray
+    area: Area
+    period_s: float
+    distance: Distance
+    dictionary: TextonDictionary | None
+    flight: Flight | None
+    rng: np.random.Generator
+    k: int = 1
+    cells: int = 1
+    parts: Mapping[str, Any] = field(default_factory=dict)
+    fly: Callable[[int], Iterator[Flown]] | None = None
+
+    @cached_property
+    def nearest(self) -> NearestHistograms:
+        """The search that flies, over the training set itself."""
+        return NearestHistograms(
+            self.histograms,
+            self.positions,
+            k=self.k,
+            distance=self.distance,
+        )
+
+    def neighbors(self, k: int, excluded_s: float) -> np.ndarray:
+        """``(N, k)`` rows of the nearest histograms of each frame, those near in time left out.
+
+        Raises
+        ------
+        MapError
+            Some frame has fewer than k others outside the excluded time.
+        """
+        return neighbors_in_flight(self.nearest, self.histograms, self.time, k, excluded_s)
+
+    def resampled(self, samples: int) -> tuple[np.ndarray, list[Neighbors]]:
+        """``(N, K)`` histograms as a flight sees them, and the neighbours each has at other times.
+
+        Raises
+        ------
+        MapError
+            Some frame has too few.
+        """
+        histograms = self.histograms
+        if self.dictionary is not None:
+            shares = histograms / histograms.sum(axis=1, keepdims=True)
+            histograms = self.rng.multinomial(samples, shares) / samples
+        nearest, distance = self.nearest, self.distance
+        rows = neighbors_in_flight(nearest, histograms, self.time, nearest.k, EXCLUDED_SECONDS)
+        apart = [
+            distance.between(each[None], self.histograms[near])[0]
+            for each, near in zip(histograms, rows, strict=True)
+        ]
+        found = zip(rows, apart, self.positions[rows], strict=True)
+        return histograms, [Neighbors(*each) for each in found]
