@@ -101,7 +101,7 @@ def test_every_registered_experiment_has_a_notebook_and_every_dependency_exists(
         assert set(experiment.after) <= EXPERIMENTS.keys()
         assert notebooks[name].code
         assert experiment.every_flight or "given.parameters" in notebooks[name].text
-        assert experiment.parameters() == experiment.parameters.parse({})
+        assert experiment.parameters().as_dict() == experiment.parameters.parse({}).as_dict()
     assert {path.stem for path in (ROOT / "notebooks").glob("*.md")} <= EXPERIMENTS.keys()
 
 
