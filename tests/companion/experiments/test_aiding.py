@@ -10,7 +10,7 @@ from onboard_tools import colourful_flight
 
 from trexton.base.errors import ParameterError
 from trexton.companion.experiments import aiding
-from trexton.companion.figures import aiding as figures
+from trexton.companion.experiments.floors import mean_over_floors
 
 CHOSEN = {"survey": 60, "frames": 24, "textons": 6, "samples": 100, "velocity_cm_s": 0.0}
 
@@ -46,10 +46,10 @@ def test_finding_table_and_figure_say_what_the_record_holds(record):
     sure = record.values["gain_cm"]["field"]["velocity"]["low"] > 0
     assert (", less beyond chance. A velocity" in told) == sure
     assert "a compass turns by 20 degrees" in told
-    table = figures.table(record)
-    assert list(table.iloc[:, 0]) == list(figures.KNOWN.values())
+    table = aiding.table(record)
+    assert list(table.iloc[:, 0]) == [label for label, *_ in aiding.KNOWN.values()]
     assert table.iloc[4, 1] == ""  # the paper's filter takes no velocity
-    assert len(figures.errors(record).axes[0].get_yticklabels()) == len(aiding.KNOWN)
+    assert len(aiding.errors(record).axes[0].get_yticklabels()) == len(aiding.KNOWN)
 
 
 def test_a_flight_without_a_floor_is_told_so(flight):
@@ -61,12 +61,12 @@ def test_a_flight_without_a_floor_is_told_so(flight):
 def test_an_interval_over_floors_is_as_wide_as_so_few_floors_ask():
     rng = np.random.default_rng(1)
     alike = 5 + np.repeat(rng.normal(size=(4, 1)), 300, axis=1)  # floors differ, frames do not
-    wide = aiding.mean_over_floors(alike, np.random.default_rng(2))
+    wide = mean_over_floors(alike, np.random.default_rng(2))
     error = alike[:, 0].std(ddof=1) / 2  # of the mean of four
     assert wide["high"] - wide["low"] > 2 * 1.96 * error
 
 
 def test_of_one_floor_the_interval_is_over_stretches_of_its_flight():
     rows = np.random.default_rng(1).random((1, 300))
-    found = aiding.mean_over_floors(rows, np.random.default_rng(2))
+    found = mean_over_floors(rows, np.random.default_rng(2))
     assert found["low"] < found["value"] == rows.mean() < found["high"]

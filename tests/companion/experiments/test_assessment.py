@@ -11,9 +11,14 @@ from small_loop import make_flight
 
 from trexton.companion.build.small_report import write_report
 from trexton.companion.experiments.advice import advice
-from trexton.companion.experiments.assessment import Parameters, finding, run
+from trexton.companion.experiments.assessment import (
+    Parameters,
+    error_shares,
+    finding,
+    over_the_floor,
+    run,
+)
 from trexton.companion.experiments.style import COLORS
-from trexton.companion.figures.assessment import error_shares, over_the_floor
 from trexton.simulator import record_flight
 from trexton.vision.camera import Camera
 

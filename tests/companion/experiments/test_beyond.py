@@ -5,7 +5,6 @@ import pytest
 from small_room import histogram_flight, picture_flight
 
 from trexton.companion.experiments import beyond
-from trexton.companion.figures import beyond as figures
 from trexton.companion.wording import interval, percent
 
 
@@ -72,11 +71,11 @@ def test_the_finding_quotes_the_record(record):
 
 
 def test_the_figures_show_the_record(record):
-    lines = figures.errors(record).axes[0].lines
+    lines = beyond.errors(record).axes[0].lines
     assert len(lines) == len(record.series["errors_cm"])
-    curve = figures.lag(record).axes[0].lines[0]
+    curve = beyond.lag(record).axes[0].lines[0]
     np.testing.assert_allclose(curve.get_ydata(), record.series["lag"]["error_cm"])
-    dots = figures.expected_error(record).axes[0].lines[0]
+    dots = beyond.expected_error(record).axes[0].lines[0]
     assert len(dots.get_xdata()) == record.values["frames"]
 
 

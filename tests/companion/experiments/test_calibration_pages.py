@@ -5,7 +5,6 @@ import pytest
 from small_room import histogram_flight
 
 from trexton.companion.experiments import calibration
-from trexton.companion.figures import calibration as figures
 
 
 @pytest.fixture(scope="module")
@@ -44,12 +43,12 @@ METHODS = ("paper", "guarded")
 
 
 def test_figures_and_sentence_come_from_the_record(record):
-    (plot,) = figures.error_against_claim(record).axes
+    (plot,) = calibration.error_against_claim(record).axes
     for line, name in zip(plot.lines, record.values["order"], strict=False):
         drawn = [group["error_cm"] for group in record.series[name]]
         np.testing.assert_allclose(line.get_ydata(), drawn)
     assert plot.get_xscale() == plot.get_yscale() == "log"  # one wild claim hides no other
-    (bars,) = figures.regions_by_quarter(record).axes
+    (bars,) = calibration.regions_by_quarter(record).axes
     heights = [bar.get_height() for bar in bars.patches]
     shares = [
         100 * share for name in record.values["order"] for share in record.values[name]["quarters"]

@@ -9,7 +9,6 @@ import pytest
 from conftest import small_flight
 
 from trexton.companion.experiments import choices
-from trexton.companion.figures import choices as figures
 
 
 def test_counts_that_are_never_cleared_leave_one_nth_of_the_frame_before(rng):
@@ -67,7 +66,7 @@ def test_the_variants_differ_from_the_paper_and_repeat_with_the_seed(record):
 
 
 def test_the_figure_shows_the_numbers_of_the_record(record):
-    axes = figures.costs(record).axes[0]
+    axes = choices.costs(record).axes[0]
     order = list(reversed(record.values["order"]))
     points = [line.get_xdata()[0] for line in axes.lines if line.get_marker() == "o"]
     assert points == [record.values["variants"][key]["mean_cm"]["value"] for key in order]

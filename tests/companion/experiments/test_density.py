@@ -11,7 +11,6 @@ from onboard_tools import colourful_flight
 from trexton.base.errors import ParameterError
 from trexton.companion.build import notebook
 from trexton.companion.experiments import density
-from trexton.companion.figures import density as figures
 
 CHOSEN = {"survey": 40, "frames": 24, "textons": 6, "samples": 100}
 
@@ -46,8 +45,8 @@ def test_equal_seeds_give_equal_records(flight, record):
 def test_finding_table_and_figure_say_what_the_record_holds(record):
     surveys = record.values["surveys"]
     assert f"{surveys[0]['field']['median_cm']:.3g} cm, of that" in density.finding(record)
-    assert len(figures.table(record)) == len(density.TIMES) * len(density.METHODS)
-    (plot,) = figures.errors(record).axes
+    assert len(density.table(record)) == len(density.TIMES) * len(density.METHODS)
+    (plot,) = density.errors(record).axes
     drawn, *_ = plot.containers[0]
     np.testing.assert_allclose(
         np.asarray(drawn.get_xdata(), float), [survey["apart_cm"] for survey in surveys]
@@ -58,8 +57,8 @@ def test_the_long_run_is_kept_and_can_be_shown():
     kept = notebook.reference("density")
     assert kept is not None and kept.values["floors"] == 10
     assert density.finding(kept).startswith("Surveyed for")
-    assert len(figures.table(kept)) == len(kept.values["surveys"]) * len(density.METHODS)
-    assert len(figures.errors(kept).axes[0].lines) >= kept.values["floors"]
+    assert len(density.table(kept)) == len(kept.values["surveys"]) * len(density.METHODS)
+    assert len(density.errors(kept).axes[0].lines) >= kept.values["floors"]
 
 
 def test_painted_floors_are_other_floors(flight):

@@ -11,7 +11,6 @@ from trexton.base.errors import MapError
 from trexton.companion.build import notebook
 from trexton.companion.experiments import fine
 from trexton.companion.experiments.peers import PEERS, OrbLocalizer, make_peer
-from trexton.companion.figures import fine as figures
 from trexton.evaluation.metrics import wilson_interval
 from trexton.simulator import Floor, Simulator, record_flight
 from trexton.vision.camera import Camera, MapImage
@@ -64,9 +63,9 @@ def test_floors_of_the_finding_are_the_long_run_s_and_the_flight_its_own(record)
 
 def test_figures_draw_the_record(record):
     for figure in (
-        figures.over_time(record),
-        figures.over_floors(record, record),
-        figures.coverage(record),
+        fine.over_time(record),
+        fine.errors_over_floors(record, record),
+        fine.coverage(record),
     ):
         assert all(axes.lines for axes in figure.axes)
 

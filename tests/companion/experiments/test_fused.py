@@ -11,7 +11,6 @@ from trexton.base.errors import ParameterError
 from trexton.companion.experiments import fused
 from trexton.companion.experiments.receivers import RECEIVERS, Receiver, readings
 from trexton.companion.experiments.track import Track, tracks
-from trexton.companion.figures import fused as figures
 from trexton.localization.estimate import Estimate
 
 DT = 0.08
@@ -91,11 +90,11 @@ def test_growing_what_is_sent_makes_receivers_less_sure(record):
 
 
 def test_figures_and_sentence_come_from_the_record(record):
-    axes = figures.truth_in_the_region(record).axes
+    axes = fused.truth_in_the_region(record).axes
     assert [plot.get_title(loc="left") or plot.get_title() for plot in axes] == [
         "like EKF2", "like EKF3"
     ]  # fmt: skip
-    plots = figures.believed_over_time(record).axes
+    plots = fused.believed_over_time(record).axes
     for plot, name in zip(plots, record.values["order"], strict=True):
         drawn = plot.lines[0].get_ydata()
         shown = np.array(record.series[name]["error_cm"], dtype=float)
@@ -118,8 +117,8 @@ def test_a_method_that_is_lost_all_the_time_is_named_and_drawn_nowhere(monkeypat
     record = fused.run(train, test, fused.Parameters(repeats=1, vehicles=2))
     assert record.values["silent"] == ["field"] and "field" not in record.values["order"]
     assert fused.finding(record).endswith("says of every frame that it is lost, and sends nothing.")
-    assert len(figures.believed_over_time(record).axes) == len(record.values["order"])
-    assert len(figures.truth_in_the_region(record).axes) == 2
+    assert len(fused.believed_over_time(record).axes) == len(record.values["order"])
+    assert len(fused.truth_in_the_region(record).axes) == 2
     unknown = Track([Estimate(*LOST, lost=True)] * 110, np.zeros(110))
     monkeypatch.setattr(fused, "tracks", lambda *words, **known: [unknown])
     with pytest.raises(ParameterError, match="every method says of every frame of again"):

@@ -9,7 +9,6 @@ import pytest
 from trexton.base.errors import ParameterError
 from trexton.companion.experiments import heading
 from trexton.companion.experiments.style import COLORS
-from trexton.companion.figures import heading as figures
 from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import Camera, MapImage
 from trexton.vision.histograms import texton_histogram
@@ -72,11 +71,11 @@ def test_a_tolerant_dictionary_counts_quarter_turns_alike(rng):
 
 def test_figure_and_table_show_the_record(record):
     middle = record.values["error_cm"]["whole"]["paper"]["value"] / 100
-    lines = [drawn.lines[0] for drawn in figures.errors(record).axes[0].containers]
+    lines = [drawn.lines[0] for drawn in heading.errors(record).axes[0].containers]
     assert lines[0].get_xdata()[0] == pytest.approx(middle)
     meant = [COLORS["paper"], COLORS["field"], COLORS["field"]]  # as everywhere in the book
     assert [line.get_color() for line in lines] == meant
-    table = figures.table(record)
+    table = heading.table(record)
     assert len(table) == len(heading.VIEWS) and len(table.columns) == 1 + len(heading.COUNTS)
 
 

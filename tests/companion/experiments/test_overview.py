@@ -12,7 +12,6 @@ from trexton.base.streams import stream
 from trexton.companion.experiments import overview
 from trexton.companion.experiments.evaluation import frames_of, trained_map
 from trexton.companion.experiments.track import fly
-from trexton.companion.figures import overview as figures
 from trexton.localization.localizer import Localizer
 from trexton.vision.images import bgr_from_yuv
 
@@ -102,7 +101,7 @@ def test_needs_images():
 
 def test_figure_shows_the_record(record, tmp_path):
     loaded = Record.load(record.save(tmp_path))
-    figure = figures.pipeline(loaded)
+    figure = overview.pipeline(loaded)
     image, histogram, similar, neighbors, particles, position = figure.axes[:6]
     assert len(image.collections[0].get_paths()) == 60
     np.testing.assert_allclose(
@@ -131,6 +130,6 @@ def test_without_a_floor_and_with_one_neighbor(tmp_path, monkeypatch):
         *pair, overview.Parameters(samples=20, textons=4, particles=10, neighbors=1)
     )
     assert "floor" not in record.images and "floor" not in record.series
-    figure = figures.pipeline(record)
+    figure = overview.pipeline(record)
     assert all(not axis.images for axis in figure.axes[3:6])
     assert len(figure.axes[2].images) == 1

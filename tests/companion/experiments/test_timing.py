@@ -12,8 +12,8 @@ from trexton.companion.checks.bench import Row
 from trexton.companion.checks.timing import Times
 from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import speed, timing
+from trexton.companion.experiments import speed as speed_figures
 from trexton.companion.experiments.printed import published
-from trexton.companion.figures import speed as speed_figures
 from trexton.companion.figures import timing as figures
 
 OPTIONS = {

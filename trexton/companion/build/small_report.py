@@ -16,7 +16,6 @@ from trexton.companion.build.charts import inline_figure
 from trexton.companion.experiments import assessment
 from trexton.companion.experiments.advice import advice
 from trexton.companion.experiments.drawing import to_svg
-from trexton.companion.figures import assessment as figures
 from trexton.companion.wording import as_html, distance, middle
 
 __all__ = ["write_report"]
@@ -67,14 +66,14 @@ def _page(record: Record, player: str) -> str:
         f'<p class="finding">{as_html(assessment.finding(record))}</p>\n'
         f"<h2>What limits it, and what to do</h2><ul>{limits}</ul>\n"
         + _figure(
-            figures.over_the_floor(record),
+            assessment.over_the_floor(record),
             "floor",
             "Where the vehicle was, and where the best method thought it was",
             "The error to expect at every place, from the training frames alone, and the test "
             "flight on it.",
         )
         + _figure(
-            figures.error_shares(record),
+            assessment.error_shares(record),
             "errors",
             "Share of frames below each error, a line for each method",
             "How many frames were off by less than a distance; dashed lines know nothing of the "
@@ -112,7 +111,7 @@ def _table(record: Record) -> str:
     names = {"mean_cm": "mean", "median_cm": "median", "p95_cm": "95 % below"}
     head = "".join(f"<th>{name}</th>" for name in ("", *names.values()))
     rows = "".join(
-        f"<tr><td>{escape(figures.LABELS[name][0])}</td>"
+        f"<tr><td>{escape(assessment.LABELS[name][0])}</td>"
         + "".join(f"<td>{distance(entry[key])}</td>" for key in names)
         + "</tr>"
         for name, entry in sorted(errors.items(), key=lambda one: middle(one[1]["mean_cm"]))

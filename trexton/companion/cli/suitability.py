@@ -136,7 +136,7 @@ def _check_out(folder: Path, floors: Iterable[str]) -> None:
 def _write(folder: Path, floors: dict[str, Any], judged: dict[str, dict[str, Any]]) -> None:
     from trexton.base.files import atomic_file, canonical_json
     from trexton.base.records import plain
-    from trexton.companion.figures.floors import expected_errors
+    from trexton.companion.experiments.suitability import expected_errors
 
     for name, floor in floors.items():
         stem = _stem(name)

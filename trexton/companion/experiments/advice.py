@@ -10,8 +10,6 @@ from trexton.base.records import Record
 from trexton.companion.experiments.assessment import STRETCH_S, best_method
 from trexton.companion.wording import distance, middle, percent
 
-__all__ = ["advice"]
-
 HELPS = 0.8  # of the error with half of the survey: where the whole errs less, more of it helps
 
 

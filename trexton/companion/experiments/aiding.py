@@ -6,7 +6,6 @@ later one is localized with ever more of what an autopilot measures beside its f
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -14,17 +13,24 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from trexton.base.defaults import SAMPLES, TEXTONS
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import frames_of
-from trexton.companion.experiments.floors import FloorParameters, lent_floor, painted_floor
+from trexton.companion.experiments.floors import FloorParameters, mean_over_floors
+from trexton.companion.experiments.style import (
+    COLORS,
+    canvas,
+    label_rows,
+    legend_above,
+    with_intervals,
+)
 from trexton.companion.experiments.track import Track, fly
 from trexton.companion.wording import distance, number, percent
-from trexton.evaluation.metrics import mean_over_groups, mean_with_interval
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
@@ -33,24 +39,23 @@ from trexton.simulator import Effects, Floor, record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.textons import MAX_TEXTONS
 
-__all__ = ["EXPERIMENT", "KNOWN", "METHODS", "Parameters", "finding", "mean_over_floors", "run"]
-
 _TILT = ("roll", "pitch")
-# What is known of a frame: the view in which histograms are counted, and what comes beside it.
-KNOWN: dict[str, tuple[str | None, tuple[str, ...]]] = {
-    "nothing": (None, ()),
-    "attitude": ("nadir", _TILT),
-    "height": ("nadir", ("height",)),
-    "view": ("nadir", (*_TILT, "height")),
-    "velocity": (None, ("velocity",)),
-    "turned": (None, ("velocity",)),  # by a compass that is off
-    "all": ("nadir", (*_TILT, "height", "velocity")),
+# What comes beside a frame: its label, the view in which histograms are counted, the aiding.
+KNOWN: dict[str, tuple[str, str | None, tuple[str, ...]]] = {
+    "nothing": ("the frame alone", None, ()),
+    "attitude": ("roll and pitch", "nadir", _TILT),
+    "height": ("height", "nadir", ("height",)),
+    "view": ("roll, pitch and height", "nadir", (*_TILT, "height")),
+    "velocity": ("velocity", None, ("velocity",)),
+    "turned": ("velocity, by a wrong compass", None, ("velocity",)),
+    "all": ("all of it", "nadir", (*_TILT, "height", "velocity")),
 }
 # The paper's filter has a motion model that asks for no velocity.
 METHODS = {
-    "paper": tuple(known for known, (_, told) in KNOWN.items() if "velocity" not in told),
+    "paper": tuple(name for name, (_, _, aiding) in KNOWN.items() if "velocity" not in aiding),
     "field": tuple(KNOWN),
 }
+LABELS = {"paper": "the paper's filter", "field": "field"}
 FIRST_FLOOR = 500  # seed of the first painted floor; no setting was chosen on these
 
 
@@ -74,7 +79,7 @@ class Parameters(FloorParameters):
 
 @dataclass(frozen=True, eq=False)
 class _Over:
-    """What was found over one floor."""
+    """The later flight over one floor."""
 
     flown: dict[str, dict[str, Track]]  # by method and what was known
     truth: np.ndarray  # (N, 2) metres
@@ -96,10 +101,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         The flight has no floor or camera to lend.
     """
-    if parameters.floors:
-        over = spread(partial(_over_painted, parameters), range(parameters.floors), "floors")
-    else:
-        over = [_over(parameters, parameters.seed, *lent_floor(train))]
+    over: list[_Over] = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
     rng = stream(parameters.seed, "intervals")
     errors = {
         method: {
@@ -108,10 +110,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         }
         for method, asked in METHODS.items()
     }
-    velocities = {
-        known: [each.flown["field"][known] for each in over] for known in ("velocity", "turned")
-    }
-    values = {
+    values: dict[str, Any] = {
         "error_cm": {
             method: {known: mean_over_floors(100 * rows, rng) for known, rows in found.items()}
             for method, found in errors.items()
@@ -125,74 +124,56 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             }
             for method, found in errors.items()
         },
-        # of the field, where a velocity was told: shares of frames
-        "contradicted": {
-            known: mean_over_floors(
-                np.stack([each.contradicted for each in runs]), rng, highest=1.0
-            )
-            for known, runs in velocities.items()
-        },
-        "held": {
-            known: mean_over_floors(
-                np.stack([run.held(each.truth) for run, each in zip(runs, over, strict=True)]),
-                rng,
-                highest=1.0,
-            )
-            for known, runs in velocities.items()
-        },
+        "contradicted": {},
+        "held": {},
+    }
+    # of the field, where it had a velocity: shares of frames
+    for name in ("contradicted", "held"):
+        for known in ("velocity", "turned"):
+            runs = [(each.flown["field"][known], each.truth) for each in over]
+            rows = [
+                run.contradicted if name == "contradicted" else run.held(truth)
+                for run, truth in runs
+            ]
+            values[name][known] = mean_over_floors(np.stack(rows), rng, highest=1.0)
+    values |= {
         "beside_cm": 100 * float(np.mean([each.beside.mean() for each in over])),
         "ripple_cm": 100 * float(np.mean([each.ripple for each in over])),
         "floors": len(over),
         "frames": int(errors["field"]["nothing"].size),
     }
-    series = {
-        "by_floor_cm": {
-            method: {known: 100 * rows.mean(axis=1) for known, rows in found.items()}
-            for method, found in errors.items()
-        }
+    by_floor = {
+        method: {known: 100 * rows.mean(axis=1) for known, rows in found.items()}
+        for method, found in errors.items()
     }
-    return parameters.record(train, values=values, series=series)
+    return parameters.record(train, values=values, series={"by_floor_cm": by_floor})
 
 
-def _over_painted(parameters: Parameters, index: int) -> _Over:
-    """Over one painted floor."""
-    _, floor = painted_floor(index, FIRST_FLOOR + index)
-    return _over(parameters, parameters.seed + 1000 * (index + 1), floor)
-
-
-def _over(
-    parameters: Parameters,
-    seed: int,
-    floor: Floor,
-    camera: Camera = Camera(),
-    height: float = 1.0,
-) -> _Over:
+def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, height: float) -> _Over:
     """Survey a floor, fly over it later, and localize that flight with all that is compared."""
     common: dict[str, Any] = {
         "floor": floor, "camera": camera, "height": height, "every": 2,
         "effects": Effects(height_ripple=parameters.ripple),
     }  # fmt: skip
-    with TemporaryDirectory(prefix="trexton-aiding-") as folder:
-        survey = record_flight(
-            Path(folder) / "survey", frames=parameters.survey, seed=seed, **common
-        )
+    with TemporaryDirectory(prefix="trexton-aiding-") as name:
+        folder = Path(name)
+        survey = record_flight(folder / "survey", frames=parameters.survey, seed=seed, **common)
         later = record_flight(
-            Path(folder) / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1,
-            **common,
-        )  # fmt: skip
+            folder / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1, **common
+        )
         maps = _maps(_measured(survey, parameters, seed), parameters)
         frames = frames_of(later)
-    told, turned = (
-        _told(later, parameters, seed, np.radians(off)) for off in (0.0, parameters.compass_deg)
+    right, turned = (
+        _aiding(later, parameters, seed, np.radians(off)) for off in (0.0, parameters.compass_deg)
     )
 
     def flown(method: str, known: str) -> Track:
-        view, names = KNOWN[known]
+        _, view, names = KNOWN[known]
         # Each draws the same patches: what differs between them is not chance.
         localizer = Localizer(
             maps[view, method], samples=parameters.samples, rng=stream(seed, f"aiding {method}")
         )
-        aiding = [each.only(names) for each in (turned if known == "turned" else told)]
+        aiding = [each.only(names) for each in (turned if known == "turned" else right)]
         return fly(localizer, frames, aiding=aiding)
 
     compared = {
@@ -207,7 +188,7 @@ def _over(
 def _maps(survey: Flight, parameters: Parameters) -> dict[tuple[str | None, str], TextonMap]:
     """By view and method."""
     maps = {}
-    for view in dict.fromkeys(view for view, _ in KNOWN.values()):
+    for view in dict.fromkeys(view for _, view, _ in KNOWN.values()):
         choices: dict[str, Any] = {} if view is None else {"view": view}
         base = train_map(
             survey, n_textons=parameters.textons, cells=parameters.cells,
@@ -228,7 +209,7 @@ def _measured(flight: Flight, parameters: Parameters, seed: int) -> Flight:
     return replace(flight, attitude=flight.attitude + attitude, height=flight.height + height)
 
 
-def _told(later: Flight, parameters: Parameters, seed: int, off: float) -> list[Aiding]:
+def _aiding(later: Flight, parameters: Parameters, seed: int, off: float) -> list[Aiding]:
     """All that an autopilot measures beside each frame, its compass `off` by so many radians."""
     noise = stream(seed, "autopilot", 1).standard_normal((len(later), 2))
     velocity = np.gradient(later.position, later.time, axis=0)
@@ -241,43 +222,57 @@ def _told(later: Flight, parameters: Parameters, seed: int, off: float) -> list[
     ]
 
 
-def mean_over_floors(
-    rows: np.ndarray,
-    rng: np.random.Generator,
-    lowest: float = 0.0,
-    highest: float = np.inf,
-) -> Mapping[str, float | None]:
-    """Mean of ``(F, N)`` values with its 95 % interval over floors, as records hold it; over one
-    floor, that over stretches of its flight.
-    """
-    if len(rows) == 1:
-        return mean_with_interval(rows, rng)
-    return mean_over_groups(rows.mean(axis=1), lowest, highest)
-
-
 def finding(record: Record) -> str:
     """What the experiment found, in four sentences."""
     values = record.values
     field, gains = values["error_cm"]["field"], values["gain_cm"]["field"]
 
-    def told(known: str) -> str:
-        gain = gains[known]
-        sure = (
-            "less" if gain["low"] > 0 else "more" if gain["high"] < 0 else "neither more nor less"
-        )
+    def error(known: str) -> str:
+        low, high = gains[known]["low"], gains[known]["high"]
+        sure = "less" if low > 0 else "more" if high < 0 else "neither more nor less"
         return f"{distance(field[known])}, {sure} beyond chance"
 
     return (
-        f"By the frame alone the method field errs by {distance(field['nothing'])}; told a "
-        f"velocity as well, by {told('velocity')}. A velocity that a compass turns by "
+        f"By the frame alone the mean error of method field is {distance(field['nothing'])}; with "
+        f"a velocity as well, {error('velocity')}. A velocity that a compass turns by "
         f"{number(abs(record.parameters['compass_deg']))} degrees is taken for wrong in "
         f"{percent(values['contradicted']['turned'])} of frames, a right one in "
-        f"{percent(values['contradicted']['velocity'])}; told it, the field errs by "
-        f"{told('turned')}. Told attitude and height, so that frames are "
-        f"counted as seen from straight above, it errs by {told('view')}. A tilted camera looked "
+        f"{percent(values['contradicted']['velocity'])}; with it, the error of the field is "
+        f"{error('turned')}. With attitude and height, so that frames are "
+        f"counted as seen from straight above, it is {error('view')}. A tilted camera looked "
         f"{number(values['beside_cm'])} cm beside the vehicle on average, and its height rippled "
         f"by {number(values['ripple_cm'])} cm."
     )
+
+
+def errors(record: Record) -> Figure:
+    """Mean error with its interval over what was known, a colour for each method."""
+    values, rows = record.values["error_cm"], list(KNOWN)
+    with canvas(size=(7.2, 3.0)) as (figure, axes):
+        plot = axes[0, 0]
+        for place, (method, label) in enumerate(LABELS.items()):
+            places = np.array([rows.index(known) for known in METHODS[method]])
+            with_intervals(
+                plot, places + 0.16 * (place - 0.5),
+                [values[method][known] for known in METHODS[method]], across=True,
+                fmt="os"[place], color=COLORS[method], label=label,
+            )  # fmt: skip
+        label_rows(plot, [label for label, *_ in KNOWN.values()], "mean error (cm)")
+        legend_above(plot, 2)
+    return figure
+
+
+def table(record: Record) -> pd.DataFrame:
+    """Mean error and gain with their intervals, a row for each thing known."""
+    rows = []
+    for known, (label, *_) in KNOWN.items():
+        row = {"known beside the frame": label}
+        for method, words in LABELS.items():
+            for what in ("error", "gain"):
+                entry = record.values[f"{what}_cm"][method].get(known)
+                row[f"{words}, {what}"] = distance(entry) if entry else ""
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 EXPERIMENT = Experiment(

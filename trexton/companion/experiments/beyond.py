@@ -9,6 +9,7 @@ from time import perf_counter
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
@@ -21,6 +22,7 @@ from trexton.companion.experiments.evaluation import (
     neighbor_means,
 )
 from trexton.companion.experiments.printed import paper_file
+from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import Track, fly
 from trexton.companion.wording import beside, interval, middle, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
@@ -30,8 +32,6 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.roles import make
 from trexton.localization.training import for_method, with_choices, with_parts
-
-__all__ = ["EXPERIMENT", "VARIANTS", "Parameters", "Variant", "finding", "run"]
 
 WIDE_M = 0.25  # process noise and rank widths of the ablations
 MOST_LAG = 36  # frames
@@ -282,6 +282,65 @@ def finding(record: Record) -> str:
         f"({interval(paper['mean_cm'], 'cm')}); the region that should hold the vehicle in 90 % of "
         f"the frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
     )
+
+
+_STROKES = {
+    "agile": ":", "narrow": "--", "both": "-.",
+    "field_particles": ":", "field_whole": "--",
+    "field_camera": "-.", "field_odometry": (0, (5, 1, 1, 1, 1, 1)),
+}  # fmt: skip
+
+
+def errors(record: Record) -> Figure:
+    """Share of frames that err by less, of every variant."""
+    with canvas(size=(7.2, 3.6)) as (figure, axes):
+        plot = axes[0, 0]
+        for name, values in record.series["errors_cm"].items():
+            share = (np.arange(len(values)) + 0.5) / len(values)
+            plot.plot(
+                values, 100 * share, color=COLORS["field" if name.startswith("field") else "paper"],
+                linestyle=_STROKES.get(name, "-"), label=VARIANTS[name].label,
+            )  # fmt: skip
+        plot.set(
+            xscale="log", xlim=(1, None), ylim=(0, 100),
+            xlabel="error (cm)", ylabel="frames that err by less (%)",
+        )  # fmt: skip
+        plot.xaxis.set_major_formatter("{x:g}")
+        legend_above(plot, 2)
+    return figure
+
+
+def lag(record: Record) -> Figure:
+    """Mean error of the paper's filter if its estimates were as late as drawn."""
+    series = record.series["lag"]
+    with canvas(size=(7.2, 2.8)) as (figure, axes):
+        plot = axes[0, 0]
+        plot.plot(series["shift_s"], series["error_cm"], color=COLORS["paper"])
+        plot.set(
+            xlabel="estimate compared with where the vehicle was so many seconds before (s)",
+            ylabel="mean error (cm)", ylim=(0, None), xlim=(0, None),
+        )  # fmt: skip
+    return figure
+
+
+def expected_error(record: Record) -> Figure:
+    """Error of each frame over what was expected at its place before the flight."""
+    expected = np.array(record.series["expected_cm"])
+    error = np.array(record.series["field_error_cm"])
+    order = np.argsort(expected, kind="stable")
+    with canvas(size=(5.4, 3.6)) as (figure, axes):
+        plot = axes[0, 0]
+        plot.plot(expected, error, ".", color=COLORS["zone"], markersize=3, alpha=0.5)
+        parts = np.array_split(order, 8)
+        plot.plot(
+            [expected[part].mean() for part in parts], [error[part].mean() for part in parts],
+            "o-", color=COLORS["field"], label="mean of an eighth of the frames",
+        )  # fmt: skip
+        edge = float(max(expected.max(), np.percentile(error, 97)))
+        plot.plot([0, edge], [0, edge], color=COLORS["truth"], linestyle="--", label="as expected")
+        plot.set(xlim=(0, edge), ylim=(0, edge), xlabel="expected error (cm)", ylabel="error (cm)")
+        legend_above(plot, 2)
+    return figure
 
 
 EXPERIMENT = Experiment(

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from trexton.base.cache import cached
 from trexton.base.records import Record
@@ -22,6 +23,7 @@ from trexton.companion.experiments.declaration import (
     option,
 )
 from trexton.companion.experiments.evaluation import drawn_histograms, frames_of, trained_map
+from trexton.companion.experiments.style import COLORS, canvas
 from trexton.companion.experiments.track import tracks
 from trexton.companion.wording import apart, interval
 from trexton.evaluation.metrics import summarize
@@ -30,8 +32,6 @@ from trexton.localization.localizer import TextonMap
 from trexton.localization.map_files import from_arrays, to_arrays
 from trexton.localization.training import train_map
 from trexton.vision.textons import TextonDictionary
-
-__all__ = ["EXPERIMENT", "finding", "Parameters", "run", "with_trace", "without_trace"]
 
 # Variants that do what the flight code did; the others are ways that neither it nor the paper took.
 FLIGHT_CODE = frozenset(
@@ -188,6 +188,32 @@ def finding(record: Record) -> str:
         f"lowest, in hindsight, is the error with {best['label']}: "
         f"{interval(best['mean_cm'], 'cm')} instead of {interval(paper, 'cm')}."
     )
+
+
+def costs(record: Record) -> Figure:
+    """Mean error of every variant with its 95 % interval; the line is the paper's method."""
+    variants = [record.values["variants"][key] for key in record.values["order"]]
+    with canvas(size=(7.2, 0.7 + 0.3 * len(variants))) as (figure, axes):
+        plot = axes[0, 0]
+        for row, variant in enumerate(reversed(variants)):
+            error = variant["mean_cm"]
+            color = COLORS["paper" if variant["group"] == "paper" else "zone"]
+            plot.plot(
+                [error["low"], error["high"]], [row, row], color=color, linewidth=2.2, alpha=0.55
+            )
+            code = variant.get("flight_code", False)
+            face = color if code or variant["group"] == "paper" else "white"
+            plot.plot(error["value"], row, "o", color=color, markerfacecolor=face, markersize=5)
+        plot.axvline(
+            variants[0]["mean_cm"]["value"],
+            color=COLORS["paper"],
+            linewidth=0.9,
+            linestyle="--",
+        )
+        plot.set_yticks(range(len(variants)), [variant["label"] for variant in reversed(variants)])
+        plot.set(xlabel="mean distance to the truth (cm)", xlim=(0, None))
+        plot.grid(axis="y", visible=False)
+    return figure
 
 
 EXPERIMENT = Experiment(

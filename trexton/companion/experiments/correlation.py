@@ -8,8 +8,6 @@ import numpy as np
 
 from trexton.evaluation.metrics import BLOCK, block_rows, bootstrap_interval
 
-__all__ = ["pair_correlation", "pearson", "rank_correlation"]
-
 
 def rank_correlation(
     a: np.ndarray, b: np.ndarray, *, rng: np.random.Generator, draws: int = 400, block: int = BLOCK

@@ -14,16 +14,17 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from trexton.base.defaults import SAMPLES, TEXTONS
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.executor import spread
-from trexton.companion.experiments.aiding import mean_over_floors
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import frames_of
-from trexton.companion.experiments.floors import FloorParameters, lent_floor, painted_floor
+from trexton.companion.experiments.floors import FloorParameters, mean_over_floors
+from trexton.companion.experiments.style import COLORS, canvas, legend_above, with_intervals
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import distance, number, percent
 from trexton.field.grid import grid_cells
@@ -34,8 +35,6 @@ from trexton.simulator.floor import Floor
 from trexton.simulator.recording import record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.textons import MAX_TEXTONS
-
-__all__ = ["EXPERIMENT", "METHODS", "Parameters", "finding", "run"]
 
 METHODS = {
     "paper": "the paper's filter",
@@ -92,9 +91,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         The flight has no floor or camera to lend.
     """
-    lent = None if parameters.floors else lent_floor(train)
-    floors = range(max(1, parameters.floors))
-    flown = spread(partial(_over, parameters, lent), floors, "floors")
+    flown = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
     rng = stream(parameters.seed, "intervals")
     surveys = []
     by_floor: dict[str, list[np.ndarray]] = {name: [] for name in METHODS}
@@ -114,19 +111,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         surveys.append({
             "frames": times * parameters.survey, "lasted_s": lasted, "apart_cm": apart, **judged,
         })  # fmt: skip
-    values = {"surveys": surveys, "floors": len(floors), "frames": parameters.frames}
+    values = {"surveys": surveys, "floors": len(flown), "frames": parameters.frames}
     return parameters.record(train, values=values, series={"by_floor_cm": by_floor})
 
 
 def _over(
-    parameters: Parameters, lent: tuple[Floor, Camera, float] | None, number: int
+    parameters: Parameters, seed: int, floor: Floor, camera: Camera, height: float
 ) -> list[_Over]:
     """The surveys of one floor, and one later flight."""
-    if lent is None:
-        _, painted = painted_floor(number, FIRST_FLOOR + number)
-        lent = painted, Camera(), 1.0
-    floor, camera, height = lent
-    seed = parameters.seed + 1000 * (number + 1)
+    if not parameters.floors:
+        seed += 1000
     common: dict[str, Any] = {"floor": floor, "camera": camera, "height": height, "every": 2}
     with TemporaryDirectory(prefix="trexton-density-") as folder:
         later = record_flight(
@@ -159,8 +153,8 @@ def _surveyed(
     errors, held = {}, {}
     for name, texton_map in maps.items():
         rng = stream(seed, f"density {name}")
-        found = fly(Localizer(texton_map, samples=parameters.samples, rng=rng), frames)
-        errors[name], held[name] = found.errors(truth), found.held(truth)
+        track = fly(Localizer(texton_map, samples=parameters.samples, rng=rng), frames)
+        errors[name], held[name] = track.errors(truth), track.held(truth)
     places, _ = grid_cells(survey.area, PLACES)
     apart = float(cKDTree(survey.position).query(places)[0].mean())
     return _Over(errors, held, apart, float(survey.time[-1] - survey.time[0]))
@@ -182,6 +176,47 @@ def finding(record: Record) -> str:
         f"{percent(long['field']['held'])} and {percent(long['parts']['held'])}. "
         f"The paper's filter goes from "
         f"{distance(short['paper']['median_cm'])} to {distance(long['paper']['median_cm'])}."
+    )
+
+
+def errors(record: Record) -> Figure:
+    """Mean error over the distance to the nearest frame of the survey: all floors with their
+    interval, and each of them alone.
+    """
+    surveys, by_floor = record.values["surveys"], record.series["by_floor_cm"]
+    apart = np.array([survey["apart_cm"] for survey in surveys])
+    with canvas(size=(6.4, 3.6)) as (figure, axes):
+        plot = axes[0, 0]
+        for (method, label), mark, stroke in zip(METHODS.items(), "osD", "-:-", strict=True):
+            color = COLORS[method if method in COLORS else "field"]
+            if record.values["floors"] > 1:
+                alone = np.array(by_floor[method])
+                plot.plot(apart, alone, stroke, color=color, alpha=0.3, linewidth=0.8)
+            entries = [survey[method]["error_cm"] for survey in surveys]
+            with_intervals(plot, apart, entries, fmt=mark + stroke, color=color, label=label)
+        plot.set(
+            xlabel="mean distance to the nearest frame of the survey (cm)",
+            ylabel="mean error (cm)", xlim=(0, None), ylim=(0, None),
+        )  # fmt: skip
+        legend_above(plot)
+    return figure
+
+
+def table(record: Record) -> pd.DataFrame:
+    """Errors and regions, a row for each survey and method."""
+    return pd.DataFrame(
+        [
+            {
+                "survey, nearest frame": f"{number(survey['lasted_s'])} s, "
+                f"{number(survey['apart_cm'])} cm",
+                "method": label,
+                "mean error": distance(survey[name]["error_cm"]),
+                "median": distance(survey[name]["median_cm"]),
+                "90 % region holds": percent(survey[name]["held"]),
+            }
+            for survey in record.values["surveys"]
+            for name, label in METHODS.items()
+        ]
     )
 
 

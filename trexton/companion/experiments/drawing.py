@@ -18,8 +18,6 @@ from matplotlib.patches import Rectangle
 from matplotlib.quiver import Quiver
 from matplotlib.transforms import Bbox
 
-__all__ = ["chart_data", "to_png", "to_svg"]
-
 # Scales are small numbers of many digits that count, and no coordinates.
 _NUMBER = re.compile(r"scale\([^)]*\)|(?<=[ MLQCz\"(,])(-?\d+\.\d{3,})")
 _MOST_POINTS = 1200  # more would weigh more than the drawing

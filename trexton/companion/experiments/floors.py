@@ -8,8 +8,9 @@ a second flight, under another light.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -20,11 +21,19 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options, option
 from trexton.base.streams import stream
+from trexton.companion.executor import spread
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import SeedParameters
 from trexton.companion.experiments.evaluation import frames_of
 from trexton.companion.experiments.track import fly
-from trexton.evaluation.metrics import block_rows, bootstrap_interval, constant_guess, euclidean
+from trexton.evaluation.metrics import (
+    block_rows,
+    bootstrap_interval,
+    constant_guess,
+    euclidean,
+    mean_over_groups,
+    mean_with_interval,
+)
 from trexton.evaluation.suitability import local_losses
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
@@ -34,17 +43,6 @@ from trexton.localization.training import for_method, train_map
 from trexton.simulator import LAYOUTS, PERIOD, Floor, record_flight
 from trexton.simulator.mats import MATS, PIXELS_PER_METRE
 from trexton.vision.camera import Camera, MapImage
-
-__all__ = [
-    "METHOD",
-    "FloorParameters",
-    "VirtualFlights",
-    "helpful_changes",
-    "judge_floor",
-    "lent_floor",
-    "named_floor",
-    "painted_floor",
-]
 
 LANE = 0.5  # metres between the lanes of a survey that sees everything twice
 SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
@@ -61,6 +59,43 @@ class FloorParameters(SeedParameters):
     floors: int = option(
         0, "painted floors to survey and fly over; 0 is the flight's own", low=0, high=1000
     )
+
+    def over_each(
+        self, train: Flight, fly_over: Callable[[int, Floor, Camera, float], Any], first: int
+    ) -> list[Any]:
+        """What `fly_over` gives of each floor: of those painted from seed `first` on, or of the one
+        that `train` lends.
+
+        Parameters
+        ----------
+        fly_over : callable
+            Of a seed, a floor, a camera and a height in metres; it can be pickled.
+
+        Raises
+        ------
+        ParameterError
+            The flight has no floor or camera to lend.
+        """
+        if not self.floors:
+            return [fly_over(self.seed, *lent_floor(train))]
+        return spread(partial(self._over_painted, fly_over, first), range(self.floors), "floors")
+
+    def _over_painted(
+        self, fly_over: Callable[[int, Floor, Camera, float], Any], first: int, index: int
+    ) -> Any:
+        _, floor = painted_floor(index, first + index)
+        return fly_over(self.seed + 1000 * (index + 1), floor, Camera(), 1.0)
+
+
+def mean_over_floors(
+    rows: np.ndarray, rng: np.random.Generator, lowest: float = 0.0, highest: float = np.inf
+) -> Mapping[str, float | None]:
+    """Mean of ``(F, N)`` values with its 95 % interval over floors, as records hold it; over one
+    floor, that over stretches of its flight.
+    """
+    if len(rows) == 1:
+        return mean_with_interval(rows, rng)
+    return mean_over_groups(rows.mean(axis=1), lowest, highest)
 
 
 @dataclass(frozen=True)

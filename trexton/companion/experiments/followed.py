@@ -20,20 +20,6 @@ from trexton.registration.trust import learn_trust
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.simulator.vehicle import VehicleState
 
-__all__ = [
-    "GROSS",
-    "KNOWN",
-    "MISSING",
-    "QUARTERS",
-    "SETTLED",
-    "FollowedParameters",
-    "carried_away",
-    "follow",
-    "in_light",
-    "over_floor",
-    "told",
-]
-
 # The autopilot tells roll, pitch and yaw; tells them though the camera looks askew; tells nothing.
 KNOWN = {"attitude": "with attitude", "askew": "with attitude askew", "free": "without attitude"}
 MISSING = (2, 4)  # of so many frames one comes, in further runs

@@ -13,6 +13,8 @@ from typing import Any
 
 import cv2
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from trexton.base.defaults import TEXTONS
 from trexton.base.errors import ParameterError
@@ -20,6 +22,13 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.evaluation import evenly_spread
+from trexton.companion.experiments.style import (
+    COLORS,
+    canvas,
+    label_rows,
+    legend_above,
+    with_intervals,
+)
 from trexton.companion.wording import distance
 from trexton.evaluation.metrics import constant_guess, euclidean, mean_with_interval
 from trexton.flights.flight import Flight
@@ -28,21 +37,24 @@ from trexton.localization.neighbors import NearestHistograms, neighbors_in_fligh
 from trexton.vision.histograms import texton_histogram
 from trexton.vision.textons import MAX_TEXTONS, TextonDictionary
 
-__all__ = [
-    "EXPERIMENT",
-    "COUNTS",
-    "VIEWS",
-    "Parameters",
-    "finding",
-    "notices",
-    "run",
-    "turned",
-    "with_quarter_turns",
-]
-
 # way to count: (distance, cells of a picture along each side)
 COUNTS = {"paper": (Euclidean(), 1), "hellinger": (Hellinger(), 1), "cells": (Hellinger(), 2)}
-VIEWS = ("whole", "square", "turned", "tolerant", "back")
+# Hellinger's distance is that of method field.
+MARKS: dict[str, tuple[str, dict[str, str]]] = {
+    "paper": ("whole, the paper's distance", {"fmt": "o", "color": COLORS["paper"]}),
+    "hellinger": ("whole, Hellinger's distance", {"fmt": "s", "color": COLORS["field"]}),
+    "cells": (
+        "2 x 2 cells, Hellinger's",
+        {"fmt": "D", "color": COLORS["field"], "markerfacecolor": "white"},
+    ),
+}
+VIEWS = {
+    "whole": "whole picture, as flown",
+    "square": "its square, as flown",
+    "turned": "turned by any angle",
+    "tolerant": "turned, tolerant dictionary",
+    "back": "turned back by a compass",
+}
 PATCHES = 40_000  # that a dictionary is learned from, as many of every picture
 
 
@@ -205,6 +217,39 @@ def finding(record: Record) -> str:
         f"Where the camera is turned by any angle, {said[0]}, {said[1]}. There a known heading, by "
         f"which the picture is turned back, gives {distance(back)}, and a rotation-tolerant "
         f"dictionary {distance(tolerant)}."
+    )
+
+
+def errors(record: Record) -> Figure:
+    """Mean error with its interval, a line for each view, a mark for each way to count."""
+    values = record.values
+    with canvas(size=(7.2, 3.4)) as (figure, axes):
+        plot = axes[0, 0]
+        rows = np.arange(len(VIEWS))
+        for place, (count, (label, mark)) in enumerate(MARKS.items()):
+            each = [values["error_cm"][view][count] for view in VIEWS]
+            places = rows + 0.2 * (place - 1)
+            with_intervals(plot, places, each, across=True, scale=0.01, label=label, **mark)
+        for name, label in (("bound_cm", "nearest picture"), ("centre_cm", "always the centre")):
+            plot.axvline(values[name] / 100, color=COLORS["truth"], linestyle="--", linewidth=1)
+            plot.annotate(
+                label, (values[name] / 100, -0.5), xytext=(-3, -2), textcoords="offset points",
+                rotation=90, ha="right", va="top", fontsize=8.5, color=COLORS["truth"],
+            )  # fmt: skip
+        label_rows(plot, VIEWS.values(), "mean error (m)")
+        legend_above(plot, 2)
+    return figure
+
+
+def table(record: Record) -> pd.DataFrame:
+    """Mean error with its interval, a row for each view, a column for each way to count."""
+    errors = record.values["error_cm"]
+    return pd.DataFrame(
+        [
+            {"picture": label}
+            | {words: distance(errors[view][count]) for count, (words, _) in MARKS.items()}
+            for view, label in VIEWS.items()
+        ]
     )
 
 

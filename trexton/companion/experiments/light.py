@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
@@ -13,8 +15,9 @@ from trexton.companion.experiments.beyond import VARIANTS
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.floors import lent_floor
+from trexton.companion.experiments.style import COLORS, canvas, legend_above, with_intervals
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import apart, interval, middle, percent
+from trexton.companion.wording import apart, distance, interval, middle, percent
 from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area
@@ -23,15 +26,16 @@ from trexton.localization.training import for_method, with_choices
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.vision.camera import Camera
 
-__all__ = ["EXPERIMENT", "DRIFTS", "METHODS", "WARMTHS", "Parameters", "finding", "run"]
-
 DRIFTS = (0.0, 0.02, 0.05, 0.10)  # standard deviations of the camera's gain, as a share
 WARMTHS = (0.0, 0.03, 0.06)  # shares by which red gains and blue loses
-METHODS = (
-    "paper",
-    "both",
-    "field",
-)  # variants of `trexton.companion.experiments.beyond` that are compared
+# variants of `trexton.companion.experiments.beyond` that are compared: label, colour, stroke
+METHODS = {
+    "paper": ("paper", COLORS["paper"], "o-"),
+    "both": ("paper, agile", COLORS["paper"], "s--"),
+    "field": ("field", COLORS["field"], "o-"),
+}
+
+LIGHTS = {"drift": "gain drifts by {:g} %", "warmth": "red gains and blue loses {:g} %"}
 JUDGED = 0.05  # the drift that is compared with none
 
 
@@ -131,16 +135,52 @@ def finding(record: Record) -> str:
     errors = record.values["error_cm"]
     still, moving = errors["drift 0"], errors[f"drift {JUDGED:g}"]
 
-    def errs(method: str) -> str:
-        words = f"errs by {interval(moving[method], 'cm')}, without drift by "
-        words += interval(still[method], "cm")
-        told = apart(moving[method], still[method])
-        return words if told else f"{words}, which may be the same but for chance"
+    def compared(method: str) -> str:
+        words = f"{interval(moving[method], 'cm')}, without drift {interval(still[method], 'cm')}"
+        chance = ", which may be the same but for chance"
+        return words if apart(moving[method], still[method]) else words + chance
 
     return (
-        f"Where the camera's gain drifts by {percent(JUDGED)}, method field {errs('field')}; the "
-        f"paper's filter {errs('paper')}."
+        f"Where the camera's gain drifts by {percent(JUDGED)}, the mean error of method field is "
+        f"{compared('field')}; that of the paper's filter {compared('paper')}."
     )
+
+
+def sweeps(record: Record) -> Figure:
+    """Mean error of each method with its interval over the drift of the gain, and over the white
+    balance.
+    """
+    series = record.series
+    with canvas(1, 2, size=(7.2, 3.2), sharey=True) as (figure, axes):
+        for plot, what, xlabel in (
+            (axes[0, 0], "drift", "drift of the gain (%)"),
+            (axes[0, 1], "warmth", "white balance (%)"),
+        ):
+            shares = 100 * np.array(series[what])
+            for place, (name, errors) in enumerate(series[f"by_{what}_cm"].items()):
+                label, color, stroke = METHODS[name]
+                # beside one another, so that no bar hides another
+                places = shares + 0.012 * (place - 1) * shares.max()
+                with_intervals(
+                    plot, places, errors, fmt=stroke, color=color, elinewidth=1, label=label
+                )
+            plot.set(xlabel=xlabel, ylim=(0, None))
+        axes[0, 0].set_ylabel("mean error (cm)")
+        legend_above(axes[0, 0], 3)
+    return figure
+
+
+def table(record: Record) -> pd.DataFrame:
+    """Mean error of each method with its interval, a row for each light; the steady one first."""
+    rows = [
+        {"light": words.format(100 * share) if share else "steady"}
+        | {METHODS[name][0]: distance(errors[i]) for name, errors in series.items()}
+        for what, words in LIGHTS.items()
+        for series in (record.series[f"by_{what}_cm"],)
+        for i, share in enumerate(record.series[what])
+        if share or what == "drift"
+    ]
+    return pd.DataFrame(rows)
 
 
 EXPERIMENT = Experiment("Other light", Parameters, run, finding, needs=SURVEYED, cost_s=16)

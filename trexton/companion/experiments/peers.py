@@ -12,8 +12,6 @@ from trexton.registration.homography import HomographyFix, HomographyLocalizer, 
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.images import check_image
 
-__all__ = ["PEERS", "OrbLocalizer", "make_peer"]
-
 PEERS = ("sift", "orb")
 _MAP, _FRAME = 20_000, 1_000  # most keypoints of the map and of a frame
 _RATIO, _THRESHOLD = 0.8, 5.0  # of the two nearest distances; pixels of the map

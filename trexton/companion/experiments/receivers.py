@@ -12,8 +12,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["RECEIVERS", "Receiver", "Settings", "readings"]
-
 ACCELERATION_NOISE = 0.35  # m/s^2 a reading: EKF2_ACC_NOISE, EK3_ACC_P_NSE
 PATIENCE_S = 5.0  # of refusals, then the position is reset to what is told
 FIRST_SPEED = 2.0  # m/s, deviation of a velocity that nothing is known of

@@ -16,8 +16,6 @@ from trexton.evaluation.runtime import frequency, milliseconds
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.neighbors import NearestHistograms
 
-__all__ = ["multiplied", "time_stored"]
-
 _FRAMES = 12  # timed for each number
 _METHODS = ("brute", "tree")
 

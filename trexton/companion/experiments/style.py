@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any, cast
 
@@ -15,19 +15,6 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 from trexton.companion.wording import METRES_FROM
-
-__all__ = [
-    "COLORS",
-    "SERIES",
-    "canvas",
-    "floor_axes",
-    "landed",
-    "legend_above",
-    "legend_below",
-    "length_unit",
-    "mean_line",
-    "show_floor",
-]
 
 # What a colour means, in every figure and in the player: Okabe & Ito (2008), without yellow, which
 # fades on white. Kinds of one method differ by their strokes. A page lightens them in the dark.
@@ -134,6 +121,37 @@ def legend_above(axes: Axes, columns: int = 3) -> None:
         borderaxespad=0.2,
         columnspacing=1.4,
     )
+
+
+def with_intervals(
+    axes: Axes,
+    places: np.ndarray,
+    entries: Iterable[Mapping[str, float]],
+    *,
+    across: bool = False,
+    scale: float = 1.0,
+    **style: Any,
+) -> None:
+    """Marks with their intervals, as records hold them, at places along x.
+
+    With `across` at places along y, the intervals across.
+    """
+    rows = np.array([[each["value"], each["low"], each["high"]] for each in entries], float)
+    middle, low, high = scale * rows.T
+    reach = np.maximum(np.abs([low - middle, high - middle]), 0)
+    if across:
+        axes.errorbar(middle, places, xerr=reach, **style)
+    else:
+        axes.errorbar(places, middle, yerr=reach, **style)
+
+
+def label_rows(axes: Axes, labels: Collection[str], xlabel: str) -> None:
+    """A line of the plot for each label, the first on top; values from zero on along x."""
+    axes.set(
+        yticks=range(len(labels)), yticklabels=list(labels), xlabel=xlabel, xlim=(0, None),
+        ylim=(len(labels) - 0.5, -0.5),
+    )  # fmt: skip
+    axes.grid(axis="y", visible=False)
 
 
 def legend_below(axes: Axes, drop: float, columns: int = 1) -> None:
