@@ -25,7 +25,7 @@ def test_blocks_cover_a_flight_once_and_leave_something_to_learn_from(count):
 
 def test_neighbours_in_time_are_left_out_with_a_block():
     time = np.arange(100) * 0.1
-    block = blocks_in_time(time, 1.0, 0.5)[5]
+    block = blocks_in_time(time)[5]
     assert time[block.left_out].min() == pytest.approx(time[block.rows].min() - 0.5)
     assert time[block.left_out].max() == pytest.approx(time[block.rows].max() + 0.5)
 

@@ -43,7 +43,7 @@ def test_a_process_follows_the_features_and_doubts_itself_far_away(flown):
 def test_left_out_blocks_are_those_of_a_fit_without_them(flown):
     places, features, time = flown
     process = Process.fit(places, features, 1.0)
-    blocks = blocks_in_time(time, 2.0, 0.5)
+    blocks = blocks_in_time(time)
     errors, variances = process.residuals(blocks)
     asked = np.array([[1.0, 1.0], [3.0, 0.5]])
     for block, mean, variance in process.predict_without(blocks, asked):

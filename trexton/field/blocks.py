@@ -31,20 +31,18 @@ class Block:
     left_out: np.ndarray
 
 
-def blocks_in_time(
-    time: np.ndarray, block_s: float = BLOCK_S, margin_s: float = MARGIN_S
-) -> list[Block]:
-    """Cut a flight into blocks of about `block_s`, at most a hundred of them.
+def blocks_in_time(time: np.ndarray) -> list[Block]:
+    """Cut a flight into blocks of about a second, at most a hundred of them.
 
-    Frames within `margin_s` of a block are left out with it: neighbouring frames are
+    Frames within `MARGIN_S` of a block are left out with it: neighbouring frames are
     near-duplicates, and a block that kept them would flatter every model.
     """
     size = len(time)
-    wanted = np.ceil((time[-1] - time[0]) / block_s)
+    wanted = np.ceil((time[-1] - time[0]) / BLOCK_S)
     edges = np.linspace(0, size, int(np.clip(wanted, 2, min(100, size))) + 1).round().astype(int)
     blocks = []
     for first, last in zip(edges[:-1], edges[1:], strict=True):
-        near = (time >= time[first] - margin_s) & (time <= time[last - 1] + margin_s)
+        near = (time >= time[first] - MARGIN_S) & (time <= time[last - 1] + MARGIN_S)
         near[first:last] = True
         if near.sum() > size // 2:  # a short flight cannot spare its neighbours in time
             near[:] = False

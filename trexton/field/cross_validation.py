@@ -5,7 +5,7 @@ by a field of the rest, which gives the field's hyperparameters and a model of i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -19,91 +19,61 @@ from trexton.field.process import Process, select_length
 from trexton.field.tiles import Tiles
 from trexton.localization.base import Area
 
-__all__ = ["CrossValidation"]
+__all__ = ["cross_validate"]
 
 MAX_FRAMES = 800  # of which it takes place; longer flights are thinned
 FAMILIAR_SHARE = 0.95  # of left-out frames whose normalized residual is at most 1
 CELLS = 1200  # of the grid on which left-out frames are located
 
 
-@dataclass(frozen=True, eq=False)
-class CrossValidation:
-    """What left-out blocks teach.
+def cross_validate(
+    places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area, tiles: Tiles
+) -> tuple[float, dict[str, np.ndarray]]:
+    """What left-out blocks teach of a flight, whose `features` ``(N, d)`` have mean zero and stand
+    tile after tile.
 
-    Attributes
-    ----------
-    length : float
-        Of the kernel, metres.
-    signal : (d,) array
-        Variances of the features over the floor.
-    noise : (d, d) array
-        Their covariance from frame to frame.
-    error_model : ErrorModel
-    error_coefficients : (3,) array
-        See `Field.predicted_error`.
-    training_variance : float
-        Median of the field's variance where the left-out frames were.
-    revisit_inflation : float
-        See `Field.correlated_inflation`.
-    residual_scale : float
-        Squared residual a feature that `FAMILIAR_SHARE` of the left-out frames do not exceed.
+    Returns
+    -------
+    float
+        Length of the kernel, metres.
+    dict of str to array
+        What a `Field` learns of noise and errors, by its names.
     """
-
-    length: float
-    signal: np.ndarray
-    noise: np.ndarray
-    error_model: ErrorModel
-    error_coefficients: np.ndarray
-    training_variance: float
-    revisit_inflation: float
-    residual_scale: float
-
-    @classmethod
-    def of(
-        cls,
-        places: np.ndarray,
-        features: np.ndarray,
-        time: np.ndarray,
-        area: Area,
-        tiles: Tiles,
-    ) -> CrossValidation:
-        """Of a flight whose `features` ``(N, d)``, tile after tile, have mean zero."""
-        step = -(-len(places) // MAX_FRAMES)
-        places, features, time = places[::step], features[::step], time[::step]
-        diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
-        blocks, parts = blocks_in_time(time), len(tiles.offsets)
-        # All frames are located, but the processes hold no more rows than of whole frames.
-        every = -(-len(places) * parts // MAX_FRAMES)
-        rows, row_blocks = tiles.places(places[::every]), tiles.blocks(blocks, every)
-        held = features[::every].reshape(len(rows), -1)
-        process, residuals, uncertain = select_length(rows, held, row_blocks, diagonal)
-        signal = np.tile((np.square(residuals) / uncertain[:, None]).mean(axis=0), parts)
-        frames = len(rows) // parts
-        noise = _noise(residuals.reshape(frames, -1), uncertain.reshape(frames, parts).mean(axis=1))
-        basis = Basis.of(signal, noise, None)
-        centers, _ = grid_cells(area, CELLS)
-        finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
-        flown = np.repeat(places[::every], parts, axis=0)
-        flight = _Flight(places, features @ basis.whiten, blocks, tiles, flown)
-        errors, variances, squared = flight.located(process, basis, row_blocks, centers)
-        model = ErrorModel.of(errors, time, finest)
-        later = _prediction_distance(centers, places, rows, process.length, tiles)
-        wider = blocks_in_space(row_blocks, rows, np.repeat(time[::every], parts), later)
-        revisit_inflation = 1.0
-        if wider != row_blocks:
-            there, _, _ = flight.located(process, basis, wider, centers)
-            ratio = ErrorModel.of(there, time, finest).correlated_sigma / model.correlated_sigma
-            revisit_inflation = max(1.0, ratio**2)
-        return cls(
-            process.length,
-            signal,
-            noise,
-            model,
-            _error_coefficients(errors, variances),
-            float(np.median(variances)),
-            revisit_inflation,
-            float(np.quantile(squared, FAMILIAR_SHARE)),
-        )
+    step = -(-len(places) // MAX_FRAMES)
+    places, features, time = places[::step], features[::step], time[::step]
+    diagonal = max(float(np.hypot(*np.ptp(places, axis=0))), 1e-3)
+    blocks, parts = blocks_in_time(time), len(tiles.offsets)
+    # All frames are located, but the processes hold no more rows than of whole frames.
+    every = -(-len(places) * parts // MAX_FRAMES)
+    rows, row_blocks = tiles.places(places[::every]), tiles.blocks(blocks, every)
+    held = features[::every].reshape(len(rows), -1)
+    process, residuals, uncertain = select_length(rows, held, row_blocks, diagonal)
+    signal = np.tile((np.square(residuals) / uncertain[:, None]).mean(axis=0), parts)
+    frames = len(rows) // parts
+    noise = _noise(residuals.reshape(frames, -1), uncertain.reshape(frames, parts).mean(axis=1))
+    basis = Basis.of(signal, noise, None)
+    centers, _ = grid_cells(area, CELLS)
+    finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
+    flown = np.repeat(places[::every], parts, axis=0)
+    flight = _Flight(places, features @ basis.whiten, blocks, tiles, flown)
+    errors, variances, squared = flight.located(process, basis, row_blocks, centers)
+    model = ErrorModel.of(errors, time, finest)
+    later = _prediction_distance(centers, places, rows, process.length, tiles)
+    wider = blocks_in_space(row_blocks, rows, np.repeat(time[::every], parts), later)
+    revisit_inflation = 1.0
+    if wider != row_blocks:
+        there, _, _ = flight.located(process, basis, wider, centers)
+        ratio = ErrorModel.of(there, time, finest).correlated_sigma / model.correlated_sigma
+        revisit_inflation = max(1.0, ratio**2)
+    return process.length, {
+        "signal": signal,
+        "noise": noise,
+        "errors": np.array(astuple(model)),
+        "error_coefficients": _error_coefficients(errors, variances),
+        "training_variance": np.median(variances),
+        "revisit_inflation": np.array(revisit_inflation),
+        "residual_scale": np.quantile(squared, FAMILIAR_SHARE),
+    }
 
 
 @dataclass(frozen=True, eq=False)

@@ -43,14 +43,17 @@ class Features:
     def of(cls, histograms: np.ndarray, parts: int = 1) -> Features:
         """As a training flight's ``(N, K)`` histograms ask for; no axes where all are alike.
 
-        Of histograms of several `parts` of an image the same is taken of each.
+        Of histograms of several `parts` of an image roots of the bins are taken, alike of each.
         """
-        if parts > 1:
-            return cls._of_parts(histograms, parts)
-        signed = bool((histograms < 0).any())
-        values = _values(histograms, signed)
+        signed = parts == 1 and bool((histograms < 0).any())
+        values = _values(histograms, signed).reshape(len(histograms) * parts, -1)
         used = _informative(values)
         alone = np.eye(values.shape[1])[:, used]
+        if parts > 1:
+            if parts * len(used) > MAX_FEATURES:
+                _, turn = np.linalg.eigh(np.cov(values[:, used].T))
+                alone = alone @ turn[:, -(MAX_FEATURES // parts) :]
+            return cls(np.kron(np.eye(parts), alone), signed)
         if not len(used):
             return cls(alone, signed)
         if signed:
@@ -64,17 +67,6 @@ class Features:
         kept = variances > MIN_EIGENVALUE * variances[-1]
         kept[:-MAX_COMPONENTS] = False
         return cls(alone @ (turn[:, kept] / np.sqrt(variances[kept])), signed)
-
-    @classmethod
-    def _of_parts(cls, histograms: np.ndarray, parts: int) -> Features:
-        """Roots of the bins of every part, or as many of their principal axes as may be."""
-        values = _values(histograms, signed=False).reshape(len(histograms) * parts, -1)
-        used = _informative(values)
-        alone = np.eye(values.shape[1])[:, used]
-        if parts * len(used) > MAX_FEATURES:
-            _, turn = np.linalg.eigh(np.cov(values[:, used].T))
-            alone = alone @ turn[:, -(MAX_FEATURES // parts) :]
-        return cls(np.kron(np.eye(parts), alone), signed=False)
 
     def __call__(self, histograms: np.ndarray) -> np.ndarray:
         """``(..., d)`` features of ``(..., K)`` histograms."""

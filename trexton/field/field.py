@@ -84,7 +84,7 @@ class Field(MeasurementModel):
         from threadpoolctl import threadpool_limits
 
         # What learning alone needs; the flight that follows does without SciPy.
-        from trexton.field.cross_validation import CrossValidation
+        from trexton.field.cross_validation import cross_validate
         from trexton.field.process import Process, merge_places
         from trexton.field.tiles import Tiles
 
@@ -120,30 +120,23 @@ class Field(MeasurementModel):
             middle = values.mean(axis=0)
             values = values - middle
             centred = values.reshape(len(features), -1)
-            validation = CrossValidation.of(places, centred, training.time, area, tiles)
+            length, judged = cross_validate(places, centred, training.time, area, tiles)
             merged, values, counts = merge_places(tiles.places(places), values)
-            process = Process.fit(merged, values, validation.length, counts)
+            process = Process.fit(merged, values, length, counts)
             mean = np.hstack([process.mean(centers + offset) for offset in tiles.offsets])
             variance = tiles.variance(process, centers, area)
             flown, _, counts = merge_places(places, places)
             prior = log_prior(rbf_kernel(centers, flown, process.length) @ counts)
-        model = validation.error_model
         return self.with_learned(
             axes=taken.axes,
             signed=np.array(taken.signed),
             center=np.tile(middle, parts),
-            signal=validation.signal,
-            noise=validation.noise,
             mean=mean.astype(np.float32),
             variance=variance,
             prior=prior,
             area=np.array(training.area, dtype=float),
-            errors=np.array([model.correlated_sigma, model.white_sigma, model.time_constant_s]),
-            training_variance=np.array(validation.training_variance),
-            revisit_inflation=np.array(validation.revisit_inflation),
-            residual_scale=np.array(validation.residual_scale),
             offsets=tiles.offsets,
-            error_coefficients=validation.error_coefficients,
+            **judged,
         )
 
     def untrained(self) -> Self:
