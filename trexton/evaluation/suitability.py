@@ -77,11 +77,9 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) ->
             f"expected finite ({len(units)}, 2) metres"
         )
     alike = np.einsum("nk,k->n", units, units.sum(axis=0))
-    blocks = [positions[first : first + _ROWS] for first in range(0, len(positions), _ROWS)]
-    ideal = np.concatenate(
-        [ideal_similarity(block, positions, sigma).sum(axis=1) for block in blocks]
-    )
-    return (alike - ideal) / len(units)
+    blocks = np.array_split(positions, -(-len(positions) // _ROWS))
+    ideal = [ideal_similarity(block, positions, sigma).sum(axis=1) for block in blocks]
+    return (alike - np.concatenate(ideal)) / len(units)
 
 
 def global_loss(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> float:
@@ -106,14 +104,12 @@ def smooth(
     places = np.asarray(places, dtype=float)
     if places.ndim != 2 or places.shape[1] != 2:
         raise ParameterError(f"places have shape {places.shape}: expected (M, 2) metres")
-    smoothed = np.empty(len(places))
-    for first in range(0, len(places), _ROWS):
-        weights = ideal_similarity(places[first : first + _ROWS], positions, sigma)
+    smoothed = []
+    for block in np.array_split(places, len(places) // _ROWS + 1):
+        weights = ideal_similarity(block, positions, sigma)
         with np.errstate(invalid="ignore"):
-            smoothed[first : first + _ROWS] = np.einsum("mn,n->m", weights, values) / weights.sum(
-                axis=1
-            )
-    return smoothed
+            smoothed.append(np.einsum("mn,n->m", weights, values) / weights.sum(axis=1))
+    return np.concatenate(smoothed)
 
 
 def usual_sigma(diagonal: float, least: float) -> float:

@@ -152,19 +152,11 @@ class Field(MeasurementModel):
     def prepare(self) -> None:
         """Raise `MapError` for arrays that do not fit each other."""
         d, count = len(self.center), len(self.variance)
-        shapes = dict.fromkeys(
-            ("signed", "training_variance", "revisit_inflation", "residual_scale"), ()
-        ) | {
-            "axes": (len(self.axes), d),
-            "signal": (d,),
-            "noise": (d, d),
-            "mean": (count, d),
-            "prior": (count,),
-            "area": (4,),
-            "errors": (3,),
-            "offsets": (len(self.offsets), 2),
-            "error_coefficients": (3,),
-        }
+        numbers = ("signed", "training_variance", "revisit_inflation", "residual_scale")
+        shapes: dict[str, tuple[int, ...]] = {name: () for name in numbers}
+        shapes |= {"area": (4,), "errors": (3,), "error_coefficients": (3,), "prior": (count,)}
+        shapes |= {"axes": (len(self.axes), d), "signal": (d,), "noise": (d, d)}
+        shapes |= {"mean": (count, d), "offsets": (len(self.offsets), 2)}
         for name, shape in shapes.items():
             array = getattr(self, name)
             if array.shape != shape:

@@ -1,5 +1,5 @@
 """Hypotheses of where the vehicle is, each a Gaussian over an augmented state, and how they are
-managed: prediction, the switch of a velocity bias, birth, pruning.
+managed: prediction, Kalman update, the switch of a velocity bias, birth, pruning.
 
 The augmented state is that of the motion model (any `LinearMotion`), the error that neighbouring
 frames share, and the bias of the velocity that comes with the frames; the latter two are
@@ -8,13 +8,14 @@ first-order Gauss-Markov processes.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from trexton.field.error_model import ErrorModel
-from trexton.field.kalman import MeasurementPrediction
 from trexton.field.linear_motion import LinearMotion
 
-__all__ = ["BIAS_SIGMA", "CLUTTER_PROBABILITY", "Hypotheses"]
+__all__ = ["BIAS_SIGMA", "CLUTTER_PROBABILITY", "Hypotheses", "MeasurementPrediction"]
 
 CLUTTER_PROBABILITY = 1e-3  # that a frame, or a velocity, says nothing, whatever it looks like
 BIAS_SIGMA = 0.3  # m/s along an axis, of a velocity that is biased
@@ -23,6 +24,49 @@ BIAS_DECAY_S = 2.6  # time constant of the weight of a bias that explains nothin
 BIAS_SWITCH_PROBABILITY = 1e-3  # a frame, that the bias sets in or ends
 SEPARATION = 5.0  # cells between the births of two hypotheses
 NEGLIGIBLE_WEIGHT = 1e-6  # of a hypothesis, over that of the best
+
+
+@dataclass(frozen=True, eq=False)
+class MeasurementPrediction:
+    """What ``T`` states of ``d`` numbers predict of a measurement z = H x + v, v ~ N(0, R).
+
+    Attributes
+    ----------
+    mean : (T, 2) array
+        H x.
+    covariance : (T, 2, 2) array
+        S = H P H' + R, of the innovation.
+    precision : (T, 2, 2) array
+        Its inverse.
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    precision: np.ndarray
+    _states: np.ndarray
+    _covariances: np.ndarray
+    _gain: np.ndarray
+
+    @classmethod
+    def of(
+        cls, states: np.ndarray, covariances: np.ndarray, matrix: np.ndarray, noise: np.ndarray
+    ) -> MeasurementPrediction:
+        """Of `states` ``(T, d)``, their `covariances` ``(T, d, d)``, H ``(2, d)`` and R."""
+        across = covariances @ matrix.T
+        spread = matrix @ across + noise
+        precision = np.linalg.inv(spread)
+        return cls(states @ matrix.T, spread, precision, states, covariances, across @ precision)
+
+    def updated(
+        self, measured: np.ndarray, covariance: np.ndarray | float = 0.0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """States and covariances given z: `measured` ``(T, 2)`` or ``(2,)``, itself known up to a
+        `covariance` ``(T, 2, 2)``.
+        """
+        states = self._states + np.einsum("tij,tj->ti", self._gain, measured - self.mean)
+        turned = self._gain.transpose(0, 2, 1)
+        covariances = self._covariances - self._gain @ (self.covariance - covariance) @ turned
+        return states, (covariances + covariances.transpose(0, 2, 1)) / 2
 
 
 class Hypotheses:

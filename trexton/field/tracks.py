@@ -23,8 +23,12 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.field.field import Field
-from trexton.field.hypotheses import BIAS_SIGMA, CLUTTER_PROBABILITY, Hypotheses
-from trexton.field.kalman import MeasurementPrediction
+from trexton.field.hypotheses import (
+    BIAS_SIGMA,
+    CLUTTER_PROBABILITY,
+    Hypotheses,
+    MeasurementPrediction,
+)
 from trexton.field.linear_motion import LinearMotion
 from trexton.localization.base import Area
 from trexton.localization.estimate import Estimate, Measurement
@@ -67,13 +71,7 @@ class Tracks(Filter):
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
     ) -> TrackFilter:
-        return TrackFilter(
-            parts["motion"],
-            parts["measurement"],
-            texton_map.area,
-            self.tracks,
-            velocity_sigma=self.velocity_sigma,
-        )
+        return TrackFilter(parts["motion"], parts["measurement"], texton_map.area, self)
 
 
 class TrackFilter:
@@ -84,9 +82,7 @@ class TrackFilter:
     motion : LinearMotion
     measurement : Field
     area : (x_min, x_max, y_min, y_max)
-    tracks : int
-    velocity_sigma : float
-        See `Tracks`.
+    options : Tracks, optional
 
     Attributes
     ----------
@@ -98,13 +94,11 @@ class TrackFilter:
         motion: LinearMotion,
         measurement: Field,
         area: Area,
-        tracks: int = 5,
-        *,
-        velocity_sigma: float = 0.1,
+        options: Tracks | None = None,
     ):
-        self.measurement, self.area, self.velocity_sigma = measurement, area, velocity_sigma
+        self.measurement, self.area, self.options = measurement, area, options or Tracks()
         errors, cell = measurement.error_model, measurement.cell
-        self.hypotheses = Hypotheses(motion, errors, tracks, cell)
+        self.hypotheses = Hypotheses(motion, errors, self.options.tracks, cell)
         self._period_s = period_s = float(motion.period_s)
         self._speed_variance = float(motion.speed) ** 2 + BIAS_SIGMA**2
         self._white = errors.white_sigma**2 * np.eye(2)
@@ -143,7 +137,7 @@ class TrackFilter:
         residual = self.measurement.normalized_residual(observation, log_posterior)
         self._residual += (min(residual, RESIDUAL_LIMIT) - self._residual) * self._residual_gain
         measured = observation.aiding.velocity
-        sigma = observation.aiding.velocity_sigma or self.velocity_sigma
+        sigma = observation.aiding.velocity_sigma or self.options.velocity_sigma
         velocity = None if measured is None else self._gated(measured, sigma)
         if velocity is not None:
             hypotheses.switch_bias()
