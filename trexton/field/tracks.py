@@ -276,5 +276,5 @@ class TrackFilter:
             measurement=Measurement(position, joint[:2, :2], self._independent_s),
             velocity=velocity,
             joint=joint,
-            contradicted=self._bias,
+            velocity_bias=self._bias,
         )

@@ -1,4 +1,4 @@
-"""What one step of the localizer gives."""
+"""What one step of the localizer gives: `Estimate`, and the `Measurement` that others may fuse."""
 
 from __future__ import annotations
 
@@ -33,14 +33,13 @@ class Measurement:
     covariance: np.ndarray
     independent_s: float = 0.0
 
-    def every(self, seconds: float) -> Measurement:
-        """For a receiver that is sent one every so many seconds and takes each for independent.
+    def inflated(self, period_s: float) -> Measurement:
+        """For a receiver that is sent one every `period_s` and takes each for independent.
 
-        The covariance grows by as many as share an error: all of these together then weigh as much
-        as the few that are independent.
+        Covariance inflation: all measurements that share an error together weigh as much as one.
         """
-        alike = max(1.0, self.independent_s / seconds)
-        return Measurement(self.position, alike * self.covariance)
+        factor = max(1.0, self.independent_s / period_s)
+        return Measurement(self.position, factor * self.covariance)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -74,12 +73,12 @@ class Estimate:
         Metres a second; None from a filter that has none.
     joint : (4, 4) array or None
         Covariance of position and velocity together, where there is a velocity.
-    contradicted : (2,) array or None
-        Metres a second by which the velocity that was told seems to be off, where the frames
-        contradict it or no vehicle flies so; None where they do not, or none was told.
-    askew : (2,) array or None
-        Radians by which the roll and pitch that are told are off, where the frames leave no doubt
-        and it is worth a word; None where it is not, or nobody tells them.
+    velocity_bias : (2,) array or None
+        Of the aiding velocity, metres a second, where the frames contradict it or no vehicle flies
+        so; None where they do not, or there is none.
+    tilt_bias : (2,) array or None
+        Of the aiding roll and pitch, radians, where the frames leave no doubt and it is worth a
+        warning; None where it is not, or there are none.
     """
 
     position: np.ndarray
@@ -94,8 +93,8 @@ class Estimate:
     measurement: Measurement | None = None
     velocity: np.ndarray | None = None
     joint: np.ndarray | None = None
-    contradicted: np.ndarray | None = None
-    askew: np.ndarray | None = None
+    velocity_bias: np.ndarray | None = None
+    tilt_bias: np.ndarray | None = None
 
     def ahead(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
         """``(2,)`` position and ``(2, 2)`` covariance in metres if the velocity lasts so long.
@@ -111,13 +110,13 @@ class Estimate:
         covariance: np.ndarray = scale * (carry @ self.joint @ carry.T)
         return self.position + seconds * self.velocity, covariance
 
-    def told(self, period_s: float) -> Measurement:
-        """For an autopilot that is sent one every `period_s` and takes each for independent: the
-        measurement, else the filter's own word.
+    def for_fusion(self, period_s: float) -> Measurement:
+        """The measurement for an autopilot that is sent one every `period_s` and takes each for
+        independent; the filter's own covariance where there is none.
         """
         if self.measurement is None:
             return Measurement(self.position, self.about_position)
-        return self.measurement.every(period_s)
+        return self.measurement.inflated(period_s)
 
     def lost_in(self, area: tuple[float, float, float, float]) -> bool:
         """Whether it must not be trusted: it says so, or may be anywhere in much of the area."""

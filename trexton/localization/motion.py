@@ -14,13 +14,11 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.base.options import option
 from trexton.localization.base import Area, Part, learned
 from trexton.localization.training_set import Training
-from trexton.vision.kernels.load import in_strips
 
 __all__ = ["MotionModel", "RandomWalk", "process_covariance", "uniform_places"]
 
 # Pairs of particles whose densities are held at once: they stay in the processor's cache.
 _PAIRS = 2**16
-_WORTH_THREADS = 64  # blocks of pairs; fewer are done before a thread has started
 _MINUS_HALF = np.array([-0.5, -0.5])
 # Particles further apart than this log density count as this far: denormal numbers would take ten
 # times as long.
@@ -195,21 +193,13 @@ def _summed(
     count, others = len(left), len(weights)
     if count * others <= _PAIRS:
         return work_on(left, None, None)
-    found = np.empty(count, left.dtype)
+    sums = np.empty(count, left.dtype)
     rows = max(1, _PAIRS // others)
-    blocks = range(0, count, rows)
-
-    def work(part: slice) -> None:
-        buffer = np.empty((rows, others), left.dtype)
-        for first in blocks[part]:
-            block = left[first : first + rows]
-            work_on(block, buffer[: len(block)], found[first : first + len(block)])
-
-    if len(blocks) < _WORTH_THREADS:
-        work(slice(None))
-    else:
-        in_strips(work, len(blocks))
-    return found
+    buffer = np.empty((rows, others), left.dtype)
+    for first in range(0, count, rows):
+        block = left[first : first + rows]
+        work_on(block, buffer[: len(block)], sums[first : first + len(block)])
+    return sums
 
 
 def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:

@@ -87,7 +87,7 @@ class Fix:
             estimate.about_position,
             estimate.lost_in(area),
             estimate.observed,
-            measurement=estimate.told(period_s),
+            measurement=estimate.for_fusion(period_s),
             **more,
         )
 

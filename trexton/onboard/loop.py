@@ -161,11 +161,11 @@ class Onboard:
         if estimate.observed:
             self._observed_at = stamp
             self.tally.count("observed")
-        if estimate.contradicted is not None:
-            off = round(float(np.hypot(*estimate.contradicted)), 2)
+        if estimate.velocity_bias is not None:
+            off = round(float(np.hypot(*estimate.velocity_bias)), 2)
             self._contradicted("velocity", off_m_s=off)
-        if estimate.askew is not None:
-            roll, pitch = np.degrees(estimate.askew).round(1).tolist()
+        if estimate.tilt_bias is not None:
+            roll, pitch = np.degrees(estimate.tilt_bias).round(1).tolist()
             self._contradicted("attitude", roll_off_deg=roll, pitch_off_deg=pitch)
         self._pass_on(estimate, stamp, fault, captured)
         total = self._clock() - captured

@@ -132,7 +132,7 @@ def _fuse(
         if row and receiver.begun:
             receiver.drive(pushes[row - 1], float(time - test.time[row - 1]))
         if not estimate.lost_in(test.area):
-            told = estimate.told(every_s)
+            told = estimate.for_fusion(every_s)
             ratios = receiver.fuse(float(time), told.position, np.diagonal(told.covariance))
             nis[row] = ratios.sum(axis=1)
         if receiver.begun:

@@ -61,7 +61,7 @@ class Track:
     @property
     def contradicted(self) -> np.ndarray:
         """``(N,)`` whether the velocity that was told was contradicted by the frames."""
-        return np.array([each.contradicted is not None for each in self.estimates])
+        return np.array([each.velocity_bias is not None for each in self.estimates])
 
     @cached_property
     def knn(self) -> np.ndarray:
