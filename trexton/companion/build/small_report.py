@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from html import escape
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from matplotlib.figure import Figure
 from trexton.base.cache import shipped
 from trexton.base.files import atomic_file
 from trexton.base.records import Record
+from trexton.companion import build
 from trexton.companion.build.charts import inline_figure
 from trexton.companion.experiments import assessment
 from trexton.companion.experiments.advice import advice
@@ -19,29 +21,6 @@ from trexton.companion.experiments.drawing import to_svg
 from trexton.companion.wording import as_html, distance, middle
 
 __all__ = ["write_report"]
-
-_STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; max-width: 46rem; margin: 2rem auto; padding: 0 1rem;
-  color: #222; background: #fff; color-scheme: light dark; }
-h1 { font-size: 1.6rem; line-height: 1.2 } h2 { font-size: 1.2rem; margin-top: 2rem }
-.finding { font-size: 1.15rem; border-left: 4px solid #0072B2; padding-left: 1rem }
-figure { margin: 1.5rem 0; break-inside: avoid } svg.chart { width: 100%; height: auto }
-figcaption, footer { font-size: .85rem; color: #555 }
-.scroll { overflow-x: auto } table { border-collapse: collapse }
-th, td { padding: .25rem .75rem; text-align: right; white-space: nowrap }
-th:first-child, td:first-child { text-align: left } tbody tr { border-top: 1px solid #ddd }
-code { background: #f2f2f2; padding: 0 .2rem }
-iframe { width: 100%; height: 46rem; border: 1px solid #ddd }
-@media screen and (prefers-color-scheme: dark) {
-  :root { FIGURE_COLOURS }
-  body { color: #ddd; background: var(--fig-ffffff) } figcaption, footer { color: #aaa }
-  code { background: #2c2c2c } tbody tr, iframe { border-color: #444 }
-  svg.chart g[id*="-text_"] { fill: var(--fig-000000) }
-}
-@media print {
-  body { max-width: none; margin: 0; font-size: 11pt; color-scheme: light } iframe { display: none }
-}
-"""
 
 
 def write_report(record: Record, path: Path, player: str = "") -> Path:
@@ -94,7 +73,8 @@ def _page(record: Record, player: str) -> str:
 def _style() -> str:
     """With the colours that the book gives to its figures in the dark."""
     book = (shipped("book") / "_static" / "book.css").read_text(encoding="utf-8")
-    return _STYLE.replace("FIGURE_COLOURS", " ".join(re.findall(r"--fig-\w+: #\w+;", book)))
+    style = (files(build) / "small_report.css").read_text(encoding="utf-8")
+    return style.replace("FIGURE_COLOURS", " ".join(re.findall(r"--fig-\w+: #\w+;", book)))
 
 
 def _figure(figure: Figure, name: str, alternative: str, caption: str) -> str:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from html import escape
+from importlib.resources import files
 
+from trexton.companion import claims
 from trexton.companion.claims.ledger import Claim, Finding, Rows, count_verdicts
 from trexton.companion.claims.rules import VERDICTS, Quantity
 from trexton.companion.experiments.registry import EXPERIMENTS
@@ -115,32 +117,5 @@ def filters_html(rows: Rows) -> str:
         '<label>with the words <input type="search" data-filter="words"></label>',
         f'<output aria-live="polite">{len(rows)} of {len(rows)} claims</output>',
     ]
-    return f'<form class="ledger-filters" hidden>{" ".join(controls)}</form>{_SCRIPT}'
-
-
-_SCRIPT = """
-<script>
-document.querySelector(".ledger-filters").hidden = false;
-addEventListener("DOMContentLoaded", () => {
-  const form = document.querySelector(".ledger-filters");
-  const rows = [...document.querySelectorAll("table.ledger tbody tr")];
-  const value = name => form.querySelector(`[data-filter=${name}]`).value;
-  const show = () => {
-    const [verdict, flight, experiment] = ["verdict", "flight", "experiment"].map(value);
-    const words = value("words").toLowerCase().split(/\\s+/).filter(Boolean);
-    let count = 0;
-    for (const row of rows) {
-      const all = row.dataset.verdicts.split("|");
-      const given = flight === "" ? all : [all[+flight]];
-      const text = row.textContent.toLowerCase();
-      row.hidden = (verdict && !given.includes(verdict)) ||
-        (experiment && row.dataset.experiment !== experiment) ||
-        !words.every(word => text.includes(word));
-      count += !row.hidden;
-    }
-    form.querySelector("output").textContent = `${count} of ${rows.length} claims`;
-  };
-  form.addEventListener("input", show);
-  form.addEventListener("submit", event => event.preventDefault());
-});
-</script>"""
+    script = f"<script>\n{(files(claims) / 'filters.js').read_text(encoding='utf-8')}</script>"
+    return f'<form class="ledger-filters" hidden>{" ".join(controls)}</form>\n{script}'
