@@ -114,14 +114,6 @@ def test_a_search_tries_the_usual_first_and_goes_on_where_it_stopped(tmp_path):
     assert again == more[2].error_m
 
 
-def test_a_search_that_was_killed_in_a_line_goes_on_with_the_rest(tmp_path):
-    flight, study = told_apart(), tmp_path / "study.log"
-    first = search(flight, methods=["paper"], trials=1, study=study)
-    study.write_bytes(study.read_bytes() + b'{"op_code":4,"wor')
-    assert search(flight, methods=["paper"], trials=2, study=study)[:1] == first
-    assert len(search(flight, methods=["paper"], trials=2, study=study)) == 2
-
-
 @pytest.mark.parametrize("text", ["hello", '{"event": "start"}', "t_s,x_m\n1,2", '{"op_code":0'])
 def test_a_file_that_is_no_study_stays_as_it_is(tmp_path, text):
     (tmp_path / "notes").write_text(text)

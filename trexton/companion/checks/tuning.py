@@ -6,13 +6,11 @@ Errors are those of a replay of the training flight by maps that did not see wha
 
 from __future__ import annotations
 
-import json
 import os
 import shlex
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
@@ -274,42 +272,22 @@ def search(
 
 
 def _study(file: str | os.PathLike[str] | None, name: str, seed: int) -> optuna.Study:
-    """The study called `name`, with what is already in the file."""
+    """The study called `name`, with what is already in the file, an SQLite database."""
     import optuna
-    from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend
+    from sqlalchemy.exc import SQLAlchemyError
 
     try:
-        if file is not None and Path(file).exists():
-            _cut_half_line(Path(file))
         return optuna.create_study(
             directions=["minimize", "minimize"],
             sampler=optuna.samplers.TPESampler(seed=seed),
-            storage=None if file is None else JournalStorage(JournalFileBackend(os.fspath(file))),
+            storage=None if file is None else f"sqlite:///{os.fspath(file)}",
             study_name=name,
             load_if_exists=True,
         )
-    except (OSError, ValueError, KeyError) as error:
-        raise ParameterError(f"{file}: no readable study ({error}): name another file") from None
-
-
-def _cut_half_line(file: Path) -> None:
-    """Cut off what a search that was killed had begun to write: the next line would be joined to
-    it, and the study be lost.
-
-    Raises
-    ------
-    ValueError
-        The file is no study; it stays as it is, for anything else would be added to it.
-    """
-    lines = file.read_bytes().splitlines(keepends=True)
-    whole = [line for line in lines if line.endswith(b"\n")]
-    for line in whole if whole else lines:
-        entry = json.loads(line)
-        if not isinstance(entry, dict) or "op_code" not in entry:
-            raise ValueError(f"a line of it is {line[:40]!r}")
-    if len(whole) < len(lines):
-        os.truncate(file, sum(map(len, whole)))
+    except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
+        raise ParameterError(
+            f"{file}: no readable study ({type(error).__name__}): name another file"
+        ) from None
 
 
 def _suggested(
