@@ -182,7 +182,7 @@ def test_the_command_prints_the_frontier_and_how_to_fly_its_point(tmp_path, monk
     assert (
         cli.main([*shlex.split(train)[1:], "--quiet"]) == 0 and (tmp_path / "tuned.npz").is_file()
     )
-    for wrong, told in ((["--rate", "-1"], "positive"), (["--headroom", "1"], "a share")):
+    for wrong, told in ((["--rate", "-1"], "more than 0"), (["--headroom", "1"], "less than 1")):
         assert cli.main([*words, *wrong]) == 1
         assert told in capsys.readouterr().err
     write_flight(small_flight(), tmp_path / "short")

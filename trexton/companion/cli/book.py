@@ -5,22 +5,13 @@ from __future__ import annotations
 import argparse
 import time
 
-from trexton.base.arguments import add_assignments, assignments
+from trexton.base.arguments import assignments
 from trexton.companion.build.make import make_book
-from trexton.companion.cli.run import print_outcomes
+from trexton.companion.cli.run import add_run_arguments, print_outcomes
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--explain", action="store_true", help="say why each experiment was reused or run"
-    )
-    parser.add_argument(
-        "--jobs",
-        type=int,
-        metavar="N",
-        help="notebooks at once (default: as many as fit this machine)",
-    )
-    add_assignments(parser, "KEY=VALUE", "parameters of the notebooks")
+    add_run_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:

@@ -4,15 +4,30 @@ from __future__ import annotations
 
 import argparse
 import sys
+from dataclasses import dataclass
 from functools import partial
 from http.server import BaseHTTPRequestHandler, HTTPServer, ThreadingHTTPServer
 
+from trexton.base.arguments import add_options, chosen_options
 from trexton.base.defaults import SAMPLES
 from trexton.base.errors import ParameterError
+from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.localization.map_files import load_map
 
 __all__ = ["add_arguments", "run"]
+
+
+@dataclass(frozen=True)
+class Replay(Options):
+    """How the flight is replayed and served."""
+
+    samples: int = option(SAMPLES, "patches of a frame, 0 for all", low=0)
+    frames: int = option(180, "to show", low=1)
+    seed: int = option(1, "of the samples and the particles", low=0)
+    port: int = option(
+        0, "to serve on, of this machine only; 0 takes a free one", low=0, high=65535
+    )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -23,22 +38,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a method that the map was trained for, repeatable; the first is shown in detail "
         "(default: the map's own)",
     )  # fmt: skip
-    parser.add_argument(
-        "--samples",
-        type=int,
-        default=SAMPLES,
-        help="a frame, 0 for all patches (default %(default)s)",
-    )
-    parser.add_argument("--frames", type=int, default=180, help="to show (default %(default)s)")
-    parser.add_argument("--seed", type=int, default=1, help="(default %(default)s)")
+    add_options(parser, Replay)
     parser.add_argument(
         "--out", metavar="FILE", help="write the page to this file instead of serving it"
-    )
-    parser.add_argument(
-        "--port",
-        type=int,
-        default=0,
-        help="to serve on, of this machine only (default: a free one)",
     )
 
 
@@ -50,32 +52,31 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.flights import read_flight
     from trexton.localization.localizer import Localizer
 
-    if not 0 <= arguments.port <= 65535:
-        raise ParameterError(f"--port {arguments.port}: expected 1 to 65535, or 0 for a free one")
+    asked = chosen_options(arguments, Replay)
     if arguments.out:
         check_not_read(arguments.out, arguments.map, arguments.flight)
         check_writable(arguments.out)
     else:
-        serve("", arguments.port).server_close()  # before the flight is replayed
+        serve("", asked.port).server_close()  # before the flight is replayed
     texton_map = load_map(arguments.map)
     flight = read_flight(arguments.flight).part_or_all("test")
     localizers = {
         name or texton_map.method: Localizer(
             texton_map,
             method=name,
-            samples=arguments.samples or None,
-            rng=stream(arguments.seed, "flight", 0),
+            samples=asked.samples or None,
+            rng=stream(asked.seed, "flight", 0),
         )
         for name in arguments.method or [None]
     }
     say(f"replaying {len(flight)} frames of {flight.name}")
-    page = player_html(record_replay(localizers, flight, most_frames=arguments.frames))
+    page = player_html(record_replay(localizers, flight, most_frames=asked.frames))
     if arguments.out:
         with atomic_file(arguments.out) as out:
             out.write(page)
         say(f"the player is {arguments.out}: open it in a browser")
         return 0
-    with serve(page, arguments.port) as server:
+    with serve(page, asked.port) as server:
         print(f"http://127.0.0.1:{server.server_port}/ (Ctrl-C ends)", flush=True)
         server.serve_forever()
     return 0

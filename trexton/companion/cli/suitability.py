@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
+from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
 from trexton.base.files import check_not_read, check_writable
 from trexton.base.progress import say
@@ -30,14 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--length", type=float, metavar="M", help="its other side in metres, with --corners"
     )
-    for each in VirtualFlights.declared():
-        parser.add_argument(
-            f"--{each.name.replace('_', '-')}",
-            dest=each.name,
-            default=argparse.SUPPRESS,
-            metavar="VALUE",
-            help=f"{each.meaning} (default {each.default})",
-        )
+    add_options(parser, VirtualFlights)
     parser.add_argument("--changes", action="store_true", help="try what would help most")
     parser.add_argument("--out", metavar="DIR", help="write the heat maps and all numbers there")
 
@@ -50,12 +44,7 @@ def run(arguments: argparse.Namespace) -> int:
         judge_floor,
     )
 
-    given = {
-        each.name: getattr(arguments, each.name)
-        for each in VirtualFlights.declared()
-        if hasattr(arguments, each.name)
-    }
-    flights = VirtualFlights.parse(given, "trexton suitability")
+    flights = chosen_options(arguments, VirtualFlights)
     if arguments.length is not None and not arguments.corners:
         raise ParameterError("--length needs --corners too: without them a picture keeps its shape")
     floors = {name: _floor(name, arguments) for name in arguments.images}
