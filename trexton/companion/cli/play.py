@@ -19,7 +19,7 @@ __all__ = ["add_arguments", "run"]
 
 
 @dataclass(frozen=True)
-class Replay(Options):
+class PlayOptions(Options):
     """How the flight is replayed and served."""
 
     samples: int = option(SAMPLES, "patches of a frame, 0 for all", low=0)
@@ -38,7 +38,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a method that the map was trained for, repeatable; the first is shown in detail "
         "(default: the map's own)",
     )  # fmt: skip
-    add_options(parser, Replay)
+    add_options(parser, PlayOptions)
     parser.add_argument(
         "--out", metavar="FILE", help="write the page to this file instead of serving it"
     )
@@ -52,7 +52,7 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.flights import read_flight
     from trexton.localization.localizer import Localizer
 
-    asked = chosen_options(arguments, Replay)
+    asked = chosen_options(arguments, PlayOptions)
     if arguments.out:
         check_not_read(arguments.out, arguments.map, arguments.flight)
         check_writable(arguments.out)
