@@ -92,10 +92,10 @@ def test_parts_follow_frame_numbers_with_both_ends():
     ("file", "row", "text", "fault"),
     [
         ("frames.csv", 1, "frame,t_s,x_m,colour", "unknown column 'colour'"),
-        ("frames.csv", 1, "frame,t_s,x_m,x_m", "column 'y_m' is missing"),
-        ("frames.csv", 4, "3,0.16,1.0", "row 4: 3 fields where the header names 4"),
+        ("frames.csv", 1, "frame,t_s,x_m,x_m", "column 'x_m' appears twice"),
+        ("frames.csv", 4, "3,0.16,1.0", "row 4: 3 fields where 4 are named"),
         ("frames.csv", 4, "3,0.16,one,1.0", "row 4: x_m is 'one': expected a number"),
-        ("frames.csv", 4, "3,0.16,inf,1.0", "row 4: x_m is inf: expected a finite number"),
+        ("frames.csv", 4, "3,0.16,inf,1.0", "row 4: x_m is 'inf': expected a finite number"),
         ("frames.csv", 4, "3,,1.0,1.0", "row 4: t_s is empty: expected a finite number"),
         ("frames.csv", 4, "2.5,0.16,1.0,1.0", "row 4: frame is 2.5: expected a whole number"),
         ("frames.csv", 4, "3,0.08,1.0,1.0", "row 4: duplicated stamp 0.08"),
@@ -176,7 +176,7 @@ def test_binary_and_empty_tables_are_faults_not_crashes(flight_folder):
     (flight_folder / "frames.csv").write_bytes(b"\xff\xfe\0\0")
     assert "not a text file" in check_flight(flight_folder).faults[0]
     (flight_folder / "frames.csv").write_text("")
-    assert "no frames" in check_flight(flight_folder).faults[0]
+    assert "no rows" in check_flight(flight_folder).faults[0]
 
 
 def test_every_faulty_image_is_found_even_beside_other_faults(image_folder):

@@ -36,7 +36,7 @@ def test_axes_are_told_or_found_by_where_the_camera_looks(tmp_path, axes, turned
     for asked in {axes, "auto"} - ({"auto"} if axes == "rfu" else set()):
         track, said = read_trajectory(path, asked)
         np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, yaw]] * 2, atol=1e-9)
-        assert said.endswith(axes)
+        assert said[0].endswith(axes)
 
 
 def test_quaternions_agree_with_the_camera_model():

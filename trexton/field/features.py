@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trexton.vision.histograms import SUM_TOLERANCE
+from trexton.flights.flight import SUM_TOLERANCE
 
 __all__ = ["Features"]
 

@@ -15,12 +15,12 @@ from trexton.base.files import digest
 from trexton.flights.aiding import Aiding
 from trexton.flights.frames import Frames, select_frames
 from trexton.vision.camera import Camera, MapImage
-from trexton.vision.histograms import SUM_TOLERANCE
 from trexton.vision.images import read_picture
 from trexton.vision.rectification import Rectification
 
-__all__ = ["Flight"]
+__all__ = ["SUM_TOLERANCE", "Flight"]
 
+SUM_TOLERANCE = 0.01  # by which relative frequencies may miss a sum of 1
 _COLUMNS = {"position": (2,), "attitude": (3,), "histograms": (None,)}
 _PER_FRAME = ("frame", "time", "position", "height", "attitude", "histograms")
 

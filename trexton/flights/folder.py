@@ -19,8 +19,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.files import atomic_folder
-from trexton.flights.columns import read_columns
-from trexton.flights.flight import Flight
+from trexton.flights.flight import SUM_TOLERANCE, Flight
 from trexton.flights.frames import Frames, ImageFiles
 from trexton.flights.header import (
     SMALLEST_AREA,
@@ -28,7 +27,7 @@ from trexton.flights.header import (
     header_text,
     read_header,
 )
-from trexton.vision.histograms import SUM_TOLERANCE
+from trexton.flights.tables import TextTable, read_table
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.rectification import Rectification
 
@@ -205,26 +204,24 @@ def _extent(position: np.ndarray) -> tuple[float, float, float, float]:
 
 def _read_frames(path: Path, reading: Reading) -> Columns | None:
     try:
-        table = read_columns(path)
+        table = read_table(path)
     except FlightError as error:
         reading.faults.append(str(error))
         return None
-    reading.warnings += table.warnings
+    _warn_of_separators(table, reading)
     header, rows = table.header, np.array(table.rows)
     before = len(reading.faults)
     if unknown := [name for name in header if name not in _REQUIRED + _OPTIONAL]:
         reading.faults.append(f"{path}: unknown column {unknown[0]!r}: expected {_COLUMNS}")
     if missing := [name for name in _REQUIRED if name not in header]:
         reading.faults.append(f"{path}: column {missing[0]!r} is missing: expected {_COLUMNS}")
-    if twice := [name for name in header if header.count(name) > 1]:
-        reading.faults.append(f"{path}: column {twice[0]!r} appears twice: expected {_COLUMNS}")
     if len(reading.faults) > before:
         return None
     columns: Columns = {}
     for name in header:
         try:
             columns[name] = (
-                list(table.cells[name])
+                table.texts(name)
                 if name == "image"
                 else table.numbers(name, missing_allowed=name not in ("frame", "t_s"))
             )
@@ -258,6 +255,16 @@ def _read_frames(path: Path, reading: Reading) -> Columns | None:
     return columns
 
 
+def _warn_of_separators(table: TextTable, reading: Reading) -> None:
+    if table.separator != ",":
+        word = {";": "semicolons", "\t": "tabs", " ": "blanks"}[table.separator]
+        commas = " and decimal commas" if table.decimal == "," else ""
+        reading.warnings.append(
+            f"{table.path}: written with {word}{commas}, and read so: commas and decimal points "
+            "are usual"
+        )
+
+
 def _check_order(path: Path, columns: Columns, rows: np.ndarray, reading: Reading) -> None:
     for name, what in (("t_s", "stamp"), ("frame", "frame number")):
         values = columns[name]
@@ -272,17 +279,17 @@ def _read_histograms(
     path: Path, frames: np.ndarray, features: str, reading: Reading
 ) -> np.ndarray | None:
     try:
-        table = read_columns(path)
+        table = read_table(path)
         header, rows = table.header, table.rows
         if len(header) < 2 or header != ["frame", *(f"t{i}" for i in range(len(header) - 1))]:
             raise FlightError(
                 f"{path}: unknown columns {','.join(header[:4])}...: expected frame,t0,t1,..."
             )
-        values = np.column_stack([table.numbers(name) for name in header])
+        values = np.column_stack([table.numbers(name, missing_allowed=False) for name in header])
     except FlightError as error:
         reading.faults.append(str(error))
         return None
-    reading.warnings += table.warnings
+    _warn_of_separators(table, reading)
     if not np.array_equal(values[:, 0], frames):
         odd = next(
             (i for i, (a, b) in enumerate(zip(values[:, 0], frames, strict=False)) if a != b),

@@ -1,23 +1,29 @@
-"""Tables as people have them: separators, decimal commas, byte-order marks and units are found
-out.
+"""Tables of text as people have them, read by one reader; every fault names file and row.
+
+`read_table` finds separators, decimal commas, comments and byte-order marks out; a `TextTable`
+gives its columns as texts, numbers or stamps. No pandas: a vehicle has none.
 """
 
 from __future__ import annotations
 
+import csv
 import io
-import re
 import stat
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+import numpy as np
 
 from trexton.base.errors import FlightError
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-__all__ = ["LARGEST", "column", "read_table", "read_text"]
+__all__ = ["LARGEST", "LENGTHS", "TIMES", "TextTable", "read_table", "read_text"]
 
 LARGEST = 2**30  # bytes of a table: more is a mistake, or meant to fill the memory
+LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}  # metres
+TIMES = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # nanoseconds
+_MISSING = ("", "na", "n/a", "null", "none")
 
 
 def read_text(path: Path) -> str:
@@ -41,79 +47,158 @@ def read_text(path: Path) -> str:
         raise FlightError(f"{path}: not a text file ({error}): write it as UTF-8") from None
 
 
-def read_table(path: Path, names: list[str] | None = None) -> pd.DataFrame:
-    """A table with a header, or with `names` where it has none; numbers where a column holds only
-    numbers.
+@dataclass(frozen=True, eq=False)
+class TextTable:
+    """The cells of a table as text.
 
-    Comma, semicolon, tab or blanks separate; a ``#`` before the header is dropped, lines that begin
-    with one are comments; with semicolons or tabs a comma may be the decimal point.
+    Attributes
+    ----------
+    path : Path
+    header : list of str
+    cells : dict of str to tuple of str
+        A column each; of columns with one name the last.
+    rows : list of int
+        The number of each row in the file, as editors count.
+    separator, decimal : str
+        The sign between fields (a blank for any number of blanks), and the decimal point.
+    """
+
+    path: Path
+    header: list[str]
+    cells: dict[str, tuple[str, ...]]
+    rows: list[int]
+    separator: str
+    decimal: str
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def texts(self, name: str) -> list[str]:
+        """A column as it is written; raises `FlightError` where there is none of that name."""
+        if name not in self.cells:
+            there = ", ".join(self.header)
+            raise FlightError(f"{self.path}: no column {name!r}: it has {there}: name it")
+        return [cell.strip() for cell in self.cells[name]]
+
+    def numbers(self, name: str, missing_allowed: bool = True) -> np.ndarray:
+        """``(N,) float64`` column; a missing value is NaN.
+
+        Raises
+        ------
+        FlightError
+            There is no such column, or a row of it holds something else.
+        """
+        texts = self.texts(name)
+        if self.decimal == ",":
+            texts = [text.replace(",", ".") for text in texts]
+        try:
+            values = np.array(texts, dtype=np.float64)
+        except ValueError:
+            values = np.array([self._number(name, row, text) for row, text in enumerate(texts)])
+        odd = np.isinf(values) if missing_allowed else ~np.isfinite(values)
+        if odd.any():
+            raise self._refusal(name, int(odd.argmax()), "expected a finite number")
+        return values
+
+    def nanoseconds(self, name: str, unit: str = "s") -> np.ndarray:
+        """``(N,) int64`` stamps, exact: a float of today's Unix time would lose microseconds.
+
+        Raises
+        ------
+        FlightError
+            There is no such column, or a stamp is none or beyond the year 2262.
+        """
+        stamps = np.empty(len(self), dtype=np.int64)
+        for row, text in enumerate(self.texts(name)):
+            try:
+                stamp = Decimal(text.replace(",", ".")) * TIMES[unit]
+                if not stamp.is_finite():
+                    raise ValueError(text)
+            except (ArithmeticError, ValueError):
+                raise self._refusal(name, row, f"expected a stamp in {unit}") from None
+            if abs(stamp) >= 2**63:
+                finer = " or ".join(list(TIMES)[list(TIMES).index(unit) + 1 :]) or "another origin"
+                raise self._refusal(
+                    name, row, f"in {unit} that is beyond the year 2262: are they in {finer}?"
+                )
+            stamps[row] = int(stamp.to_integral_value())
+        return stamps
+
+    def _number(self, name: str, row: int, text: str) -> float:
+        try:
+            return np.nan if text.lower() in _MISSING else float(text)
+        except ValueError:
+            decimal_comma = text.count(",") == 1 and self.decimal != ","
+            point = " with a decimal point" if decimal_comma else ""
+            raise self._refusal(name, row, f"expected a number{point}") from None
+
+    def _refusal(self, name: str, row: int, expected: str) -> FlightError:
+        found = repr(text) if (text := self.cells[name][row].strip()[:40]) else "empty"
+        return FlightError(f"{self.path}, row {self.rows[row]}: {name} is {found}: {expected}")
+
+
+def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
+    """A table with a header, or with `names` where it has none.
+
+    Comma, semicolon, tab or blanks separate. A ``#`` before the header is dropped, lines that
+    begin with one are comments, rows without any text are passed over. Where commas do not
+    separate, they may be decimal.
 
     Raises
     ------
     FlightError
-        The file cannot be read, or has no rows.
+        The file cannot be read, has no rows, a name twice, or a row has another number of fields.
     """
-    import pandas as pd
-
-    lines = [line for line in read_text(path).splitlines() if line.strip(" ,;\t")]
-    if names is None and lines:
-        header, lines = lines[0].lstrip("# \t"), lines[1:]
-    else:
-        header = ""
-    lines = [line for line in lines if not line.lstrip().startswith("#")]
-    if not lines:
-        raise FlightError(f"{path}: no rows: expected a table of numbers")
-    separator = next((each for each in ";\t," if each in lines[0]), r"\s+")
-    decimal = "," if separator in ";\t" and any("," in line for line in lines) else "."
-    if names is None:
-        names = [name.strip().strip('"') for name in re.split(separator, header.strip())]
+    text = read_text(path)
+    first = next(
+        (
+            line
+            for line in text.splitlines()
+            if line.strip() and not (names and line.lstrip().startswith("#"))
+        ),
+        "",
+    )
+    separator = next((each for each in ";\t," if each in first), " ")
     try:
-        table = pd.read_csv(
-            io.StringIO("\n".join(lines)),
-            sep=separator,
-            decimal=decimal,
-            header=None,
-            skipinitialspace=True,
-            engine="python" if len(separator) > 1 else "c",
+        lines = csv.reader(
+            io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True
         )
-    except (pd.errors.ParserError, ValueError, OverflowError) as error:
-        reason = " ".join(str(error).split())
-        raise FlightError(
-            f"{path}: not a table ({reason[:200]}): every row needs as many fields"
-        ) from None
-    if twice := sorted({name for name in names if names.count(name) > 1}):
+        table = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
+    except csv.Error as error:
+        raise FlightError(f"{path}: not a text table ({error}): write it as UTF-8 CSV") from None
+    if not names and table:
+        head = [name.strip() for name in table.pop(0)[1]]
+        head[0] = head[0].lstrip("# ")
+        names = [name for name in head if name or separator != " "]
+    table = [(number, row) for number, row in table if not row[0].lstrip().startswith("#")]
+    if not table:
+        raise FlightError(f"{path}: no rows: expected a table, a row a line")
+    if twice := [name for name in names if name and list(names).count(name) > 1]:
         raise FlightError(f"{path}: column {twice[0]!r} appears twice: name each column once")
-    if len(table.columns) < len(names):
-        raise FlightError(
-            f"{path}: rows have {len(table.columns)} fields where {len(names)} are named "
-            f"({', '.join(names[:6])}): complete the rows"
+    for number, row in table:
+        if len(row) < len(names) or any(cell.strip() for cell in row[len(names) :]):
+            raise _uneven(path, number, len(row), list(names), separator)
+    columns = list(zip(*(row[: len(names)] for _, row in table), strict=True))
+    comma = separator != "," and any("," in cell for column in columns for cell in column)
+    return TextTable(
+        path,
+        list(names),
+        dict(zip(names, columns, strict=True)),
+        [number for number, _ in table],
+        separator,
+        "," if comma else ".",
+    )
+
+
+def _uneven(path: Path, row: int, found: int, names: list[str], separator: str) -> FlightError:
+    hint = "complete the row"
+    if found > len(names):
+        hint = "remove the extra fields" + (
+            "; decimal commas must become points"
+            if separator == "," and found <= 2 * len(names)
+            else ""
         )
-    table = table.iloc[:, : len(names)]
-    table.columns = pd.Index(names)
-    return table
-
-
-def column(path: Path, table: pd.DataFrame, name: str) -> pd.Series[float]:
-    """The numbers of a column.
-
-    Raises
-    ------
-    FlightError
-        There is no such column, or it holds something else.
-    """
-    import pandas as pd
-
-    if name not in table.columns:
-        there = ", ".join(str(each) for each in table.columns)
-        raise FlightError(f"{path}: no column {name!r}: it has {there}")
-    try:
-        values = pd.to_numeric(table[name], errors="coerce").astype(float)
-    except OverflowError:
-        raise FlightError(f"{path}: {name} holds a whole number beyond all others") from None
-    wrong = values.isna() & table[name].notna() & (table[name].astype(str).str.strip() != "")
-    if wrong.any():
-        row = int(wrong.to_numpy().argmax())
-        raise FlightError(
-            f"{path}, row {row + 2}: {name} is {table[name].iloc[row]!r}: expected a number"
-        )
-    return values.astype(float)
+    return FlightError(
+        f"{path}, row {row}: {found} fields where {len(names)} are named "
+        f"({', '.join(names[:6])}): {hint}"
+    )

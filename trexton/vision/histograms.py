@@ -23,8 +23,6 @@ from trexton.vision.textons import TextonDictionary
 
 __all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_positions"]
 
-SUM_TOLERANCE = 0.01  # by which relative frequencies may miss a sum of 1
-
 # Positions labelled at once by matrix products: their scores stay in the processor's cache, and
 # BLAS libraries have quicker kernels for matrices this small.
 _ROWS, _COLUMNS = 24, 320

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -14,14 +13,8 @@ from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.calibration import read_calibration, read_mounting
-from trexton.flights.importers.recording import (
-    AXES,
-    Recording,
-    Track,
-    attitude_from_quaternions,
-    camera_attitude,
-)
-from trexton.flights.tables import column, read_table
+from trexton.flights.importers.recording import AXES, Recording, Track, TrackColumns
+from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "read", "recognises"]
 
@@ -45,7 +38,7 @@ def read(source: Path, settings: Settings) -> Recording:
     root = _root(source)
     folder = root / settings.camera
     table = read_table(folder / "data.csv", ["stamp", "file"])
-    files = [folder / "data" / str(name).strip() for name in table["file"]]
+    files = [folder / "data" / name for name in table.texts("file")]
     names = [settings.track] if settings.track else list(TRACKS)
     found = next((name for name in names if (root / name / "data.csv").is_file()), None)
     if found is None:
@@ -54,7 +47,7 @@ def read(source: Path, settings: Settings) -> Recording:
     camera, distortion = read_calibration(sensor) if sensor.is_file() else (None, None)
     track, said = _track(root / found / "data.csv", sensor)
     return Recording(
-        _stamps(folder / "data.csv", table["stamp"]),
+        table.nanoseconds("stamp", "ns"),
         track,
         ImageFiles(tuple(files)),
         camera=camera,
@@ -68,36 +61,21 @@ def _root(source: Path) -> Path:
     return source / "mav0" if (source / "mav0").is_dir() else source
 
 
-def _stamps(path: Path, values: Any) -> np.ndarray:
-    try:
-        return np.array([int(value) for value in values], dtype=np.int64)
-    except (ValueError, OverflowError):
-        raise FlightError(f"{path}: a stamp is no whole number of nanoseconds") from None
-
-
 def _track(path: Path, camera: Path) -> tuple[Track, list[str]]:
     """Positions, and the attitude of the camera whose ``sensor.yaml`` tells how it is mounted."""
     table = read_table(path)
-    names = list(table.columns[1:8])
-    values = np.column_stack(
-        [column(path, table, name).to_numpy() for name in names] or [np.empty((0, 0))]
-    )
-    if values.shape[1] < 3:
-        raise FlightError(f"{path}: {values.shape[1] + 1} columns: expected stamp, x, y, z")
-    stamps = _stamps(path, table.iloc[:, 0])
-    if values.shape[1] < 7:
-        return Track(stamps, values[:, :3]), []
-    quaternions = values[:, [4, 5, 6, 3]]  # they are written w, x, y, z
+    names = table.header
+    if len(names) < 4:
+        raise FlightError(f"{path}: {len(names)} columns: expected stamp, x, y, z")
+    turn = (*names[5:8], names[4]) if len(names) >= 8 else ()  # they are written w, x, y, z
+    columns = TrackColumns(names[0], names[1], names[2], names[3], quaternion=turn, time_unit="ns")
     mounted = _mounting(camera)
     if mounted is None:
-        attitude, said = camera_attitude(quaternions, "auto")
-    else:
-        # From the axes of what was tracked to the vehicle's, and from those to the camera's.
-        tracked = _mounting(path.with_name("sensor.yaml"))
-        axes = (np.eye(3) if tracked is None else tracked.T) @ mounted @ AXES["camera"]
-        attitude = attitude_from_quaternions(quaternions, axes)
-        said = "attitude of the camera as T_BS tells"
-    return Track(stamps, values[:, :3], attitude), [said]
+        return columns.read(table)
+    # From the axes of what was tracked to the vehicle's, and from those to the camera's.
+    tracked = _mounting(path.with_name("sensor.yaml"))
+    axes = (np.eye(3) if tracked is None else tracked.T) @ mounted @ AXES["camera"]
+    return columns.read(table, axes)
 
 
 def _mounting(sensor: Path) -> np.ndarray | None:

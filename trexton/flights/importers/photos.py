@@ -16,7 +16,7 @@ from trexton.base.options import Options, option
 from trexton.flights.earth import plane
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.recording import NANO, Recording, Track, beside
-from trexton.flights.tables import column, read_table
+from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "local_metres", "read", "recognises"]
 
@@ -118,30 +118,19 @@ def _from_table(
     path: Path, files: list[Path], settings: Settings
 ) -> dict[Path, tuple[float, float, float, int] | None]:
     table = read_table(path)
-    if settings.file not in table.columns:
-        raise FlightError(
-            f"{path}: no column {settings.file!r}: it has {', '.join(map(str, table.columns))}"
-        )
-    latitude, longitude = (
-        column(path, table, name) for name in (settings.latitude, settings.longitude)
-    )
+    names = table.texts(settings.file)
+    latitude, longitude = table.numbers(settings.latitude), table.numbers(settings.longitude)
     altitude = (
-        column(path, table, settings.altitude)
-        if settings.altitude in table.columns
+        table.numbers(settings.altitude)
+        if settings.altitude in table.header
         else np.full(len(table), np.nan)
     )
     times = (
-        [_stamp(path, str(text)) for text in table[settings.taken]]
-        if settings.taken in table.columns
+        [_stamp(path, text) for text in table.texts(settings.taken)]
+        if settings.taken in table.header
         else [row * NANO for row in range(len(table))]
     )
-    rows = dict(
-        zip(
-            table[settings.file].astype(str),
-            zip(latitude, longitude, altitude, times, strict=True),
-            strict=True,
-        )
-    )
+    rows = dict(zip(names, zip(latitude, longitude, altitude, times, strict=True), strict=True))
     return {file: rows.get(file.name) for file in files}
 
 

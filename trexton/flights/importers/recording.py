@@ -11,6 +11,7 @@ import numpy as np
 from trexton.base.errors import FlightError, ParameterError
 from trexton.base.options import option
 from trexton.flights.frames import Frames
+from trexton.flights.tables import LENGTHS, TIMES, TextTable
 from trexton.vision.camera import Camera, wrapped
 
 __all__ = [
@@ -18,6 +19,7 @@ __all__ = [
     "Matched",
     "Recording",
     "Track",
+    "TrackColumns",
     "attitude_from_quaternions",
     "axes_option",
     "beside",
@@ -25,7 +27,7 @@ __all__ = [
     "match",
 ]
 
-NANO = 1_000_000_000
+NANO = TIMES["s"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +65,66 @@ class Track:
                 found = "their stamps do not all increase: sort them and drop repeated rows"
             raise FlightError(f"{len(rows)} rows of positions, {found}")
         return track
+
+
+@dataclass(frozen=True)
+class TrackColumns:
+    """Which columns of a table hold a track, and in which units: a format of tables, declared.
+
+    Attributes
+    ----------
+    time, x, y, z, yaw : str
+        Names of columns; without z or yaw (empty) none is known.
+    quaternion : (x, y, z, w), optional
+        Names of the columns of the attitude, instead of a yaw.
+    time_unit, unit : str
+        Of `TIMES` and `LENGTHS`.
+    degrees : bool
+        The yaw is in degrees.
+    """
+
+    time: str
+    x: str
+    y: str
+    z: str = ""
+    yaw: str = ""
+    quaternion: tuple[str, ...] = ()
+    time_unit: str = "s"
+    unit: str = "m"
+    degrees: bool = False
+
+    def read(self, table: TextTable, axes: str | np.ndarray = "auto") -> tuple[Track, list[str]]:
+        """The track, and a sentence that tells how its quaternions were taken, if it has any.
+
+        Parameters
+        ----------
+        axes : str or (3, 3) array
+            An entry of `AXES`, ``auto``, or how the sensor is mounted.
+
+        Raises
+        ------
+        FlightError
+            A column is missing, or holds something else.
+        """
+        stamps = table.nanoseconds(self.time, self.time_unit)
+        unknown = np.full(len(table), np.nan)
+        position = LENGTHS[self.unit] * np.column_stack(
+            [table.numbers(name) if name else unknown for name in (self.x, self.y, self.z)]
+        )
+        if self.quaternion:
+            turns = np.column_stack([table.numbers(name) for name in self.quaternion])
+            if isinstance(axes, str):
+                attitude, said = camera_attitude(turns, axes)
+            else:
+                attitude = attitude_from_quaternions(turns, axes)
+                said = "attitude of the camera as T_BS tells"
+            return Track(stamps, position, attitude), [said]
+        if not self.yaw:
+            return Track(stamps, position), []
+        yaw = table.numbers(self.yaw)
+        yaw = np.radians(yaw) if self.degrees else yaw
+        level = np.zeros_like(yaw)
+        return Track(stamps, position, np.column_stack([level, level, yaw])), []
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from trexton.base.errors import FlightError, ParameterError
 from trexton.base.options import Options, option
 from trexton.base.progress import progress
 from trexton.flights.frames import Selected, VideoFrames, stamped_frames
-from trexton.flights.importers import table as tables
-from trexton.flights.importers.recording import NANO, Recording, Track, beside
+from trexton.flights.importers.recording import NANO, Recording, Track, TrackColumns, beside
+from trexton.flights.tables import LENGTHS, read_table
 
 __all__ = ["Settings", "estimate_offset", "read", "recognises"]
 
@@ -37,7 +37,7 @@ class Settings(Options):
     yaw: str = option(
         "", "its column of the yaw in radians: anticlockwise, 0 where the picture's top is +y"
     )
-    unit: str = option("m", "unit of the positions", choices=tuple(tables.LENGTHS))
+    unit: str = option("m", "unit of the positions", choices=tuple(LENGTHS))
     offset: str = option(
         "estimate", "stamp of the first frame on the table's clock in s, or estimate"
     )
@@ -52,11 +52,10 @@ def read(source: Path, settings: Settings) -> Recording:
     """The recording of a video; frames are decoded again when they are asked for, in order."""
     if not settings.positions:
         raise ParameterError(f"{source}: a video has no positions: name a table, --positions FILE")
-    chosen = tables.Settings(
-        time=settings.time, x=settings.x, y=settings.y, z=settings.z, yaw=settings.yaw,
-        unit=settings.unit,
-    )  # fmt: skip
-    track = tables.read_track(beside(source.parent, settings.positions), chosen)
+    columns = TrackColumns(
+        settings.time, settings.x, settings.y, settings.z, settings.yaw, unit=settings.unit
+    )
+    track, _ = columns.read(read_table(beside(source.parent, settings.positions)))
     stamps, motion = _scan(source)
     if settings.offset == "estimate":
         offset, correlation = estimate_offset(stamps, motion, track)
