@@ -386,3 +386,16 @@ def test_positions_of_another_time_are_noticed_before_images_are_written(tmp_pat
     with pytest.raises(TrextonError, match="position"):
         import_flight(tmp_path / "source", tmp_path / "out", settings={"offset": 1e6})
     assert [path.name for path in tmp_path.iterdir()] == ["source"]
+
+
+def test_stamps_in_milliseconds_since_1970_are_named_with_the_unit_that_they_have(tmp_path):
+    for i in range(3):
+        cv2.imwrite(str(tmp_path / f"{i}.png"), picture(i))
+    rows = [f"{1714550400000 + 80 * i},{i},0,{i}.png" for i in range(3)]
+    (tmp_path / "t.csv").write_text("\n".join(["t,x,y,image", *rows]))
+    with pytest.raises(TrextonError, match=r"t.csv, row 2: t .* beyond the year 2262: .* ms or us"):
+        import_flight(tmp_path / "t.csv", tmp_path / "out")
+    settings = {"time_unit": "ms"}
+    flight, _ = import_flight(tmp_path / "t.csv", tmp_path / "out", settings=settings)
+    assert flight.time.tolist() == [0, 0.08, 0.16]
+    assert flight.notes[0] == "time zero is stamp 1714550400000000000 ns of the source"
