@@ -22,7 +22,7 @@ from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.resampling import Systematic
 from trexton.localization.roles import ROLES, make
-from trexton.onboard.clock import StampKeeper
+from trexton.onboard.intake import StampKeeper
 from trexton.onboard.tally import Tally
 
 PROCESS, NOISE = np.diag([0.02, 0.03]), np.diag([0.1, 0.06])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from onboard_tools import Clock
 
-from trexton.onboard.clock import StampKeeper
+from trexton.onboard.intake import StampKeeper
 from trexton.onboard.tally import Tally
 
 

@@ -56,11 +56,10 @@ def test_repetitions_for_px4_count_for_no_more_than_their_image(rng):
 
     from trexton.onboard.local import LocalFrame
     from trexton.onboard.mavlink.listener import Listener
-    from trexton.onboard.mavlink.profiles import profile_named
-    from trexton.onboard.mavlink.speaker import Speaker
+    from trexton.onboard.mavlink.speaker import PROFILES, Speaker
 
     assert mavlink
-    profile = profile_named("px4", LocalFrame(), (0.0, 4.0, 0.0, 4.0))
+    profile = PROFILES["px4"](LocalFrame(), (0.0, 4.0, 0.0, 4.0))
     talk = Speaker(profile, 1e-6 * np.eye(2), Listener())
 
     def told(number, position):

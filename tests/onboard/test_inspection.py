@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from trexton.onboard.inspection import Inspector
+from trexton.onboard.intake import Inspector
 
 
 class TestInspector:

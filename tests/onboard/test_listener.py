@@ -18,8 +18,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink.link import UdpIn  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
-from trexton.onboard.mavlink.profiles import profile_named  # noqa: E402
-from trexton.onboard.mavlink.speaker import Speaker  # noqa: E402
+from trexton.onboard.mavlink.speaker import (
+    PROFILES,  # noqa: E402
+    Speaker,  # noqa: E402
+)
 from trexton.vision.camera import rotation_matrix  # noqa: E402
 
 GIMBAL = mavlink.MAVLink_heartbeat_message(26, 0, 0, 0, 4, 3)
@@ -38,7 +40,7 @@ def listener(*systems, **options) -> Listener:
 
 
 def speaker(ear: Listener, name="px4") -> Speaker:
-    profile = profile_named(name, LocalFrame(), (0.0, 5.0, 0.0, 5.0))
+    profile = PROFILES[name](LocalFrame(), (0.0, 5.0, 0.0, 5.0))
     return Speaker(profile, 0.01 * np.eye(2), ear)
 
 
@@ -123,7 +125,7 @@ def test_the_yaw_of_an_autopilot_is_that_of_a_camera(heading, compass):
 def test_an_autopilot_that_starts_anew_is_told_again():
     ear = listener(1)
     talk = Speaker(
-        profile_named("px4", LocalFrame(), (0.0, 5.0, 0.0, 5.0)), np.eye(2), ear, (52.0, 4.0, 0.0)
+        PROFILES["px4"](LocalFrame(), (0.0, 5.0, 0.0, 5.0)), np.eye(2), ear, (52.0, 4.0, 0.0)
     )
     told = lambda now: [m.get_type() for m in talk.due(now)]  # noqa: E731
     ear.hear(said_by(mavlink.MAVLink_attitude_message(60_000, 0, 0, 0, 0, 0, 0)), 1.0)
@@ -139,7 +141,7 @@ def test_an_autopilot_that_starts_anew_is_told_again():
 )
 def test_it_asks_for_what_helps(aiding, wanted):
     ear = listener(1)
-    profile = profile_named("px4", LocalFrame(), (0.0, 5.0, 0.0, 5.0))
+    profile = PROFILES["px4"](LocalFrame(), (0.0, 5.0, 0.0, 5.0))
     talk = Speaker(profile, np.eye(2), ear, aiding=aiding)
     asked = {m.param1 for m in talk.due(0.0) if m.get_type() == "COMMAND_LONG"}
     assert asked & {132, 32} == wanted  # DISTANCE_SENSOR, LOCAL_POSITION_NED

@@ -14,7 +14,7 @@ from patience import eventually
 from trexton.onboard import Onboard
 from trexton.onboard.sinks import Guard, Sink
 from trexton.onboard.sources import CameraLost
-from trexton.onboard.sources.pacing import Paced
+from trexton.onboard.sources.wrapped import Paced
 from trexton.onboard.tally import Tally
 
 

@@ -17,7 +17,7 @@ from onboard_tools import make_fix
 
 from trexton.cli.main import main
 from trexton.onboard.local import LocalFrame
-from trexton.onboard.sinks.json_lines import JsonLines, row
+from trexton.onboard.sinks.files import JsonLines, row
 from trexton.onboard.voice import flush, say
 
 EXAMPLE = ROOT / "examples" / "ros2_node.py"

@@ -16,9 +16,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 from trexton.base.errors import ParameterError  # noqa: E402
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
-from trexton.onboard.mavlink.listener import Answer, Listener  # noqa: E402
-from trexton.onboard.mavlink.profiles import profile_named  # noqa: E402
-from trexton.onboard.mavlink.speaker import ORIGIN_ATTEMPTS, PATIENCE, Speaker  # noqa: E402
+from trexton.onboard.mavlink.listener import CommandAck, Listener  # noqa: E402
+from trexton.onboard.mavlink.speaker import (  # noqa: E402
+    ORIGIN_ATTEMPTS,
+    PATIENCE,
+    PROFILES,  # noqa: E402
+    Speaker,
+)
+from trexton.onboard.sinks.mavlink import MavlinkOptions  # noqa: E402
 
 AREA = (0.0, 5.0, 0.0, 5.0)
 
@@ -37,7 +42,7 @@ def from_autopilot(message, system=1, component=1):
 
 def speaker(name="px4", *, heard_at=0.0, attitude_at=None, **options) -> Speaker:
     listener = Listener(options.pop("system_id", None), NORTH_UP)
-    result = Speaker(profile_named(name, NORTH_UP, AREA), 0.01 * np.eye(2), listener, **options)
+    result = Speaker(PROFILES[name](NORTH_UP, AREA), 0.01 * np.eye(2), listener, **options)
     if heard_at is not None:
         listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), heard_at)
     if attitude_at is not None:
@@ -214,7 +219,7 @@ class TestSpeaker:
         )
         assert not talk.listener.answers
         talk.listener.hear(from_autopilot(mavlink.MAVLink_command_ack_message(21, 2)), 0.0)
-        assert list(talk.listener.answers) == [Answer(21, 2)]
+        assert list(talk.listener.answers) == [CommandAck(21, 2)]
         assert talk.land(1, 0.0) and due(talk, 0.0, "COMMAND_LONG")[0].confirmation == 1
 
     def test_an_answer_to_somebody_else_is_none_to_us(self):
@@ -226,7 +231,7 @@ class TestSpeaker:
         talk.listener.hear(
             from_autopilot(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 1, 191)), 0.0
         )
-        assert list(talk.listener.answers) == [Answer(21, 0)]
+        assert list(talk.listener.answers) == [CommandAck(21, 0)]
 
     def test_what_the_autopilot_says_is_kept_for_the_log(self):
         talk = speaker()
@@ -249,4 +254,4 @@ class TestSpeaker:
 
     def test_unknown_profile(self):
         with pytest.raises(ParameterError, match="px4, ardupilot"):
-            profile_named("inav", NORTH_UP, AREA)
+            MavlinkOptions(autopilot="inav")

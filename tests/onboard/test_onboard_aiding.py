@@ -17,11 +17,11 @@ from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import train_map
-from trexton.onboard.aids import Aids
+from trexton.onboard.intake import Aids
 from trexton.onboard.sinks import Guard
 from trexton.onboard.sources import Delayed, Frame
 from trexton.onboard.sources.flight import FlightSource
-from trexton.onboard.sources.pacing import Paced
+from trexton.onboard.sources.wrapped import Paced
 from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight
 

@@ -18,7 +18,7 @@ from trexton.localization.training import train_map
 from trexton.onboard import Settings
 from trexton.onboard import preflight as module
 from trexton.onboard.preflight import blur_effect, preflight
-from trexton.onboard.settings import Flying, Landing, Placement
+from trexton.onboard.settings import Flying, Landing, MapPlacement
 from trexton.onboard.sources import Playback
 from trexton.simulator import Effects, record_flight
 from trexton.vision.camera import Camera
@@ -205,7 +205,7 @@ class TestAutopilot:
 
     def links(self, place, port: int, options=None, heading=None) -> dict[str, bool]:
         changes = {
-            Flying: Flying(camera=place[1]), Placement: Placement(heading=heading),
+            Flying: Flying(camera=place[1]), MapPlacement: MapPlacement(heading=heading),
             Landing: Landing(land="2,2", arm_landing=True), **(options or {}),
         }  # fmt: skip
         settings = Settings(place[0], (f"udpout:127.0.0.1:{port}",), (), changes)

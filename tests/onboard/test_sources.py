@@ -17,7 +17,7 @@ from patience import eventually
 from trexton.base.errors import FlightError, ImageError, ParameterError, TrextonError
 from trexton.base.plugins import resolve
 from trexton.flights import read_flight
-from trexton.onboard.grabber import Grabber, Recording
+from trexton.onboard.grabber import Grabber, Playthrough
 from trexton.onboard.sources import (
     SOURCES,
     CameraLost,
@@ -28,10 +28,10 @@ from trexton.onboard.sources import (
     open_source,
 )
 from trexton.onboard.sources.flight import FlightSource
-from trexton.onboard.sources.pacing import Paced
 from trexton.onboard.sources.simulator import SimulatorSource
 from trexton.onboard.sources.v4l2 import V4l2Source
 from trexton.onboard.sources.video import StreamSource, VideoFile
+from trexton.onboard.sources.wrapped import Paced
 from trexton.onboard.tally import Tally
 from trexton.vision.images import yuv_from_bgr, yuv_from_uyvy
 
@@ -353,7 +353,7 @@ class TestGrabber:
         grabber.close()
 
     def test_a_recording_leaves_nothing_out(self):
-        recording = Recording(FlightSource(small_flight(5)))
+        recording = Playthrough(FlightSource(small_flight(5)))
         assert [recording.next(0).time for _ in range(5)] == pytest.approx(0.08 * np.arange(5))
         assert recording.next(0) is None and recording.ended
 

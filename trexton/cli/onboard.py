@@ -82,7 +82,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _classes(words: Sequence[str]) -> list[type[Options]]:
     """All that has options, with the sources and sinks of their own that `words` name."""
     from trexton.onboard.edges import classes_of_options, edge_classes
-    from trexton.onboard.settings import Flying, Landing, Placement
+    from trexton.onboard.settings import Flying, Landing, MapPlacement
     from trexton.onboard.sinks import SINKS
     from trexton.onboard.sources import SOURCES
 
@@ -92,4 +92,4 @@ def _classes(words: Sequence[str]) -> list[type[Options]]:
 
     sources = edge_classes("sources", SOURCES, typed("--camera"))
     sinks = edge_classes("sinks", SINKS, typed("--output"))
-    return [Flying, Placement, Landing, *classes_of_options([*sources, *sinks])]
+    return [Flying, MapPlacement, Landing, *classes_of_options([*sources, *sinks])]

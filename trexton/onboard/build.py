@@ -16,12 +16,12 @@ from trexton.localization.landing import TouchdownZone
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map
 from trexton.localization.methods import parse_choices
-from trexton.onboard.commander import Lander
+from trexton.onboard.commander import LandingTarget
 from trexton.onboard.edges import edge_at
 from trexton.onboard.loop import Onboard
-from trexton.onboard.settings import Flying, Landing, Placement, Settings
+from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import SINKS, Guard, Sink, Surroundings, open_sink
-from trexton.onboard.sinks.json_lines import JsonLines
+from trexton.onboard.sinks.files import JsonLines
 from trexton.onboard.sources import Delayed, Expected, Rectified, Source, open_source
 from trexton.onboard.tally import Tally
 
@@ -74,7 +74,7 @@ def build(settings: Settings) -> Onboard:
         source = Delayed(source, flying.camera_delay)
     _check_files([settings.map, *source.files], settings.outputs, flying.log)
     around = Surroundings(
-        settings.of(Placement).local,
+        settings.of(MapPlacement).local,
         texton_map.area,
         localizer.growth(1.0),
         tally,
@@ -113,7 +113,7 @@ def _warm_up(localizer: Localizer) -> None:
         Localizer(texton_map, samples=localizer.samples, rng=np.random.default_rng(1)).step(blank)
 
 
-def _landers(sinks: Iterable[Sink]) -> list[Lander]:
+def _landers(sinks: Iterable[Sink]) -> list[LandingTarget]:
     landers = [sink.lander for sink in sinks if sink.lander is not None]
     if not landers:
         raise ParameterError(

@@ -12,7 +12,7 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone
 from trexton.onboard.fix import STALE_AFTER, Fix
 
-__all__ = ["Answer", "Commander", "Lander", "State"]
+__all__ = ["CommandResult", "Commander", "LandingTarget", "State"]
 
 NAV_LAND = 21
 ACCEPTED, TEMPORARILY_REJECTED, IN_PROGRESS = 0, 1, 5
@@ -25,7 +25,7 @@ LEFT_FOR = 3.0  # seconds outside after which a return is another visit
 ANSWER_WITHIN_S = 10.0  # an answer later than this after the latest command belongs to no command
 
 
-class Answer(Protocol):
+class CommandResult(Protocol):
     """What became of a command."""
 
     @property
@@ -35,12 +35,12 @@ class Answer(Protocol):
     def result(self) -> int: ...
 
 
-class Lander(Protocol):
+class LandingTarget(Protocol):
     """Something that can be told to land, and answers: the MAVLink sink."""
 
     def land(self, confirmation: int) -> bool: ...
 
-    def answers(self) -> Sequence[Answer]: ...
+    def answers(self) -> Sequence[CommandResult]: ...
 
     def on_ground(self) -> bool | None: ...
 
@@ -68,7 +68,7 @@ class Commander:
     Parameters
     ----------
     zone : LandingZone
-    landers : list of Lander
+    landers : list of LandingTarget
         Told to land all at once; empty for a dry run.
     report : callable
         Takes each event, as a dict.
@@ -81,7 +81,7 @@ class Commander:
     def __init__(
         self,
         zone: LandingZone,
-        landers: Sequence[Lander],
+        landers: Sequence[LandingTarget],
         report: Callable[[dict[str, object]], None],
         *,
         answer_within: float = 1.0,

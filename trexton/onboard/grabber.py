@@ -8,12 +8,12 @@ from trexton.onboard.sources.base import CameraLost, Frame, Source
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
 
-__all__ = ["Grabber", "Recording", "feed_from"]
+__all__ = ["Grabber", "Playthrough", "feed_from"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
 
 
-class Recording:
+class Playthrough:
     """Hands out every frame of a source that is not live, when it is asked for."""
 
     def __init__(self, source: Source):
@@ -113,6 +113,6 @@ class Grabber:
             self._changed.notify_all()
 
 
-def feed_from(source: Source, tally: Tally) -> Grabber | Recording:
+def feed_from(source: Source, tally: Tally) -> Grabber | Playthrough:
     """The way in which a source's frames reach the loop."""
-    return Grabber(source, tally) if source.live else Recording(source)
+    return Grabber(source, tally) if source.live else Playthrough(source)

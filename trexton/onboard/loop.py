@@ -14,16 +14,13 @@ from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone
 from trexton.localization.localizer import Localizer
-from trexton.onboard.aids import Aids
-from trexton.onboard.clock import OLDEST, StampKeeper
-from trexton.onboard.commander import Commander, Lander
+from trexton.onboard.commander import Commander, LandingTarget
 from trexton.onboard.fix import STALE_AFTER, Fix, JumpCounter
-from trexton.onboard.grabber import Grabber, Recording, feed_from
-from trexton.onboard.inspection import Inspector
-from trexton.onboard.service import Service
+from trexton.onboard.grabber import Grabber, Playthrough, feed_from
+from trexton.onboard.intake import OLDEST, Aids, Inspector, StampKeeper
 from trexton.onboard.sinks.base import Guard
 from trexton.onboard.sources.base import CameraLost, Frame, Source
-from trexton.onboard.status import Status
+from trexton.onboard.status import Service, Status
 from trexton.onboard.tally import Latencies, Tally
 from trexton.onboard.voice import flush, say
 
@@ -53,7 +50,7 @@ class Onboard:
         map's own rate unless given.
     zone : LandingZone, optional
         Where to land.
-    landers : sequence of Lander
+    landers : sequence of LandingTarget
         Told to land there; without any, it is only said.
     log : Guard, optional
         Takes fixes and events.
@@ -69,8 +66,9 @@ class Onboard:
 
     def __init__(
         self, localizer: Localizer, source: Source, sinks: list[Guard], *, tally: Tally,
-        rate: float | None = None, zone: LandingZone | None = None, landers: Sequence[Lander] = (),
-        log: Guard | None = None, frames: int | None = None, aiding: str = "tilt",
+        rate: float | None = None, zone: LandingZone | None = None,
+        landers: Sequence[LandingTarget] = (), log: Guard | None = None,
+        frames: int | None = None, aiding: str = "tilt",
         clock: Callable[[], float] = time.monotonic,
     ):  # fmt: skip
         self.localizer, self.source, self.sinks, self.log = localizer, source, sinks, log
@@ -146,7 +144,7 @@ class Onboard:
     def _everything(self) -> list[Guard]:
         return self.sinks + ([self.log] if self.log is not None else [])
 
-    def _take(self, frame: Frame, feed: Grabber | Recording) -> None:
+    def _take(self, frame: Frame, feed: Grabber | Playthrough) -> None:
         """Localize one frame."""
         arrived = self._clock()
         stamp = self._stamps.keep(frame.time) if self.source.live else frame.time

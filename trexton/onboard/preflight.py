@@ -17,12 +17,11 @@ from trexton.base.errors import TrextonError
 from trexton.localization.localizer import Localizer
 from trexton.localization.neighbors import neighbors_in_flight
 from trexton.localization.training_set import EXCLUDED_SECONDS
-from trexton.onboard.aids import Aids
 from trexton.onboard.build import build
 from trexton.onboard.edges import edge_at
-from trexton.onboard.inspection import BLACK, WHITE
+from trexton.onboard.intake import BLACK, WHITE, Aids
 from trexton.onboard.loop import CAUSES, Onboard
-from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, Placement, Settings
+from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import Frame, Playback, Source
 from trexton.onboard.sources.wrapped import Wrapped
@@ -281,7 +280,7 @@ def _of_links(settings: Settings, onboard: Onboard, now: float) -> Iterator[Chec
     for guard in onboard.sinks:
         yield from (Check(*each) for each in guard.sink.checks(now))
     if onboard.sinks:
-        heading = settings.of(Placement).heading
+        heading = settings.of(MapPlacement).heading
         words = "not given: add --heading, 0 where the map's +y points north"
         words = words if heading is None else f"the map's +y points to {heading:g} degrees"
         yield Check("heading", heading is not None, words)

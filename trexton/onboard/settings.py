@@ -12,10 +12,10 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import Options, option
 from trexton.base.streams import MOST_SEED
 from trexton.localization.landing import LandingZone, TouchdownZone
-from trexton.onboard.aids import AIDS
+from trexton.onboard.intake import AIDS
 from trexton.onboard.local import LocalFrame
 
-__all__ = ["LONGEST_DELAY", "Flying", "Landing", "Placement", "Settings", "numbers"]
+__all__ = ["LONGEST_DELAY", "Flying", "Landing", "MapPlacement", "Settings", "numbers"]
 
 LONGEST_DELAY = 0.4  # seconds: not much longer, and every position is stale when it is told
 T = TypeVar("T", bound=Options)
@@ -51,7 +51,7 @@ class Flying(Options):
 
 
 @dataclass(frozen=True)
-class Placement(Options):
+class MapPlacement(Options):
     """How the map lies"""
 
     heading: float | None = option(
@@ -136,8 +136,8 @@ class Settings:
     choices : tuple of str
         ``role=part`` and ``role.option=value``; see `trexton.localization.methods`.
     options : mapping
-        An object for each class of options that differs from its defaults: `Flying`, `Placement`,
-        `Landing`, and those of sinks and sources.
+        An object for each class of options that differs from its defaults: `Flying`,
+        `MapPlacement`, `Landing`, and those of sinks and sources.
     """
 
     map: str

@@ -17,7 +17,7 @@ from trexton.flights.aiding import Aiding
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.mavlink.messages import COMPONENT, mavlink
 
-__all__ = ["Answer", "Listener"]
+__all__ = ["CommandAck", "Listener"]
 
 SILENCE = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 REPORT_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
@@ -30,7 +30,7 @@ INVALID_SIGNAL = 1  # of 100; 0 is unknown
 
 
 @dataclass(frozen=True)
-class Answer:
+class CommandAck:
     """A COMMAND_ACK: the command, and what became of it."""
 
     command: int
@@ -63,7 +63,7 @@ class Listener:
         self.systems: set[int] = set()  # every vehicle whose autopilot was ever heard
         self.heard_at = -np.inf
         self.boots, self._awake_ms = 0, 0
-        self.answers: deque[Answer] = deque(maxlen=64)
+        self.answers: deque[CommandAck] = deque(maxlen=64)
         self.news: deque[dict[str, Any]] = deque(maxlen=256)
         self.timesyncs: deque[Any] = deque(maxlen=16)
         self.origin: tuple[float, float] | None = None
@@ -207,7 +207,7 @@ class Listener:
         # Target 0 is everybody, or an autopilot of before targets were in the message.
         ours = (0, message.get_srcSystem())
         if message.target_system in ours and message.target_component in (0, COMPONENT):
-            self.answers.append(Answer(message.command, message.result))
+            self.answers.append(CommandAck(message.command, message.result))
             self.news.append(
                 {"event": "answer", "command": message.command, "result": message.result}
             )

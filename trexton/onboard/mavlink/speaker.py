@@ -1,21 +1,24 @@
-"""What is to be said to an autopilot, and when. No clock, no wire.
+"""What is to be said to an autopilot, when, and how PX4 and ArduPilot want it. No clock, no wire.
 
 Times are seconds of the clock that stamps fixes. All of it is called under the sink's lock.
 """
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from trexton.onboard.fix import STALE_AFTER, Fix
+from trexton.onboard.local import LocalFrame
 from trexton.onboard.mavlink import messages
 from trexton.onboard.mavlink.listener import Listener
-from trexton.onboard.mavlink.profiles import Profile
+from trexton.onboard.mavlink.messages import odometry, quality, vision_position
 
-__all__ = ["Speaker"]
+__all__ = ["PROFILES", "ArduPilot", "Profile", "Px4", "Speaker"]
 
 REQUEST_PAUSE = 2.0
 ORIGIN_ATTEMPTS = 10
@@ -23,6 +26,70 @@ PATIENCE = STALE_AFTER  # seconds from capture for which a position is repeated
 ATTITUDE_RATE = 20.0
 STATE_RATE = 2.0
 SHORTEST_STEP = 1e-3  # stamps of successive messages differ by at least this
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One autopilot's manner.
+
+    Attributes
+    ----------
+    local : LocalFrame
+    area : (x_min, x_max, y_min, y_max)
+    """
+
+    local: LocalFrame
+    area: tuple[float, float, float, float]
+
+    repeat_rate = 0.0  # messages a second, by repeating; 0 sends each position once
+    unset = 0.0  # what stands in a command for "choose yourself"
+    needs_attitude = False
+
+    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
+        """The message for a usable fix."""
+        raise NotImplementedError
+
+    def failed(self, fix: Fix, stamp_us: int, attitude: Any) -> Any:
+        """The message that says there is no position, or None where silence says it."""
+        return None
+
+
+class Px4(Profile):
+    """VISION_POSITION_ESTIMATE at a steady 30 Hz; silence, which ends its fusion, for no
+    position."""
+
+    name = "px4"
+    repeat_rate = 30.0
+    unset = math.nan
+
+    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
+        """The message for a usable fix."""
+        return vision_position(
+            stamp_us, fix.told.position, covariance, attitude, self.local, fix.resets
+        )
+
+
+class ArduPilot(Profile):
+    """ODOMETRY, once an estimate, with a quality: -1 while there is no position."""
+
+    name = "ardupilot"
+    needs_attitude = True
+
+    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
+        """The message for a usable fix."""
+        grade = quality(np.sqrt(np.diagonal(fix.covariance)), self.area)
+        return odometry(
+            stamp_us, fix.told.position, covariance, attitude, self.local, fix.resets, grade
+        )
+
+    def failed(self, fix: Fix, stamp_us: int, attitude: Any) -> Any:
+        """The filter's position, marked as failed."""
+        return odometry(
+            stamp_us, fix.position, fix.covariance, attitude, self.local, fix.resets, -1
+        )
+
+
+PROFILES: dict[str, type[Profile]] = {"px4": Px4, "ardupilot": ArduPilot}
 
 
 class Speaker:

@@ -20,9 +20,9 @@ __all__ = ["Guard", "SINKS", "Sink", "Surroundings", "open_sink"]
 
 # kind: module and class; several kinds may share one
 SINKS = {
-    "json": "trexton.onboard.sinks.json_lines:JsonLines",
-    "csv": "trexton.onboard.sinks.csv_table:CsvTable",
-    "tum": "trexton.onboard.sinks.tum:TumTrajectory",
+    "json": "trexton.onboard.sinks.files:JsonLines",
+    "csv": "trexton.onboard.sinks.files:CsvTable",
+    "tum": "trexton.onboard.sinks.files:TumTrajectory",
     "udpout": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "udpin": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "tcp": "trexton.onboard.sinks.mavlink:MavlinkSink",

@@ -20,7 +20,7 @@ from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
 
 if TYPE_CHECKING:
-    from trexton.onboard.commander import Lander
+    from trexton.onboard.commander import LandingTarget
 
 __all__ = ["Guard", "Sink", "Surroundings"]
 
@@ -70,7 +70,7 @@ class Sink(Edge, ABC):
         The file it writes, if any: nothing that was read, and no file twice.
     autopilot : bool
         Whether it goes to an autopilot: the preflight check speaks to those alone.
-    lander : Lander or None
+    lander : LandingTarget or None
         What commands a landing, where it can; see `trexton.onboard.commander`.
     """
 
@@ -79,7 +79,7 @@ class Sink(Edge, ABC):
     autopilot: ClassVar[bool] = False
 
     @property
-    def lander(self) -> Lander | None:
+    def lander(self) -> LandingTarget | None:
         """None: it commands nothing."""
         return None
 

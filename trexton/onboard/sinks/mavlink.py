@@ -138,13 +138,12 @@ class MavlinkSink(Sink):
         link = make_link(address)
         try:
             from trexton.onboard.mavlink.listener import Listener
-            from trexton.onboard.mavlink.profiles import profile_named
-            from trexton.onboard.mavlink.speaker import Speaker
+            from trexton.onboard.mavlink.speaker import PROFILES, Speaker
         except ImportError:
             raise ParameterError(
                 "MAVLink needs the package pymavlink: pip install 'trexton[mavlink]'"
             ) from None
-        profile = profile_named(options.autopilot, around.local, around.area)
+        profile = PROFILES[options.autopilot](around.local, around.area)
         listener = Listener(options.system_id, around.local)
         speaker = Speaker(
             profile, around.motion_rate, listener, options.place, aiding=around.aiding

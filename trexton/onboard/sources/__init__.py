@@ -15,7 +15,7 @@ from trexton.base.options import Options
 from trexton.base.plugins import names
 from trexton.onboard.edges import edge_at, edge_classes
 from trexton.onboard.sources.base import CameraLost, Expected, Frame, Playback, Source
-from trexton.onboard.sources.wrapped import Delayed, Rectified
+from trexton.onboard.sources.wrapped import Delayed, Paced, Rectified
 
 __all__ = [
     "CameraLost", "Delayed", "Frame", "Playback", "Rectified", "SOURCES", "Source", "Expected",
@@ -67,10 +67,10 @@ def _made(address: str, around: Expected, options: Mapping[type[Options], Any]) 
         found = next(((each, "", address) for each in recognised), None)
     if found is not None:
         source, kind, rest = found
-        made: Source = source.make(
-            rest, options.get(source.options, source.options()), replace(around, kind=kind)
-        )
-        return made
+        chosen = options.get(source.options, source.options())
+        made: Source = source.make(rest, chosen, replace(around, kind=kind))
+        pace = getattr(chosen, "pace", None) or made.pace
+        return Paced(made) if pace == "stamps" and not made.live else made
     raise ParameterError(
         f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, "
         "a video file or URL, simulator, or KIND:ADDRESS with KIND one of "

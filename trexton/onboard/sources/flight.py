@@ -7,7 +7,6 @@ from pathlib import Path
 from trexton.base.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight
 from trexton.onboard.sources.base import Expected, Frame, Playback, Source
-from trexton.onboard.sources.pacing import Paced
 
 __all__ = ["FlightSource"]
 
@@ -45,8 +44,7 @@ class FlightSource(Source):
             flight = flight.part(part)
         if not len(flight):
             raise FlightError(f"{address}: no frames: nothing to replay")
-        source = cls(flight, options.laps, folder)
-        return Paced(source) if options.pace == "stamps" else source
+        return cls(flight, options.laps, folder)
 
     def __init__(self, flight: Flight, laps: int = 1, folder: str | None = None):
         self.flight, self.laps = flight, laps

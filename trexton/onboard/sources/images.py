@@ -7,7 +7,6 @@ from pathlib import Path
 
 from trexton.base.errors import ImageError
 from trexton.onboard.sources.base import Expected, Frame, Playback, Source
-from trexton.onboard.sources.pacing import Paced
 from trexton.vision.images import read_image
 
 __all__ = ["ImageFolder"]
@@ -41,8 +40,7 @@ class ImageFolder(Source):
 
     @classmethod
     def make(cls, address: str, options: Playback, around: Expected) -> Source:
-        source = cls(address, options, around)
-        return Paced(source) if options.pace == "stamps" else source
+        return cls(address, options, around)
 
     def __init__(self, folder: str, options: Playback, around: Expected):
         self.playback, self.around = options, around

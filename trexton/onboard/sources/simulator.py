@@ -7,7 +7,6 @@ import re
 from trexton.base.errors import ParameterError
 from trexton.base.streams import stream
 from trexton.onboard.sources.base import Expected, Frame, Playback, Source
-from trexton.onboard.sources.pacing import Paced
 
 __all__ = ["SimulatorSource"]
 
@@ -25,6 +24,7 @@ class SimulatorSource(Source):
     """
 
     live = False
+    pace = "stamps"
     gives = "images"
 
     addresses = {
@@ -45,8 +45,7 @@ class SimulatorSource(Source):
                 f"camera 'simulator:{address}': "
                 "give simulator or simulator:SEED with a whole number"
             )
-        source = cls(int(address) if seed else around.seed)
-        return source if options.pace == "fast" else Paced(source)
+        return cls(int(address) if seed else around.seed)
 
     def __init__(self, seed: int = 1):
         from trexton.simulator import Floor, Plan, Simulator, random_waypoints

@@ -16,7 +16,6 @@ import numpy as np
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import Options
 from trexton.onboard.sources.base import CameraLost, Expected, Frame, Playback, Source
-from trexton.onboard.sources.pacing import Paced
 from trexton.vision.images import decode_image, yuv_from_bgr
 
 __all__ = ["StreamSource", "VideoFile"]
@@ -134,8 +133,7 @@ class VideoFile(Source):
             raise ImageError(
                 f"{address}: no such video: give a file, a URL or a GStreamer pipeline"
             )
-        source = cls(address, options, around)
-        return Paced(source) if options.pace == "stamps" else source
+        return cls(address, options, around)
 
     def __init__(self, path: str, options: Playback, around: Expected):
         self.path, self.playback, self.around = path, options, around

@@ -1,13 +1,15 @@
-"""Sources that change what another gives."""
+"""Sources that change what another gives: its stamps, its pictures, its pace."""
 
 from __future__ import annotations
 
+import time
+from collections.abc import Callable
 from dataclasses import replace
 
 from trexton.onboard.sources.base import Frame, Source
 from trexton.vision.rectification import Rectification
 
-__all__ = ["Delayed", "Rectified", "Wrapped"]
+__all__ = ["Delayed", "Paced", "Rectified", "Wrapped"]
 
 
 class Wrapped(Source):
@@ -77,3 +79,37 @@ class Rectified(Wrapped):
         if picture is None or picture.shape[1::-1] != self.rectification.source:
             return frame
         return replace(frame, picture=self.rectification.apply(picture))
+
+
+class Paced(Wrapped):
+    """Plays a recording at its own stamps, like a camera: who is slow misses frames.
+
+    Each frame is held back until its time has come, and stamped with the clock.
+
+    Parameters
+    ----------
+    source : Source
+        A recording.
+    clock, sleep : callable
+        Seconds.
+    """
+
+    def __init__(
+        self,
+        source: Source,
+        clock: Callable[[], float] = time.monotonic,
+        sleep: Callable[[float], None] = time.sleep,
+    ):
+        super().__init__(source)
+        self.live, self.reopens = True, False  # a recording would begin anew
+        self._clock, self._sleep = clock, sleep
+        self._offset: float | None = None
+
+    def changed(self, frame: Frame) -> Frame:
+        if self._offset is None:
+            self._offset = self._clock() - frame.time
+        due = frame.time + self._offset
+        self._sleep(max(0.0, due - self._clock()))
+        now = self._clock()
+        aiding = None if frame.aiding is None else frame.aiding.shifted(now - frame.time)
+        return replace(frame, time=now, aiding=aiding)

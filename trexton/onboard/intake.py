@@ -1,0 +1,174 @@
+"""What is done with a frame before it is localized: its stamp is kept in order, its picture checked
+for faults of the camera, attitude, height and velocity of the same moment gathered.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from trexton.flights.aiding import Aiding
+from trexton.onboard.sinks.base import Guard
+from trexton.onboard.sources.base import Frame
+from trexton.onboard.tally import Tally
+
+__all__ = ["AIDS", "Aids", "Inspector", "StampKeeper"]
+
+TOLERANCE = 0.5  # seconds
+OLDEST = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
+SMALLEST = 1e-3
+STRIDE = 8  # one pixel in 64 tells black from white and one frame from the next
+BLACK, WHITE = 12, 243
+SHARE = 0.98
+TORN = 0.1  # of the rows, at the top or at the bottom, left over from the frame before
+AIDS = ("tilt", "all", "none")
+_FIELDS = ("roll", "pitch", "yaw", "height", "velocity")
+
+
+class StampKeeper:
+    """Checks capture stamps of a live source, and watches the calendar clock beside the steady one.
+
+    Parameters
+    ----------
+    tally : Tally
+    steady, calendar : callable
+        Clocks in seconds: the one that stamps are made with, and the one that people set.
+    """
+
+    def __init__(
+        self,
+        tally: Tally,
+        steady: Callable[[], float] = time.monotonic,
+        calendar: Callable[[], float] = time.time,
+    ):
+        self._tally, self._steady, self._calendar = tally, steady, calendar
+        self._last: float | None = None
+        self._shift = 0.0
+        self._offset = calendar() - steady()
+
+    def keep(self, stamp: float) -> float:
+        """`stamp`, or the nearest believable one: after the last, not in the future. A frame that
+        is merely old keeps its stamp."""
+        now = self._steady()
+        offset = self._calendar() - now
+        if abs(offset - self._offset) > TOLERANCE:  # stamps are not of this clock: only said
+            self._tally.fault("clock")
+            self._offset = offset
+        believed = stamp if now - OLDEST <= stamp <= now + TOLERANCE else now
+        kept = believed + self._shift
+        if self._last is not None and kept <= self._last:  # back in time: go on from where it was
+            self._shift += self._last + SMALLEST - kept
+            kept = self._last + SMALLEST
+            self._tally.fault("clock")
+        elif believed != stamp:
+            self._tally.fault("clock")
+        self._last = kept
+        return kept
+
+
+class Inspector:
+    """Names the fault of a frame, or None.
+
+    Parameters
+    ----------
+    shape : (rows, columns) or None
+        The map's image size; None where the map was trained on histograms.
+    """
+
+    def __init__(self, shape: tuple[int, int] | None):
+        self.shape = shape
+        self._last: np.ndarray | None = None
+        self._repeated = np.zeros(0, bool)  # rows of the last frame that repeated the one before
+        self._torn = False  # the last frame
+        self.frozen = 0  # frames in a row that repeat the one before
+
+    def check(self, picture: np.ndarray) -> str | None:
+        """The fault of an ``(H, W, 3) uint8`` image; a histogram has none."""
+        if picture.ndim == 1:
+            return None
+        if self.shape is not None and picture.shape[:2] != self.shape:
+            return "size"
+        sample = picture[::STRIDE, ::STRIDE].copy()
+        # Sensor noise alone makes two frames differ: equal bytes mean that the camera
+        # repeats itself.
+        repeated = self._rows_repeated(sample)
+        same, torn = bool(repeated.all()), not self._torn and self._is_torn(sample, repeated)
+        self._last, self._repeated, self._torn = sample, repeated, torn
+        self.frozen = self.frozen + 1 if same else 0
+        luma = sample[..., 0]
+        if np.mean(luma <= BLACK) >= SHARE:
+            return "dark"
+        if np.mean(luma >= WHITE) >= SHARE:
+            return "bright"
+        if same:
+            return "frozen"
+        return "torn" if torn else None
+
+    def _rows_repeated(self, sample: np.ndarray) -> np.ndarray:
+        """``(rows,)`` whether each is the same as in the frame before."""
+        if self._last is None or self._last.shape != sample.shape:
+            return np.zeros(len(sample), bool)
+        repeated: np.ndarray = (sample == self._last).all(axis=(1, 2))
+        return repeated
+
+    def _is_torn(self, sample: np.ndarray, repeated: np.ndarray) -> bool:
+        """Whether the frame was handed out while the next was written into it: to one side of a
+        row all is as before, to the other nothing.
+
+        A bar without noise, black or with letters, was the same before, too. What follows a torn
+        frame may repeat its new rows and be whole.
+        """
+        if np.count_nonzero(repeated[1:] != repeated[:-1]) != 1:
+            return False
+        flat = np.ptp(sample[..., 0], axis=1) == 0
+        bar = self._repeated if self._repeated.shape == repeated.shape else np.zeros_like(repeated)
+        left_over = repeated & ~bar & ~flat
+        return bool(left_over.mean() >= TORN)
+
+
+class Aids:
+    """Gathers what the recording and the autopilots say of a frame's moment.
+
+    Parameters
+    ----------
+    wanted : {"tilt", "all", "none"}
+        Roll, pitch and height; yaw and velocity as well, which take a compass; nothing.
+    sinks : sequence of Guard
+        Asked in turn for what the frame does not bring itself.
+    """
+
+    def __init__(self, wanted: str, sinks: Sequence[Guard]):
+        self.wanted, self._sinks = wanted, sinks
+
+    def of(self, frame: Frame, stamp: float) -> Aiding | None:
+        """What is known at `stamp`, the frame's on the clock of the loop; None where nothing is."""
+        if self.wanted == "none":
+            return None
+        known = self.everything(frame, stamp)
+        known = known if self.wanted == "all" else known.without_heading()
+        return known if any(getattr(known, name) is not None for name in _FIELDS) else None
+
+    def everything(self, frame: Frame, stamp: float) -> Aiding:
+        """What is known at `stamp`, whatever is wanted."""
+        said = [] if frame.aiding is None else [frame.aiding.shifted(stamp - frame.time)]
+        said += [each for guard in self._sinks if (each := guard.sink.aiding(stamp)) is not None]
+        return _first(each.at(stamp) for each in said)
+
+
+def _first(said: Iterable[Aiding]) -> Aiding:
+    """Attitude, height and velocity each of the first who knows it."""
+    known = Aiding()
+    for each in said:
+        if known.attitude_time is None:
+            known = replace(
+                known, roll=each.roll, pitch=each.pitch, yaw=each.yaw,
+                attitude_time=each.attitude_time,
+            )  # fmt: skip
+        if known.height is None:
+            known = replace(known, height=each.height, height_time=each.height_time)
+        if known.velocity is None:
+            known = replace(known, velocity=each.velocity, velocity_time=each.velocity_time)
+    return known

@@ -1,0 +1,127 @@
+"""Files of positions: JSON lines (with events, the log), a CSV table, a TUM trajectory.
+
+All write whole lines by `FileSink`, into a file or onto standard output.
+"""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from trexton.base.options import Options
+from trexton.base.records import plain
+from trexton.onboard.fix import Fix
+from trexton.onboard.sinks.base import Sink, Surroundings
+from trexton.onboard.sinks.lines import LineFile, named_file
+
+__all__ = ["COLUMNS", "CsvTable", "FileSink", "JsonLines", "TumTrajectory", "row"]
+
+COLUMNS = (
+    "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m",
+    "observed", "lost", "stale", "resets", "latency_s", "fault",
+)  # fmt: skip
+
+
+def row(fix: Fix) -> dict[str, Any]:
+    """A fix as JSON values: what is not finite becomes null."""
+    told = fix.told
+    values: Any = plain(
+        {
+            "time_s": fix.time,
+            "frame": fix.number,
+            "x_m": fix.position[0],
+            "y_m": fix.position[1],
+            "std_x_m": fix.spread[0],
+            "std_y_m": fix.spread[1],
+            "covariance_m2": [fix.covariance[0, 0], fix.covariance[0, 1], fix.covariance[1, 1]],
+            "observed": fix.observed,
+            "lost": fix.lost,
+            "stale": fix.stale,
+            "resets": fix.resets,
+            "latency_s": fix.latency,
+            "fault": fix.fault,
+            "told_m": told.position,
+            "told_covariance_m2": [
+                told.covariance[0, 0], told.covariance[0, 1], told.covariance[1, 1],
+            ],
+        }
+    )  # fmt: skip
+    return dict(values)
+
+
+class FileSink(Sink):
+    """A sink that writes lines into a file, ``-`` for standard output; `more` as for `LineFile`."""
+
+    kind = ""  # the word before the file's name in an address
+
+    def __init__(self, path: str, header: str = "", **more: Any):
+        self.name, self.file = f"{self.kind}:{path or '-'}", path
+        self._file = LineFile(path, header, **more)
+
+    @classmethod
+    def make(cls, address: str, options: Options, around: Surroundings) -> FileSink:
+        return cls(named_file(address, cls.kind))
+
+    def open(self) -> None:
+        self._file.open()
+
+    def close(self) -> None:
+        self._file.close()
+
+
+class JsonLines(FileSink):
+    """Fixes as JSON lines; with `events` it is a log: events are lines as well, and an old file
+    is kept."""
+
+    kind = "json"
+    addresses = {
+        "json": "one object a line on standard output; the default",
+        "json:FILE": "the same in a file",
+    }
+
+    def __init__(self, path: str, events: bool = False, most_bytes: int | None = None):
+        super().__init__(path, keep=events, most_bytes=most_bytes)
+        self._events = events
+
+    @classmethod
+    def make(cls, address: str, options: Options, around: Surroundings) -> JsonLines:
+        return cls(address)
+
+    def write(self, fix: Fix) -> None:
+        self._file.write(json.dumps(row(fix), allow_nan=False))
+
+    def event(self, event: dict[str, Any]) -> None:
+        if self._events:
+            self._file.write(json.dumps(plain(event), allow_nan=False))
+
+
+class CsvTable(FileSink):
+    """Fixes as rows under `COLUMNS`; flags are 0 or 1, cells of what is not finite stay empty."""
+
+    kind = "csv"
+    addresses = {"csv:FILE": "a table, a row a frame, numbered as the flight numbers it"}
+
+    def __init__(self, path: str):
+        super().__init__(path, ",".join(COLUMNS))
+
+    def write(self, fix: Fix) -> None:
+        values = row(fix)
+        cells = [
+            int(value) if isinstance(value, bool) else value for value in map(values.get, COLUMNS)
+        ]
+        self._file.write(",".join("" if cell is None else str(cell) for cell in cells))
+
+
+class TumTrajectory(FileSink):
+    """``time x y z qx qy qz qw``: observed fixes that a vehicle may steer by, in the map's axes.
+
+    Nothing measures height or attitude, which are 0.
+    """
+
+    kind = "tum"
+    addresses = {"tum:FILE": "a trajectory for `evo` and its like, of positions fit to steer by"}
+
+    def write(self, fix: Fix) -> None:
+        if fix.usable and fix.observed:
+            x, y = fix.position
+            self._file.write(f"{fix.time:.6f} {x:.6f} {y:.6f} 0 0 0 0 1")
