@@ -36,7 +36,7 @@ def test_the_record_compares_all_with_the_frame_alone(record):
             assert gain["value"] == pytest.approx(saved)
             assert gain["low"] <= gain["value"] <= gain["high"]
     assert values["frames"] == 24 and values["floors"] == 1
-    assert set(values["contradicted"]) == set(values["held"]) == {"velocity", "turned"}
+    assert set(values["velocity_bias_rate"]) == set(values["held"]) == {"velocity", "turned"}
     assert all(0 <= share["value"] <= 1 for share in values["held"].values())
     assert 5 < values["ripple_cm"] < 20 and 0 < values["beside_cm"] < 20
 

@@ -51,8 +51,8 @@ def test_a_survey_of_one_stretch_is_not_halved():
 
 def test_the_error_to_expect_is_that_of_the_places_of_the_test():
     train = make_flight(1)
-    near = run(train, make_flight(2).select(slice(0, 40)), Parameters()).values["expected"]
-    again = run(train, train.select(slice(0, 40)), Parameters()).values["expected"]
+    near = run(train, make_flight(2).select(slice(0, 40)), Parameters()).values["predicted"]
+    again = run(train, train.select(slice(0, 40)), Parameters()).values["predicted"]
     assert again["error_cm"] < near["error_cm"]  # where it was learned the field knows more
 
 
@@ -136,7 +136,7 @@ def test_the_judgement_follows_the_best_method(record):
     assert judged(0.4 * centre).startswith("It works here")
     assert judged(0.6 * centre).startswith("It works poorly here")
     assert judged(1.1 * centre).startswith("It will not work here")
-    assert "as much as the plain mean of its own neighbours" in judged(1.1 * centre)
+    assert "as far as the plain mean of its neighbours" in judged(1.1 * centre)
 
 
 def test_places_that_were_never_flown_are_named():
@@ -157,7 +157,7 @@ def test_test_frames_without_a_position_are_flown_and_not_judged():
     gone = test.position.copy()
     gone[10:40] = np.nan
     partly = run(make_flight(1), replace(test, position=gone), Parameters(methods="paper"))
-    assert partly.values["counts"]["test"] == 90 and "expected" not in partly.series
+    assert partly.values["counts"]["test"] == 90 and "predicted" not in partly.series
 
 
 def test_fields_of_hundreds_of_metres_read_in_metres():

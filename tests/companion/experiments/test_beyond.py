@@ -43,7 +43,7 @@ def test_the_lag_is_the_least_of_its_curve(record):
 
 def test_the_level_is_expected_over_found(record):
     found = record.values["predictor"]
-    assert found["level"] == pytest.approx(found["expected_cm"] / found["error_cm"])
+    assert found["level"] == pytest.approx(found["predicted_cm"] / found["error_cm"])
     for name in ("rank", "loss_rank"):
         assert -1 <= found[name]["low"] <= found[name]["value"] <= found[name]["high"] <= 1
     assert found["knn"]["rank"] != found["rank"]  # they err otherwise
@@ -51,10 +51,10 @@ def test_the_level_is_expected_over_found(record):
 
 def test_every_look_says_what_followed(record):
     protocol = record.values["protocol"]
-    assert protocol["count"] == len(protocol["looks"]) > 0
-    assert all(look["followed"] for look in protocol["looks"])
+    assert protocol["count"] == len(protocol["evaluations"]) > 0
+    assert all(look["followed"] for look in protocol["evaluations"])
     # a look at landings counts them in words
-    assert all(look["mean_m"] or "land" in look["state"] for look in protocol["looks"])
+    assert all(look["mean_m"] or "land" in look["state"] for look in protocol["evaluations"])
 
 
 def test_equal_seeds_give_equal_values(record):
@@ -75,7 +75,7 @@ def test_the_figures_show_the_record(record):
     assert len(lines) == len(record.series["errors_cm"])
     curve = beyond.lag(record).axes[0].lines[0]
     np.testing.assert_allclose(curve.get_ydata(), record.series["lag"]["error_cm"])
-    dots = beyond.expected_error(record).axes[0].lines[0]
+    dots = beyond.predicted_error(record).axes[0].lines[0]
     assert len(dots.get_xdata()) == record.values["frames"]
 
 

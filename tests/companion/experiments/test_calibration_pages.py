@@ -34,9 +34,9 @@ def test_every_method_is_judged_by_its_own_claims(record):
 
 def test_a_quarter_is_judged_by_what_chance_alone_does():
     few, many = calibration._by_chance(9.6), calibration._by_chance(400)
-    assert few["looks"] == 10 and few["low"] == pytest.approx(0.7) and few["high"] == 1
+    assert few["independent_frames"] == 10 and few["low"] == pytest.approx(0.7) and few["high"] == 1
     assert 0.86 < many["low"] < 0.9 < many["high"] < 0.94
-    assert calibration._by_chance(0.1)["looks"] == 1
+    assert calibration._by_chance(0.1)["independent_frames"] == 1
 
 
 METHODS = ("paper", "guarded")

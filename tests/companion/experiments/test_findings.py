@@ -203,7 +203,7 @@ def test_best_settings_and_choices():
         "mean": {"label": "the mean", "mean_cm": entry(101, 85, 122)},
     }
     text = found("choices", {"variants": variants})
-    assert "Of 2 choices 1 can be told" in text and "in hindsight" in text
+    assert "Of 2 choices 1 differ beyond chance" in text and "in hindsight" in text
     assert "noise of 25 cm: 46 [37, 56] cm instead of 99 [83, 120] cm" in text
 
 

@@ -13,7 +13,7 @@ from trexton.base.errors import ParameterError
 from trexton.cli.main import main
 from trexton.companion.experiments import suitability
 from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor, with_mat
-from trexton.companion.experiments.suitability import predicted
+from trexton.companion.experiments.suitability import measured_over_predicted
 from trexton.simulator import Floor
 
 SMALL = VirtualFlights(frames=100, test_frames=30)
@@ -120,7 +120,10 @@ def test_a_kept_sweep_reads_as_the_run_does():
     ]
     kept = suitability.kept_rows({"rows": rows})
     assert list(kept.values()) == ROWS and suitability.kept_rows(None) == {}
-    one, many = predicted({"a.png@3": ROWS[0]}, {}), predicted({"a.png@3": ROWS[0]}, kept)
+    one, many = (
+        measured_over_predicted({"a.png@3": ROWS[0]}, {}),
+        measured_over_predicted({"a.png@3": ROWS[0]}, kept),
+    )
     points = [sum(len(line.get_xdata()) for line in each.axes[1].lines) for each in (one, many)]
     assert points == [1, 6]
 

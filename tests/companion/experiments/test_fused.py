@@ -8,7 +8,7 @@ from onboard_consumers import ekf2, ekf3
 from small_room import histogram_flight
 
 from trexton.base.errors import ParameterError
-from trexton.companion.experiments import fused
+from trexton.companion.experiments import evaluation, fused
 from trexton.companion.experiments.receivers import RECEIVERS, Receiver, readings
 from trexton.companion.experiments.track import Track, tracks
 from trexton.localization.estimate import Estimate
@@ -111,7 +111,7 @@ def test_a_method_that_is_lost_all_the_time_is_named_and_drawn_nowhere(monkeypat
             for run in tracks(method, *words, **known)
         ]
 
-    monkeypatch.setattr(fused, "tracks", flown)
+    monkeypatch.setattr(evaluation, "tracks", flown)
     train = histogram_flight("hall", frames=130, turns=5.0)
     test = histogram_flight("again", frames=110, turns=5.0, noise=5)
     record = fused.run(train, test, fused.Parameters(repeats=1, vehicles=2))
@@ -120,6 +120,6 @@ def test_a_method_that_is_lost_all_the_time_is_named_and_drawn_nowhere(monkeypat
     assert len(fused.believed_over_time(record).axes) == len(record.values["order"])
     assert len(fused.truth_in_the_region(record).axes) == 2
     unknown = Track([Estimate(*LOST, lost=True)] * 110, np.zeros(110))
-    monkeypatch.setattr(fused, "tracks", lambda *words, **known: [unknown])
+    monkeypatch.setattr(evaluation, "tracks", lambda *words, **known: [unknown])
     with pytest.raises(ParameterError, match="every method says of every frame of again"):
         fused.run(train, test, fused.Parameters(repeats=1, vehicles=2))

@@ -125,12 +125,12 @@ def _check_out(folder: Path, floors: Iterable[str]) -> None:
 def _write(folder: Path, floors: dict[str, Any], judged: dict[str, dict[str, Any]]) -> None:
     from trexton.base.files import atomic_file, canonical_json
     from trexton.base.records import plain
-    from trexton.companion.experiments.suitability import expected_errors
+    from trexton.companion.experiments.suitability import predicted_errors
 
     for name, floor in floors.items():
         stem = _stem(name)
         with atomic_file(folder / f"{stem}.json") as stream:
             stream.write(canonical_json(plain(judged[name])))
         with atomic_file(folder / f"{stem}.png", "wb") as stream:
-            expected_errors(floor, judged[name]).savefig(stream, format="png", dpi=150)
+            predicted_errors(floor, judged[name]).savefig(stream, format="png", dpi=150)
         say(f"{folder / stem}.png, {stem}.json")

@@ -16,7 +16,7 @@ HELPS = 0.8  # of the error with half of the survey: where the whole errs less, 
 def advice(record: Record) -> list[str]:
     """What limits it and what to do, a sentence each."""
     makers = (
-        _of_gaps, _of_expectation, _of_half, _of_odometry, _of_texture, _of_blur, _of_hard_places,
+        _of_gaps, _of_prediction, _of_half, _of_odometry, _of_texture, _of_blur, _of_hard_places,
         _of_methods, _of_commands,
     )  # fmt: skip
     return [sentence for make in makers for sentence in make(record)]
@@ -31,12 +31,12 @@ def _of_gaps(record: Record) -> Iterator[str]:
         )
 
 
-def _of_expectation(record: Record) -> Iterator[str]:
-    if foretold := record.values.get("expected"):
-        measured = record.values["errors"][foretold["method"]]["mean_cm"]
+def _of_prediction(record: Record) -> Iterator[str]:
+    if predicted := record.values.get("predicted"):
+        measured = record.values["errors"][predicted["method"]]["mean_cm"]
         yield (
-            f"From the training frames alone {distance(foretold['error_cm'])} were foretold for "
-            f"the places of the test; measured were {distance(measured)}."
+            f"The error predicted from the training frames alone, for the places of the test, is "
+            f"{distance(predicted['error_cm'])}; the measured one {distance(measured)}."
         )
 
 
@@ -44,8 +44,8 @@ def _of_half(record: Record) -> Iterator[str]:
     if half := record.values.get("half"):
         whole = middle(record.values["errors"][half["method"]]["mean_cm"])
         yield (
-            f"With every other {STRETCH_S:.0f} s of the survey the method `{half['method']}` errs "
-            f"by {distance(half['error_cm'])}, with all of it by {distance(whole)}: "
+            f"With every other {STRETCH_S:.0f} s of the survey the error of `{half['method']}` "
+            f"is {distance(half['error_cm'])}, with all of it {distance(whole)}: "
             + (
                 "lanes between these should help again."
                 if whole < HELPS * half["error_cm"]
@@ -58,12 +58,12 @@ def _of_odometry(record: Record) -> Iterator[str]:
     if moving := record.values.get("odometry"):
         alone = middle(record.values["errors"][moving["method"]]["mean_cm"])
         yield (
-            f"With a velocity from the motion of the frames themselves the method "
-            f"`{moving['method']}` errs by {distance(moving['error_cm'])}"
+            f"With a velocity from the motion of the frames themselves the error of "
+            f"`{moving['method']}` is {distance(moving['error_cm'])}"
             + (
                 ": train with `--set odometry=visual`."
                 if moving["error_cm"]["high"] < alone
-                else f", which is no gain over {distance(alone)} that can be told from chance."
+                else f", which is no gain over {distance(alone)} beyond chance."
             )
         )
 
@@ -93,7 +93,7 @@ def _of_hard_places(record: Record) -> Iterator[str]:
     for place in record.values.get("hardest", []):
         yield (
             f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m expect to be off "
-            f"by {distance(place['expected_cm'])}."
+            f"by {distance(place['predicted_cm'])}."
         )
 
 

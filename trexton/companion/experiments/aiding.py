@@ -124,15 +124,15 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             }
             for method, found in errors.items()
         },
-        "contradicted": {},
+        "velocity_bias_rate": {},
         "held": {},
     }
     # of the field, where it had a velocity: shares of frames
-    for name in ("contradicted", "held"):
+    for name in ("velocity_bias_rate", "held"):
         for known in ("velocity", "turned"):
             runs = [(each.flown["field"][known], each.truth) for each in over]
             rows = [
-                run.contradicted if name == "contradicted" else run.held(truth)
+                run.contradicted if name == "velocity_bias_rate" else run.held(truth)
                 for run, truth in runs
             ]
             values[name][known] = mean_over_floors(np.stack(rows), rng, highest=1.0)
@@ -236,8 +236,8 @@ def finding(record: Record) -> str:
         f"By the frame alone the mean error of method field is {distance(field['nothing'])}; with "
         f"a velocity as well, {error('velocity')}. A velocity that a compass turns by "
         f"{number(abs(record.parameters['compass_deg']))} degrees is taken for wrong in "
-        f"{percent(values['contradicted']['turned'])} of frames, a right one in "
-        f"{percent(values['contradicted']['velocity'])}; with it, the error of the field is "
+        f"{percent(values['velocity_bias_rate']['turned'])} of frames, a right one in "
+        f"{percent(values['velocity_bias_rate']['velocity'])}; with it, the error of the field is "
         f"{error('turned')}. With attitude and height, so that frames are "
         f"counted as seen from straight above, it is {error('view')}. A tilted camera looked "
         f"{number(values['beside_cm'])} cm beside the vehicle on average, and its height rippled "

@@ -27,6 +27,7 @@ from trexton.companion.experiments.style import (
     COLORS,
     canvas,
     floor_axes,
+    heat_map,
     legend_above,
     length_unit,
     show_floor,
@@ -118,10 +119,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         **whereabouts(train),
     }
     if field_map is not None:
-        expected = field_map.parts["measurement"].predicted_error
-        foretold = 100 * float(expected(test.position[known]).mean())
-        values["expected"] = {"method": field_map.method, "error_cm": foretold}
-        series["expected"], values["hardest"] = _expected(expected, train)
+        predict = field_map.parts["measurement"].predicted_error
+        error = 100 * float(predict(test.position[known]).mean())
+        values["predicted"] = {"method": field_map.method, "error_cm": error}
+        series["predicted"], values["hardest"] = _predicted(predict, train)
         if halves:
             off = euclidean(np.array(halves)[:, known], test.position[known])
             error = 100 * float(off.mean())
@@ -201,11 +202,11 @@ def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any
     return limits
 
 
-def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[str, float]]]:
-    """The expected error over the floor, and its hardest places near where was flown."""
+def _predicted(predict: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[str, float]]]:
+    """The predicted error over the floor, and its hardest places near where was flown."""
     sides = np.diff(np.reshape(flight.area, (2, 2)), axis=1)
     places, shape = grid_cells(flight.area, round(sides.prod() / (flight.diagonal / 70) ** 2))
-    error = expected(places)
+    error = predict(places)
     known = flight.position[flight.located]
     apart = np.array([euclidean(known, place).min() for place in places])
     near = apart < flight.diagonal / 10
@@ -220,7 +221,7 @@ def _expected(expected: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[
             for other in hardest
         ):
             hardest.append(
-                {"x_m": place[0], "y_m": place[1], "expected_cm": 100 * float(error[cell_number])}
+                {"x_m": place[0], "y_m": place[1], "predicted_cm": 100 * float(error[cell_number])}
             )
     heat = np.where(near, error, np.nan).reshape(shape).T
     return {"error_m": heat.round(4), "extent_m": flight.area}, hardest
@@ -245,9 +246,7 @@ def finding(record: Record) -> str:
     paper = errors.get("paper")
     if paper and middle(paper["mean_cm"]) > 1.1 * knn:
         ratio = times(middle(paper["mean_cm"]) / knn)
-        words += (
-            f"; the paper's filter errs {ratio} as much as the plain mean of its own neighbours"
-        )
+        words += f"; the paper's filter is off {ratio} as far as the plain mean of its neighbours"
     return words + "."
 
 
@@ -278,26 +277,19 @@ def _unit(record: Record) -> tuple[str, float]:
 
 
 def over_the_floor(record: Record) -> Figure:
-    """The truth, and the best method's estimates joined to it, over the error to expect."""
-    series, errors = record.series, record.values["errors"]
-    methods = record.parameters["methods"].split()
-    best = min(methods, key=lambda name: errors[name]["mean_cm"]["value"])
+    """The truth, and the best method's estimates joined to it, over the predicted error."""
+    series, best = record.series, best_method(record)[0]
     truth, estimate = np.array(series["truth_m"]), np.array(series[f"{best}_m"])
     label, color = LABELS[best]
     with canvas(size=(6.2, 5.2)) as (figure, axes):
         plan = axes[0, 0]
         floor_axes(plan, series["area_m"])
         show_floor(plan, series.get("floor"), record.images.get("floor"), fade=0.3)
-        if "expected" in series:
+        if "predicted" in series:
             unit, scale = _unit(record)
-            heat = scale * np.array(series["expected"]["error_m"], dtype=float)
-            colors = plan.imshow(
-                heat, extent=series["expected"]["extent_m"], origin="lower", cmap="YlOrRd",
-                alpha=0.65, zorder=1,
-            )  # fmt: skip
-            bar = figure.colorbar(colors, ax=plan, shrink=0.85)
-            bar.set_label(f"expected error ({unit})")
-            bar.outline.set_visible(False)
+            predicted = series["predicted"]
+            heat = scale * np.array(predicted["error_m"], dtype=float)
+            heat_map(figure, plan, heat, predicted["extent_m"], f"predicted error ({unit})")
         for true, guess in zip(truth[::5], estimate[::5], strict=True):
             plan.plot(*zip(true, guess, strict=True), color=COLORS[color], linewidth=0.6)
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="true track")

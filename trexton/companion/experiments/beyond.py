@@ -36,7 +36,7 @@ from trexton.localization.training import for_method, with_choices, with_parts
 WIDE_M = 0.25  # process noise and rank widths of the ablations
 MOST_LAG = 36  # frames
 SIGMA = 0.5  # of the paper's loss, metres
-DRAWS = 50  # of errors as long as they are expected to be, on average
+DRAWS = 50  # of errors whose mean is the predicted one
 ATTITUDE_NOISE = np.radians(0.3)  # of the autopilot's roll, pitch and yaw
 
 
@@ -50,7 +50,7 @@ class Variant:
     draws: bool = True  # whether repeats differ by more than the patches
     whole: bool = False  # whether the field counts in whole images, and not in their parts
     odometry: bool = False  # whether frames tell it a velocity too
-    told: bool = False  # whether an autopilot's attitude and height come beside them
+    aided: bool = False  # whether an autopilot's attitude and height come beside them
 
 
 VARIANTS: dict[str, Variant] = {
@@ -73,7 +73,7 @@ VARIANTS: dict[str, Variant] = {
     "field_camera": Variant("and a velocity from the same frames", "field", {}, draws=False,
                             odometry=True),
     "field_odometry": Variant("and attitude and height beside them", "field", {}, draws=False,
-                              odometry=True, told=True),
+                              odometry=True, aided=True),
 }  # fmt: skip
 
 
@@ -91,7 +91,7 @@ class Parameters(MapParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Fly every variant over the test flight, from a uniform start, and see how it errs.
+    """Fly every variant over the test flight, from a uniform start, and measure its error.
 
     Parameters
     ----------
@@ -100,11 +100,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     texton_map, located = map_of(train, parameters), train.select(train.located)
     frames, truth = frames_of(test), test.position
-    told = _told(test, parameters.seed)
+    aiding = _aiding(test, parameters.seed)
     flown, timings = {}, {}
     changed: dict[str, TextonMap] = {}
     for name, variant in VARIANTS.items():
-        if not _possible(variant, train, told):
+        if not _possible(variant, train, aiding):
             continue
         started = perf_counter()
         base = changed["field"] if variant.odometry else texton_map
@@ -114,7 +114,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         for repeat in range(parameters.repeats if variant.draws else 1):
             rng = stream(parameters.seed, f"beyond {name}", repeat)
             localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
-            runs.append(fly(localizer, frames, aiding=told if variant.told else None))
+            runs.append(fly(localizer, frames, aiding=aiding if variant.aided else None))
         flown[name] = runs
         timings[name]["step_s"] = float(np.median(runs[0].step_s))
     values: dict[str, Any] = {
@@ -153,7 +153,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
                 for name, runs in flown.items()
             },
-            "expected_cm": 100 * changed["field"].parts["measurement"].predicted_error(truth),
+            "predicted_cm": 100 * changed["field"].parts["measurement"].predicted_error(truth),
             "field_error_cm": 100 * flown["field"][0].errors(truth),
             "area_m": test.area,
         }
@@ -163,13 +163,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _possible(variant: Variant, train: Flight, told: list[Aiding] | None) -> bool:
+def _possible(variant: Variant, train: Flight, aiding: list[Aiding] | None) -> bool:
     """Whether the flights have what a variant needs."""
     seen = train.camera is not None and train.height is not None
     return (
         (train.has_images or not variant.whole)
         and (not variant.odometry or (seen and train.has_images))
-        and (not variant.told or told is not None)
+        and (not variant.aided or aiding is not None)
     )
 
 
@@ -181,7 +181,7 @@ def _map_for(variant: Variant, base: TextonMap, located: Flight) -> TextonMap:
     return with_choices(for_method(base, variant.method, flight=counted), variant.choices)
 
 
-def _told(flight: Flight, seed: int) -> list[Aiding] | None:
+def _aiding(flight: Flight, seed: int) -> list[Aiding] | None:
     """Attitude, as an autopilot knows it, and height; None where the flight has none."""
     if flight.attitude is None or flight.height is None:
         return None
@@ -194,7 +194,7 @@ def _told(flight: Flight, seed: int) -> list[Aiding] | None:
 def _summary(
     runs: list[Track], truth: np.ndarray, diagonal: float, rng: np.random.Generator
 ) -> dict[str, Any]:
-    """Errors in cm over all runs, and how often the claimed region held, in quarters too."""
+    """Errors in cm over all runs, and the coverage of the claimed region, in quarters too."""
     errors = 100 * np.stack([each.errors(truth) for each in runs])
     held = np.stack([each.held(truth) for each in runs])
     quarters = [part.mean() for part in np.array_split(held, 4, axis=1)]
@@ -238,46 +238,47 @@ def _predictor(
     """
     from scipy.stats import spearmanr
 
-    expected = texton_map.parts["measurement"].predicted_error(places)
+    predicted = texton_map.parts["measurement"].predicted_error(places)
     losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
     loss = smooth(losses, texton_map.positions, places, sigma)
 
     rng = stream(seed, "predictor intervals")
 
     def ranks(made: np.ndarray) -> dict[str, Any]:
-        both = {"rank": expected, "loss_rank": loss}
+        both = {"rank": predicted, "loss_rank": loss}
         return {name: rank_correlation(known, made, rng=rng) for name, known in both.items()}
 
     # Lengths of normal errors scatter about their mean however well that is known.
-    scatter = stream(seed, "predictor").rayleigh(size=(DRAWS, len(expected)))
-    limit = [spearmanr(expected, expected * drawn).statistic for drawn in scatter]
+    scatter = stream(seed, "predictor").rayleigh(size=(DRAWS, len(predicted)))
+    limit = [spearmanr(predicted, predicted * drawn).statistic for drawn in scatter]
     ranked = {name: ranks(made) for name, made in errors.items()}
     return (
         ranked.pop("field")
         | ranked
         | {
             "rank_limit": float(np.mean(limit)),
-            "expected_cm": 100 * expected.mean(),
+            "predicted_cm": 100 * predicted.mean(),
             "error_cm": 100 * errors["field"].mean(),
-            "level": expected.mean() / errors["field"].mean(),
+            "level": predicted.mean() / errors["field"].mean(),
         }
     )
 
 
 def _protocol() -> dict[str, Any]:
-    """How the method was chosen, and every look at a test part so far."""
+    """How the method was chosen, and every test-set evaluation so far."""
     written = tomllib.loads(paper_file("protocol.toml").read_text(encoding="utf-8"))
-    looks = [
-        {key: value for key, value in look.items() if key != "date"} for look in written["looks"]
+    evaluations = [
+        {key: value for key, value in each.items() if key != "date"}
+        for each in written["evaluations"]
     ]
-    return {"rules": written["rules"], "looks": looks, "count": len(looks)}
+    return {"rules": written["rules"], "evaluations": evaluations, "count": len(evaluations)}
 
 
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     paper, field = record.values["paper"], record.values["field"]
     return (
-        f"Method field errs by {interval(field['mean_cm'], 'cm')} on average, "
+        f"The mean error of method field is {interval(field['mean_cm'], 'cm')}, "
         f"{beside(record.values['ratio'])} the paper's filter "
         f"({interval(paper['mean_cm'], 'cm')}); the region that should hold the vehicle in 90 % of "
         f"the frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
@@ -292,7 +293,7 @@ _STROKES = {
 
 
 def errors(record: Record) -> Figure:
-    """Share of frames that err by less, of every variant."""
+    """Share of frames with a smaller error, of every variant."""
     with canvas(size=(7.2, 3.6)) as (figure, axes):
         plot = axes[0, 0]
         for name, values in record.series["errors_cm"].items():
@@ -303,7 +304,7 @@ def errors(record: Record) -> Figure:
             )  # fmt: skip
         plot.set(
             xscale="log", xlim=(1, None), ylim=(0, 100),
-            xlabel="error (cm)", ylabel="frames that err by less (%)",
+            xlabel="error (cm)", ylabel="frames with a smaller error (%)",
         )  # fmt: skip
         plot.xaxis.set_major_formatter("{x:g}")
         legend_above(plot, 2)
@@ -323,22 +324,22 @@ def lag(record: Record) -> Figure:
     return figure
 
 
-def expected_error(record: Record) -> Figure:
-    """Error of each frame over what was expected at its place before the flight."""
-    expected = np.array(record.series["expected_cm"])
+def predicted_error(record: Record) -> Figure:
+    """Error of each frame over the one predicted for its place before the flight."""
+    predicted = np.array(record.series["predicted_cm"])
     error = np.array(record.series["field_error_cm"])
-    order = np.argsort(expected, kind="stable")
+    order = np.argsort(predicted, kind="stable")
     with canvas(size=(5.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
-        plot.plot(expected, error, ".", color=COLORS["zone"], markersize=3, alpha=0.5)
+        plot.plot(predicted, error, ".", color=COLORS["zone"], markersize=3, alpha=0.5)
         parts = np.array_split(order, 8)
         plot.plot(
-            [expected[part].mean() for part in parts], [error[part].mean() for part in parts],
+            [predicted[part].mean() for part in parts], [error[part].mean() for part in parts],
             "o-", color=COLORS["field"], label="mean of an eighth of the frames",
         )  # fmt: skip
-        edge = float(max(expected.max(), np.percentile(error, 97)))
-        plot.plot([0, edge], [0, edge], color=COLORS["truth"], linestyle="--", label="as expected")
-        plot.set(xlim=(0, edge), ylim=(0, edge), xlabel="expected error (cm)", ylabel="error (cm)")
+        edge = float(max(predicted.max(), np.percentile(error, 97)))
+        plot.plot([0, edge], [0, edge], color=COLORS["truth"], linestyle="--", label="as predicted")
+        plot.set(xlim=(0, edge), ylim=(0, edge), xlabel="predicted error (cm)", ylabel="error (cm)")
         legend_above(plot, 2)
     return figure
 

@@ -1,4 +1,5 @@
-"""What a position's uncertainty is worth: errors against what was claimed, for several methods."""
+"""What a position's uncertainty is worth: errors against the covariance claimed, for several
+methods: consistency and coverage."""
 
 from __future__ import annotations
 
@@ -7,21 +8,19 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullFormatter
 from scipy.stats import binom
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import drawn_histograms, map_of
+from trexton.companion.experiments.evaluation import runs_by_method
 from trexton.companion.experiments.mocap_training import LANDING_SPREAD_M
-from trexton.companion.experiments.style import COLORS, canvas, legend_above
-from trexton.companion.experiments.track import HELD, Track, tracks
+from trexton.companion.experiments.style import COLORS, canvas, legend_above, plain_log_ticks
+from trexton.companion.experiments.track import HELD, Track
 from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
-from trexton.localization.training import for_method
 
 METHODS = {
     "paper": "the paper's filter",
@@ -41,24 +40,16 @@ class Parameters(MapParameters):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Fly the test flight with each method, and compare errors with what was claimed of them.
+    """Fly the test flight with each method, and compare errors with the covariance claimed.
 
-    Where there are images, one histogram is drawn for each frame and used in all runs. The first
-    two seconds are left out: filters begin there with no idea.
+    The first two seconds are left out: filters begin there with no idea.
     """
-    texton_map, frames = map_of(train, parameters), train.select(train.located)
-    samples = parameters.samples if test.has_images else None
     values: dict[str, Any] = {}
     series: dict[str, Any] = {}
     quarter_s = float(test.time[-1] - test.time[_settled(test)]) / QUARTERS
-    for name in METHODS:
-        rng = stream(parameters.seed, "calibration")
-        method = for_method(texton_map, name, flight=frames, rng=rng)
-        histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
-        runs = tracks(
-            method, histograms, repeats=parameters.repeats, seed=parameters.seed, counted=samples,
-            label=METHODS[name],
-        )  # fmt: skip
+    for name, runs in runs_by_method(
+        train, test, parameters, methods=METHODS, repeats=parameters.repeats, purpose="calibration"
+    ):
         claims = _Claims.of(runs, test)
         values[name] = claims.values(stream(parameters.seed, "intervals"))
         values[name]["independent_s"] = lasting = _independent(runs[0])
@@ -76,11 +67,11 @@ def _settled(test: Flight) -> int:
     return min(first, len(test) // 2)
 
 
-def _by_chance(looks: float) -> dict[str, float]:
-    """Between which shares 19 of 20 honest quarters lie that hold so many independent looks."""
-    count = max(1, round(looks))
+def _by_chance(independent: float) -> dict[str, float]:
+    """Between which shares 19 of 20 consistent quarters lie, of so many independent frames each."""
+    count = max(1, round(independent))
     low, high = binom.interval(0.95, count, 0.9)
-    return {"looks": count, "low": float(low) / count, "high": float(high) / count}
+    return {"independent_frames": count, "low": float(low) / count, "high": float(high) / count}
 
 
 def _independent(run: Track) -> float | None:
@@ -143,7 +134,7 @@ class _Claims:
                 "nees": alone.mean() if len(alone) else None,
             },
             "wrong_rate": wrong.mean(),
-            "wrong_told_rate": self.lost[wrong].mean() if wrong.any() else None,
+            "wrong_lost_rate": self.lost[wrong].mean() if wrong.any() else None,
             "false_alarm_rate": self.lost[~wrong].mean() if (~wrong).any() else None,
             "landing_allowed_rate": (self.spread < LANDING_SPREAD_M).mean(),
         }
@@ -169,12 +160,12 @@ def _squared(errors: np.ndarray, covariances: np.ndarray) -> np.ndarray:
 
 
 def _measured(flown: list[Estimate], truth: np.ndarray) -> np.ndarray:
-    found = np.full(len(flown), np.nan)
+    squared = np.full(len(flown), np.nan)
     for row, estimate in enumerate(flown):
         if estimate.measurement is not None:
             off = estimate.measurement.position - truth[row]
-            found[row] = off @ np.linalg.solve(estimate.measurement.covariance, off)
-    return found
+            squared[row] = off @ np.linalg.solve(estimate.measurement.covariance, off)
+    return squared
 
 
 def finding(record: Record) -> str:
@@ -183,7 +174,7 @@ def finding(record: Record) -> str:
     for name in record.values["order"]:
         values = record.values[name]
         said.append(
-            f"{METHODS[name]} claims {number(values['claimed_cm'])} cm along an axis, errs by "
+            f"{METHODS[name]} claims {number(values['claimed_cm'])} cm along an axis, its error is "
             f"{number(values['axis_cm'])} cm, and its 90 % regions hold the truth in "
             f"{percent(values['within_90'])} of the frames"
         )
@@ -210,10 +201,7 @@ def error_against_claim(record: Record) -> Figure:
             xscale="log",
             yscale="log",
         )
-        for axis in (plot.xaxis, plot.yaxis):
-            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            axis.set_major_formatter("{x:g}")
-            axis.set_minor_formatter(NullFormatter())
+        plain_log_ticks(plot.xaxis, plot.yaxis)
         legend_above(plot)
     return figure
 

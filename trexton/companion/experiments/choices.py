@@ -181,11 +181,11 @@ def finding(record: Record) -> str:
     variants = record.values["variants"]
     paper = variants["paper"]["mean_cm"]
     others = [each for key, each in variants.items() if key != "paper"]
-    told = [each for each in others if apart(each["mean_cm"], paper)]
+    differing = [each for each in others if apart(each["mean_cm"], paper)]
     best = min(others, key=lambda each: each["mean_cm"]["value"])
     return (
-        f"Of {len(others)} choices {len(told)} can be told from the paper's on this flight; "
-        f"lowest, in hindsight, is the error with {best['label']}: "
+        f"Of {len(others)} choices {len(differing)} differ beyond chance from the paper's on this "
+        f"flight; lowest, in hindsight, is the error with {best['label']}: "
         f"{interval(best['mean_cm'], 'cm')} instead of {interval(paper, 'cm')}."
     )
 

@@ -13,15 +13,14 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.calibration import METHODS
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import drawn_histograms, map_of
+from trexton.companion.experiments.evaluation import runs_by_method
 from trexton.companion.experiments.receivers import RECEIVERS, Receiver, Settings, readings
-from trexton.companion.experiments.style import COLORS, canvas
-from trexton.companion.experiments.track import HELD, tracks
+from trexton.companion.experiments.style import COLORS, canvas, with_intervals
+from trexton.companion.experiments.track import HELD
 from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
-from trexton.localization.training import for_method
 
 SENT = {"sent": "as it is sent", "plain": "as if each were news"}
 BAND = {"low": 0.8, "high": 0.97}  # of the truth in the fused 90 % region: that is honest
@@ -48,25 +47,18 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         All of them do.
     """
-    texton_map, frames = map_of(train, parameters), train.select(train.located)
-    samples = parameters.samples if test.has_images else None
     pushes = readings(
         test.position, test.time, parameters.vehicles, stream(parameters.seed, "accelerometers")
     )
     period = float(np.median(np.diff(test.time)))
     values: dict[str, Any] = {"order": [], "silent": [], "band": BAND}
     series: dict[str, Any] = {"time_s": test.time - test.time[0]}
-    for name, label in METHODS.items():
-        rng = stream(parameters.seed, "fused")
-        method = for_method(texton_map, name, flight=frames, rng=rng)
-        histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
-        tracked = tracks(
-            method, histograms, repeats=parameters.repeats, seed=parameters.seed, counted=samples,
-            label=label,
-        )  # fmt: skip
+    for name, tracked in runs_by_method(
+        train, test, parameters, methods=METHODS, repeats=parameters.repeats, purpose="fused"
+    ):
         flights = [track.estimates for track in tracked]
-        lasting = flights[0][-1].measurement
-        alike = 1.0 if lasting is None else max(1.0, lasting.independent_s / period)
+        measured = flights[0][-1].measurement
+        alike = 1.0 if measured is None else max(1.0, measured.independent_s / period)
         usable = [not estimate.lost_in(test.area) for flown in flights for estimate in flown]
         if not any(usable):
             values["silent"].append(name)
@@ -132,8 +124,8 @@ def _fuse(
         if row and receiver.begun:
             receiver.drive(pushes[row - 1], float(time - test.time[row - 1]))
         if not estimate.lost_in(test.area):
-            told = estimate.for_fusion(every_s)
-            ratios = receiver.fuse(float(time), told.position, np.diagonal(told.covariance))
+            report = estimate.for_fusion(every_s)
+            ratios = receiver.fuse(float(time), report.position, np.diagonal(report.covariance))
             nis[row] = ratios.sum(axis=1)
         if receiver.begun:
             error[row] = euclidean(receiver.position, test.position[row])
@@ -176,9 +168,10 @@ def finding(record: Record) -> str:
     for name in record.values["order"]:
         fused = record.values[name]["ekf2"]["sent"]
         said.append(
-            f"fed with {METHODS[name]}, a receiver like EKF2 errs by {number(fused['axis_cm'])} cm "
-            f"along an axis, believes {number(fused['claimed_cm'])} cm and has the truth in its "
-            f"90 % region {percent(fused['inside'])} of the time"
+            f"fed with {METHODS[name]}, a receiver like EKF2 has an error of "
+            f"{number(fused['axis_cm'])} cm along an axis, claims "
+            f"{number(fused['claimed_cm'])} cm and has the truth in its 90 % region "
+            f"{percent(fused['inside'])} of the time"
         )
     said += [
         f"{METHODS[name]} says of every frame that it is lost, and sends nothing"
@@ -198,17 +191,12 @@ def truth_in_the_region(record: Record) -> Figure:
             for place, name in enumerate(order):
                 for offset, sent in zip((-0.15, 0.15), SENT, strict=True):
                     share = record.values[name][receiver][sent]["inside"]
-                    middle, low, high = (100 * share[key] for key in ("value", "low", "high"))
-                    plot.errorbar(
-                        place + offset,
-                        middle,
-                        [[max(middle - low, 0)], [max(high - middle, 0)]],
-                        fmt="o" if sent == "sent" else "s",
+                    with_intervals(
+                        plot, np.array([place + offset]), [share], scale=100, color=COLORS[name],
+                        fmt="o" if sent == "sent" else "s", markersize=6,
                         markerfacecolor=COLORS[name] if sent == "sent" else "white",
-                        color=COLORS[name],
-                        markersize=6,
                         label=SENT[sent] if place == len(order) - 1 else None,
-                    )
+                    )  # fmt: skip
             plot.set_xticks(range(len(order)), [METHODS[name] for name in order], fontsize=8)
             plot.set(ylim=(0, 102), title=f"like {settings.label}")
             plot.grid(axis="x", visible=False)

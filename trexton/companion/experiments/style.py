@@ -10,9 +10,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
+from matplotlib.ticker import LogLocator, NullLocator
 
 from trexton.companion.wording import METRES_FROM
 
@@ -152,6 +154,22 @@ def label_rows(axes: Axes, labels: Collection[str], xlabel: str) -> None:
         ylim=(len(labels) - 0.5, -0.5),
     )  # fmt: skip
     axes.grid(axis="y", visible=False)
+
+
+def heat_map(figure: Figure, axes: Axes, heat: np.ndarray, extent: Any, label: str) -> None:
+    """``(rows, columns)`` values over a floor plan, row 0 at the smallest y, with their scale."""
+    colors = axes.imshow(heat, extent=extent, origin="lower", cmap="YlOrRd", alpha=0.65, zorder=1)
+    bar = figure.colorbar(colors, ax=axes, shrink=0.85)
+    bar.set_label(label)
+    bar.outline.set_visible(False)
+
+
+def plain_log_ticks(*axes: Axis) -> None:
+    """Numbers at 1, 2 and 5 times the powers of ten, written out, along logarithmic axes."""
+    for axis in axes:
+        axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axis.set_major_formatter("{x:g}")
+        axis.set_minor_locator(NullLocator())
 
 
 def legend_below(axes: Axes, drop: float, columns: int = 1) -> None:

@@ -1,4 +1,4 @@
-"""Which floors will do: the error foretold from a survey alone against that of a later flight.
+"""Which floors will do: the error predicted from a survey alone against that of a later flight.
 
 Every floor is flown over virtually, whether it is painted or a photograph. A good predictor ranks
 floors as they will turn out, and is right about the centimetres; the paper's loss stands beside it.
@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import LogLocator, NullLocator, ScalarFormatter
 
 from trexton.base.errors import ImageError
 from trexton.base.records import Record
@@ -22,7 +21,14 @@ from trexton.companion.executor import spread
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, SeedParameters, option
 from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor
-from trexton.companion.experiments.style import COLORS, canvas, floor_axes, legend_above
+from trexton.companion.experiments.style import (
+    COLORS,
+    canvas,
+    floor_axes,
+    heat_map,
+    legend_above,
+    plain_log_ticks,
+)
 from trexton.companion.wording import number, percent
 from trexton.flights.flight import Flight
 from trexton.simulator import Floor
@@ -139,10 +145,10 @@ def sentence(found: Mapping[str, Any]) -> str:
     """What a validation says."""
     rank, loss = found["rank"], found["loss_rank"]
     return (
-        f"Over {found['count']} floors the error foretold from a survey alone ranks them as a "
+        f"Over {found['count']} floors the error predicted from a survey alone ranks them as a "
         f"later flight does with a rank correlation of {interval(rank)}, the paper's loss with "
-        f"{interval(loss)}; the error is typically {number(found['ratio'])} times what was "
-        f"foretold, and within {percent(LEVEL)} of it on {percent(found['level'])} of the floors."
+        f"{interval(loss)}; the error is typically {number(found['ratio'])} times the "
+        f"predicted, and within {percent(LEVEL)} of it on {percent(found['level'])} of the floors."
     )
 
 
@@ -158,8 +164,8 @@ def interval(entry: Mapping[str, float]) -> str:
 Rows = Mapping[str, Mapping[str, float]]
 
 
-def expected_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
-    """The error to expect at every place, over the floor's picture."""
+def predicted_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
+    """The predicted error at every place, over the floor's picture."""
     heat = 100 * np.array(judged["heat"]["error_m"], dtype=float)
     extent = judged["area_m"]
     with canvas(1, 1, size=(5.6, 5.0)) as (figure, axes):
@@ -167,19 +173,14 @@ def expected_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
         floor_axes(plan, extent)
         pale = 255 - (255 - floor.picture.image[..., ::-1].astype(float)) * 0.35
         plan.imshow(pale.astype(np.uint8), extent=extent, interpolation="bilinear", zorder=0)
-        colors = plan.imshow(
-            heat, extent=extent, origin="lower", cmap="YlOrRd", alpha=0.7, zorder=1
-        )
+        heat_map(figure, plan, heat, extent, "predicted error (cm)")
         x, y = judged["worst_m"]
         plan.plot(x, y, "x", color=COLORS["truth"], markersize=8)
         plan.annotate("hardest", (x, y), xytext=(6, 6), textcoords="offset points")
-        bar = figure.colorbar(colors, ax=plan, shrink=0.85)
-        bar.set_label("expected error (cm)")
-        bar.outline.set_visible(False)
     return figure
 
 
-def predicted(rows: Rows, kept: Rows) -> Figure:
+def measured_over_predicted(rows: Rows, kept: Rows) -> Figure:
     """Measured error over the predicted one, and over the paper's loss; `kept` floors open."""
     with canvas(1, 2, size=(7.2, 3.4), sharey=True) as (figure, axes):
         for points, face in ((kept, "none"), (rows, None)):
@@ -201,10 +202,7 @@ def predicted(rows: Rows, kept: Rows) -> Figure:
             xscale="log", yscale="log", xlim=ends, ylim=ends,
             xlabel="predicted error (cm)", ylabel="measured error (cm)",
         )  # fmt: skip
-        for axis in (axes[0, 0].xaxis, axes[0, 0].yaxis, axes[0, 1].yaxis):
-            axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
-            axis.set_major_formatter(ScalarFormatter())
-            axis.set_minor_locator(NullLocator())
+        plain_log_ticks(axes[0, 0].xaxis, axes[0, 0].yaxis, axes[0, 1].yaxis)
         axes[0, 1].set_xlabel("the paper's loss")
         legend_above(axes[0, 0], 2)
     return figure
