@@ -84,12 +84,12 @@ def test_errors_of_places_that_are_hardly_known_grow_faster_than_of_those_known_
 
 
 @pytest.mark.parametrize("variance", [0.01, 0.49, 0.51, 0.99])
-def test_where_all_is_known_alike_the_mean_error_is_expected(variance):
+def test_of_equal_variances_the_mean_error_is_predicted(variance):
     errors = np.tile([[0.3, 0.0]], (40, 1))
     assert _error_coefficients(errors, np.full(40, variance)).tolist() == [pytest.approx(0.3), 0, 0]
 
 
-def test_no_place_is_expected_to_be_found_better_than_what_is_new_in_each_frame(field):
+def test_no_predicted_error_is_below_the_white_error(field):
     flattered = Field.from_arrays(field.arrays() | {"error_coefficients": np.zeros(3)})
     assert (flattered.predicted_error(field.centers) == field.error_model.white_sigma).all()
 
@@ -110,7 +110,7 @@ def test_a_flight_that_hovers_is_learned_or_refused_in_a_sentence(spread, count,
         assert np.isfinite(learned.predicted_error(learned.centers)).all()
 
 
-def test_lasting_errors_grow_where_less_is_known_than_where_they_were_learned(field):
+def test_correlated_errors_are_inflated_where_the_variance_is_larger_than_in_training(field):
     flown, corner = path(500)[0][100:101], np.array([[0.0, 3.0]])
     assert field.correlated_inflation(flown)[0] == 1 < field.correlated_inflation(corner)[0]
     known, unknown = field.predicted_error(np.concatenate([flown, corner]))
@@ -265,7 +265,7 @@ def test_independent_errors_last_a_frame(rng):
     assert ErrorModel(0.0, 0.2, 0.5).independent_s(0.1) == pytest.approx(0.1)
 
 
-def test_a_mean_of_lasting_errors_varies_as_said(rng):
+def test_a_mean_of_correlated_errors_varies_as_independent_s_says(rng):
     """Var(mean of n) = variance times independent_s / (n period), for n many times as long."""
     model, period = ErrorModel(0.3, 0.15, 0.4), 0.08
     memory = np.exp(-period / model.time_constant_s)

@@ -56,7 +56,7 @@ def test_left_out_blocks_are_those_of_a_fit_without_them(flown):
         np.testing.assert_allclose(variance, without.variance(asked), atol=1e-8)
 
 
-def test_the_length_of_the_floor_is_found(rng):
+def test_the_length_of_the_floor_is_selected(rng):
     places = rng.uniform(0, 10, (250, 2))
     time, diagonal = np.arange(250) * 0.1, np.hypot(10, 10)
     blocks = blocks_in_time(time)

@@ -59,7 +59,7 @@ def surveyed(apart: float, rng: np.random.Generator) -> Training:
     )  # fmt: skip
 
 
-def test_where_the_parts_look_is_found_from_the_flight_itself(rng):
+def test_footprints_are_learned_from_the_flight_itself(rng):
     places, time = lanes(0.9)
     found = Tiles.of(places, roots(shown(places, rng)), time)
     np.testing.assert_allclose(found.offsets, OFFSETS, atol=0.04)
@@ -184,7 +184,7 @@ def test_the_papers_method_takes_whole_images_also_on_a_map_of_quarters(tmp_path
     np.testing.assert_allclose(paper.histograms, base.histograms, atol=1e-12)
 
 
-def test_a_part_of_the_flight_need_not_find_again_where_the_parts_look(rng, monkeypatch):
+def test_a_part_of_the_flight_keeps_the_footprints(rng, monkeypatch):
     survey = surveyed(0.9, rng)
     field = Field().fit(survey)
     monkeypatch.setattr(Tiles, "of", None)

@@ -32,7 +32,7 @@ def test_a_first_frame_that_speaks_for_no_place_leaves_it_lost(field, motion, mo
         assert estimate.lost and estimate.spread[0] > 1
 
 
-def test_unseen_frames_widen_the_covariance(field, motion, later):
+def test_prediction_alone_widens_the_covariance(field, motion, later):
     tracker = TrackFilter(motion, field, AREA)
     errors_of(tracker, *later)
     before = tracker.estimate().covariance
@@ -82,7 +82,9 @@ def test_frames_that_look_like_no_place_of_the_survey_are_called_lost(field, mot
     assert not any(lost[85:])  # and found again
 
 
-def test_more_is_claimed_while_frames_are_unlike_the_survey(field, motion, later, monkeypatch):
+def test_covariance_is_inflated_while_frames_are_unlike_the_survey(
+    field, motion, later, monkeypatch
+):
     """The position is as before; familiar frames claim what they claimed."""
     places, histograms = later
 
@@ -101,7 +103,7 @@ def test_more_is_claimed_while_frames_are_unlike_the_survey(field, motion, later
     assert unlike[2] > 1.5 * claims(0.25)[2]
 
 
-def test_a_single_frame_however_strange_is_forgotten(field, motion, later):
+def test_a_single_frame_however_novel_is_forgotten(field, motion, later):
     _, histograms = later
     tracker = TrackFilter(motion, field, AREA)
     for histogram in histograms[:30]:
@@ -121,7 +123,7 @@ def test_after_a_reset_the_frame_alone_decides(field, motion, later):
     assert errors_of(tracker, places[far : far + 1], histograms[far : far + 1])[0] < 0.5
 
 
-def test_the_claimed_region_holds_the_vehicle(field, motion, later):
+def test_the_covariance_covers_the_error(field, motion, later):
     places, histograms = later
     tracker, inside = TrackFilter(motion, field, AREA), []
     for place, histogram in zip(places, histograms, strict=True):
@@ -160,7 +162,7 @@ def test_a_velocity_that_comes_with_the_frames_makes_both_better(field, motion, 
     assert (found[True][2:] < 0.6 * found[False][2:]).all()
 
 
-def test_a_track_that_the_measured_velocity_contradicts_loses_weight(field, motion, later):
+def test_a_hypothesis_that_the_measured_velocity_contradicts_loses_weight(field, motion, later):
     tracker = TrackFilter(motion, field, AREA)
     for histogram in later[1][:30]:
         tracker.step(observed(histogram))
@@ -178,7 +180,7 @@ def test_a_track_that_the_measured_velocity_contradicts_loses_weight(field, moti
 
 
 @pytest.mark.parametrize("told", [True, False])
-def test_frames_that_mislead_carry_nobody_away_whose_velocity_is_told(field, motion, later, told):
+def test_outliers_mislead_no_filter_with_velocity_aiding(field, motion, later, told):
     places, histograms = later
     velocity = np.gradient(places, 0.08, axis=0)
     away = np.hypot(*(places[40:-8] - places[40]).T).argmax() + 40
@@ -197,7 +199,7 @@ def test_frames_that_mislead_carry_nobody_away_whose_velocity_is_told(field, mot
     assert max(errors[50:]) < 0.3
 
 
-def test_a_kidnapped_vehicle_whose_velocity_is_told_is_found_within_three_seconds(
+def test_with_velocity_aiding_a_kidnapped_vehicle_is_found_within_three_seconds(
     field, motion, later
 ):
     places, histograms = later

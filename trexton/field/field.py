@@ -109,9 +109,9 @@ class Field(MeasurementModel):
         cells = min(self.cells, max(16, MAX_TABLE // features.shape[1]))
         centers, _ = grid_cells(area, cells)
         with threadpool_limits(1, user_api="blas"):
-            known = self._known_offsets
-            if known is not None and len(known) in (1, parts):
-                tiles = Tiles(known)
+            offsets = self._known_offsets
+            if offsets is not None and len(offsets) in (1, parts):
+                tiles = Tiles(offsets)
             else:
                 of_parts = features.reshape(len(features), parts, -1)
                 tiles = Tiles.of(places, of_parts, training.time)

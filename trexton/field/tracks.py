@@ -168,7 +168,7 @@ class TrackFilter:
         velocity = np.asarray(measured, dtype=float)
         if velocity.shape != (2,):
             raise ParameterError(
-                f"a velocity of shape {velocity.shape} was told: expected (2,), metres a second "
+                f"a velocity of shape {velocity.shape} came with a frame: expected (2,), m/s "
                 "in the map's axes"
             )
         usual = np.sqrt(self._speed_variance + sigma**2)
@@ -182,7 +182,7 @@ class TrackFilter:
         evidence : (T,) array
             Of the frame for each hypothesis, against a place drawn from the whole area.
         supported : (T, 2) array
-            Places where the hypotheses saw it.
+            Where they take it to have been taken.
         """
         hypotheses = self.hypotheses
         if not len(hypotheses):
