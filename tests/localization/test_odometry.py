@@ -10,7 +10,7 @@ from trexton.base.streams import stream
 from trexton.flights.aiding import Aiding
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
-from trexton.localization.odometry import LEAST, Visual
+from trexton.localization.odometry import SIGMA_FLOOR, Visual
 from trexton.localization.training import train_map, with_choices
 from trexton.simulator import record_flight
 from trexton.vision.camera import Camera
@@ -55,7 +55,7 @@ def test_the_velocity_is_that_of_the_vehicle(running, texton_map, flight, told):
 
 def test_an_attitude_makes_it_surer(texton_map):
     told, untold = texton_map.parts["odometry"].sigma
-    assert LEAST <= told <= untold < 1
+    assert SIGMA_FLOOR <= told <= untold < 1
 
 
 def test_time_goes_on_over_a_frame_that_did_not_come(running, flight):

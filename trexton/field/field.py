@@ -184,7 +184,7 @@ class Field(MeasurementModel):
         x_min, x_max, y_min, y_max = self.area
         return float(np.sqrt((x_max - x_min) * (y_max - y_min) / len(self.centers)))
 
-    def look(self, observation: Observation) -> None:
+    def prepare_frame(self, observation: Observation) -> None:
         observation.histogram  # noqa: B018  drawn before the filter draws
 
     def log_posterior(self, observation: Observation) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""What may honestly be claimed: covariances learned from frames that the map had not seen."""
+"""Calibration: posterior covariances that hold, learned by cross-validation."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from trexton.localization.training_set import Training
 
 __all__ = ["Calibration", "Evidence", "Judge", "NoCalibration", "Passing", "Replay"]
 
-_CM = 0.01  # metres: keeps logarithms finite
+_CM = 0.01  # metres: regularizes logarithms of lengths
 
 
 class Judge(Protocol):
@@ -84,15 +84,15 @@ class Replay(Calibration):
     usual: np.ndarray = learned()  # () metres: the median claim along an axis in training
 
     def fit(self, training: Training) -> Self:
-        alone = Alone.of(training, self.samples)
-        measurement = ErrorScale.fit(alone.features, alone.errors, alone.claimed)
-        frames = independent_after(alone.white(measurement), alone.runs)
+        single = SingleFrames.of(training, self.samples)
+        measurement = ErrorScale.fit(single.features, single.errors, single.claimed)
+        frames = independent_after(single.white(measurement), single.runs)
         found = {
             "of_estimate": np.empty(0),
             "of_measurement": measurement.to_array(),
             "independent_s": np.asarray(frames * training.period_s),
         }
-        deviations = measurement.deviation(alone.features)
+        deviations = measurement.deviation(single.features)
         if not self.trusting:
             scale, deviations = self._of_estimate(training)
             found["of_estimate"] = scale.to_array()
@@ -158,7 +158,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, eq=False)
-class Alone:
+class SingleFrames:
     """Errors of what single frames measure, and what is known of each.
 
     Attributes
@@ -176,7 +176,7 @@ class Alone:
     runs: np.ndarray
 
     @classmethod
-    def of(cls, training: Training, samples: int) -> Alone:
+    def of(cls, training: Training, samples: int) -> SingleFrames:
         """Of the neighbours' mean, those near in time left out as for the measurement model."""
         _, neighbors = training.resampled(samples)
         errors, about, claimed = [], [], []

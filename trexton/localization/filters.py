@@ -150,7 +150,7 @@ class ParticleFilter:
     def step(self, observation: Observation | None) -> Belief:
         """Advance one frame; None where nothing was observed: predict only."""
         if observation is not None:
-            self.measurement.look(observation)
+            self.measurement.prepare_frame(observation)
         previous = self.belief
         if previous.measured:
             drawn = self.resampling.indices(previous.weights, self.rng)

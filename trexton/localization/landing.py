@@ -12,7 +12,7 @@ from trexton.localization.estimate import Estimate
 
 __all__ = ["LandingZone", "TouchdownZone"]
 
-_JUMP = 4.0  # deviations
+_GATE_SIGMA = 4.0  # innovation gate: an estimate beyond is a jump
 
 
 class LandingZone:
@@ -208,7 +208,7 @@ class TouchdownZone(LandingZone):
         place, covariance = before.ahead(now_s - before_s)
         offset = estimate.position - place
         unsure = covariance + estimate.covariance + self.gust**2 * np.eye(2)
-        return bool(offset @ np.linalg.solve(unsure, offset) > _JUMP**2)
+        return bool(offset @ np.linalg.solve(unsure, offset) > _GATE_SIGMA**2)
 
 
 def _inside(offset: np.ndarray, deviation: np.ndarray, radius: float) -> float:

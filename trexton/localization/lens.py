@@ -1,4 +1,4 @@
-"""The camera of a training flight and its usual height, as parts that look at images learn it."""
+"""The camera and usual height of a training flight, for parts that look at images themselves."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class MeasurementModel(Part):
 
     needs = {"distance": Distance}
 
-    def look(self, observation: Observation) -> None:
+    def prepare_frame(self, observation: Observation) -> None:
         """Compute of the observation what `log_likelihood` needs, before the filter moves on."""
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
@@ -104,7 +104,7 @@ class RankMixture(MeasurementModel):
         found: np.ndarray = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
         return found
 
-    def look(self, observation: Observation) -> None:
+    def prepare_frame(self, observation: Observation) -> None:
         observation.neighbors  # noqa: B018  drawn before the filter draws
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:

@@ -22,7 +22,7 @@ _PAIRS = 2**16
 _MINUS_HALF = np.array([-0.5, -0.5])
 # Particles further apart than this log density count as this far: denormal numbers would take ten
 # times as long.
-_FAR = -500.0
+_MIN_EXPONENT = -500.0
 _SQUARE = 0.4  # side of the squares on which bounds are found, in deviations of the process
 _MOST_SQUARES = 400  # a side
 _WORTH_BOUNDS = 1500**2  # pairs of particles from which bounds of their densities save time
@@ -118,7 +118,9 @@ class RandomWalk(MotionModel):
     def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
         pairs, half = self._features(states, previous)
         # No pair is further apart than twice the length of the longest vector.
-        return np.log(_summed(*pairs, weights, None if 4 * half < -_FAR else _FAR))
+        return np.log(
+            _summed(*pairs, weights, None if 4 * half < -_MIN_EXPONENT else _MIN_EXPONENT)
+        )
 
     def _features(
         self, states: np.ndarray, previous: np.ndarray
@@ -172,7 +174,7 @@ class RandomWalk(MotionModel):
             apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
             nearest = np.exp(-0.5 * (_SQUARE * np.maximum(np.arange(count) - 1, 0)) ** 2)[apart]
             masses = nearest @ masses if axis == 0 else masses @ nearest
-        bounds = np.log(masses + np.exp(_FAR)).ravel()[numbers[: len(states)]]
+        bounds = np.log(masses + np.exp(_MIN_EXPONENT)).ravel()[numbers[: len(states)]]
         found: np.ndarray = bounds + 1e-9  # sums are rounded
         return found
 

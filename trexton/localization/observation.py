@@ -15,7 +15,7 @@ __all__ = ["Observation"]
 
 
 class Observation:
-    """One frame; its histogram and neighbours are found on first use and kept.
+    """One frame; its histogram and neighbours are computed on first use and kept.
 
     Parameters
     ----------
@@ -42,14 +42,14 @@ class Observation:
     ):
         self.frame, self.time, self.samples = frame, time, samples
         self.aiding = Aiding() if aiding is None else aiding
-        self._look, self._search = histogram, neighbors
+        self._count, self._search = histogram, neighbors
 
     @cached_property
     def histogram(self) -> np.ndarray:
         """``(K,)`` texton frequencies of the frame."""
-        if self._look is None:
+        if self._count is None:
             raise MapError("this observation has no histogram: give a frame and a map with textons")
-        return self._look()
+        return self._count()
 
     @cached_property
     def neighbors(self) -> Neighbors:
@@ -59,6 +59,6 @@ class Observation:
         return self._search(self.histogram)
 
     @property
-    def seen(self) -> tuple[np.ndarray | None, Neighbors | None]:
+    def computed(self) -> tuple[np.ndarray | None, Neighbors | None]:
         """Histogram and neighbours as far as they were asked for."""
         return self.__dict__.get("histogram"), self.__dict__.get("neighbors")

@@ -1,8 +1,8 @@
-"""A velocity that the frames themselves tell, for filters that take one.
+"""Visual odometry as velocity aiding: what the frames themselves say, for filters that use it.
 
 Phase correlation of each frame with the one before (`trexton.vision.visual_odometry`). It needs the
-camera and the height at which it flies, no map and no autopilot; told attitude and height it is
-surer. What it tells apart are places that look alike: nobody jumps from one mat to the next.
+camera and the height at which it flies, no map and no autopilot; attitude and height make it more
+accurate. What it tells apart are places that look alike: nobody jumps from one mat to the next.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from trexton.vision.visual_odometry import Motion, VisualOdometry
 
 __all__ = ["Odometry", "RunningOdometry", "Visual"]
 
-LEAST = 0.1  # metres a second along an axis: no velocity is believed more, attitude errs in flight
-WIDTH = 160  # pixels of a shrunken frame, about; a small camera's frames are taken as they are
-LONGEST_S = 0.5  # between two frames; after it hardly anything in them is the same
-STUDIED = 400  # frames from the beginning of the training flight, from which errors are learned
-MEMORY = 0.95  # the most that errors of one frame are taken to be alike those of the last
-UNLEARNED = 0.2  # metres a second, where the training flight has no two frames in a row
+SIGMA_FLOOR = 0.1  # m/s along an axis; attitude errors in flight allow no less
+WIDTH = 160  # pixels of a downscaled frame, about; smaller frames stay as they are
+MAX_INTERVAL_S = 0.5  # between two frames; beyond, they hardly overlap
+TRAINING_FRAMES = 400  # of the training flight, from which the error is learned
+MAX_CORRELATION = 0.95  # of the errors of successive frames
+DEFAULT_SIGMA = 0.2  # m/s, where the training flight has too few frames in a row
 
 
 class RunningOdometry(Protocol):
@@ -94,14 +94,14 @@ class Visual(Odometry):
                 "trexton train FLIGHT --set odometry=visual"
             )
         lens = learned_lens(flight, "train without odometry")
-        seeing = self.with_learned(camera=lens, sigma=np.full(2, UNLEARNED))
-        aidings = [flight.aiding(row) for row in range(min(STUDIED, len(flight)))]
+        seeing = self.with_learned(camera=lens, sigma=np.full(2, DEFAULT_SIGMA))
+        aidings = [flight.aiding(row) for row in range(min(TRAINING_FRAMES, len(flight)))]
         places = training.positions
-        told = [
+        sigma = [
             _deviation(seeing.open(training.period_s), flight, places, each)
             for each in (aidings, [None] * len(aidings))
         ]
-        return seeing.with_learned(sigma=np.array(told))
+        return seeing.with_learned(sigma=np.array(sigma))
 
     def open(self, period_s: float) -> RunningVisual:
         camera, height = camera_of(self.camera)
@@ -139,18 +139,18 @@ class RunningVisual:
         """What is known beside the frame, with its velocity if it shows one."""
         known = Aiding() if aiding is None else aiding
         now = self._now(time)
-        if not 0 < now - self._time <= LONGEST_S:
+        if not 0 < now - self._time <= MAX_INTERVAL_S:
             self._odometry.reset()
         self._time, self._missed = now, 0
-        motion = self._look(frame, known, now)
+        motion = self._shift(frame, known, now)
         if motion is None or motion.sure < self._part.sure:
             return aiding
-        told, untold = self._part.sigma.tolist()
+        with_attitude, without = self._part.sigma.tolist()
         return replace(
             known,
             velocity=motion.velocity,
             velocity_time=now,
-            velocity_sigma=untold if known.roll is None or known.pitch is None else told,
+            velocity_sigma=without if known.roll is None or known.pitch is None else with_attitude,
         )
 
     def _now(self, time: float | None) -> float:
@@ -158,7 +158,7 @@ class RunningVisual:
             return time
         return self._time + (1 + self._missed) * self._period_s if np.isfinite(self._time) else 0.0
 
-    def _look(self, frame: np.ndarray, known: Aiding, now: float) -> Motion | None:
+    def _shift(self, frame: np.ndarray, known: Aiding, now: float) -> Motion | None:
         height = known_or(known.height, self._height)
         angles = [known_or(angle, 0.0) for angle in (known.roll, known.pitch, known.yaw)]
         if not believable(np.array(angles[:2]), height, self._height):
@@ -174,8 +174,8 @@ def _deviation(
 ) -> float:
     """Metres a second by which velocities are off along an axis, as if each were new.
 
-    Errors that stay alike from frame to frame count for more: 1 + 2 r / (1 - r) times their
-    variance, with the correlation r of neighbours.
+    Correlated errors count for more: 1 + 2 r / (1 - r) times their variance, with the correlation r
+    of successive frames.
     """
     errors = []
     for row, aiding in enumerate(aidings):
@@ -184,8 +184,8 @@ def _deviation(
             moved = places[row] - places[row - 1]
             errors.append(seen.velocity - moved / (flight.time[row] - flight.time[row - 1]))
     if len(errors) < 3:
-        return UNLEARNED
+        return DEFAULT_SIGMA
     off = np.array(errors)
-    variance = max(float(np.square(off).mean()), LEAST**2)
-    alike = float(np.clip((off[1:] * off[:-1]).mean() / variance, 0, MEMORY))
-    return float(np.sqrt(variance * (1 + 2 * alike / (1 - alike))))
+    variance = max(float(np.square(off).mean()), SIGMA_FLOOR**2)
+    correlation = float(np.clip((off[1:] * off[:-1]).mean() / variance, 0, MAX_CORRELATION))
+    return float(np.sqrt(variance * (1 + 2 * correlation / (1 - correlation))))

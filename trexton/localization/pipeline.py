@@ -180,7 +180,7 @@ class Pipeline:
         self._mark("estimate")
         if observation is None:
             return replace(estimate, observed=False, measurement=None)
-        histogram, neighbors = observation.seen
+        histogram, neighbors = observation.computed
         return replace(estimate, observed=True, histogram=histogram, neighbors=neighbors)
 
     def observation(

@@ -54,7 +54,7 @@ def replay(
     *,
     samples: int | None,
     rng: np.random.Generator,
-    told: Sequence[Aiding | None] | None = None,
+    aidings: Sequence[Aiding | None] | None = None,
 ) -> Iterator[Flown]:
     """Fly the left-out stretches of a map's own training flight, without the frames in which the
     filter settles.
@@ -66,8 +66,8 @@ def replay(
     samples : int or None
         Patches a frame, where the map has a dictionary; None looks at every one.
     rng : numpy.random.Generator
-    told : sequence of Aiding, optional
-        What came beside each frame of the training flight; its velocities alone are told.
+    aidings : sequence of Aiding, optional
+        What came beside each frame of the training flight; of it velocities alone are used.
 
     Raises
     ------
@@ -90,7 +90,7 @@ def replay(
             localizer = Localizer(method, rng=rng)
             for rows in order:
                 localizer.reset()
-                yield from _fly(localizer, texton_map, rows, samples, rng, told)
+                yield from _fly(localizer, texton_map, rows, samples, rng, aidings)
 
 
 def _without(texton_map: TextonMap, rows: np.ndarray) -> TextonMap:
@@ -105,23 +105,25 @@ def _fly(
     rows: np.ndarray,
     samples: int | None,
     rng: np.random.Generator,
-    told: Sequence[Aiding | None] | None,
+    aidings: Sequence[Aiding | None] | None,
 ) -> Iterator[Flown]:
     drawn = samples if texton_map.dictionary is not None else None
     for since, row in enumerate(rows):
         histogram = texton_map.histograms[row]
         if drawn is not None:
             histogram = rng.multinomial(drawn, histogram / histogram.sum()) / drawn
-        aiding = None if told is None or not since else _on_the_way(told, rows[since - 1], row)
+        aiding = (
+            None if aidings is None or not since else _on_the_way(aidings, rows[since - 1], row)
+        )
         observation = localizer.observation(histogram, aiding=aiding, samples=drawn)
         estimate = localizer.advance(observation)
         if since * texton_map.period_s >= WARM_S:
             yield Flown(row, texton_map.positions[row], estimate, observation.neighbors)
 
 
-def _on_the_way(told: Sequence[Aiding | None], last: int, row: int) -> Aiding | None:
-    """The velocity from one row to the next, or back: it was told with the later of them."""
-    known = told[max(last, row)]
+def _on_the_way(aidings: Sequence[Aiding | None], last: int, row: int) -> Aiding | None:
+    """The velocity from one row to the next, or back: it came with the later of them."""
+    known = aidings[max(last, row)]
     if known is None or known.velocity is None:
         return None
     velocity = known.velocity if row > last else -known.velocity

@@ -1,4 +1,4 @@
-"""How large errors are, told from what is known in flight: a scale learned from errors."""
+"""Heteroscedastic errors: the scale of a covariance as a log-linear function of features."""
 
 from __future__ import annotations
 

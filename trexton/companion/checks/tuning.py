@@ -105,7 +105,7 @@ def replayed_errors(
     Frames in which the filter has not yet had its time to settle do not count; for `told` see
     `trexton.localization.replay.replay`.
     """
-    flown = replay(texton_map, samples=samples, rng=rng, told=told)
+    flown = replay(texton_map, samples=samples, rng=rng, aidings=told)
     return np.array([one.error for one in flown])
 
 
@@ -147,7 +147,7 @@ class Bench:
         known = {name: value for name, value in asdict(setting).items() if name != "odometry"}
         rng = stream(self.seed, f"replay {digest(known)[:12]}")
         told = self._told if setting.odometry else None
-        errors = replayed_errors(texton_map, samples=setting.samples or None, rng=rng, told=told)
+        errors = replayed_errors(texton_map, samples=setting.samples or None, rng=rng, aidings=told)
         return float(np.hypot(*errors.T).mean())
 
     def frame_s(self, setting: Setting, texton_map: TextonMap) -> float:
