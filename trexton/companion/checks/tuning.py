@@ -147,7 +147,7 @@ class Bench:
         known = {name: value for name, value in asdict(setting).items() if name != "odometry"}
         rng = stream(self.seed, f"replay {digest(known)[:12]}")
         told = self._told if setting.odometry else None
-        errors = replayed_errors(texton_map, samples=setting.samples or None, rng=rng, aidings=told)
+        errors = replayed_errors(texton_map, samples=setting.samples or None, rng=rng, told=told)
         return float(np.hypot(*errors.T).mean())
 
     def frame_s(self, setting: Setting, texton_map: TextonMap) -> float:
