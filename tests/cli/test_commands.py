@@ -20,7 +20,7 @@ from trexton.companion.build.display import Display, Outcome
 from trexton.companion.build.make import Made
 from trexton.companion.experiments import assessment
 from trexton.flights import write_flight
-from trexton.flights.pair import load_pair
+from trexton.flights.splits import load_pair
 
 OUTCOMES = [
     Outcome("room", "mocap_training", "ran", ("its code changed",), 2.0),

@@ -105,7 +105,7 @@ def test_headers_that_lead_nowhere_are_faults(row, text, fault, flight_folder):
         ('notes = "one"', "notes is 'one': expected a list of texts"),
         ("notes = [1]", "notes is [1]: expected a list of texts"),
         ("camera = 3", "camera is 3: expected a table [camera]"),
-        ("origin = { latitude_deg = 3 }", "[origin] lacks longitude_deg"),
+        ("origin = { latitude_deg = 3 }", "[origin] longitude_deg is missing"),
         ("camera = { width_px = 0, height_px = 2, focal_px = 1.0 }", "expected positive numbers"),
         ("camera = { width_px = 2, height_px = 2, focal_px = -1 }", "expected positive numbers"),
         (

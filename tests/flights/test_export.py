@@ -11,7 +11,7 @@ from trexton.base.errors import TrextonError
 from trexton.cli.main import main
 from trexton.flights import Flight, write_flight
 from trexton.flights.exporters import export, load_trajectory
-from trexton.flights.importers.photos import local_metres
+from trexton.flights.geodesy import local_metres
 
 
 @pytest.fixture

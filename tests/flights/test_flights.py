@@ -15,7 +15,7 @@ from trexton.base.errors import FlightError, ImageError
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.folder import load_folder
-from trexton.flights.pair import load_pair, with_splits
+from trexton.flights.splits import load_pair, with_splits
 from trexton.simulator import Floor
 from trexton.vision.camera import Camera
 

@@ -15,7 +15,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from trexton.flights.exporters import EXPORTERS
 
     parser.add_argument("source", help="Flight folder, or record of an experiment (.json)")
-    parser.add_argument("kind", choices=list(EXPORTERS), help="format to write")
+    parser.add_argument("kind", help=f"{', '.join(EXPORTERS)}, or module:function")
     parser.add_argument("--out", required=True, metavar="FILE", help="file to write")
     parser.add_argument(
         "--what", default="truth", metavar="TRACK",

@@ -1,4 +1,7 @@
-"""What the autopilot knows beside a frame: attitude, height and velocity, each with its stamp."""
+"""What the autopilot knows beside a frame: attitude, height and velocity, each with its stamp.
+
+`Aiding` is handed to a filter with the frame; `Aiding.at` leaves out what is not of that moment.
+"""
 
 from __future__ import annotations
 

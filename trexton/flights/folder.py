@@ -22,6 +22,7 @@ from trexton.base.files import atomic_folder
 from trexton.flights.flight import SUM_TOLERANCE, Flight
 from trexton.flights.frames import Frames, ImageFiles
 from trexton.flights.header import (
+    FARTHEST,
     SMALLEST_AREA,
     camera_from_header,
     header_text,
@@ -37,8 +38,6 @@ _REQUIRED = ("frame", "t_s", "x_m", "y_m")
 _ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
 _OPTIONAL = ("z_m", *_ANGLES, "image")
 _COLUMNS = f"{','.join(_REQUIRED)} and optionally {','.join(_OPTIONAL)}"
-FARTHEST = 2e7  # metres: half way round the Earth
-
 
 Columns = dict[str, Any]
 

@@ -1,10 +1,15 @@
-"""``flight.toml``: the header of a Flight folder, read with every fault named, and written."""
+"""``flight.toml``, the header of a Flight folder: its keys are declared in two tables.
+
+`read_header` reads it with every fault named, `header_text` writes it.
+"""
 
 from __future__ import annotations
 
 import json
 import math
 import tomllib
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,35 +25,96 @@ __all__ = ["FORMAT", "camera_from_header", "header_text", "read_header"]
 
 FORMAT = 1
 SMALLEST_AREA = 1e-3  # metres
-_KEYS = (
-    "format",
-    "name",
-    "source",
-    "licence",
-    "area_m",
-    "notes",
-    "features",
-    "camera",
-    "split",
-    "floor",
-    "origin",
-    "rectification",
-)
-_TEXTS = ("name", "source", "licence", "features")
-_TABLES = {
-    "camera": ("width_px", "height_px", "focal_px"),
-    "floor": ("image", "world_from_pixel"),
-    "origin": ("latitude_deg", "longitude_deg"),
-    "rectification": (
-        "source_px",
-        "crop_px",
-        "size_px",
-        "focal_px",
-        "center_px",
-        "distortion",
+FARTHEST = 2e7  # metres: half way round the Earth
+
+
+def _numbers(values: object, count: int) -> bool:
+    """Whether they are a list of so many finite numbers."""
+    if not isinstance(values, list) or len(values) != count:
+        return False
+    try:
+        return all(type(value) in (int, float) and math.isfinite(value) for value in values)
+    except OverflowError:  # a whole number beyond all floats
+        return False
+
+
+def _text(value: object) -> bool:
+    return isinstance(value, str)
+
+
+def _range(value: Any) -> bool:
+    frames = isinstance(value, list) and [type(number) for number in value] == [int, int]
+    return frames and value[0] <= value[1]
+
+
+def _invertible(rows: Any) -> bool:
+    """Whether a homography can be inverted, whatever the scales of its columns and rows."""
+    if not (isinstance(rows, list) and len(rows) == 3 and all(_numbers(row, 3) for row in rows)):
+        return False
+    matrix = np.array(rows, dtype=float)
+    for axis in (0, 1):
+        largest = np.abs(matrix).max(axis=axis, keepdims=True)
+        if not (largest > 0).all():
+            return False
+        matrix = matrix / largest
+    return bool(np.linalg.cond(matrix) < 1e10)
+
+
+@dataclass(frozen=True)
+class _Key:
+    """A key of the header: what its value must be, in code and in words."""
+
+    fits: Callable[[Any], bool]
+    expected: str
+    needed: bool = False
+
+
+_TEXT = _Key(_text, "text")
+_PIXELS = _Key(lambda size: type(size) is int and size > 0, "positive numbers", True)
+_KEYS: dict[str, _Key] = {
+    "format": _Key(lambda version: type(version) is int, "a whole number"),
+    "name": _TEXT,
+    "source": _TEXT,
+    "licence": _TEXT,
+    "features": _TEXT,
+    "notes": _Key(
+        lambda value: isinstance(value, list) and all(map(_text, value)), "a list of texts"
     ),
-    "split": (),
+    "area_m": _Key(
+        lambda area: _numbers(area, 4) and area[0] < area[1] and area[2] < area[3],
+        "[x_min, x_max, y_min, y_max] in metres",
+    ),
 }
+_TABLES: dict[str, dict[str, _Key]] = {
+    "camera": {
+        "width_px": _PIXELS,
+        "height_px": _PIXELS,
+        "focal_px": _Key(lambda f: _numbers([f], 1) and f > 0, "positive numbers", True),
+        "center_px": _Key(lambda value: _numbers(value, 2), "[column, row] in pixels"),
+    },
+    "floor": {
+        "image": _Key(_text, "a file name", True),
+        "world_from_pixel": _Key(
+            _invertible,
+            "three rows of three numbers that do not map the picture to a line or a point",
+            True,
+        ),
+    },
+    "origin": {
+        "latitude_deg": _Key(
+            lambda x: _numbers([x], 1) and abs(x) <= 90, "degrees of latitude, -90 to 90", True
+        ),
+        "longitude_deg": _Key(
+            lambda x: _numbers([x], 1) and abs(x) <= 180, "degrees of longitude, -180 to 180", True
+        ),
+    },
+    "rectification": {
+        key: _Key(lambda _: True, "", True)  # read by `Rectification`
+        for key in ("source_px", "crop_px", "size_px", "focal_px", "center_px", "distortion")
+    },
+    "split": {},
+}
+_SPLIT = _Key(_range, "[first frame, last frame]")
 
 
 def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
@@ -68,119 +134,45 @@ def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
 
 
 def _faults(header: dict[str, Any]) -> list[str]:
-    if unknown := sorted(set(header) - set(_KEYS)):
-        return [f"unknown key {unknown[0]!r}: the keys are {', '.join(sorted(_KEYS))}"]
+    known = sorted([*_KEYS, *_TABLES])
+    if unknown := sorted(set(header) - set(known)):
+        return [f"unknown key {unknown[0]!r}: the keys are {', '.join(known)}"]
     version = header.get("format", FORMAT)
     if not isinstance(version, int) or version > FORMAT:
         return [
             f"format {version} is newer than {FORMAT}, the newest this version reads: update "
             "trexton"
         ]
-    faults = [
-        f"{key} is {header[key]!r}: expected text"
-        for key in _TEXTS
-        if not isinstance(header.get(key, ""), str)
-    ]
-    notes = header.get("notes", [])
-    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
-        faults.append(f"notes is {notes!r}: expected a list of texts")
-    for key, required in _TABLES.items():
-        if not isinstance(table := header.get(key, {}), dict):
-            faults.append(f"{key} is {table!r}: expected a table [{key}]")
-        elif key in header and (missing := [name for name in required if name not in table]):
+    faults = [fault for key, what in _KEYS.items() for fault in _fault(key, key, header, what)]
+    for name, keys in _TABLES.items():
+        table = header.get(name, {})
+        if not isinstance(table, dict):
+            faults.append(f"{name} is {table!r}: expected a table [{name}]")
+        elif name in header:
+            if name == "split":
+                keys = dict.fromkeys(table, _SPLIT)
+            for key, what in keys.items():
+                faults += _fault(f"[{name}] {key}", key, table, what)
+    if not faults and "area_m" in header:
+        x_min, x_max, y_min, y_max = area = header["area_m"]
+        if min(x_max - x_min, y_max - y_min) < SMALLEST_AREA or max(map(abs, area)) > FARTHEST:
             faults.append(
-                f"[{key}] lacks {missing[0]}: give {', '.join(required)}, or drop the table"
+                f"area_m is {area}: sides of {x_max - x_min:g} m and {y_max - y_min:g} m are no "
+                "place to fly in: give metres"
             )
-    return faults or _fault_values(header)
-
-
-def _fault_values(header: dict[str, Any]) -> list[str]:
-    faults = []
-    area = header.get("area_m", [0, 1, 0, 1])
-    if not _numbers(area, 4) or area[0] >= area[1] or area[2] >= area[3]:
-        faults.append(f"area_m is {area}: expected [x_min, x_max, y_min, y_max] in metres")
-    elif min(area[1] - area[0], area[3] - area[2]) < SMALLEST_AREA or max(map(abs, area)) > 2e7:
-        faults.append(
-            f"area_m is {area}: sides of {area[1] - area[0]:g} m and {area[3] - area[2]:g} m are "
-            "no place to fly in: give metres"
-        )
-    for name, limits in header.get("split", {}).items():
-        if not (
-            isinstance(limits, list)
-            and len(limits) == 2
-            and all(type(n) is int for n in limits)
-            and limits[0] <= limits[1]
-        ):
-            faults.append(f"split {name!r} is {limits}: expected [first frame, last frame]")
-    if camera := header.get("camera"):
-        sizes = [camera["width_px"], camera["height_px"]]
-        if (
-            not all(type(size) is int and size > 0 for size in sizes)
-            or not _numbers([camera["focal_px"]], 1)
-            or camera["focal_px"] <= 0
-        ):
-            faults.append(
-                f"[camera] is {sizes[0]} x {sizes[1]} pixels, focal length {camera['focal_px']}: "
-                "expected positive numbers"
-            )
-        if not _numbers(camera.get("center_px", [0, 0]), 2):
-            faults.append(
-                f"[camera] center_px is {camera['center_px']}: expected [column, row] in pixels"
-            )
-    if origin := header.get("origin"):
-        degrees = [origin["latitude_deg"], origin["longitude_deg"]]
-        if not (_numbers(degrees, 2) and abs(degrees[0]) <= 90 and abs(degrees[1]) <= 180):
-            faults.append(
-                f"[origin] is {degrees}: expected degrees of latitude, -90 to 90, and of "
-                "longitude, -180 to 180"
-            )
-    if rectified := header.get("rectification"):
+    if not faults and "rectification" in header:
         try:
-            Rectification.from_table(rectified)
+            Rectification.from_table(header["rectification"])
         except ParameterError as error:
             faults.append(f"[rectification]: {error}")
-    if floor := header.get("floor"):
-        rows = floor["world_from_pixel"]
-        if (
-            not isinstance(rows, list)
-            or len(rows) != 3
-            or not all(_numbers(row, 3) for row in rows)
-        ):
-            faults.append(
-                f"[floor] world_from_pixel is {rows}: expected three rows of three numbers"
-            )
-        elif not _turns_back(rows):
-            faults.append(
-                f"[floor] world_from_pixel is {rows}: it maps the picture to a line or a point, "
-                "measure it again"
-            )
-        if not isinstance(floor["image"], str):
-            faults.append(f"[floor] image is {floor['image']!r}: expected a file name")
     return faults
 
 
-def _numbers(values: object, count: int) -> bool:
-    if not isinstance(values, list) or len(values) != count:
-        return False
-    return all(type(value) in (int, float) and _finite(value) for value in values)
-
-
-def _finite(value: float) -> bool:
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number beyond all floats
-        return False
-
-
-def _turns_back(rows: list[list[float]]) -> bool:
-    """Whether a homography can be inverted, whatever the scales of its columns and rows."""
-    matrix = np.array(rows, dtype=float)
-    for axis in (0, 1):
-        largest = np.abs(matrix).max(axis=axis, keepdims=True)
-        if not (largest > 0).all():
-            return False
-        matrix = matrix / largest
-    return bool(np.linalg.cond(matrix) < 1e10)
+def _fault(what: str, key: str, table: dict[str, Any], declared: _Key) -> Iterator[str]:
+    if key in table and not declared.fits(table[key]):
+        yield f"{what} is {table[key]!r}: expected {declared.expected}"
+    elif key not in table and declared.needed:
+        yield f"{what} is missing: give it, or drop the table"
 
 
 def camera_from_header(table: dict[str, Any]) -> Camera:

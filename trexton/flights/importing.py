@@ -23,8 +23,9 @@ from trexton.base.files import (
 from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.flights.flight import Flight
-from trexton.flights.folder import FARTHEST, load_folder, read_flight, write_tables
+from trexton.flights.folder import load_folder, read_flight, write_tables
 from trexton.flights.frames import ImageFiles, select_frames
+from trexton.flights.header import FARTHEST
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.recording import NANO, Recording, match
 from trexton.flights.rewriting import Change, write_images

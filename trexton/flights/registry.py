@@ -8,9 +8,7 @@ import hashlib
 import os
 import shutil
 import tomllib
-from collections.abc import Callable
 from functools import cache
-from importlib import import_module
 from io import BufferedRandom
 from pathlib import Path
 from typing import Any, cast
@@ -18,11 +16,22 @@ from typing import Any, cast
 from trexton.base.cache import cache_folder, shipped
 from trexton.base.errors import DataError
 from trexton.base.files import atomic_file, check_not_read, digest
+from trexton.base.plugins import resolve
 from trexton.base.progress import say
-from trexton.flights.flight import Flight
 from trexton.flights.folder import write_flight
 
-__all__ = ["data_folder", "fetch", "locate", "raw_files", "registry"]
+__all__ = ["data_folder", "fetch", "flight_title", "locate", "raw_files", "registry"]
+
+_TITLES = {
+    "cyberzoo": "CyberZoo flight (real)",
+    "sim-survey": "Virtual hall (simulated)",
+    "sim-waypoints": "Virtual hall, an hour later (simulated)",
+}
+
+
+def flight_title(name: str) -> str:
+    """A name that a reader can say; flights of a person's own keep the name in their header."""
+    return _TITLES.get(name, name)
 
 
 @cache
@@ -82,18 +91,14 @@ def fetch(
     files, out = locate(name, source), Path(out)
     if "reader" in registry()[name]:
         check_not_read(out, *files)
-        return write_flight(_reader(name)(*files), out, replace)
+        read = resolve("readers", registry()[name]["reader"], {})
+        return write_flight(read(*files), out, replace)
     target = out / files[0].name
     if target.exists() and not replace and digest(target) != digest(files[0]):
         raise DataError(f"{target}: another file is there: name another folder, or say --replace")
     with atomic_file(target, "wb") as stream, open(files[0], "rb") as raw:
         shutil.copyfileobj(raw, stream)
     return target
-
-
-def _reader(name: str) -> Callable[..., Flight]:
-    module, function = registry()[name]["reader"].split(":")
-    return cast("Callable[..., Flight]", getattr(import_module(module), function))
 
 
 def _from_folder(folder: Path, key: str, sha256: str) -> Path:

@@ -28,7 +28,7 @@ from trexton.companion.build.prose import records_by_name
 from trexton.companion.claims.ledger import load_claims
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights.names import flight_title
+from trexton.flights.registry import flight_title
 
 
 def entry(middle, low=None, high=None):

@@ -27,7 +27,7 @@ from trexton.companion.build.notebooks import Notebook
 from trexton.companion.build.plan import run_experiments
 from trexton.companion.experiments.declaration import Experiment
 from trexton.flights import read_flight, write_flight
-from trexton.flights.pair import load_pair
+from trexton.flights.splits import load_pair
 
 
 @pytest.fixture

@@ -23,7 +23,7 @@ def record(path: str, pattern: str, layout: str, seed: int, every: int, frames: 
 
 def measure(module: str, flight: str, test_flight: str | None, parameters: dict[str, Any]) -> str:
     """Run one experiment; the record without series and pictures, as JSON text."""
-    from trexton.flights.pair import load_pair
+    from trexton.flights.splits import load_pair
 
     experiment = import_module(module)
     train, test = load_pair(flight, test_flight)

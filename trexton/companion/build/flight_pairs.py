@@ -14,7 +14,7 @@ from trexton.base.errors import FlightError, ParameterError
 from trexton.base.progress import say
 from trexton.companion.experiments.declaration import NEEDS, Experiment
 from trexton.flights import Flight, read_flight
-from trexton.flights.pair import with_splits
+from trexton.flights.splits import with_splits
 
 __all__ = ["FlightPair", "check_names", "check_out"]
 

@@ -31,8 +31,8 @@ from trexton.companion.player.page import player_html
 from trexton.companion.player.playback import Playback
 from trexton.companion.wording import Tree, as_html, middle, template_environment
 from trexton.flights import Flight
-from trexton.flights.names import flight_title
-from trexton.flights.pair import load_pair
+from trexton.flights.registry import flight_title
+from trexton.flights.splits import load_pair
 
 __all__ = ["Given", "Page", "given", "ledger", "reference", "show_table"]
 

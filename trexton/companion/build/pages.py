@@ -13,7 +13,7 @@ from trexton.companion.build.formats import nbformat
 from trexton.companion.build.headlines import what_we_found
 from trexton.companion.build.paper_map import map_table
 from trexton.companion.claims.ledger import load_records
-from trexton.flights.names import flight_title
+from trexton.flights.registry import flight_title
 from trexton.localization.training_set import EXCLUDED_SECONDS
 
 __all__ = [

@@ -14,7 +14,7 @@ from trexton.companion.claims.ledger import Claim, Finding, judge_all, load_clai
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.wording import number
-from trexton.flights.names import flight_title
+from trexton.flights.registry import flight_title
 
 __all__ = ["Item", "load_map", "map_table"]
 

@@ -24,7 +24,7 @@ from trexton.base.progress import progress
 from trexton.base.records import software_versions, upgraded
 from trexton.companion.executor import THREAD_VARIABLES
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights.pair import load_pair
+from trexton.flights.splits import load_pair
 
 __all__ = [
     "QUICK", "VARIANTS", "Verdict", "Variant", "differences", "moved", "precision", "rebuild",

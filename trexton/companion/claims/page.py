@@ -10,7 +10,7 @@ from trexton.companion.claims.ledger import Claim, Finding, Rows, count_verdicts
 from trexton.companion.claims.rules import VERDICTS, Quantity
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.wording import number
-from trexton.flights.names import flight_title
+from trexton.flights.registry import flight_title
 
 __all__ = ["claims_html", "counts_html", "filters_html", "quantities"]
 

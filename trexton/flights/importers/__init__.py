@@ -7,12 +7,12 @@ Recording``). Command line, checks and the table in the documentation are made f
 
 from __future__ import annotations
 
-from importlib import import_module
 from pathlib import Path
 from typing import Any, Protocol, cast
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
+from trexton.base.plugins import names, resolve
 from trexton.flights.importers.recording import Recording
 
 __all__ = ["IMPORTERS", "Importer", "describe", "guess_kind", "importer"]
@@ -41,20 +41,11 @@ class Importer(Protocol):
 
 
 def importer(kind: str) -> Importer:
-    """The importer called `kind`, or ``package.module`` for one of your own.
-
-    Raises
-    ------
-    ParameterError
-        There is none of that name.
+    """The importer called `kind`: of `IMPORTERS`, an entry point in the group
+    ``trexton.importers``, or ``package.module`` of one's own; raises `ParameterError` for others.
     """
-    if kind not in IMPORTERS and "." not in kind:
-        raise ParameterError(f"import {kind!r} is unknown: choose one of {', '.join(IMPORTERS)}")
-    try:
-        module = import_module(IMPORTERS.get(kind, kind))
-    except ImportError as error:
-        raise ParameterError(f"the importer {kind!r} cannot be loaded: {error}") from None
-    return cast(Importer, module)
+    own = {kind: kind} if "." in kind else {}
+    return cast(Importer, resolve("importers", kind, IMPORTERS | own))
 
 
 def describe() -> str:
@@ -81,7 +72,7 @@ def guess_kind(source: Path) -> str:
     """
     if not source.exists():
         raise ParameterError(f"{source}: no such file or folder")
-    fitting = [kind for kind in IMPORTERS if importer(kind).recognises(source)]
+    fitting = [kind for kind in names("importers", IMPORTERS) if importer(kind).recognises(source)]
     if len(fitting) == 1:
         return fitting[0]
     found = f"looks like {' and '.join(fitting)}" if fitting else "is of no kind that is recognised"

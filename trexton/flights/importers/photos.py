@@ -13,12 +13,12 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
-from trexton.flights.earth import plane
 from trexton.flights.frames import ImageFiles
+from trexton.flights.geodesy import local_metres
 from trexton.flights.importers.recording import NANO, Recording, Track, beside
 from trexton.flights.tables import read_table
 
-__all__ = ["Settings", "local_metres", "read", "recognises"]
+__all__ = ["Settings", "read", "recognises"]
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
 _GPS, _DETAILS = 0x8825, 0x8769  # EXIF directories
@@ -89,29 +89,6 @@ def read(source: Path, settings: Settings) -> Recording:
         origin=origin,
         said=[f"photographs without a position, left out: {missing}"] if missing else [],
     )
-
-
-def local_metres(
-    latitude: np.ndarray, longitude: np.ndarray
-) -> tuple[np.ndarray, tuple[float, float]]:
-    """``(N, 2)`` metres east and north of the south-west corner, and that corner in degrees.
-
-    See `trexton.flights.earth.plane`.
-
-    Raises
-    ------
-    FlightError
-        A latitude or longitude is no angle on Earth.
-    """
-    good = (np.abs(latitude) <= 90) & (np.abs(longitude) <= 180)
-    if not good.all():
-        row = int(np.argmin(good))
-        raise FlightError(
-            f"position {row + 1} is {latitude[row]}, {longitude[row]}: expected degrees of "
-            "latitude and longitude"
-        )
-    corner = float(latitude.min()), float(longitude.min())
-    return np.column_stack(plane(corner)(longitude, latitude)), corner
 
 
 def _from_table(

@@ -1,30 +1,31 @@
-"""Flights and tracks in the formats that others read: one file each, and one line here.
+"""Tracks of flights and of records in the formats that others read: a function each.
 
-A module has ``write(track, stream)``, which writes a `Trajectory` as text; its first docstring line
-describes it.
+An exporter takes a `Trajectory` and a stream of text, and is a line in `EXPORTERS`, an entry point
+or ``module:function``; `load_trajectory` gives the track, `export` writes it.
 """
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
-from typing import IO, Protocol, cast
+from typing import IO
 
 import numpy as np
 
-from trexton.base.errors import FlightError, ParameterError
+from trexton.base.errors import FlightError
 from trexton.base.files import atomic_file
+from trexton.base.plugins import resolve
 from trexton.flights.folder import read_flight
+from trexton.flights.geodesy import plane
 from trexton.flights.tables import read_text
 
 __all__ = ["EXPORTERS", "Trajectory", "export", "load_trajectory"]
 
 EXPORTERS = {
-    "tum": "trexton.flights.exporters.tum",
-    "csv": "trexton.flights.exporters.table",
-    "geojson": "trexton.flights.exporters.geojson",
+    "tum": "trexton.flights.exporters:write_tum",
+    "csv": "trexton.flights.exporters:write_csv",
+    "geojson": "trexton.flights.exporters:write_geojson",
 }
 
 
@@ -50,13 +51,6 @@ class Trajectory:
     position: np.ndarray
     yaw: np.ndarray
     origin: tuple[float, float] | None = None
-
-
-class Exporter(Protocol):
-    """What a module of an exporter offers."""
-
-    def write(self, track: Trajectory, stream: IO[str]) -> None:
-        """Write the track as text."""
 
 
 def load_trajectory(source: Path, what: str = "truth") -> Trajectory:
@@ -114,17 +108,55 @@ def _known(
     return Trajectory(name, time[rows], place[rows], np.where(np.isfinite(yaw), yaw, 0.0)[rows])
 
 
+def write_csv(track: Trajectory, stream: IO[str]) -> None:
+    """CSV: ``t_s,x_m,y_m,z_m,yaw_rad`` with all digits."""
+    stream.write("t_s,x_m,y_m,z_m,yaw_rad\n")
+    for row in np.column_stack([track.time, track.position, track.yaw]).tolist():
+        stream.write(",".join(map(repr, row)) + "\n")
+
+
+def write_tum(track: Trajectory, stream: IO[str]) -> None:
+    """TUM: ``stamp x y z qx qy qz qw``, seconds and metres, as evo reads it; the quaternion turns a
+    vehicle whose x points forward (REP 103).
+    """
+    # A vehicle of yaw 0 flies along y (`trexton.vision.camera`).
+    for time, place, yaw in zip(track.time, track.position, track.yaw + np.pi / 2, strict=True):
+        numbers = (time, *place, 0.0, 0.0, np.sin(yaw / 2), np.cos(yaw / 2))
+        stream.write(" ".join(f"{number:.9f}" for number in numbers) + "\n")
+
+
+def write_geojson(track: Trajectory, stream: IO[str]) -> None:
+    """GeoJSON: a line (a point where there is only one position), in degrees on Earth to a
+    centimetre where the flight says where its origin lies, else in metres of the map's own axes.
+    """
+    properties = {"name": track.name, "t_s": track.time.tolist(), "unit": "m"}
+    places = np.round(track.position, 6)
+    if track.origin is not None:
+        x, y = track.position[:, :2].T
+        places = np.round(np.column_stack(plane(track.origin)(x, y, inverse=True)), 7)
+        properties["unit"] = "deg"
+        properties["height_m"] = np.round(track.position[:, 2], 3).tolist()
+    coordinates = places.tolist()
+    line = len(coordinates) > 1
+    geometry = {
+        "type": "LineString" if line else "Point",
+        "coordinates": coordinates if line else (coordinates or [[]])[0],
+    }
+    feature = {"type": "Feature", "properties": properties, "geometry": geometry}
+    json.dump({"type": "FeatureCollection", "features": [feature]}, stream)
+    stream.write("\n")
+
+
 def export(track: Trajectory, kind: str, path: Path) -> Path:
-    """Write the track as `kind`, an entry of `EXPORTERS`; whole or not at all.
+    """Write the track as `kind`, an entry of `EXPORTERS`, an entry point in the group
+    ``trexton.exporters`` or ``module:function``; whole or not at all.
 
     Raises
     ------
     ParameterError
         There is no such kind.
     """
-    if kind not in EXPORTERS:
-        raise ParameterError(f"export {kind!r} is unknown: choose one of {', '.join(EXPORTERS)}")
-    module = cast(Exporter, import_module(EXPORTERS[kind]))
+    write = resolve("exporters", kind, EXPORTERS)
     with atomic_file(path) as stream:
-        module.write(track, stream)
+        write(track, stream)
     return path
