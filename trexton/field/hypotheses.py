@@ -92,7 +92,7 @@ class Hypotheses:
     outliers : (T,) array
         Probability that the last frame was an outlier, given the hypothesis.
     frame, velocity : (2, D + 4) array
-        Measurement matrices H: of the place where a frame was taken, of a measured velocity.
+        Measurement matrices H: of the measured place of a frame, of a measured velocity.
     """
 
     def __init__(self, motion: LinearMotion, errors: ErrorModel, limit: int, cell: float):
@@ -187,13 +187,13 @@ class Hypotheses:
         self.weights = weights / weights.sum()
 
     def give_birth(self, mean: np.ndarray, covariance: np.ndarray) -> None:
-        """One more, at a place where the frame was taken: its ``(2,)`` mean and ``(2, 2)``
+        """One more, at the measured place of a frame: its ``(2,)`` mean and ``(2, 2)``
         covariance, in metres; the caller gives it a weight by `prune`.
         """
         order = self._order
         state, prior = np.zeros(order + 4), self._prior.copy()
         state[:2] = mean
-        # The position is the place where the frame was taken less the correlated error.
+        # The position is the measured place less the correlated error.
         prior[:2, :2] = covariance + self.error_variance
         prior[:2, order:-2] = prior[order:-2, :2] = -self.error_variance
         self._append(state[None], prior[None], np.zeros(1))

@@ -11,12 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from trexton.field.blocks import Block
+from trexton.field.blocks import Block
 
 __all__ = ["Process", "select_length", "matern", "merge_places", "nlpd"]
 
