@@ -11,7 +11,6 @@ from trexton.base.errors import FlightError
 from trexton.base.streams import stream
 from trexton.companion.experiments import kidnapping
 from trexton.companion.experiments.kidnapping import Trial
-from trexton.companion.figures import kidnapping as figures
 from trexton.evaluation.metrics import wilson_interval
 from trexton.flights import Flight
 
@@ -150,18 +149,18 @@ def test_trials_are_what_the_localizer_gives(flights):
 
 
 def test_figures_draw_the_record(record):
-    axes = figures.time_to_recover(record).axes[0]
+    axes = kidnapping.time_to_recover(record).axes[0]
     for line, name in zip(axes.lines, ("plain", "augmented", "field"), strict=True):
         times = record.series[name]["recovery_s"]
         np.testing.assert_allclose(line.get_xdata()[1:-1], times)
         np.testing.assert_allclose(line.get_ydata()[-1], 100 * len(times) / 30)
-    error, lost = figures.error_since(record).axes
+    error, lost = kidnapping.error_since(record).axes
     np.testing.assert_allclose(
         error.lines[1].get_ydata(), record.series["augmented"]["error_m"]["median"]
     )
     for line, name in zip(lost.lines, ("plain", "augmented", "field"), strict=True):
         np.testing.assert_allclose(line.get_ydata(), 100 * np.array(record.series[name]["lost"]))
-    plot = figures.lost_told(record).axes[0]
+    plot = kidnapping.lost_told(record).axes[0]
     np.testing.assert_allclose(
         plot.lines[0].get_ydata(), 100 * np.array(record.series["augmented"]["told"], dtype=float)
     )

@@ -13,9 +13,6 @@ from trexton.companion.experiments.stitched import (
     stitched_map,
 )
 from trexton.companion.experiments.style import COLORS
-from trexton.companion.figures import homography_baseline as baseline_figures
-from trexton.companion.figures import homography_training as training_figures
-from trexton.companion.figures import mosaic as mosaic_figures
 from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import Camera, MapImage
 
@@ -70,9 +67,9 @@ def test_the_mosaic_record_says_what_the_mosaic_is(flights):
         stitched.links
     )
     assert record.values["residual_cm"]["median"] < 5
-    plan = mosaic_figures.stitched(record).axes[0]
+    plan = mosaic.stitched(record).axes[0]
     np.testing.assert_array_equal(plan.lines[1].get_xydata(), train.position[stitched.anchors])
-    arrows = mosaic_figures.deviation(record, magnified=2).axes[0].collections[0]
+    arrows = mosaic.deviation(record, magnified=2).axes[0].collections[0]
     np.testing.assert_allclose(arrows.U, 2 * np.array(record.series["residual_m"])[:, 0])
 
 
@@ -114,13 +111,13 @@ def test_the_baseline_counts_failures_and_shows_both_maps(flights):
     # The same frames at half size, on the same map: as good here, and never left out.
     assert record.values["half"]["frames"] + record.values["half"]["failures"] == len(test)
     assert record.values["half"]["error_cm_x"]["value"] < 15
-    lines = baseline_figures.error_distribution(record).axes[0].lines
+    lines = homography_baseline.error_distribution(record).axes[0].lines
     assert lines[1].get_ydata()[-1] == 100 and lines[0].get_ydata()[-1] == pytest.approx(
         100 * len(error) / len(test)
     )
     assert {line.get_color() for line in lines} == {COLORS["homography"]}
     assert len({line.get_linestyle() for line in lines}) == len(lines)
-    baseline_figures.fixes(record)
+    homography_baseline.fixes(record)
 
 
 def test_filtering_drops_outliers_fills_gaps_and_keeps_the_rest():
@@ -153,8 +150,8 @@ def test_training_on_homography_positions_differs_only_in_them(flights):
         100 * training[known, 1].mean()
     )
     assert min(values[f"{name}_process_std_cm"] for name in ("filter", "remedy", "mocap")) > 0
-    lines = training_figures.estimate_errors(record).axes[0].lines
+    lines = homography_training.estimate_errors(record).axes[0].lines
     estimate = np.array(record.series["remedy_estimate_m"])
     np.testing.assert_allclose(lines[1].get_ydata(), 100 * np.abs(estimate - test.position)[:, 0])
     assert lines[0].get_color() == COLORS["paper"] and lines[1].get_color() != COLORS["field"]
-    training_figures.training_errors(record)
+    homography_training.training_errors(record)

@@ -13,7 +13,6 @@ from trexton.base.records import Record
 from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import map_loss
 from trexton.companion.experiments.correlation import pair_correlation, rank_correlation
-from trexton.companion.figures import map_loss as figures
 from trexton.evaluation.suitability import cosine_similarity, global_loss, local_losses
 from trexton.localization.training_set import EXCLUDED_SECONDS
 
@@ -131,10 +130,10 @@ def test_runs_on_images(tmp_path, monkeypatch):
     assert record.images["floor"].shape[2] == 3
     assert record.values["counts"] == {"train": 48, "test": 48, "textons": 6}
     for draw in (
-        figures.heat_maps,
-        figures.errors_by_loss,
-        figures.similarity_by_distance,
-        figures.sigma_sweep,
+        map_loss.heat_maps,
+        map_loss.errors_by_loss,
+        map_loss.similarity_by_distance,
+        map_loss.sigma_sweep,
     ):
         draw(record)
 
@@ -150,12 +149,12 @@ def test_zero_histogram_is_an_error(flights, monkeypatch, tmp_path):
 
 def test_figures_show_the_record(record, tmp_path):
     loaded = Record.load(record.save(tmp_path))
-    left, right = figures.heat_maps(loaded).axes[:2]
+    left, right = map_loss.heat_maps(loaded).axes[:2]
     heat = record.series["heat"]
     for plan, key, scale in ((left, "loss", 1), (right, "error_m", 100)):
         shown = np.ma.filled(plan.images[-1].get_array(), np.nan)
         np.testing.assert_allclose(shown, scale * np.array(heat[key], dtype=float))
-    loss, correlations = figures.sigma_sweep(loaded).axes
+    loss, correlations = map_loss.sigma_sweep(loaded).axes
     np.testing.assert_allclose(
         loss.lines[0].get_ydata(), [row["global_loss"] for row in record.series["sweep"]]
     )
@@ -163,12 +162,12 @@ def test_figures_show_the_record(record, tmp_path):
         correlations.lines[1].get_ydata(),
         [row["prediction"]["value"] for row in record.series["sweep"]],
     )
-    (plot,) = figures.errors_by_loss(loaded).axes
+    (plot,) = map_loss.errors_by_loss(loaded).axes
     groups = record.series["groups"]["test_filter"]
     np.testing.assert_allclose(
         plot.lines[2].get_ydata(), [group["error_cm"]["value"] for group in groups]
     )
-    (plot,) = figures.similarity_by_distance(loaded).axes
+    (plot,) = map_loss.similarity_by_distance(loaded).axes
     np.testing.assert_allclose(plot.lines[1].get_ydata()[0], 1)
 
 
@@ -181,8 +180,8 @@ def test_a_short_flight_is_evaluated_and_drawn(count, flights, tmp_path, monkeyp
     train = replace(whole, frame=np.arange(count), time=np.arange(count) * 1.0, **picked)
     half = replace(again.select(np.arange(count // 2)), time=np.arange(count // 2) * 1.0)
     record = map_loss.run(train, half, map_loss.Parameters())
-    for name in figures.__all__:
-        assert getattr(figures, name)(record).axes
+    for name in ("errors_by_loss", "heat_maps", "sigma_sweep", "similarity_by_distance"):
+        assert getattr(map_loss, name)(record).axes
 
 
 def test_rank_correlation(rng):

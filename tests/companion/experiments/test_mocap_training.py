@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from trexton.companion.experiments import mocap_training
-from trexton.companion.figures import mocap_training as figures
 
 SCRIPT = """
 import sys
@@ -87,13 +86,13 @@ def test_figures_draw_the_records_numbers(cyberzoo):
     record = mocap_training.run(
         cyberzoo.part("train"), cyberzoo.part("test"), mocap_training.Parameters(repeats=1)
     )
-    plan = figures.floor_plan(record).axes[0]
+    plan = mocap_training.floor_plan(record).axes[0]
     drawn = {line.get_label(): line.get_xydata() for line in plan.lines}
     np.testing.assert_array_equal(drawn["motion capture"], record.series["truth_m"])
     np.testing.assert_array_equal(
         drawn["estimate (every 5th frame)"], record.series["estimate_m"][::5]
     )
-    error = figures.error_over_time(record).axes[1].lines
+    error = mocap_training.error_over_time(record).axes[1].lines
     np.testing.assert_allclose(error[3].get_ydata()[0], mean_cm(record, "filter", "y"))
-    spread = figures.spread_over_time(record).axes[0].lines[0].get_ydata()
+    spread = mocap_training.spread_over_time(record).axes[0].lines[0].get_ydata()
     np.testing.assert_allclose(spread, 100 * np.array(record.series["spread_m"])[:, 0])

@@ -12,7 +12,6 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments import texton_dictionary
 from trexton.companion.experiments.texton_dictionary import place_frequencies
-from trexton.companion.figures import texton_dictionary as figures
 from trexton.vision.images import bgr_from_yuv
 
 OPTIONS = {"textons": 6, "images": 10, "patches_per_image": 200, "cells": 4}
@@ -77,17 +76,17 @@ def test_equal_seeds_give_equal_records(record, flights, tmp_path, monkeypatch):
 
 def test_figures_show_the_record(record, tmp_path):
     loaded = Record.load(record.save(tmp_path))
-    labels = [axis.get_xlabel() for axis in figures.textons(loaded).axes]
+    labels = [axis.get_xlabel() for axis in texton_dictionary.textons(loaded).axes]
     assert labels == [
         f"{i}:  {100 * share:.1f} %" for i, share in enumerate(record.values["frequency"])
     ]
-    plot = figures.convergence(loaded).axes[0]
+    plot = texton_dictionary.convergence(loaded).axes[0]
     for line, errors in zip(plot.lines[::2], record.series["convergence"].values(), strict=False):
         np.testing.assert_allclose(line.get_ydata(), errors)
         assert line.get_xdata()[-1] == 2.0  # thousands
-    maps = [axis for axis in figures.places(loaded).axes if axis.get_title(loc="right")]
+    maps = [axis for axis in texton_dictionary.places(loaded).axes if axis.get_title(loc="right")]
     for axis, expected in zip(maps, record.series["place_frequency"], strict=True):
         np.testing.assert_allclose(
             axis.images[0].get_array().filled(np.nan), 100 * np.array(expected, dtype=float)
         )
-    assert len(figures.labelled(loaded).axes) == 2
+    assert len(texton_dictionary.labelled(loaded).axes) == 2

@@ -12,9 +12,7 @@ from trexton.companion.checks.bench import Row
 from trexton.companion.checks.timing import Times
 from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import speed, timing
-from trexton.companion.experiments import speed as speed_figures
 from trexton.companion.experiments.printed import published
-from trexton.companion.figures import timing as figures
 
 OPTIONS = {
     "samples": 40,
@@ -82,14 +80,14 @@ def test_claims_find_their_values(records):
 def test_figures_show_the_record(records, tmp_path):
     for record in records:
         loaded = Record.load(record.save(tmp_path / record.flight))
-        plot, times = figures.stages(loaded).axes[0], figures.times(loaded)
+        plot, times = timing.stages(loaded).axes[0], timing.times(loaded)
         dots = [line for line in plot.lines if line.get_marker() == "o"]
         assert [line.get_xdata()[0] for line in dots] == [
             time["median"] for time in reversed(times.values())
         ]
         diamonds = [line.get_xdata()[0] for line in plot.lines if line.get_marker() == "D"]
         assert published()["timing"]["total_ms"] in diamonds
-        plot = figures.frames(loaded).axes[0]
+        plot = timing.frames(loaded).axes[0]
         assert len(plot.collections) == len(record.timings["stages_ms"])
 
 

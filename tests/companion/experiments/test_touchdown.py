@@ -12,7 +12,6 @@ from trexton.companion.build import notebook
 from trexton.companion.experiments import touchdown
 from trexton.companion.experiments.closed_loop import Lander, fly_together
 from trexton.companion.experiments.triggered_landing import mission_over
-from trexton.companion.figures import touchdown as figures
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.simulator import PERIOD, record_flight
@@ -107,13 +106,13 @@ def test_coarse_to_fine_knows_where_it_is_when_it_lands(record):
 
 
 def test_the_page_shows_the_record(record):
-    table = figures.table(record)
+    table = touchdown.table(record)
     assert table["landed"].tolist() == [
         record.values["landers"][name]["landings"] for name in touchdown.LANDERS
     ]
     assert f"{record.values['landers']['fine']['landings']} of 2" in touchdown.finding(record)
-    assert len(figures.targets(record).axes) == len(touchdown.LANDERS)
-    assert len(figures.bounds(record).axes[0].texts) == sum(
+    assert len(touchdown.targets(record).axes) == len(touchdown.LANDERS)
+    assert len(touchdown.bounds(record).axes[0].texts) == sum(
         each["landings"] > 0 for each in record.values["bounds"]
     )
-    assert len(figures.waiting(record).axes[0].lines) == len(touchdown.LANDERS)
+    assert len(touchdown.waiting(record).axes[0].lines) == len(touchdown.LANDERS)

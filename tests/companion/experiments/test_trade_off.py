@@ -12,7 +12,6 @@ from trexton.companion.claims.ledger import judge_all, load_claims
 from trexton.companion.experiments import stored, trade_off, tuned
 from trexton.companion.experiments.evaluation import frames_of, trained_map
 from trexton.companion.experiments.track import tracks
-from trexton.companion.figures import trade_off as figures
 from trexton.evaluation.metrics import absolute_errors
 from trexton.evaluation.runtime import frequency, milliseconds
 from trexton.vision.histograms import texton_histogram
@@ -246,7 +245,7 @@ def test_full_histograms_are_those_of_every_patch(pair):
 
 def test_figures_show_the_record(record, without_images, tmp_path):
     loaded = Record.load(record.save(tmp_path))
-    error, rate = figures.samples(loaded).axes
+    error, rate = trade_off.samples(loaded).axes
     medians = [row["error_cm_x"]["value"] for row in record.series["samples"]]
     np.testing.assert_allclose(error.lines[0].get_ydata(), medians[:-1])
     np.testing.assert_allclose(
@@ -259,19 +258,19 @@ def test_figures_show_the_record(record, without_images, tmp_path):
         [row["frequency_hz"]["median"] for row in record.timings["samples"][:-1]],
     )
     for draw, name in (
-        (figures.particles, "particles"),
-        (figures.training, "training"),
-        (figures.neighbors, "neighbors"),
+        (trade_off.particles, "particles"),
+        (trade_off.training, "training"),
+        (trade_off.neighbors, "neighbors"),
     ):
         medians = [row["error_cm_y"]["value"] for row in record.series[name]]
         np.testing.assert_allclose(draw(loaded).axes[0].lines[1].get_ydata(), medians)
-    (plot,) = figures.stored(loaded).axes
+    (plot,) = trade_off.stored(loaded).axes
     tree = [row["tree"]["frequency_hz"]["median"] for row in record.timings["stored"]]
     np.testing.assert_allclose(plot.lines[1].get_ydata(), tree)
-    (plot,) = figures.grid(loaded).axes
+    (plot,) = trade_off.grid(loaded).axes
     best = record.values["best_error_cm"]["value"]
     assert best in plot.lines[-1].get_ydata()
-    (plot,) = figures.error_by_frequency(loaded).axes
+    (plot,) = trade_off.error_by_frequency(loaded).axes
     assert len(plot.containers) == 2
-    assert len(figures.error_by_frequency(without_images).axes[0].containers) == 1
+    assert len(trade_off.error_by_frequency(without_images).axes[0].containers) == 1
     assert not without_images.series.get("samples")

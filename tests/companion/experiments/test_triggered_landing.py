@@ -18,7 +18,6 @@ from trexton.companion.executor import working_on
 from trexton.companion.experiments import triggered_landing
 from trexton.companion.experiments.closed_loop import Attempt
 from trexton.companion.experiments.triggered_landing import summarize_attempts
-from trexton.companion.figures import triggered_landing as figures
 from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import Camera, MapImage
 
@@ -175,10 +174,12 @@ def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
     )
     assert found.values["never_triggered"] == 1 and found.series["beyond_cm"] == [None]
     assert found.series["wait_s"][0] == pytest.approx(2.0, abs=0.081)
-    assert figures.first_flights(found).axes[0].get_title(loc="left") == "1: never triggered"
-    figures.targets(found)
-    figures.waiting(found)
-    assert len(figures.table(found)) == 4
+    assert (
+        triggered_landing.first_flights(found).axes[0].get_title(loc="left") == "1: never triggered"
+    )
+    triggered_landing.targets(found)
+    triggered_landing.waiting(found)
+    assert len(triggered_landing.table(found)) == 4
 
 
 @pytest.mark.parametrize(
@@ -203,12 +204,12 @@ def test_a_flight_without_a_floor_or_a_camera_cannot_serve(train):
 
 
 def test_the_figures_show_the_record(record):
-    plans = [axes for axes in figures.first_flights(record).axes if axes.patches]
+    plans = [axes for axes in triggered_landing.first_flights(record).axes if axes.patches]
     assert [np.round(axes.patches[0].center, 9).tolist() for axes in plans] == np.round(
         record.series["zone_m"], 9
     ).tolist()
     assert np.allclose(plans[0].lines[0].get_xydata(), record.series["paths_m"][0])
-    shown = figures.targets(record).axes[1]
+    shown = triggered_landing.targets(record).axes[1]
     points = np.concatenate([collection.get_offsets() for collection in shown.collections])
     expected = [
         np.subtract(t, z)
@@ -218,15 +219,15 @@ def test_the_figures_show_the_record(record):
         if fired
     ]
     assert sorted(map(tuple, np.round(points, 9))) == sorted(map(tuple, np.round(expected, 9)))
-    steps = figures.waiting(record).axes[0].lines[0].get_ydata()
+    steps = triggered_landing.waiting(record).axes[0].lines[0].get_ydata()
     assert steps[-1] == pytest.approx(100 * record.values["landings"] / 3)
 
 
 def test_the_table_stands_beside_the_paper(record):
-    table = figures.table(record)
+    table = triggered_landing.table(record)
     assert table.iloc[0]["Landings"] == 6 and table.iloc[0]["Inside"] == 4
     assert table.iloc[2]["Landings"] == record.values["landings"]
-    causes = figures.causes(record)
+    causes = triggered_landing.causes(record)
     assert causes.iloc[1]["Error at the trigger"].startswith("0 ")
     assert causes.iloc[1]["Drift to touchdown"].startswith(
         f"{record.values['perfect']['drift_cm']['median']:.0f} "

@@ -34,8 +34,6 @@ from trexton.simulator import (
 )
 from trexton.vision.camera import Camera
 
-__all__ = ["ATTITUDE", "Attempt", "Lander", "Mission", "fly_all", "fly_together"]
-
 NOWHERE = np.full(2, np.nan)
 ATTITUDE = ("roll", "pitch", "yaw")
 HEIGHT_NOISE = 0.01  # metres, of the autopilot's height

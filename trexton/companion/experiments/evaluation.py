@@ -28,20 +28,6 @@ from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.training import for_method, train_map
 from trexton.vision.histograms import sampled_histogram
 
-__all__ = [
-    "drawn_histograms",
-    "drift",
-    "evaluate",
-    "evenly_spread",
-    "floor_picture",
-    "frames_of",
-    "map_of",
-    "neighbor_means",
-    "runs_by_method",
-    "trained_map",
-    "whereabouts",
-]
-
 
 def trained_map(
     train: Flight,

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from trexton.base.records import Record
@@ -15,14 +16,13 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import evaluate, floor_picture, frames_of, map_of
 from trexton.companion.experiments.stitched import homography_maps, locate_all
+from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import tracks
 from trexton.companion.wording import middle, number
 from trexton.evaluation.metrics import absolute_errors, euclidean, summarize
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
-
-__all__ = ["EXPERIMENT", "filtered_positions", "finding", "Parameters", "run"]
 
 OUTLIER_M = 0.4  # a fix that is this far from the running median was no motion of the vehicle
 MEDIAN_FRAMES = 11
@@ -140,6 +140,49 @@ def finding(record: Record) -> str:
     return (
         text + f", while the neighbours alone err by {number(min(knn))} to {number(max(knn))} cm."
     )
+
+
+# place in the record: label and colour; both train the paper's filter, one as the paper does
+ROWS = {
+    "filter": ("homography positions", COLORS["paper"]),
+    "remedy": ("filtered first", COLORS["guarded"]),
+}
+
+
+def training_errors(record: Record) -> Figure:
+    """Error of each training position, as the homography gives it and after filtering, by frame."""
+    with canvas(2, 1, size=(7.2, 4.2), sharex=True) as (figure, axes):
+        for axis, name in enumerate("xy"):
+            plot = axes[axis, 0]
+            for key, (label, color) in ROWS.items():
+                error = (
+                    100 * np.array(record.series[f"{key}_training_error_m"], dtype=float)[:, axis]
+                )
+                plot.plot(np.maximum(error, 0.1), ".", color=color, markersize=4, label=label)
+            plot.set(yscale="log", ylabel=f"error in {name} (cm)")
+            plot.yaxis.set_major_formatter("{x:g}")
+        legend_above(axes[0, 0], 2)
+        axes[1, 0].set_xlabel("training frame")
+    return figure
+
+
+def estimate_errors(record: Record) -> Figure:
+    """Absolute error of the localizer over the test flight, trained on either set of positions."""
+    series = record.series
+    time, truth = np.array(series["time_s"]), np.array(series["truth_m"])
+    with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
+        for axis, name in enumerate("xy"):
+            plot = axes[axis, 0]
+            for key, (label, color) in ROWS.items():
+                error = 100 * np.abs(
+                    np.array(series[f"{key}_estimate_m"])[:, axis] - truth[:, axis]
+                )
+                plot.plot(time, error, color=color, label=f"trained on {label}", linewidth=1.0)
+            plot.set_ylabel(f"error in {name} (cm)")
+        axes[0, 0].set_ylim(0, None)
+        legend_above(axes[0, 0], 2)
+        axes[1, 0].set_xlabel("time (s)")
+    return figure
 
 
 EXPERIMENT = Experiment(

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
@@ -18,6 +19,16 @@ from trexton.companion.experiments.evaluation import (
     frames_of,
     map_of,
     whereabouts,
+)
+from trexton.companion.experiments.style import (
+    COLORS,
+    canvas,
+    floor_axes,
+    legend_above,
+    legend_below,
+    length_unit,
+    mean_line,
+    show_floor,
 )
 from trexton.companion.experiments.track import Track, tracks
 from trexton.companion.wording import beside, interval, middle, number, percent
@@ -32,9 +43,6 @@ from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 from trexton.localization.roles import ROLES
-
-__all__ = ["EXPERIMENT", "finding", "Parameters", "run"]
-
 
 LANDING_SPREAD_M = 0.6  # the paper's threshold: no landing where the particles spread wider
 MOST_LAG_FRAMES = 60
@@ -201,6 +209,75 @@ def finding(record: Record) -> str:
     honest = "as it should" if middle(spread["within_two"]) >= 0.9 else "where 95 % should lie"
     parts.append(f"twice its spread covers {held} of the errors of an axis, {honest}")
     return f"{parts[0]}: {', and '.join(parts[1:])}."
+
+
+_ROWS = (("knn", "k-NN alone", "neighbors"), ("estimate", "particle filter", "paper"))
+
+
+def floor_plan(record: Record) -> Figure:
+    """Truth and estimate over the floor."""
+    series = record.series
+    truth, estimate = np.array(series["truth_m"]), np.array(series["estimate_m"])
+    with canvas(size=(5.4, 5.0)) as (figure, axes):
+        plan = axes[0, 0]
+        floor_axes(plan, series["area_m"])
+        show_floor(plan, series.get("floor"), record.images.get("floor"))
+        # Every fifth frame: where the estimate was against the truth.
+        for start in range(0, len(truth), 5):
+            plan.plot(
+                *zip(truth[start], estimate[start], strict=True),
+                color=COLORS["paper"],
+                linewidth=0.5,
+                alpha=0.6,
+            )
+        plan.plot(*truth.T, color=COLORS["truth"], linewidth=2, label="motion capture")
+        plan.plot(
+            *estimate[::5].T,
+            "o",
+            color=COLORS["paper"],
+            markersize=3,
+            label="estimate (every 5th frame)",
+        )
+        legend_below(plan, 0.12, columns=2)
+    return figure
+
+
+def error_over_time(record: Record) -> Figure:
+    """Absolute error in x and y over the flight, of filter and k-NN alone, with their means."""
+    series = record.series
+    time, truth = np.array(series["time_s"]), np.array(series["truth_m"])
+    errors = {key: np.abs(np.array(series[f"{key}_m"]) - truth) for key, _, _ in _ROWS}
+    unit, scale = length_unit(min(error.mean() for error in errors.values()))
+    with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
+        for axis, name in enumerate("xy"):
+            plot = axes[axis, 0]
+            for key, label, color in _ROWS:
+                error = scale * errors[key][:, axis]
+                plot.plot(time, error, color=COLORS[color], label=label, linewidth=1.0)
+                mean_line(plot, error, COLORS[color], unit)
+            plot.set_ylabel(f"error in {name} ({unit})")
+        axes[0, 0].set_ylim(0, None)
+        legend_above(axes[0, 0])
+        axes[1, 0].set_xlabel("time (s)")
+    return figure
+
+
+def spread_over_time(record: Record) -> Figure:
+    """Standard deviation of the particles in x and y over the flight."""
+    series = record.series
+    time, spread = np.array(series["time_s"]), np.array(series["spread_m"])
+    unit, scale = length_unit(float(spread.mean()))
+    with canvas(size=(7.2, 2.4)) as (figure, axes):
+        for axis, (name, style) in enumerate((("x", "-"), ("y", ":"))):
+            look: dict[str, Any] = {
+                "color": COLORS["particles"],
+                "linestyle": style,
+                "linewidth": 1.2,
+            }
+            axes[0, 0].plot(time, scale * spread[:, axis], label=f"spread in {name}", **look)
+        axes[0, 0].set(xlabel="time (s)", ylabel=f"particle spread ({unit})", ylim=(0, None))
+        legend_above(axes[0, 0])
+    return figure
 
 
 EXPERIMENT = Experiment(

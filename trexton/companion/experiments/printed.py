@@ -9,8 +9,6 @@ from typing import Any
 
 from trexton.base.cache import shipped
 
-__all__ = ["look_up", "paper_file", "published"]
-
 
 def paper_file(name: str) -> Path:
     """The file `name` of ``data/paper``; raises `DataError` where the installation is not whole."""

@@ -11,8 +11,6 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import for_method
 
-__all__ = ["replay"]
-
 # As the player names them; the first one is shown in detail.
 _METHODS = {"paper": "the paper's filter", "guarded": "guarded", "field": "field", "fine": "fine"}
 

@@ -21,18 +21,6 @@ from trexton.registration.homography import HomographyLocalizer, detect_keypoint
 from trexton.registration.mosaic import Links, Mosaic, map_from_links, stitch
 from trexton.vision.camera import MapImage
 
-__all__ = [
-    "FEWEST_ANCHORS",
-    "Located",
-    "SAME_PASS_FRAMES",
-    "drifting_map",
-    "floor_residual",
-    "homography_maps",
-    "locate_all",
-    "picture_of",
-    "stitched_map",
-]
-
 _PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are stored as they are
 SAME_PASS_FRAMES = 12  # frames: links between frames that are further apart notice a place again
 FEWEST_ANCHORS = 3

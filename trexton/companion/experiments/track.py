@@ -17,8 +17,6 @@ from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer, TextonMap
 
-__all__ = ["HELD", "Track", "fly", "tracks"]
-
 Frames = Sequence[np.ndarray] | np.ndarray
 HELD = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
 

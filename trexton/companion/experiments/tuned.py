@@ -23,8 +23,6 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import with_choices
 from trexton.vision.histograms import sampled_histogram
 
-__all__ = ["search_settings"]
-
 PARTICLES = (50, 400)
 NEIGHBORS = (1, 3, 5, 10)
 NOISES = (1, 2, 4)  # times the motion noise that was learned

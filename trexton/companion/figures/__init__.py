@@ -1,1 +1,0 @@
-"""Every figure of the book, drawn from records only; the common look is in `style`."""
