@@ -111,21 +111,19 @@ def bench_record(monkeypatch, rng):
 def test_the_speed_page(bench_record, tmp_path):
     loaded = Record.load(bench_record.save(tmp_path))
     assert loaded.values["limits"] == 2 and loaded.timings["held"] == 1
-    (share,) = speed_figures.limits(loaded).axes[0].collections[1:]
+    (share,) = speed.limits(loaded).axes[0].collections[1:]
     np.testing.assert_allclose(share.get_offsets()[:, 0], [0.5 / 0.87, 2 / 1.2])
     points = [
-        line
-        for line in speed_figures.roofline(loaded).axes[0].lines
-        if line.get_linestyle() == "None"
+        line for line in speed.roofline(loaded).axes[0].lines if line.get_linestyle() == "None"
     ]
     assert [line.get_ydata()[0] for line in points] == pytest.approx(
         [1.303e9 / 0.01 / 1e9, 32_000 / 0.01 / 1e9, 1_728_000 / 0.01 / 1e9]
     )
-    (plot,) = [axis for axis in speed_figures.growth(loaded).axes if axis.get_title(loc="left")]
+    (plot,) = [axis for axis in speed.growth(loaded).axes if axis.get_title(loc="left")]
     assert (
         plot.lines[0].get_xdata().tolist() == [10, 1000]
         and plot.get_title(loc="left") == "exponent 0.00"
     )
-    shown = speed_figures.rows(loaded)
+    shown = speed.rows(loaded)
     assert shown["Stage"].tolist() == ["full histogram", "neighbours", "sampled histogram"]
     assert shown.iloc[:, -1].tolist() == ["holds", "missed", ""]
