@@ -47,9 +47,9 @@ def test_finding_table_and_figure_say_what_the_record_holds(record):
     assert (", less beyond chance. A velocity" in told) == sure
     assert "a compass turns by 20 degrees" in told
     table = aiding.table(record)
-    assert list(table.iloc[:, 0]) == [label for label, *_ in aiding.KNOWN.values()]
+    assert list(table.iloc[:, 0]) == [label for label, *_ in aiding.AIDINGS.values()]
     assert table.iloc[4, 1] == ""  # the paper's filter takes no velocity
-    assert len(aiding.errors(record).axes[0].get_yticklabels()) == len(aiding.KNOWN)
+    assert len(aiding.errors(record).axes[0].get_yticklabels()) == len(aiding.AIDINGS)
 
 
 def test_a_flight_without_a_floor_is_told_so(flight):

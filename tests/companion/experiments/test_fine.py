@@ -31,12 +31,12 @@ def record(tmp_path_factory):
 
 def test_errors_are_centimetres_everywhere(record):
     for where in ("surveyed", "stitched"):
-        for name in fine.KNOWN:
+        for name in fine.ATTITUDES:
             entry = record.values["flight"][where][name]
             assert entry["max_cm"] < 10
             mean = entry["mean_cm"]
             assert 0 < mean["low"] < mean["value"] < mean["high"]
-    for name in fine.KNOWN:
+    for name in fine.ATTITUDES:
         entry = record.values["all"][name]
         assert entry["frames"] == 25 and entry["gross"] == 0 and entry["mean_cm"] < 2
         assert 0 <= entry["region_90"] <= 1 and len(entry["region_90_quarters"]) == 4
@@ -96,7 +96,7 @@ def test_kidnappings_over_one_floor_count_together():
 
 def test_means_over_floors_are_those_of_all_frames():
     kept = notebook.reference("fine")
-    for name in fine.KNOWN:
+    for name in fine.ATTITUDES:
         for quantity, highest in (("mean_cm", np.inf), ("region_90", 1)):
             found, pooled = fine.over_floors(kept, name, quantity, highest), kept.values["all"]
             assert found["value"] == pytest.approx(pooled[name][quantity])

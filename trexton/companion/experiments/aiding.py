@@ -41,7 +41,7 @@ from trexton.vision.textons import MAX_TEXTONS
 
 _TILT = ("roll", "pitch")
 # What comes beside a frame: its label, the view in which histograms are counted, the aiding.
-KNOWN: dict[str, tuple[str, str | None, tuple[str, ...]]] = {
+AIDINGS: dict[str, tuple[str, str | None, tuple[str, ...]]] = {
     "nothing": ("the frame alone", None, ()),
     "attitude": ("roll and pitch", "nadir", _TILT),
     "height": ("height", "nadir", ("height",)),
@@ -52,8 +52,8 @@ KNOWN: dict[str, tuple[str, str | None, tuple[str, ...]]] = {
 }
 # The paper's filter has a motion model that asks for no velocity.
 METHODS = {
-    "paper": tuple(name for name, (_, _, aiding) in KNOWN.items() if "velocity" not in aiding),
-    "field": tuple(KNOWN),
+    "paper": tuple(name for name, (_, _, aiding) in AIDINGS.items() if "velocity" not in aiding),
+    "field": tuple(AIDINGS),
 }
 LABELS = {"paper": "the paper's filter", "field": "field"}
 FIRST_FLOOR = 500  # seed of the first painted floor; no setting was chosen on these
@@ -81,7 +81,7 @@ class Parameters(FloorParameters):
 class _Over:
     """The later flight over one floor."""
 
-    flown: dict[str, dict[str, Track]]  # by method and what was known
+    flown: dict[str, dict[str, Track]]  # by method and aiding
     truth: np.ndarray  # (N, 2) metres
     beside: np.ndarray  # (N,) metres from below the vehicle to the middle of its picture
     ripple: float  # metres, of the height as it was flown
@@ -105,22 +105,22 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     rng = stream(parameters.seed, "intervals")
     errors = {
         method: {
-            known: np.stack([each.flown[method][known].errors(each.truth) for each in over])
-            for known in asked
+            aid: np.stack([each.flown[method][aid].errors(each.truth) for each in over])
+            for aid in asked
         }
         for method, asked in METHODS.items()
     }
     values: dict[str, Any] = {
         "error_cm": {
-            method: {known: mean_over_floors(100 * rows, rng) for known, rows in found.items()}
+            method: {aid: mean_over_floors(100 * rows, rng) for aid, rows in found.items()}
             for method, found in errors.items()
         },
         # frame by frame: the two share what is hard about a place
         "gain_cm": {
             method: {
-                known: mean_over_floors(100 * (found["nothing"] - rows), rng, -np.inf)
-                for known, rows in found.items()
-                if known != "nothing"
+                aid: mean_over_floors(100 * (found["nothing"] - rows), rng, -np.inf)
+                for aid, rows in found.items()
+                if aid != "nothing"
             }
             for method, found in errors.items()
         },
@@ -129,13 +129,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     }
     # of the field, where it had a velocity: shares of frames
     for name in ("velocity_bias_rate", "held"):
-        for known in ("velocity", "turned"):
-            runs = [(each.flown["field"][known], each.truth) for each in over]
+        for aid in ("velocity", "turned"):
+            runs = [(each.flown["field"][aid], each.truth) for each in over]
             rows = [
-                run.contradicted if name == "velocity_bias_rate" else run.held(truth)
+                run.velocity_biased if name == "velocity_bias_rate" else run.held(truth)
                 for run, truth in runs
             ]
-            values[name][known] = mean_over_floors(np.stack(rows), rng, highest=1.0)
+            values[name][aid] = mean_over_floors(np.stack(rows), rng, highest=1.0)
     values |= {
         "beside_cm": 100 * float(np.mean([each.beside.mean() for each in over])),
         "ripple_cm": 100 * float(np.mean([each.ripple for each in over])),
@@ -143,7 +143,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "frames": int(errors["field"]["nothing"].size),
     }
     by_floor = {
-        method: {known: 100 * rows.mean(axis=1) for known, rows in found.items()}
+        method: {aid: 100 * rows.mean(axis=1) for aid, rows in found.items()}
         for method, found in errors.items()
     }
     return parameters.record(train, values=values, series={"by_floor_cm": by_floor})
@@ -167,18 +167,17 @@ def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, heigh
         _aiding(later, parameters, seed, np.radians(off)) for off in (0.0, parameters.compass_deg)
     )
 
-    def flown(method: str, known: str) -> Track:
-        _, view, names = KNOWN[known]
+    def flown(method: str, aid: str) -> Track:
+        _, view, names = AIDINGS[aid]
         # Each draws the same patches: what differs between them is not chance.
         localizer = Localizer(
             maps[view, method], samples=parameters.samples, rng=stream(seed, f"aiding {method}")
         )
-        aiding = [each.only(names) for each in (turned if known == "turned" else right)]
+        aiding = [each.only(names) for each in (turned if aid == "turned" else right)]
         return fly(localizer, frames, aiding=aiding)
 
     compared = {
-        method: {known: flown(method, known) for known in asked}
-        for method, asked in METHODS.items()
+        method: {aid: flown(method, aid) for aid in asked} for method, asked in METHODS.items()
     }
     assert later.attitude is not None and later.height is not None
     beside = later.height * np.tan(np.hypot(*later.attitude[:, :2].T))
@@ -188,7 +187,7 @@ def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, heigh
 def _maps(survey: Flight, parameters: Parameters) -> dict[tuple[str | None, str], TextonMap]:
     """By view and method."""
     maps = {}
-    for view in dict.fromkeys(view for _, view, _ in KNOWN.values()):
+    for view in dict.fromkeys(view for _, view, _ in AIDINGS.values()):
         choices: dict[str, Any] = {} if view is None else {"view": view}
         base = train_map(
             survey, n_textons=parameters.textons, cells=parameters.cells,
@@ -227,10 +226,10 @@ def finding(record: Record) -> str:
     values = record.values
     field, gains = values["error_cm"]["field"], values["gain_cm"]["field"]
 
-    def error(known: str) -> str:
-        low, high = gains[known]["low"], gains[known]["high"]
+    def error(aid: str) -> str:
+        low, high = gains[aid]["low"], gains[aid]["high"]
         sure = "less" if low > 0 else "more" if high < 0 else "neither more nor less"
-        return f"{distance(field[known])}, {sure} beyond chance"
+        return f"{distance(field[aid])}, {sure} beyond chance"
 
     return (
         f"By the frame alone the mean error of method field is {distance(field['nothing'])}; with "
@@ -246,30 +245,30 @@ def finding(record: Record) -> str:
 
 
 def errors(record: Record) -> Figure:
-    """Mean error with its interval over what was known, a colour for each method."""
-    values, rows = record.values["error_cm"], list(KNOWN)
+    """Mean error with its interval over what aided it, a colour for each method."""
+    values, rows = record.values["error_cm"], list(AIDINGS)
     with canvas(size=(7.2, 3.0)) as (figure, axes):
         plot = axes[0, 0]
         for place, (method, label) in enumerate(LABELS.items()):
-            places = np.array([rows.index(known) for known in METHODS[method]])
+            places = np.array([rows.index(aid) for aid in METHODS[method]])
             with_intervals(
                 plot, places + 0.16 * (place - 0.5),
-                [values[method][known] for known in METHODS[method]], across=True,
+                [values[method][aid] for aid in METHODS[method]], across=True,
                 fmt="os"[place], color=COLORS[method], label=label,
             )  # fmt: skip
-        label_rows(plot, [label for label, *_ in KNOWN.values()], "mean error (cm)")
+        label_rows(plot, [label for label, *_ in AIDINGS.values()], "mean error (cm)")
         legend_above(plot, 2)
     return figure
 
 
 def table(record: Record) -> pd.DataFrame:
-    """Mean error and gain with their intervals, a row for each thing known."""
+    """Mean error and gain with their intervals, a row for each aiding."""
     rows = []
-    for known, (label, *_) in KNOWN.items():
-        row = {"known beside the frame": label}
+    for aid, (label, *_) in AIDINGS.items():
+        row = {"measured beside the frame": label}
         for method, words in LABELS.items():
             for what in ("error", "gain"):
-                entry = record.values[f"{what}_cm"][method].get(known)
+                entry = record.values[f"{what}_cm"][method].get(aid)
                 row[f"{words}, {what}"] = distance(entry) if entry else ""
         rows.append(row)
     return pd.DataFrame(rows)

@@ -1,7 +1,7 @@
 """Coarse to fine: textons say where about, the image says exactly where.
 
 Beyond the paper. Virtual flights over floors on which nothing was tuned, repeating ones among them;
-the same camera carried away and put down elsewhere; light that drifts; keypoint methods beside it.
+the same camera kidnapped and put down elsewhere; light that drifts; keypoint methods beside it.
 Times are those of the processor, whatever else it does.
 """
 
@@ -21,17 +21,17 @@ from trexton.companion import wording
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.followed import (
+    ATTITUDES,
     GROSS,
-    KNOWN,
     MISSING,
     QUARTERS,
     SETTLED,
     FollowedParameters,
-    carried_away,
     follow,
     in_light,
+    kidnapped,
+    measured_attitude,
     over_floor,
-    told,
 )
 from trexton.companion.experiments.stitched import stitched_map
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
@@ -47,7 +47,7 @@ from trexton.vision.camera import MapImage
 class Parameters(FollowedParameters):
     """What can be chosen."""
 
-    kidnappings: int = option(3, "times that the vehicle is carried away", low=1)
+    kidnappings: int = option(3, "times that the vehicle is kidnapped", low=1)
     drifts: int = option(2, "strengths of the light's drift, none and 5 % first", low=2, high=4)
 
 
@@ -61,13 +61,14 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     given, given_series, seconds = _recorded(train, test, parameters)
     trials = spread(partial(over_floor, parameters), range(parameters.floors), "floors")
-    carried = spread(
-        partial(carried_away, parameters), range(parameters.kidnappings), "kidnappings"
+    kidnappings = spread(
+        partial(kidnapped, parameters), range(parameters.kidnappings), "kidnappings"
     )
     strengths = np.array([0.0, 0.05, 0.1, 0.02])[: parameters.drifts]
     light = spread(partial(in_light, parameters), strengths.tolist(), "light")
     pooled = {
-        name: _summary(np.concatenate([trial["rows"][name] for trial in trials])) for name in KNOWN
+        name: _summary(np.concatenate([trial["rows"][name] for trial in trials]))
+        for name in ATTITUDES
     }
     drift = {f"{100 * share:.0f}": mean for share, mean in zip(strengths, light, strict=True)}
     return parameters.record(
@@ -81,13 +82,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "all": pooled,
             "missing": _missing(trials),
             "peers": _peers(trials),
-            "kidnapped": kidnapping_summary(carried),
+            "kidnapped": kidnapping_summary(kidnappings),
             "light_cm": drift,
             "light_ratio": light[1] / light[0],
         },
         series=given_series | {
-            "errors_cm": {name: _quantiles(trials, name) for name in KNOWN},
-            "coverage": {name: _coverage(trials, name) for name in KNOWN},
+            "errors_cm": {name: _quantiles(trials, name) for name in ATTITUDES},
+            "coverage": {name: _coverage(trials, name) for name in ATTITUDES},
         },
         timings={
             name: of_frames(np.concatenate([trial["seconds"][name] for trial in trials]), "_s")
@@ -115,11 +116,11 @@ def _summary(rows: np.ndarray) -> dict[str, Any]:
 
 def _missing(trials: list[dict[str, Any]]) -> dict[str, Any]:
     """Where one of so many frames came, with attitude and without."""
-    found: dict[str, Any] = {f"{every}": {} for every in MISSING}
+    missing: dict[str, Any] = {f"{every}": {} for every in MISSING}
     for key, every in trials[0]["bridged"]:
         rows = np.concatenate([trial["bridged"][key, every] for trial in trials])
-        found[f"{every}"][key] = _summary(rows)
-    return found
+        missing[f"{every}"][key] = _summary(rows)
+    return missing
 
 
 def _quantiles(trials: list[dict[str, Any]], name: str) -> dict[str, Any]:
@@ -147,21 +148,22 @@ def _recorded(
     trackers = {
         (where, name): FloorTracker(picture, test.camera, height)
         for where, picture in pictures.items()
-        for name in KNOWN
+        for name in ATTITUDES
     }
     rng = stream(parameters.seed, "recorded")
     track: dict[tuple[str, str], list[np.ndarray]] = {key: [] for key in trackers}
     seconds = []
     for row, image in enumerate(test.images()):
         for key, tracker in trackers.items():
-            attitude = told(test.attitude[row], key[1], parameters, rng)
+            attitude = measured_attitude(test.attitude[row], key[1], parameters, rng)
             fix, taken = follow(tracker, image, attitude)
             track[key].append(fix.position)
             seconds.append(taken)
     values: dict[str, Any] = {where: {} for where in pictures}
     series: dict[str, Any] = {"time_s": test.time - test.time[0], "truth_m": test.position}
     for (where, name), positions in track.items():
-        drawing = stream(parameters.seed, f"intervals {where} {name}")
+        # The stream keeps the name it was first drawn under, so that numbers stay the same.
+        drawing = stream(parameters.seed, f"intervals {where} {name.replace('tilt_bias', 'askew')}")
         error = euclidean(np.array(positions), test.position)
         settled = error[SETTLED:]
         values[where][name] = {
@@ -192,9 +194,11 @@ def kidnapping_summary(trials: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "found_rate": rate([trial["found"] is not None for trial in trials], [True] * len(trials)),
         "frames": {"median": float(np.median(found)), "longest": max(found)} if found else None,
-        "wrong_not_lost": rate([~near & ~told for near, told in both], [~near for near in right]),
+        "wrong_not_lost": rate(
+            [~near & ~flagged for near, flagged in both], [~near for near in right]
+        ),
         "right_lost": rate(
-            [(near & told)[calm] for near, told in both], [near[calm] for near in right]
+            [(near & flagged)[calm] for near, flagged in both], [near[calm] for near in right]
         ),
     }
 
@@ -231,14 +235,15 @@ def finding(record: Record, long: Record | None = None) -> str:
     everything = over.values["all"]
     words = {
         "attitude": "with the autopilot's attitude",
-        "askew": f"with one that is {over.parameters['askew_deg']:g} degrees off",
+        "tilt_bias": f"with one that is {over.parameters['tilt_bias_deg']:g} degrees off",
         "free": "without",
     }
     parts = [
-        f"{wording.interval(over_floors(over, key, 'mean_cm'), 'cm')} {words[key]}" for key in KNOWN
+        f"{wording.interval(over_floors(over, key, 'mean_cm'), 'cm')} {words[key]}"
+        for key in ATTITUDES
     ]
-    frames = sum(everything[key]["frames"] for key in KNOWN)
-    gross = sum(everything[key]["gross"] for key in KNOWN)
+    frames = sum(everything[key]["frames"] for key in ATTITUDES)
+    gross = sum(everything[key]["gross"] for key in ATTITUDES)
     stitched = [record.values["flight"]["stitched"][key]["mean_cm"] for key in ("attitude", "free")]
     known, alone = map(wording.distance, stitched)
     return (
@@ -251,7 +256,7 @@ def finding(record: Record, long: Record | None = None) -> str:
 
 _KINDS = {
     "attitude": ("with attitude", COLORS["fine"], "-"),
-    "askew": ("with attitude askew", COLORS["field"], "-."),
+    "tilt_bias": ("with a tilt bias", COLORS["field"], "-."),
     "free": ("without", COLORS["zone"], "--"),
 }
 
@@ -261,7 +266,7 @@ def over_time(record: Record) -> Figure:
     time = np.array(record.series["time_s"])
     with canvas(2, 1, size=(7.2, 4.4), sharex=True, sharey=True) as (figure, axes):
         for plot, where in zip(axes[:, 0], ("surveyed", "stitched"), strict=True):
-            for name in ("attitude", "free"):  # askew would lie upon the first
+            for name in ("attitude", "free"):  # a tilt bias would lie upon the first
                 label, color, style = _KINDS[name]
                 error = np.array(record.series[f"{where}_{name}_cm"], dtype=float)
                 plot.plot(time, error, color=color, linestyle=style, linewidth=1.0, label=label)
@@ -290,7 +295,7 @@ def errors_over_floors(*records: Record) -> Figure:
 
 
 def coverage(*records: Record) -> Figure:
-    """How often a region that claims to hold the truth so often does; later records paler."""
+    """Empirical coverage of regions over the share that they claim to hold; later records paler."""
     with canvas(size=(4.4, 4.0)) as (figure, axes):
         plot = axes[0, 0]
         plot.plot([0, 100], [0, 100], color=COLORS["truth"], linestyle=":", label="as claimed")

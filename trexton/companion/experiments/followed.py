@@ -1,4 +1,4 @@
-"""Virtual flights that coarse to fine follows: over floors, carried away, in drifting light."""
+"""Virtual flights that coarse to fine follows: over floors, kidnapped, in drifting light."""
 
 from __future__ import annotations
 
@@ -20,8 +20,12 @@ from trexton.registration.trust import learn_trust
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.simulator.vehicle import VehicleState
 
-# The autopilot tells roll, pitch and yaw; tells them though the camera looks askew; tells nothing.
-KNOWN = {"attitude": "with attitude", "askew": "with attitude askew", "free": "without attitude"}
+# Roll, pitch and yaw of an autopilot: as measured, with a camera turned in its mount, none.
+ATTITUDES = {
+    "attitude": "with attitude",
+    "tilt_bias": "with a tilt bias",
+    "free": "without attitude",
+}
 MISSING = (2, 4)  # of so many frames one comes, in further runs
 SETTLED = 25  # frames, two seconds, in which the vehicle may be found for the first time
 GROSS = 0.3  # metres: further off is another place
@@ -41,7 +45,7 @@ class FollowedParameters(SeedParameters):
     frames: int = option(100, "frames of each flight", low=50)
     training: int = option(60, "frames from which each floor's fits are calibrated", low=50)
     attitude_deg: float = option(0.3, "noise of the autopilot's attitude in degrees", low=0)
-    askew_deg: float = option(
+    tilt_bias_deg: float = option(
         3.0,
         "degrees that the camera rolled in its mount since the survey, in one of the runs",
         low=0,
@@ -65,14 +69,14 @@ def follow(
     return fix, process_time() - start
 
 
-def told(
-    attitude: np.ndarray, known: str, parameters: FollowedParameters, rng: np.random.Generator
+def measured_attitude(
+    attitude: np.ndarray, kind: str, parameters: FollowedParameters, rng: np.random.Generator
 ) -> np.ndarray | None:
-    """``(3,)`` roll, pitch and yaw as the autopilot tells them, radians: see `KNOWN`."""
+    """``(3,)`` roll, pitch and yaw as the autopilot measures them, radians: see `ATTITUDES`."""
     noise = np.radians(parameters.attitude_deg) * rng.standard_normal(3)
-    if known == "askew":
-        noise[0] += np.radians(parameters.askew_deg)
-    return None if known == "free" else attitude + noise
+    if kind == "tilt_bias":
+        noise[0] += np.radians(parameters.tilt_bias_deg)
+    return None if kind == "free" else attitude + noise
 
 
 def _room(
@@ -92,19 +96,20 @@ def _trackers(
 ) -> dict[str, FloorTracker]:
     """Trackers that trust their fits as a flight of their own has taught them."""
     trusts = {}
-    for known in ("attitude", "free"):
+    for kind in ("attitude", "free"):
         rng = stream(parameters.seed, "training", index)
         taught = _room(floor, parameters, "training room", index)
         tracker = FloorTracker(floor.picture, room.camera, 1.0)
         fixes, truth = [], []
         for state in _frames(taught, parameters.training, rng):
-            attitude = told(state.attitude, known, parameters, rng)
+            attitude = measured_attitude(state.attitude, kind, parameters, rng)
             fixes.append(tracker.step(taught.render(), attitude=attitude))
             truth.append(state.position[:2])
-        trusts[known] = learn_trust(fixes, np.array(truth), 1.0, Trust())
-    trusts["askew"] = trusts["attitude"]
+        trusts[kind] = learn_trust(fixes, np.array(truth), 1.0, Trust())
+    trusts["tilt_bias"] = trusts["attitude"]
     return {
-        name: FloorTracker(floor.picture, room.camera, 1.0, trust=trusts[name]) for name in KNOWN
+        name: FloorTracker(floor.picture, room.camera, 1.0, trust=trusts[name])
+        for name in ATTITUDES
     }
 
 
@@ -131,17 +136,17 @@ def over_floor(parameters: FollowedParameters, index: int) -> dict[str, Any]:
     ):
         image = room.render()
         for key, tracker in trackers.items():
-            attitude = told(state.attitude, key, parameters, rng)
+            attitude = measured_attitude(state.attitude, key, parameters, rng)
             fix, taken = follow(tracker, image, attitude)
             fixes[key].append((fix, state))
             seconds[key].append(taken)
-            for (known, nth), other in thinned.items():
-                if known != key:
+            for (kind, nth), other in thinned.items():
+                if kind != key:
                     continue
                 came = number % nth == 0
                 fix = other.step(image if came else None, attitude=attitude)
                 if came and number >= SETTLED:
-                    bridged[known, nth].append((fix, state))
+                    bridged[kind, nth].append((fix, state))
         if number % every == 0:
             for key, peer in peers.items():
                 start = process_time()
@@ -169,7 +174,7 @@ def _rows(settled: list[Row]) -> np.ndarray:
     return np.array(rows)
 
 
-def carried_away(parameters: FollowedParameters, index: int) -> dict[str, Any]:
+def kidnapped(parameters: FollowedParameters, index: int) -> dict[str, Any]:
     """One kidnapping: frames until found; which frames are right, which called lost."""
     rng = stream(parameters.seed, "kidnapping", index)
     number = index % parameters.floors
@@ -185,7 +190,9 @@ def carried_away(parameters: FollowedParameters, index: int) -> dict[str, Any]:
                 place = rng.uniform((x_min + 0.3, y_min + 0.3), (x_max - 0.3, y_max - 0.3))
             room.vehicle.teleport(place)
             state = room.state
-        fix, _ = follow(tracker, room.render(), told(state.attitude, "attitude", parameters, rng))
+        fix, _ = follow(
+            tracker, room.render(), measured_attitude(state.attitude, "attitude", parameters, rng)
+        )
         error.append(float(euclidean(fix.position, state.position[:2])))
         lost.append(fix.lost)
     right = np.array(error) < GROSS
@@ -204,6 +211,8 @@ def in_light(parameters: FollowedParameters, drift: float) -> float:
     tracker = FloorTracker(floor.picture, room.camera, 1.0)
     rng, error = stream(parameters.seed, "light attitude"), []
     for state in _frames(room, parameters.frames, stream(parameters.seed, "light waypoints")):
-        fix, _ = follow(tracker, room.render(), told(state.attitude, "attitude", parameters, rng))
+        fix, _ = follow(
+            tracker, room.render(), measured_attitude(state.attitude, "attitude", parameters, rng)
+        )
         error.append(euclidean(fix.position, state.position[:2]))
     return 100 * float(np.mean(error[SETTLED:]))

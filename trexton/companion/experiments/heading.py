@@ -154,7 +154,7 @@ def _histograms(
     """``(N, K cells^2)`` by view and cells; of the tolerant dictionary asked and as flown."""
     rng = stream(parameters.seed, "headings")
     tolerant = with_quarter_turns(plain)
-    found: dict[tuple[str, int], list[np.ndarray]] = {}
+    histograms: dict[tuple[str, int], list[np.ndarray]] = {}
     for image in flight.images():
         angle, error = rng.uniform(-np.pi, np.pi), np.radians(rng.normal(0, parameters.compass_deg))
         square, aside = turned(image, 0.0), turned(image, angle)
@@ -167,8 +167,8 @@ def _histograms(
             for cells in {cells for _, cells in COUNTS.values()}:
                 counted = texton_histogram(picture, dictionary, cells=cells)
                 folded = counted.reshape(-1, dictionary.n_textons // plain.n_textons).sum(axis=1)
-                found.setdefault((view, cells), []).append(folded)
-    return {key: np.stack(each) for key, each in found.items()}
+                histograms.setdefault((view, cells), []).append(folded)
+    return {key: np.stack(each) for key, each in histograms.items()}
 
 
 def _errors(

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 ACCELERATION_NOISE = 0.35  # m/s^2 a reading: EKF2_ACC_NOISE, EK3_ACC_P_NSE
-PATIENCE_S = 5.0  # of refusals, then the position is reset to what is told
-FIRST_SPEED = 2.0  # m/s, deviation of a velocity that nothing is known of
+RESET_S = 5.0  # of refusals, then the position is reset to the report
+FIRST_SPEED = 2.0  # m/s, prior deviation of the velocity
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class Receiver:
         self.variance = (1 - gain) * self.variance
         since = np.minimum(self._refused_since, time)
         self._refused_since = np.where(taken, np.inf, since)
-        self._restart(time - self._refused_since > PATIENCE_S, position, noise)
+        self._restart(time - self._refused_since > RESET_S, position, noise)
         return squared
 
     def _restart(self, which: np.ndarray, position: np.ndarray, noise: np.ndarray) -> None:

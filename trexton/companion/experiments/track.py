@@ -57,8 +57,8 @@ class Track:
         return np.array([each.lost for each in self.estimates])
 
     @property
-    def contradicted(self) -> np.ndarray:
-        """``(N,)`` whether the velocity that was told was contradicted by the frames."""
+    def velocity_biased(self) -> np.ndarray:
+        """``(N,)`` whether the frames show a bias of the aiding velocity."""
         return np.array([each.velocity_bias is not None for each in self.estimates])
 
     @cached_property
