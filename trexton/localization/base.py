@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from trexton.base.errors import MapError
 from trexton.base.options import Options
@@ -67,7 +68,7 @@ class Part(Options):
         """
         return self
 
-    def with_learned(self, **arrays: np.ndarray) -> Self:
+    def with_learned(self, **arrays: ArrayLike) -> Self:
         """This part with the learned arrays given."""
         fitted = copy.copy(self)
         for name, array in arrays.items():
