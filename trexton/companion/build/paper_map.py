@@ -36,7 +36,7 @@ def load_map(path: Path | None = None) -> list[Item]:
     path = path or paper_file("map.toml")
     items = [Item(**table) for table in tomllib.loads(path.read_text(encoding="utf-8"))["item"]]
     named = [claim for item in items for claim in item.claims]
-    known = {claim.id for claim in load_claims()}
+    known = {claim.id for claim in load_claims(paper_file("claims.toml"))}
     wrong = sorted(
         {n for n in named if named.count(n) > 1 or n not in known} | (known - set(named))
     )
