@@ -15,6 +15,9 @@ from trexton.companion.build.paper_map import map_table
 from trexton.companion.claims.ledger import load_records
 from trexton.flights.registry import flight_title
 from trexton.localization.training_set import EXCLUDED_SECONDS
+from trexton.onboard.edges import edge_classes, markdown_table
+from trexton.onboard.sinks import SINKS
+from trexton.onboard.sources import SOURCES
 
 __all__ = [
     "describe_notebook",
@@ -30,7 +33,8 @@ _LONGEST = 200  # characters of a description, about what search engines show
 
 
 def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[str, object]:
-    """``found``, ``paper_map`` (a function of ``see``), ``version``, ``excluded_s``.
+    """``found``, ``paper_map`` (a function of ``see``), ``version``, ``excluded_s``, and the tables of
+    ``sinks`` and ``sources`` as they declare themselves.
 
     Parameters
     ----------
@@ -53,6 +57,8 @@ def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[s
         "paper_map": paper_map,
         "version": version("trexton"),
         "excluded_s": EXCLUDED_SECONDS,
+        "sinks": markdown_table(edge_classes("sinks", SINKS), "--output"),
+        "sources": markdown_table(edge_classes("sources", SOURCES), "--camera"),
     }
 
 
