@@ -70,8 +70,6 @@ class Sink(Edge, ABC):
         The file it writes, if any: nothing that was read, and no file twice.
     autopilot : bool
         Whether it goes to an autopilot: the preflight check speaks to those alone.
-    lander : LandingTarget or None
-        What commands a landing, where it can; see `trexton.onboard.commander`.
     """
 
     name = "output"
@@ -80,7 +78,7 @@ class Sink(Edge, ABC):
 
     @property
     def lander(self) -> LandingTarget | None:
-        """None: it commands nothing."""
+        """What commands a landing; None where it commands nothing."""
         return None
 
     def checks(self, now: float) -> Iterable[tuple[str, bool, str]]:
