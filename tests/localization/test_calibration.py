@@ -10,11 +10,10 @@ from trexton.base.errors import MapError, ParameterError
 from trexton.companion.checks.scene import observations
 from trexton.field.integrity import Elsewhere
 from trexton.localization.calibration import Evidence, Replay
-from trexton.localization.cross_validation import WARM_S, leave_neighbors_out
+from trexton.localization.cross_validation import leave_neighbors_out
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map, save_map
-from trexton.localization.replay import STRETCH_S, replay, stretches
 from trexton.localization.scale import ErrorScale, independent_after
 from trexton.localization.training import for_method, train_map, training_set, with_choices
 from trexton.localization.training_set import EXCLUDED_SECONDS
@@ -73,25 +72,6 @@ def test_errors_are_independent_after_as_long_as_they_last(rng, memory):
     assert independent_after(white, np.zeros(6000)) == pytest.approx(expected, rel=0.2)
     apart = np.arange(6000) // 10  # no frame follows another for long: there is less to see
     assert independent_after(white, apart) <= expected * 1.2
-
-
-def test_replay_flies_what_its_map_did_not_see(plain):
-    flown = list(replay(plain, samples=50, rng=np.random.default_rng(2)))
-    every = stretches(plain.time)
-    half = len(every) // 2
-    settled = int(np.ceil(WARM_S / plain.period_s))
-    assert len(flown) == 2 * sum(len(rows) - settled for rows in every[: 2 * half])
-    first = every[0][settled:]
-    np.testing.assert_array_equal([each.row for each in flown[: len(first)]], first)
-    gaps = [np.hypot(*(each.neighbors.position - each.truth).T).min() for each in flown]
-    assert min(gaps) > 0  # the frame itself is never its neighbour
-    assert len(every[0]) * plain.period_s == pytest.approx(STRETCH_S + WARM_S, abs=0.3)
-    short = np.arange(130) * 0.1  # two stretches of a short flight leave half of it
-    every = stretches(short)
-    left_out = {row for rows in (every[0], every[len(every) // 2]) for row in rows}
-    assert len(left_out) < 70 and all(rows[-1] * 0.1 > WARM_S for rows in every)
-    with pytest.raises(MapError, match="longer one"):
-        stretches(np.arange(20) * 0.25)
 
 
 def test_the_training_flight_flies_as_if_each_frame_were_new(plain):

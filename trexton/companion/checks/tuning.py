@@ -1,7 +1,7 @@
 """Settings for a flight and a computer: what each would err, and what a frame of it costs here.
 
 Errors are those of a replay of the training flight by maps that did not see what is flown
-(`trexton.localization.replay`), so no test flight has a say. Costs are measured on this machine.
+(`trexton.companion.checks.held_out`), so no test flight has a say. Costs are measured on this machine.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from trexton.base import defaults
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import digest
 from trexton.base.streams import stream
+from trexton.companion.checks.held_out import replay, stretches
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.methods import compose
-from trexton.localization.replay import replay, stretches
 from trexton.localization.roles import make
 from trexton.localization.training import for_method, train_map, with_choices, with_parts
 
@@ -103,7 +103,7 @@ def replayed_errors(
     """``(N, 2)`` metres by which left-out stretches of the training flight are misplaced.
 
     Frames in which the filter has not yet had its time to settle do not count; for `told` see
-    `trexton.localization.replay.replay`.
+    `trexton.companion.checks.held_out.replay`.
     """
     flown = replay(texton_map, samples=samples, rng=rng, aidings=told)
     return np.array([one.error for one in flown])

@@ -1,8 +1,9 @@
-"""A training flight flown again by maps that did not see it: what a method's errors will be like.
+"""Blocked cross-validation of a training flight: stretches of it are flown by maps that did not see
+them, so that settings can be compared before there is a test flight.
 
-Stretches of the flight are left out in pairs, the method is trained on the rest, and the
-stretches are flown, forwards and backwards. Histograms of full sampling are drawn anew, as a
-flight that samples sees them; the dictionary stays.
+Stretches are left out in pairs, the method is trained on the rest, and the stretches are flown,
+forwards and backwards. Histograms of full sampling are drawn anew, as a flight that samples sees
+them; the dictionary stays.
 """
 
 from __future__ import annotations
