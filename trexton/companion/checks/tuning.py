@@ -1,7 +1,7 @@
 """Settings for a flight and a computer: what each would err, and what a frame of it costs here.
 
 Errors are those of a replay of the training flight by maps that did not see what is flown
-(`trexton.companion.checks.held_out`), so no test flight has a say. Costs are measured on this machine.
+(`trexton.companion.checks.held_out`), so no test flight has a say. Costs are measured here.
 """
 
 from __future__ import annotations
