@@ -26,9 +26,9 @@ def pose(row: dict, heading: float) -> dict | None:
     """
     if "event" in row:
         return None
-    if not row["observed"] or row["lost"] or row["stale"] or None in row["told_m"]:
+    if not row["observed"] or row["lost"] or row["stale"] or None in row["measurement_m"]:
         return None
-    (x, y), (xx, xy, yy) = row["told_m"], row["told_covariance_m2"]
+    (x, y), (xx, xy, yy) = row["measurement_m"], row["measurement_covariance_m2"]
     c, s = math.cos(heading), math.sin(heading)
     covariance = [0.0] * 36
     covariance[0] = c * c * xx + 2 * c * s * xy + s * s * yy

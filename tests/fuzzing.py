@@ -116,7 +116,7 @@ distortion_model: radial-tangential
 distortion_coefficients: [0.1, 0.0, 0.0, 0.0]
 """
 LOG = b"""{"event": "start", "time_s": null, "unix_s": 1.0, "clock_s": 2.0, "map": {}}
-{"time_s": 0.1, "told_m": [1, 2], "observed": true, "lost": false, "stale": false, "fault": null}
+{"time_s": 0, "measurement_m": [1, 2], "observed": true, "lost": false, "stale": false, "fault": ""}
 {"event": "link", "time_s": 0.2, "output": "udpout", "state": "heard"}
 {"event": "end", "time_s": 0.3, "frames": 1}
 """

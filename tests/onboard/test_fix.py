@@ -140,8 +140,8 @@ def test_errors_that_last_are_told_as_often_as_they_are_sent():
 
     def told(period_s):
         fix = Fix.of(estimate, 0.0, 1, (0, 5, 0, 5), period_s)
-        np.testing.assert_array_equal(fix.told.position, [1, 1])
-        return fix.told.covariance
+        np.testing.assert_array_equal(fix.fusion.position, [1, 1])
+        return fix.fusion.covariance
 
     np.testing.assert_allclose(told(0.08), 5 * covariance)
     np.testing.assert_allclose(told(0.04), 2 * told(0.08))

@@ -3,96 +3,79 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from dataclasses import dataclass, replace
 
-from trexton.base.arguments import add_assignments, assignments
+from trexton.base.arguments import add_assignments, add_options, assignments, chosen_options
 from trexton.base.errors import ParameterError
+from trexton.base.files import check_not_read
+from trexton.base.options import Options, option
 from trexton.base.progress import say
+from trexton.simulator import LAYOUTS, PATTERNS, Effects, Floor, record_flight
+
+__all__ = ["add_arguments", "run"]
+
+
+@dataclass(frozen=True)
+class SimulateOptions(Options):
+    """What is flown"""
+
+    pattern: str = option(
+        "survey", "survey in lanes (training) or random waypoints an hour later (test)",
+        choices=tuple(PATTERNS),
+    )  # fmt: skip
+    frames: int | None = option(None, "number of frames (survey 800, waypoints 415)")
+    every: int = option(1, "keep every N-th frame only")
+    seed: int | None = option(None, "seed of the flight (survey 1, waypoints 2)")
+    floor: str | None = option(
+        None, "picture of the floor instead of the painted hall; alpha 0 is not mapped"
+    )
+    floor_width: float | None = option(None, "width of the floor picture in metres (5)")
+    floor_seed: int = option(0, "seed of the painted hall")
+    layout: str = option("hall", "how the hall's mats lie", choices=tuple(LAYOUTS))
+    height: float = option(1.0, "flying height in metres")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.simulator import LAYOUTS, PATTERNS, Effects
-
-    defaults = Effects()
-    effects = ", ".join(f"{name}={getattr(defaults, name):g}" for name in Effects.names())
     parser.add_argument("--out", required=True, metavar="FLIGHT", help="folder to write")
     parser.add_argument(
         "--replace", action="store_true", help="replace the folder that is there, whatever it is"
     )
-    parser.add_argument(
-        "--pattern",
-        choices=list(PATTERNS),
-        default="survey",
-        help="survey in lanes (training) or random waypoints an hour later (test)",
-    )
-    parser.add_argument("--frames", type=int, help="number of frames (survey 800, waypoints 415)")
-    parser.add_argument(
-        "--every", type=int, default=1, metavar="N", help="keep every N-th frame only"
-    )
-    parser.add_argument("--seed", type=int, help="seed of the flight (survey 1, waypoints 2)")
-    parser.add_argument(
-        "--floor",
-        metavar="IMAGE",
-        help="picture of the floor instead of the painted hall; alpha 0 is not mapped",
-    )
-    parser.add_argument(
-        "--floor-width", type=float, metavar="M", help="width of the floor picture in metres (5)"
-    )
-    parser.add_argument(
-        "--floor-seed", type=int, default=0, metavar="S", help="seed of the painted hall (0)"
-    )
-    parser.add_argument(
-        "--layout", choices=list(LAYOUTS), default="hall", help="how the hall's mats lie (hall)"
-    )
-    parser.add_argument(
-        "--height", type=float, default=1.0, metavar="M", help="flying height in metres (1)"
-    )
+    add_options(parser, SimulateOptions)
+    effects = ", ".join(f"{name}={getattr(Effects(), name):g}" for name in Effects.names())
     words = f"strength of an effect; the defaults are {effects}"
     add_assignments(parser, "EFFECT=VALUE", words)
-    parser.add_argument(
-        "--off",
-        action="append",
-        default=[],
-        metavar="EFFECT",
-        help="switch an effect off, or 'all'",
-    )
+    words = "switch an effect off, or 'all'"
+    parser.add_argument("--off", action="append", default=[], metavar="EFFECT", help=words)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.base.files import check_not_read
-    from trexton.simulator import Floor, record_flight
-
-    if arguments.floor_width is not None and arguments.floor is None:
+    options = chosen_options(arguments, SimulateOptions)
+    if options.floor is None and options.floor_width is not None:
         raise ParameterError(
             "--floor-width is given without --floor: it is the width of a floor picture"
         )
-    if arguments.floor is not None:
-        check_not_read(arguments.out, arguments.floor)
-        floor = Floor.from_file(
-            arguments.floor, 5.0 if arguments.floor_width is None else arguments.floor_width
-        )
+    if options.floor is None:
+        floor = Floor.painted(options.layout, options.floor_seed)
     else:
-        floor = Floor.painted(arguments.layout, arguments.floor_seed)
+        check_not_read(arguments.out, options.floor)
+        width = 5.0 if options.floor_width is None else options.floor_width
+        floor = Floor.from_file(options.floor, width)
     flight = record_flight(
         arguments.out,
-        pattern=arguments.pattern,
-        frames=arguments.frames,
-        seed=arguments.seed,
+        pattern=options.pattern,
+        frames=options.frames,
+        seed=options.seed,
         floor=floor,
         effects=_effects(arguments.settings, arguments.off),
-        height=arguments.height,
-        every=arguments.every,
+        height=options.height,
+        every=options.every,
         replace=arguments.replace,
     )
     say(f"{arguments.out}: {len(flight)} frames, {flight.time[-1] - flight.time[0]:.1f} s")
     return 0
 
 
-def _effects(settings: list[str], off: list[str]) -> Any:
-    from dataclasses import replace
-
-    from trexton.simulator import Effects
-
+def _effects(settings: list[str], off: list[str]) -> Effects:
     effects = Effects.none() if "all" in off else Effects().without(*off)
     for name, value in assignments(settings, "effect=value").items():
         if name not in Effects.names():
@@ -100,12 +83,8 @@ def _effects(settings: list[str], off: list[str]) -> Any:
                 f"unknown effect {name!r}: the effects are {', '.join(Effects.names())}"
             )
         try:
-            effects = replace(effects, **{name: float(value)})
-        except ValueError as error:
-            message = (
-                str(error)
-                if isinstance(error, ParameterError)
-                else f"effect {name} is {value!r}: expected a number"
-            )
-            raise ParameterError(message) from None
+            strength = float(value)
+        except ValueError:
+            raise ParameterError(f"effect {name} is {value!r}: expected a number") from None
+        effects = replace(effects, **{name: strength})
     return effects

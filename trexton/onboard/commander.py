@@ -36,7 +36,7 @@ class CommandResult(Protocol):
 
 
 class LandingTarget(Protocol):
-    """Something that can be told to land, and answers: the MAVLink sink."""
+    """What can be commanded to land, and answers: the MAVLink sink."""
 
     def land(self, confirmation: int) -> bool: ...
 

@@ -92,8 +92,8 @@ class Fix:
         )
 
     @property
-    def told(self) -> Measurement:
-        """What autopilots are told: the measurement, else the filter's own word."""
+    def fusion(self) -> Measurement:
+        """What autopilots fuse: the measurement, else the filter's position and covariance."""
         return self.measurement or Measurement(self.position, self.covariance)
 
     @property
@@ -108,13 +108,9 @@ class Fix:
     @property
     def finite(self) -> bool:
         """Whether every number of the report is one."""
-        return bool(
-            np.isfinite(self.position).all()
-            and np.isfinite(self.covariance).all()
-            and np.isfinite(self.told.position).all()
-            and np.isfinite(self.told.covariance).all()
-            and np.isfinite(self.time)
-        )
+        fusion = self.fusion
+        numbers = (self.position, self.covariance, fusion.position, fusion.covariance, self.time)
+        return all(np.isfinite(each).all() for each in numbers)
 
     @property
     def usable(self) -> bool:

@@ -1,4 +1,4 @@
-"""What a log of ``trexton onboard`` tells afterwards: what was sent beside what was answered."""
+"""The log of ``trexton onboard`` read afterwards: what was sent beside what was answered."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def rows(path: str | Path) -> Iterator[dict[str, Any]]:
     """The lines of a log, in order; raises `DataError` where none is one.
 
     A computer that loses its power in the air, which is when a log is wanted most, leaves half a
-    line behind, or zeros: such a line is told as an event, and what follows it is read.
+    line behind, or zeros: such a line becomes an event, and what follows it is read.
     """
     first: DataError | None = None  # what is wrong, until one is right
     good = 0
@@ -42,8 +42,8 @@ def rows(path: str | Path) -> Iterator[dict[str, Any]]:
 
 
 def replayed(path: str | Path) -> Iterator[str]:
-    """A line for each thing that happened, with the position that was told last before it; and one
-    that counts fixes, those that were fit to be told, faults and each kind of event.
+    """A line for each thing that happened, with the position that was sent last before it; and one
+    that counts fixes, those that were fit to be sent, faults and each kind of event.
 
     Status lines are left out: they repeat what the rest tells. The log is read once: it may come
     through a pipe.
@@ -53,33 +53,34 @@ def replayed(path: str | Path) -> Iterator[str]:
     DataError
         It cannot be read, is no log, or is empty.
     """
-    told, usable = "nothing told yet", True
+    sent, usable = "nothing sent yet", True
     counts: Counter[str] = Counter()
     for row in rows(path):
         counts.update(_counted(row))
         if "event" not in row:
             fit = _fit(row)
             if fit:
-                told = f"told x {row['told_m'][0]:.2f} y {row['told_m'][1]:.2f} m"
+                x, y = row["measurement_m"]
+                sent = f"sent x {x:.2f} y {y:.2f} m"
             if fit != usable:
-                word = "positions are told again" if fit else f"silence: {_why(row)}"
-                yield f"{_time(row)}  {told:28}  {word}"
+                word = "positions are sent again" if fit else f"silence: {_why(row)}"
+                yield f"{_time(row)}  {sent:28}  {word}"
             usable = fit
         elif row["event"] != "status":
             rest = {key: value for key, value in row.items() if key not in ("event", "time_s")}
             words = ", ".join(f"{_short(key)} {_short(value)}" for key, value in rest.items())
-            yield f"{_time(row)}  {told:28}  {_short(row['event'])}: {words}"
+            yield f"{_time(row)}  {sent:28}  {_short(row['event'])}: {words}"
     if not counts:
         raise DataError(f"{path}: empty: give what --log wrote")
     yield ", ".join(f"{name} {count}" for name, count in counts.items())
 
 
 def _counted(row: dict[str, Any]) -> dict[str, int]:
-    """What a row counts for: a fix, fit to be told, its fault; or an event of a kind."""
+    """What a row counts for: a fix, fit to be sent, its fault; or an event of a kind."""
     if "event" in row:
         return {f"event {_short(row['event'])}": 1}
     fault = {f"fault {_short(row['fault'])}": 1} if row["fault"] else {}
-    return {"fixes": 1, "told": int(_fit(row))} | fault
+    return {"fixes": 1, "sent": int(_fit(row))} | fault
 
 
 def _parsed(line: str) -> tuple[Any, str | None]:
@@ -99,19 +100,21 @@ def _fault(row: object) -> str | None:
         return "time_s is no number"
     if "event" in row:
         return None
+    if "told_m" in row:  # as logs of version 0.1.0 call it
+        row["measurement_m"] = row["told_m"]
     if missing := [name for name in _OF_A_FIX if name not in row]:
         return f"no {missing[0]}"
-    told = row["told_m"]
-    if _fit(row) and not (isinstance(told, list) and len(told) == 2 and all(map(_number, told))):
-        return "told_m is no place"
+    place = row["measurement_m"]
+    if _fit(row) and not (isinstance(place, list) and len(place) == 2 and all(map(_number, place))):
+        return "measurement_m is no place"
     return None
 
 
-_OF_A_FIX = ("observed", "lost", "stale", "fault", "told_m")
+_OF_A_FIX = ("observed", "lost", "stale", "fault", "measurement_m")
 
 
 def _fit(row: dict[str, Any]) -> bool:
-    """Was it told to whoever steers by it?"""
+    """Was it sent to whoever steers by it?"""
     return bool(row["observed"] and not row["lost"] and not row["stale"])
 
 

@@ -54,7 +54,7 @@ class Check:
 
 class _Watched(Wrapped):
     """A source of which the latest frames are kept, with what is known beside each; and of all that
-    came their small luma, with the yaw that was told meanwhile."""
+    came their small luma, with the yaw that aiding gave meanwhile."""
 
     def __init__(self, source: Source, aids: Aids):
         super().__init__(source)
@@ -69,9 +69,9 @@ class _Watched(Wrapped):
         self.frames.append(replace(frame, aiding=self._aids.of(frame, frame.time)))
         if frame.picture.ndim == 3:
             self.small.append((frame.time, small(frame.picture)))
-        told = self._aids.everything(frame, frame.time + self.delay)
-        if told.yaw is not None and told.attitude_time is not None:
-            self.yaw[told.attitude_time] = told.yaw
+        aiding = self._aids.everything(frame, frame.time + self.delay)
+        if aiding.yaw is not None and aiding.attitude_time is not None:
+            self.yaw[aiding.attitude_time] = aiding.yaw
         return frame
 
 
@@ -183,7 +183,7 @@ def _of_odometry(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
 
 
 def _of_contradictions(onboard: Onboard) -> Iterator[Check]:
-    """What the frames take for wrong of what they were told, if anything."""
+    """Which aiding the frames contradict, if any."""
     for what, causes in CAUSES.items():
         if many := onboard.tally[what]:
             words = f"{many} of {onboard.tally['frames']} frames contradict it: look at {causes}"
@@ -253,12 +253,12 @@ def _best_fit(tracker: FloorTracker, frames: list[Frame], step: int) -> float:
 
 
 def _of_delay(watched: _Watched) -> Iterator[Check]:
-    """Whether the picture turns when the vehicle is told to turn, and as it does."""
+    """Whether the picture turns when the vehicle turns, and as it does."""
     if not watched.yaw:
         return
     stamps = [stamp for stamp, _ in watched.small]
-    told_s, yaw = zip(*sorted(watched.yaw.items()), strict=True)
-    found = time_offset(stamps, turns(luma for _, luma in watched.small), told_s, yaw)
+    yaw_s, yaw = zip(*sorted(watched.yaw.items()), strict=True)
+    found = time_offset(stamps, turns(luma for _, luma in watched.small), yaw_s, yaw)
     if found is None:
         return
     late = watched.delay + found.seconds

@@ -17,7 +17,7 @@ from trexton.onboard.local import LocalFrame
 
 __all__ = ["LONGEST_DELAY", "Flying", "Landing", "MapPlacement", "Settings", "numbers"]
 
-LONGEST_DELAY = 0.4  # seconds: not much longer, and every position is stale when it is told
+LONGEST_DELAY = 0.4  # seconds: not much longer, and every position is stale when it is sent
 T = TypeVar("T", bound=Options)
 
 

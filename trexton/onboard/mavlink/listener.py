@@ -53,8 +53,8 @@ class Listener:
     Attributes
     ----------
     boots : int
-        How often the autopilot has started anew while we listened: it has forgotten what it was
-        told.
+        How often the autopilot has started anew while we listened: it has forgotten
+        what it was sent.
     """
 
     def __init__(self, system_id: int | None = None, local: LocalFrame | None = None):

@@ -65,7 +65,7 @@ class Px4(Profile):
     def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
         """The message for a usable fix."""
         return vision_position(
-            stamp_us, fix.told.position, covariance, attitude, self.local, fix.resets
+            stamp_us, fix.fusion.position, covariance, attitude, self.local, fix.resets
         )
 
 
@@ -79,7 +79,7 @@ class ArduPilot(Profile):
         """The message for a usable fix."""
         grade = quality(np.sqrt(np.diagonal(fix.covariance)), self.area)
         return odometry(
-            stamp_us, fix.told.position, covariance, attitude, self.local, fix.resets, grade
+            stamp_us, fix.fusion.position, covariance, attitude, self.local, fix.resets, grade
         )
 
     def failed(self, fix: Fix, stamp_us: int, attitude: Any) -> Any:
@@ -104,7 +104,7 @@ class Speaker:
         Knows to whom, and what was answered.
     origin : (latitude, longitude, altitude) or None
         Set as the autopilot's global origin until it confirms it; after `ORIGIN_ATTEMPTS` in vain
-        it is said, and given up. An autopilot that has started anew is told again.
+        it is said, and given up. An autopilot that has started anew gets it again.
     aiding : {"tilt", "all", "none"}
         What it is asked for beside its attitude: height, and for all its velocity too.
     """
@@ -203,8 +203,8 @@ class Speaker:
     def _ask_for_origin(
         self, target: tuple[int, int], origin: tuple[float, float, float], now: float
     ) -> list[Any]:
-        told = self.listener.origin
-        if told is not None and np.allclose(told, origin[:2], rtol=0, atol=1e-5):
+        confirmed = self.listener.origin
+        if confirmed is not None and np.allclose(confirmed, origin[:2], rtol=0, atol=1e-5):
             self._origin = None  # ours is set: the same to within a metre or so
             return []
         self._origin_attempts += 1
@@ -244,7 +244,7 @@ class Speaker:
         # less certain.
         stamp = fix.time if self._sent == 1 else now
         stamp = max(stamp, self._last_stamp + SHORTEST_STEP)
-        covariance = self._shared(fix.told.covariance) + self._motion_rate * (stamp - fix.time)
+        covariance = self._shared(fix.fusion.covariance) + self._motion_rate * (stamp - fix.time)
         return self.profile.position(fix, self._stamp(stamp), covariance, attitude)
 
     def _shared(self, covariance: np.ndarray) -> np.ndarray:

@@ -8,6 +8,8 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import numpy as np
+
 from trexton.base.options import Options
 from trexton.base.records import plain
 from trexton.onboard.fix import Fix
@@ -24,7 +26,7 @@ COLUMNS = (
 
 def row(fix: Fix) -> dict[str, Any]:
     """A fix as JSON values: what is not finite becomes null."""
-    told = fix.told
+    fusion = fix.fusion
     values: Any = plain(
         {
             "time_s": fix.time,
@@ -33,20 +35,23 @@ def row(fix: Fix) -> dict[str, Any]:
             "y_m": fix.position[1],
             "std_x_m": fix.spread[0],
             "std_y_m": fix.spread[1],
-            "covariance_m2": [fix.covariance[0, 0], fix.covariance[0, 1], fix.covariance[1, 1]],
+            "covariance_m2": _upper(fix.covariance),
             "observed": fix.observed,
             "lost": fix.lost,
             "stale": fix.stale,
             "resets": fix.resets,
             "latency_s": fix.latency,
             "fault": fix.fault,
-            "told_m": told.position,
-            "told_covariance_m2": [
-                told.covariance[0, 0], told.covariance[0, 1], told.covariance[1, 1],
-            ],
+            "measurement_m": fusion.position,
+            "measurement_covariance_m2": _upper(fusion.covariance),
         }
     )  # fmt: skip
     return dict(values)
+
+
+def _upper(covariance: np.ndarray) -> list[float]:
+    """xx, xy and yy of a ``(2, 2)`` covariance."""
+    return [covariance[0, 0], covariance[0, 1], covariance[1, 1]]
 
 
 class FileSink(Sink):

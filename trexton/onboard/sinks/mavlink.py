@@ -36,7 +36,7 @@ ORIGIN_LIMITS = ((-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees
 class MavlinkOptions(Options):
     """Autopilot over MAVLink"""
 
-    autopilot: str = option("px4", "how positions are told to it", choices=("px4", "ardupilot"))
+    autopilot: str = option("px4", "whose messages are sent", choices=("px4", "ardupilot"))
     system_id: int | None = option(
         None, "our vehicle's number; needed where more than one is heard", low=1, high=255
     )
