@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import ParameterError, TrextonError
-from trexton.flights import importing, read_flight, rewriting
-from trexton.flights.importers import IMPORTERS, describe, guess_kind, importer
+from trexton.flights import importing, read_flight
+from trexton.flights.importers import IMPORTERS, describe, guess_kind, images, importer
 from trexton.flights.importers.recording import Track
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
@@ -304,7 +304,7 @@ def test_kinds_are_guessed_and_described(tmp_path):
 def test_an_interrupted_import_goes_on(tmp_path, monkeypatch):
 
     source, out = euroc(tmp_path / "e"), tmp_path / "out"
-    written, replace = [], rewriting.os.replace
+    written, replace = [], images.os.replace
 
     def interrupt(first, second):
         if len(written) == 3:
@@ -312,11 +312,11 @@ def test_an_interrupted_import_goes_on(tmp_path, monkeypatch):
         written.append(second)
         replace(first, second)
 
-    monkeypatch.setattr(rewriting.os, "replace", interrupt)
+    monkeypatch.setattr(images.os, "replace", interrupt)
     with pytest.raises(KeyboardInterrupt):
         import_flight(source, out)
     assert not out.exists()
-    monkeypatch.setattr(rewriting.os, "replace", replace)
+    monkeypatch.setattr(images.os, "replace", replace)
     kept = {
         path.name: path.stat().st_mtime_ns
         for path in (tmp_path / ".out.importing/images").iterdir()

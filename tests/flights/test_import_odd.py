@@ -11,7 +11,8 @@ from test_import import euroc, picture, write_bag
 
 from trexton.base.errors import TrextonError
 from trexton.cli import main as cli
-from trexton.flights import importing, read_flight, rewriting
+from trexton.flights import importing, read_flight
+from trexton.flights.importers import images
 from trexton.flights.importers.recording import Track
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
@@ -186,14 +187,14 @@ def test_an_import_goes_on_only_with_what_it_began_with(tmp_path, monkeypatch, c
     free = np.full((48, 64), 255, np.uint8)
     free[40:] = 0
     cv2.imwrite(str(mask), free)
-    apply = rewriting.Change.apply
+    apply = images.Change.apply
 
     def interrupt(change, frames, row):
         if row == 3:
             raise KeyboardInterrupt
         return apply(change, frames, row)
 
-    monkeypatch.setattr(rewriting.Change, "apply", interrupt)
+    monkeypatch.setattr(images.Change, "apply", interrupt)
     settings = {"mask": str(mask)}
     with pytest.raises(KeyboardInterrupt):
         import_flight(source, tmp_path / "out", settings=settings)

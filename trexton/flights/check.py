@@ -13,7 +13,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError, ImageError
 from trexton.base.progress import progress
-from trexton.flights.doubts import doubts
+from trexton.flights import plausibility
 from trexton.flights.flight import Flight
 from trexton.flights.folder import Reading, load_folder
 from trexton.vision.images import read_image
@@ -80,7 +80,7 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
             reading.flight.floor  # noqa: B018 - reads the picture
         except (FlightError, ImageError) as error:
             reading.faults.append(str(error))
-        warnings = warnings + [f"{path}: {doubt}" for doubt in doubts(reading.flight)]
+        warnings = warnings + [f"{path}: {said}" for said in plausibility.warnings(reading.flight)]
     return Report(Path(path), facts, reading.faults, warnings)
 
 

@@ -7,36 +7,30 @@ check` prints them all.
 
 from __future__ import annotations
 
-import csv
 import os
-import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
 from trexton.base.errors import FlightError
-from trexton.base.files import atomic_folder
 from trexton.flights.flight import SUM_TOLERANCE, Flight
-from trexton.flights.frames import Frames, ImageFiles
+from trexton.flights.frames import ImageFiles
 from trexton.flights.header import (
     FARTHEST,
     SMALLEST_AREA,
     camera_from_header,
-    header_text,
     read_header,
 )
 from trexton.flights.tables import TextTable, read_table
-from trexton.vision.images import bgr_from_yuv
 from trexton.vision.rectification import Rectification
 
-__all__ = ["Reading", "load_folder", "read_flight", "write_flight", "write_tables"]
+__all__ = ["ANGLES", "Reading", "load_folder", "read_flight"]
 
 _REQUIRED = ("frame", "t_s", "x_m", "y_m")
-_ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
-_OPTIONAL = ("z_m", *_ANGLES, "image")
+ANGLES = ("roll_rad", "pitch_rad", "yaw_rad")
+_OPTIONAL = ("z_m", *ANGLES, "image")
 _COLUMNS = f"{','.join(_REQUIRED)} and optionally {','.join(_OPTIONAL)}"
 
 Columns = dict[str, Any]
@@ -109,38 +103,23 @@ def load_folder(path: Path) -> Reading:
 
 
 def _find_images(path: Path, names: list[str] | None, reading: Reading) -> tuple[Path, ...] | None:
+    """The files named; regular files below ``images/`` only, links too if they stay there."""
     if names is None:
         return None
-    files = tuple(path / "images" / name for name in names)
-    inside = _inside(path / "images")
+    folder = path / "images"
+    files, top = tuple(folder / name for name in names), folder.resolve()
     for row, (name, file) in enumerate(zip(names, files, strict=True), start=2):
-        if name in inside:
+        if name and os.path.isfile(file) and top in file.resolve().parents:
             reading.image_files.append((row, file))
             continue
         if not name:
             found = "no image is named: add the file or drop the row"
-        elif file.exists():
-            found = f"image {name!r} leads out of {path / 'images'}: copy the file into the flight"
+        elif os.path.exists(file):
+            found = f"image {name!r} leads out of {folder}: copy the file into the flight"
         else:
-            found = f"image {name!r} is not in {path / 'images'}: add the file or drop the row"
+            found = f"image {name!r} is not in {folder}: add the file or drop the row"
         reading.faults.append(f"{path / 'frames.csv'}, row {row}: {found}")
     return files
-
-
-def _inside(folder: Path) -> set[str]:
-    """Names, with / between folders, of the regular files below `folder`; links count if they stay
-    there.
-    """
-    top, names = folder.resolve(), set()
-    for parent, _, files in os.walk(folder):
-        with os.scandir(parent) as entries:
-            for entry in entries:
-                path = Path(entry.path)
-                if entry.is_file(follow_symlinks=False) or (
-                    entry.name in files and top in path.resolve().parents and path.is_file()
-                ):
-                    names.add(path.relative_to(folder).as_posix())
-    return names
 
 
 def _check_split(path: Path, header: Columns | None, frames: np.ndarray, reading: Reading) -> None:
@@ -162,8 +141,8 @@ def _assemble(
     position = np.column_stack([columns["x_m"], columns["y_m"]])
     x_min, x_max, y_min, y_max = header["area_m"] if "area_m" in header else _extent(position)
     unknown = np.full(len(position), np.nan)  # a heading may be known where no tilt is
-    angles = [columns.get(name, unknown) for name in _ANGLES]
-    floor, rectified = header.get("floor"), header.get("rectification")
+    angles = [columns.get(name, unknown) for name in ANGLES]
+    floor, rectified, origin = (header.get(key) for key in ("floor", "rectification", "origin"))
     return Flight(
         name=header.get("name", path.name),
         frame=columns["frame"],
@@ -171,7 +150,7 @@ def _assemble(
         position=position,
         area=(float(x_min), float(x_max), float(y_min), float(y_max)),
         height=columns.get("z_m"),
-        attitude=np.column_stack(angles) if columns.keys() & set(_ANGLES) else None,
+        attitude=np.column_stack(angles) if columns.keys() & set(ANGLES) else None,
         frames=None if files is None else ImageFiles(files),
         histograms=histograms,
         features=header.get("features", "textons"),
@@ -180,15 +159,11 @@ def _assemble(
         floor_file=path / floor["image"] if floor else None,
         floor_from_pixel=np.array(floor["world_from_pixel"], dtype=float) if floor else None,
         rectification=Rectification.from_table(rectified) if rectified else None,
-        origin=_origin(header.get("origin")),
+        origin=(float(origin["latitude_deg"]), float(origin["longitude_deg"])) if origin else None,
         source=header.get("source", ""),
         licence=header.get("licence", ""),
         notes=tuple(header.get("notes", ())),
     )
-
-
-def _origin(table: dict[str, float] | None) -> tuple[float, float] | None:
-    return None if table is None else (float(table["latitude_deg"]), float(table["longitude_deg"]))
 
 
 def _extent(position: np.ndarray) -> tuple[float, float, float, float]:
@@ -312,69 +287,3 @@ def _read_histograms(
             'features = "..." in the header for other features'
         )
     return histograms
-
-
-def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = False) -> Path:
-    """Write `flight` as a folder, whole or not at all; images and floor are copied as they are.
-
-    A folder in its place must be one of ours and unchanged, unless `replace`.
-    """
-    path = Path(path)
-    with atomic_folder(path, replace) as folder:
-        if flight.frames is not None:
-            (folder / "images").mkdir()
-            for row, name in enumerate(_image_names(flight.frames)):
-                _write_image(flight.frames, row, folder / "images" / name)
-        if flight.floor_file is not None:
-            shutil.copyfile(flight.floor_file, folder / flight.floor_file.name)
-        write_tables(flight, folder)
-    return path
-
-
-def write_tables(flight: Flight, folder: Path) -> None:
-    """Write flight.toml, frames.csv and histograms.csv of `flight` into an existing folder."""
-    (folder / "flight.toml").write_text(header_text(flight), encoding="utf-8")
-    columns: Columns = {
-        "frame": flight.frame,
-        "t_s": flight.time,
-        "x_m": flight.position[:, 0],
-        "y_m": flight.position[:, 1],
-    }
-    if flight.height is not None:
-        columns["z_m"] = flight.height
-    if flight.attitude is not None:
-        columns |= dict(zip(_ANGLES, flight.attitude.T, strict=False))
-    if flight.frames is not None:
-        columns["image"] = _image_names(flight.frames)
-    _write_csv(folder / "frames.csv", columns)
-    if flight.histograms is not None:
-        textons = {f"t{i}": column for i, column in enumerate(flight.histograms.T)}
-        _write_csv(folder / "histograms.csv", {"frame": flight.frame, **textons})
-
-
-def _image_names(frames: Frames) -> list[str]:
-    if isinstance(frames, ImageFiles):
-        names = [file.name for file in frames.files]
-        if len(set(names)) == len(set(frames.files)):
-            return names
-        # Two folders hold files of one name: the second would replace the first.
-        return [f"{row:06d}{file.suffix}" for row, file in enumerate(frames.files)]
-    return [f"{row:06d}.png" for row in range(len(frames))]
-
-
-def _write_image(frames: Frames, row: int, path: Path) -> None:
-    if isinstance(frames, ImageFiles):
-        shutil.copyfile(frames.files[row], path)
-    else:
-        path.write_bytes(cv2.imencode(".png", bgr_from_yuv(frames[row]))[1].tobytes())
-
-
-def _write_csv(path: Path, columns: Columns) -> None:
-    lists = [
-        values.tolist() if isinstance(values, np.ndarray) else values for values in columns.values()
-    ]
-    with open(path, "w", newline="", encoding="utf-8") as stream:
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(columns)
-        # str of a Python float reads back to the same bits
-        writer.writerows(zip(*lists, strict=False))

@@ -1,11 +1,10 @@
 """``flight.toml``, the header of a Flight folder: its keys are declared in two tables.
 
-`read_header` reads it with every fault named, `header_text` writes it.
+`read_header` reads it, with every fault as a sentence; a new key is a line in a table.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import tomllib
 from collections.abc import Callable, Iterator
@@ -16,12 +15,11 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.flights.flight import Flight
 from trexton.flights.tables import read_text
 from trexton.vision.camera import Camera
 from trexton.vision.rectification import Rectification
 
-__all__ = ["FORMAT", "camera_from_header", "header_text", "read_header"]
+__all__ = ["FORMAT", "camera_from_header", "read_header"]
 
 FORMAT = 1
 SMALLEST_AREA = 1e-3  # metres
@@ -184,48 +182,3 @@ def camera_from_header(table: dict[str, Any]) -> Camera:
         float(table["focal_px"]),
         tuple(center) if center else None,
     )
-
-
-def header_text(flight: Flight) -> str:
-    """``flight.toml`` for `flight`."""
-
-    def text(value: str) -> str:
-        return json.dumps(value, ensure_ascii=False)  # a JSON string is a valid TOML basic string
-
-    lines = [f"format = {FORMAT}", f"name = {text(flight.name)}", f"source = {text(flight.source)}"]
-    lines += [
-        f"licence = {text(flight.licence)}",
-        f"area_m = {[float(value) for value in flight.area]}",
-    ]
-    if flight.features != "textons":
-        lines.append(f"features = {text(flight.features)}")
-    if flight.notes:
-        lines.append(f"notes = [{', '.join(text(note) for note in flight.notes)}]")
-    if flight.split:
-        lines += ["", "[split]"] + [
-            f"{text(key)} = [{first}, {last}]" for key, (first, last) in flight.split.items()
-        ]
-    if flight.camera is not None:
-        camera = flight.camera
-        lines += ["", "[camera]", f"width_px = {camera.width}", f"height_px = {camera.height}"]
-        lines += [
-            f"focal_px = {float(camera.focal)}",
-            f"center_px = {[float(value) for value in camera.principal_point]}",
-        ]
-    if flight.rectification is not None:
-        table = flight.rectification.table()
-        lines += ["", "[rectification]"] + [f"{key} = {value}" for key, value in table.items()]
-    if flight.origin is not None:
-        latitude, longitude = map(float, flight.origin)
-        lines += [
-            "", "[origin]", f"latitude_deg = {latitude}", f"longitude_deg = {longitude}"
-        ]  # fmt: skip
-    if flight.floor_file is not None:
-        matrix = np.asarray(flight.floor_from_pixel, dtype=float).tolist()
-        lines += [
-            "",
-            "[floor]",
-            f"image = {text(flight.floor_file.name)}",
-            f"world_from_pixel = {matrix}",
-        ]
-    return "\n".join(lines) + "\n"

@@ -23,12 +23,13 @@ from trexton.base.files import (
 from trexton.base.options import Options, option
 from trexton.base.progress import say
 from trexton.flights.flight import Flight
-from trexton.flights.folder import load_folder, read_flight, write_tables
+from trexton.flights.folder import load_folder, read_flight
 from trexton.flights.frames import ImageFiles, select_frames
 from trexton.flights.header import FARTHEST
 from trexton.flights.importers import guess_kind, importer
-from trexton.flights.importers.recording import NANO, Recording, match
-from trexton.flights.rewriting import Change, write_images
+from trexton.flights.importers.images import Change, write_images
+from trexton.flights.importers.recording import NANO, Recording, Track, match
+from trexton.flights.writing import write_tables
 from trexton.vision.camera import Camera
 
 __all__ = ["Common", "import_flight"]
@@ -172,14 +173,11 @@ def _ordered(recording: Recording) -> tuple[Recording, list[str]]:
     ), [f"frames put in order of their stamps, {dropped} of repeated stamps dropped"]
 
 
-Placed = tuple[np.ndarray, np.ndarray | None]
-
-
-def _placed(recording: Recording, common: Common) -> tuple[Placed, list[str]]:
-    """Positions ``(N, 3)`` and attitudes of the frames, and what matching them gave."""
-    count = len(recording.time_ns)
+def _placed(recording: Recording, common: Common) -> tuple[Track, list[str]]:
+    """Positions and attitudes of the frames, and what matching them gave."""
+    stamps = recording.time_ns
     if recording.track is None:
-        return (np.full((count, 3), np.nan), None), ["no positions in the source"]
+        return Track(stamps, np.full((len(stamps), 3), np.nan)), ["no positions in the source"]
     track = recording.track.known()
     farthest = np.nanmax(np.abs(track.position))
     if farthest > FARTHEST:
@@ -187,12 +185,12 @@ def _placed(recording: Recording, common: Common) -> tuple[Placed, list[str]]:
             f"a position is {farthest:g} m from the origin: no such place on Earth, correct it or "
             "name its unit"
         )
-    found = match(recording.time_ns, track.shifted(common.offset), common.tolerance)
-    said = [
-        f"{found.count} of {count} frames have a position, "
-        f"largest gap between positions used {found.largest_gap_s:.3f} s"
+    placed, gap_s = match(stamps, track.shifted(common.offset), common.tolerance)
+    count = np.isfinite(placed.position[:, 0]).sum()
+    return placed, [
+        f"{count} of {len(stamps)} frames have a position, "
+        f"largest gap between positions used {gap_s:.3f} s"
     ]
-    return (found.position, found.attitude), said
 
 
 def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
@@ -212,13 +210,13 @@ def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
 def _flight(
     recording: Recording,
     split: dict[str, tuple[int, int]],
-    placed: Placed,
+    placed: Track,
     camera: Camera | None,
     frames: ImageFiles | None,
     name: str,
 ) -> Flight:
     count = len(recording.time_ns)
-    position, attitude = placed
+    position = placed.position
     height = position[:, 2] if np.isfinite(position[:, 2]).any() else None
     known = position[np.isfinite(position[:, :2]).all(axis=1), :2]
     low, high = (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(2), np.ones(2))
@@ -232,7 +230,7 @@ def _flight(
         position=position[:, :2],
         area=(float(x_min), float(x_max), float(y_min), float(y_max)),
         height=height,
-        attitude=attitude,
+        attitude=placed.attitude,
         frames=frames,
         histograms=recording.histograms,
         features=recording.features,

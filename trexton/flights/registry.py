@@ -18,7 +18,7 @@ from trexton.base.errors import DataError
 from trexton.base.files import atomic_file, check_not_read, digest
 from trexton.base.plugins import resolve
 from trexton.base.progress import say
-from trexton.flights.folder import write_flight
+from trexton.flights.writing import write_flight
 
 __all__ = ["data_folder", "fetch", "flight_title", "locate", "raw_files", "registry"]
 

@@ -11,8 +11,8 @@ from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_folder
 from trexton.base.progress import progress
 from trexton.flights import Flight, read_flight
-from trexton.flights.folder import write_tables
 from trexton.flights.frames import ImageFiles
+from trexton.flights.writing import write_tables
 from trexton.simulator.effects import Effects, Light
 from trexton.simulator.floor import Floor
 from trexton.simulator.plans import Plan, random_waypoints, survey

@@ -13,13 +13,8 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
 from trexton.flights.frames import Forward
-from trexton.flights.importers.recording import (
-    NANO,
-    Recording,
-    Track,
-    axes_option,
-    camera_attitude,
-)
+from trexton.flights.importers.axes import axes_option, camera_attitude
+from trexton.flights.importers.recording import NANO, Recording, Track
 from trexton.vision.images import decode
 
 __all__ = ["Settings", "read", "recognises"]

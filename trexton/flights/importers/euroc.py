@@ -12,8 +12,9 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
+from trexton.flights.importers.axes import AXES
 from trexton.flights.importers.calibration import read_calibration, read_mounting
-from trexton.flights.importers.recording import AXES, Recording, Track, TrackColumns
+from trexton.flights.importers.recording import Recording, Track, TrackColumns
 from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "read", "recognises"]

@@ -1,29 +1,27 @@
-"""What an importer reads: frames with their stamps, and a track of positions with its own."""
+"""What an importer reads: frames with their stamps, and a track of positions with its own.
+
+`Recording` and `Track` hold it, `TrackColumns` declares a format of tables, `match` gives each
+frame its position.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.base.options import option
 from trexton.flights.frames import Frames
+from trexton.flights.importers.axes import attitude_from_quaternions, camera_attitude
 from trexton.flights.tables import LENGTHS, TIMES, TextTable
 from trexton.vision.camera import Camera, wrapped
 
 __all__ = [
-    "AXES",
-    "Matched",
     "Recording",
     "Track",
     "TrackColumns",
-    "attitude_from_quaternions",
-    "axes_option",
     "beside",
-    "camera_attitude",
     "match",
 ]
 
@@ -168,20 +166,10 @@ class Recording:
     said: list[str] = field(default_factory=list)
 
 
-@dataclass(frozen=True, eq=False)
-class Matched:
-    """Positions of the frames: ``(N, 3)`` metres and ``(N, 3)`` radians (or None), NaN where none
-    is near.
-    """
+def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> tuple[Track, float]:
+    """The track at the frames, and the largest gap in seconds that was bridged.
 
-    position: np.ndarray
-    attitude: np.ndarray | None
-    count: int
-    largest_gap_s: float
-
-
-def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
-    """Interpolate the track at the frames; angles along the shorter way.
+    Positions are interpolated, angles along the shorter way; NaN where no position is near.
 
     A frame is matched if it lies on a stamp or between two that are at most twice the tolerance
     apart. Rows of the track without a place do not count.
@@ -226,7 +214,7 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> Matched:
         attitude[~good] = np.nan
         attitude = wrapped(attitude)
     used = gap[good & ~exact]
-    return Matched(position, attitude, int(good.sum()), float(used.max()) if len(used) else 0.0)
+    return Track(time_ns, position, attitude), float(used.max(initial=0))
 
 
 def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:
@@ -239,80 +227,3 @@ def beside(folder: Path, name: str) -> Path:
     """A file that a person named: in the source's folder, or else from where they are."""
     inside = folder / name
     return inside if inside.exists() or not Path(name).exists() else Path(name)
-
-
-# What a quaternion may turn, to the world, z up: right, forward and up of this project's vehicle
-# (`trexton.vision.camera`), as columns in those axes.
-AXES = {
-    "rfu": np.eye(3),
-    "flu": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),  # REP 103
-    "frd": np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]),
-    "camera": np.diag([1.0, -1, -1]),
-}
-
-
-def axes_option() -> str:
-    """What an importer of quaternions declares; see `camera_attitude`."""
-    return option(
-        "auto",
-        "axes that the quaternions turn: camera (right, down, ahead), flu (forward, left, up), "
-        "frd, rfu; auto: camera where that looks down, else flu",
-        choices=("auto", *AXES),
-    )
-
-
-def attitude_from_quaternions(
-    quaternions: Sequence[Sequence[float]] | np.ndarray, axes: np.ndarray = AXES["rfu"]
-) -> np.ndarray:
-    """``(N, 3)`` roll, pitch, yaw as `trexton.vision.camera` defines them, from ``(N, 4)`` x, y, z,
-    w.
-
-    Parameters
-    ----------
-    quaternions : (N, 4) array
-        They take the source's axes to the world's. Where one is not known (NaN), nor is its
-        attitude.
-    axes : (3, 3) array
-        An entry of `AXES`, or how a sensor is mounted.
-
-    Raises
-    ------
-    FlightError
-        A quaternion has no length.
-    """
-    given = np.asarray(quaternions, dtype=float).reshape(-1, 4)
-    length = np.linalg.norm(given, axis=1)
-    if (length <= 1e-6).any():
-        raise FlightError(
-            f"quaternion {int(np.flatnonzero(length <= 1e-6)[0]) + 1} has no length: "
-            "expected x, y, z, w of length 1"
-        )
-    turns = _matrices(given) @ axes
-    turns[np.isnan(length)] = np.nan
-    pitch = np.arcsin(np.clip(turns[:, 2, 1], -1, 1))
-    roll = np.arctan2(-turns[:, 2, 0], turns[:, 2, 2])
-    yaw = np.arctan2(-turns[:, 0, 1], turns[:, 1, 1])
-    return np.column_stack([roll, pitch, yaw])
-
-
-def camera_attitude(quaternions: np.ndarray, axes: str) -> tuple[np.ndarray, str]:
-    """The attitude of a camera whose axes are those of that name, and a sentence that tells which.
-
-    A camera looks at the floor: with ``auto``, quaternions are a camera's where its axes say so in
-    most rows, else a vehicle's.
-    """
-    if axes == "auto":
-        up = (_matrices(np.asarray(quaternions, dtype=float)) @ AXES["camera"])[:, 2, 2]
-        axes = "camera" if len(up) and np.median(up) > 0 else "flu"
-    attitude = attitude_from_quaternions(quaternions, AXES[axes])
-    return attitude, f"quaternions taken as those of axes {axes}"
-
-
-def _matrices(quaternions: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    lengths = np.linalg.norm(quaternions, axis=1)
-    matrices: np.ndarray = Rotation.from_quat(
-        np.where(lengths[:, None] > 1e-6, quaternions, [0.0, 0, 0, 1])
-    ).as_matrix()
-    return matrices.reshape(-1, 3, 3)

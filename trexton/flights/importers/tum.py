@@ -7,7 +7,8 @@ from pathlib import Path
 
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
-from trexton.flights.importers.recording import Recording, Track, TrackColumns, axes_option
+from trexton.flights.importers.axes import axes_option
+from trexton.flights.importers.recording import Recording, Track, TrackColumns
 from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "read", "read_trajectory", "recognises"]

@@ -1,4 +1,8 @@
-"""What looks wrong in a flight that can be read, each as a sentence with what to do about it."""
+"""Plausibility checks of a flight that can be read: positions, stamps, splits and images.
+
+Each check is a function that gives a sentence for what is probably not as meant, with what to do
+about it; `warnings` runs all of them.
+"""
 
 from __future__ import annotations
 
@@ -12,28 +16,39 @@ from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.vision.time_offset import small, time_offset, turns
 
-__all__ = ["doubts"]
+__all__ = ["warnings"]
 
-FASTEST = 60.0  # m/s between half of the frames: no vehicle that this is for
-SLOWEST_RATE = 30.0  # seconds between frames: stamps in another unit, or no flight
-SMALLEST = 0.05  # metres: a hover, or another unit
-TALLEST = 5.0  # diagonals of the area: from there its pictures would all be alike
-LARGEST = 4 * np.pi  # radians: a yaw that is counted on through two turns
-TURNING = 400  # frames of which it is looked at how they turn
-WILD = 20.0  # times the distance within which nine tenths of the positions lie
-
-
-def doubts(flight: Flight) -> list[str]:
-    """Sentences about positions, stamps, splits and images that are probably not as meant."""
-    return [sentence for doubt in _DOUBTS for sentence in doubt(flight)]
+MAX_MEDIAN_SPEED = 60.0  # metres a second
+MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
+MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
+MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
+MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
+ROTATION_FRAMES = 400  # frames whose rotation is measured
+OUTLIER_RATIO = 20.0  # times the 90 % quantile of the distance from the median
 
 
-def _known(flight: Flight) -> np.ndarray:
+_Check = Callable[[Flight], Iterator[str]]
+_CHECKS: list[_Check] = []  # in the order of this file
+
+
+def _check(function: _Check) -> _Check:
+    """Declare a plausibility check."""
+    _CHECKS.append(function)
+    return function
+
+
+def warnings(flight: Flight) -> list[str]:
+    """What the checks say, in their order."""
+    return [sentence for check in _CHECKS for sentence in check(flight)]
+
+
+def _located(flight: Flight) -> np.ndarray:
     return np.flatnonzero(flight.located)
 
 
+@_check
 def _outside(flight: Flight) -> Iterator[str]:
-    rows = _known(flight)
+    rows = _located(flight)
     x, y = flight.position[rows].T
     x_min, x_max, y_min, y_max = flight.area
     slack = 0.01 * flight.diagonal
@@ -61,13 +76,14 @@ def _outside(flight: Flight) -> Iterator[str]:
     yield f"{found}: correct them, or widen area_m"
 
 
-def _wild(flight: Flight) -> Iterator[str]:
-    rows = _known(flight)
+@_check
+def _outliers(flight: Flight) -> Iterator[str]:
+    rows = _located(flight)
     if len(rows) < 10:
         return
     place = flight.position[rows]
     distance = np.hypot(*(place - np.median(place, axis=0)).T)
-    limit = WILD * max(np.quantile(distance, 0.9), 1e-3)
+    limit = OUTLIER_RATIO * max(np.quantile(distance, 0.9), 1e-3)
     far = distance > limit
     if far.any():
         yield (
@@ -77,13 +93,14 @@ def _wild(flight: Flight) -> Iterator[str]:
         )
 
 
+@_check
 def _speed(flight: Flight) -> Iterator[str]:
-    rows = _known(flight)
+    rows = _located(flight)
     if len(rows) < 3:
         return
     steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
     speed = float(np.median(steps / np.diff(flight.time[rows])))
-    if speed > FASTEST:
+    if speed > MAX_MEDIAN_SPEED:
         unit = "millimetres" if speed > 300 else "centimetres"
         yield (
             f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
@@ -91,6 +108,7 @@ def _speed(flight: Flight) -> Iterator[str]:
         )
 
 
+@_check
 def _heights(flight: Flight) -> Iterator[str]:
     if flight.height is None or not (known := np.isfinite(flight.height)).any():
         return
@@ -107,7 +125,7 @@ def _heights(flight: Flight) -> Iterator[str]:
             f"{below.sum()} of {len(rows)} heights are negative (first: frame "
             f"{_first(flight, rows, below)}): does z point down? write metres above the floor"
         )
-    elif usual > max(TALLEST * flight.diagonal, 10):
+    elif usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 10):
         unit = "millimetres" if usual > 300 else "centimetres"
         yield (
             f"the camera is {usual:.4g} m high in half of the frames, over an area of "
@@ -115,12 +133,13 @@ def _heights(flight: Flight) -> Iterator[str]:
         )
 
 
+@_check
 def _angles(flight: Flight) -> Iterator[str]:
     if flight.attitude is None:
         return
     rows = np.flatnonzero(np.isfinite(flight.attitude).all(axis=1))
     largest = np.abs(flight.attitude[rows]).max(axis=1, initial=0)
-    far = largest > LARGEST
+    far = largest > MAX_ANGLE
     if far.any():
         yield (
             f"{far.sum()} of {len(rows)} attitudes hold an angle of up to {largest.max():.4g} rad "
@@ -128,11 +147,12 @@ def _angles(flight: Flight) -> Iterator[str]:
         )
 
 
-def _late(flight: Flight) -> Iterator[str]:
+@_check
+def _time_offset(flight: Flight) -> Iterator[str]:
     """Pictures that turn at another time than the yaw beside them, or the other way."""
     if flight.attitude is None or not flight.has_images:
         return
-    rows = np.flatnonzero(np.isfinite(flight.attitude[:, 2]))[:TURNING]
+    rows = np.flatnonzero(np.isfinite(flight.attitude[:, 2]))[:ROTATION_FRAMES]
     try:
         turned = turns(small(flight.image(row)) for row in rows)
     except TrextonError:
@@ -153,8 +173,9 @@ def _late(flight: Flight) -> Iterator[str]:
         )
 
 
-def _small(flight: Flight) -> Iterator[str]:
-    rows = _known(flight)
+@_check
+def _extent(flight: Flight) -> Iterator[str]:
+    rows = _located(flight)
     if len(rows) < 2:
         return
     extent = np.ptp(flight.position[rows], axis=0)
@@ -163,24 +184,26 @@ def _small(flight: Flight) -> Iterator[str]:
             f"all {len(rows)} positions are the same place: nothing can be learned or judged from "
             "them, check what was recorded"
         )
-    elif extent.max() < SMALLEST:
+    elif extent.max() < MIN_EXTENT:
         yield (
             f"the positions span {extent[0]:.2g} m x {extent[1]:.2g} m: another unit than metres, "
             "or a vehicle that stood still"
         )
 
 
+@_check
 def _stamps(flight: Flight) -> Iterator[str]:
     if len(flight) < 3:
         return
     gap = float(np.median(np.diff(flight.time)))
-    if gap > SLOWEST_RATE:
+    if gap > MAX_MEDIAN_INTERVAL:
         unit = "nanoseconds" if gap > 1e6 else "microseconds" if gap > 1e4 else "milliseconds"
         yield f"frames come {gap:.4g} s apart: stamps in {unit}? write seconds"
     elif gap < 1e-4:
         yield f"frames come {gap:.2g} s apart: write stamps in seconds"
 
 
+@_check
 def _splits(flight: Flight) -> Iterator[str]:
     known = flight.located
     for name, (first, last) in flight.split.items():
@@ -200,8 +223,9 @@ def _splits(flight: Flight) -> Iterator[str]:
             )
 
 
+@_check
 def _floor(flight: Flight) -> Iterator[str]:
-    rows = _known(flight)
+    rows = _located(flight)
     if not len(rows):
         return
     try:
@@ -221,7 +245,7 @@ def _floor(flight: Flight) -> Iterator[str]:
             f"floor, which spans {spanned[0]:.4g} m x {spanned[1]:.4g} m from "
             f"x {corners[:, 0].min():.3g}, y {corners[:, 1].min():.3g}: check world_from_pixel"
         )
-    elif spanned.max() > WILD * max(flight.diagonal, 1e-3):
+    elif spanned.max() > OUTLIER_RATIO * max(flight.diagonal, 1e-3):
         yield (
             f"the picture of the floor spans {spanned[0]:.4g} m x {spanned[1]:.4g} m, the area "
             f"{flight.diagonal:.3g} m from corner to corner: world_from_pixel in another unit? "
@@ -229,6 +253,7 @@ def _floor(flight: Flight) -> Iterator[str]:
         )
 
 
+@_check
 def _names(flight: Flight) -> Iterator[str]:
     if not isinstance(flight.frames, ImageFiles) or len(flight) < 2:
         return
@@ -237,6 +262,7 @@ def _names(flight: Flight) -> Iterator[str]:
         yield f"{often} frames name the same image {file.name!r}: give each frame its own"
 
 
+@_check
 def _features(flight: Flight) -> Iterator[str]:
     if flight.histograms is None or len(flight) < 3:
         return
@@ -250,19 +276,3 @@ def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
-
-
-_DOUBTS: tuple[Callable[[Flight], Iterator[str]], ...] = (
-    _outside,
-    _wild,
-    _speed,
-    _heights,
-    _angles,
-    _late,
-    _small,
-    _stamps,
-    _splits,
-    _floor,
-    _names,
-    _features,
-)

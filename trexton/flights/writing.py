@@ -1,0 +1,136 @@
+"""A `Flight` is written as a folder that `trexton.flights.folder` reads back to the same bits.
+
+`write_flight` writes it whole or not at all, `write_tables` all but its images.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from trexton.base.files import atomic_folder
+from trexton.flights.flight import Flight
+from trexton.flights.folder import ANGLES
+from trexton.flights.frames import Frames, ImageFiles
+from trexton.flights.header import FORMAT
+from trexton.vision.images import bgr_from_yuv
+
+__all__ = ["write_flight", "write_tables"]
+
+
+def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = False) -> Path:
+    """Write `flight` as a folder, whole or not at all; images and floor are copied as they are.
+
+    A folder in its place must be one of ours and unchanged, unless `replace`.
+    """
+    path = Path(path)
+    with atomic_folder(path, replace) as folder:
+        if flight.frames is not None:
+            (folder / "images").mkdir()
+            for row, name in enumerate(_image_names(flight.frames)):
+                _write_image(flight.frames, row, folder / "images" / name)
+        if flight.floor_file is not None:
+            shutil.copyfile(flight.floor_file, folder / flight.floor_file.name)
+        write_tables(flight, folder)
+    return path
+
+
+def write_tables(flight: Flight, folder: Path) -> None:
+    """Write flight.toml, frames.csv and histograms.csv of `flight` into an existing folder."""
+    (folder / "flight.toml").write_text(_header_text(flight), encoding="utf-8")
+    columns: dict[str, Any] = {
+        "frame": flight.frame,
+        "t_s": flight.time,
+        "x_m": flight.position[:, 0],
+        "y_m": flight.position[:, 1],
+    }
+    if flight.height is not None:
+        columns["z_m"] = flight.height
+    if flight.attitude is not None:
+        columns |= dict(zip(ANGLES, flight.attitude.T, strict=False))
+    if flight.frames is not None:
+        columns["image"] = _image_names(flight.frames)
+    _write_csv(folder / "frames.csv", columns)
+    if flight.histograms is not None:
+        textons = {f"t{i}": column for i, column in enumerate(flight.histograms.T)}
+        _write_csv(folder / "histograms.csv", {"frame": flight.frame, **textons})
+
+
+def _image_names(frames: Frames) -> list[str]:
+    if isinstance(frames, ImageFiles):
+        names = [file.name for file in frames.files]
+        if len(set(names)) == len(set(frames.files)):
+            return names
+        # Two folders hold files of one name: the second would replace the first.
+        return [f"{row:06d}{file.suffix}" for row, file in enumerate(frames.files)]
+    return [f"{row:06d}.png" for row in range(len(frames))]
+
+
+def _write_image(frames: Frames, row: int, path: Path) -> None:
+    if isinstance(frames, ImageFiles):
+        shutil.copyfile(frames.files[row], path)
+    else:
+        path.write_bytes(cv2.imencode(".png", bgr_from_yuv(frames[row]))[1].tobytes())
+
+
+def _write_csv(path: Path, columns: dict[str, Any]) -> None:
+    lists = [
+        values.tolist() if isinstance(values, np.ndarray) else values for values in columns.values()
+    ]
+    with open(path, "w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream, lineterminator="\n")
+        writer.writerow(columns)
+        # str of a Python float reads back to the same bits
+        writer.writerows(zip(*lists, strict=False))
+
+
+def _header_text(flight: Flight) -> str:
+    """``flight.toml`` for `flight`."""
+
+    def text(value: str) -> str:
+        return json.dumps(value, ensure_ascii=False)  # a JSON string is a valid TOML basic string
+
+    lines = [f"format = {FORMAT}", f"name = {text(flight.name)}", f"source = {text(flight.source)}"]
+    lines += [
+        f"licence = {text(flight.licence)}",
+        f"area_m = {[float(value) for value in flight.area]}",
+    ]
+    if flight.features != "textons":
+        lines.append(f"features = {text(flight.features)}")
+    if flight.notes:
+        lines.append(f"notes = [{', '.join(text(note) for note in flight.notes)}]")
+    if flight.split:
+        lines += ["", "[split]"] + [
+            f"{text(key)} = [{first}, {last}]" for key, (first, last) in flight.split.items()
+        ]
+    if flight.camera is not None:
+        camera = flight.camera
+        lines += ["", "[camera]", f"width_px = {camera.width}", f"height_px = {camera.height}"]
+        lines += [
+            f"focal_px = {float(camera.focal)}",
+            f"center_px = {[float(value) for value in camera.principal_point]}",
+        ]
+    if flight.rectification is not None:
+        table = flight.rectification.table()
+        lines += ["", "[rectification]"] + [f"{key} = {value}" for key, value in table.items()]
+    if flight.origin is not None:
+        latitude, longitude = map(float, flight.origin)
+        lines += [
+            "", "[origin]", f"latitude_deg = {latitude}", f"longitude_deg = {longitude}"
+        ]  # fmt: skip
+    if flight.floor_file is not None:
+        matrix = np.asarray(flight.floor_from_pixel, dtype=float).tolist()
+        lines += [
+            "",
+            "[floor]",
+            f"image = {text(flight.floor_file.name)}",
+            f"world_from_pixel = {matrix}",
+        ]
+    return "\n".join(lines) + "\n"
