@@ -13,7 +13,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.formats import nbformat
-from trexton.companion.build.headlines import what_we_found
+from trexton.companion.build.headlines import headlines
 from trexton.companion.build.notebook import show_table
 from trexton.companion.build.pages import (
     describe_notebook,
@@ -75,7 +75,7 @@ def test_the_first_page_says_what_the_records_say():
             "triggered_landing": LANDING,
         },
     }
-    accuracy, filtered, noise, spread, landing = what_we_found(records)
+    accuracy, filtered, noise, spread, landing = headlines(records)
     assert accuracy.page == "cyberzoo/mocap_training" and "is reproduced" in accuracy.text
     assert numbers(accuracy.text) == [60, 57, 48, 66, 68, 59, 77]
     assert accuracy.claim.endswith("is reproduced") and accuracy.detail.startswith(
@@ -95,31 +95,31 @@ def test_a_method_beyond_the_paper_takes_the_third_place():
     field = {"mean_cm": entry(21, 18, 25), "held": entry(0.88, 0.8, 0.95)}
     beyond = {"field": field, "paper": {"mean_cm": entry(87, 55, 126)}}
     records = {"cyberzoo": {"choices": choices(87, 58), "beyond": beyond}}
-    (found,) = what_we_found(records)
+    (better,) = headlines(records)
     assert (
-        found.claim == "Beyond the paper, a field of histograms errs less than the paper's filter"
+        better.claim == "Beyond the paper, a field of histograms errs less than the paper's filter"
     )
     field["mean_cm"] = entry(70, 50, 90)
-    assert "errs about as much as the paper's filter" in what_we_found(records)[0].text
-    assert found.page == "cyberzoo/beyond" and numbers(found.text) == [
+    assert "errs about as much as the paper's filter" in headlines(records)[0].text
+    assert better.page == "cyberzoo/beyond" and numbers(better.text) == [
         21, 18, 25, 87, 55, 126, 90, 88, 80, 95,
     ]  # fmt: skip
 
 
 def test_other_records_give_other_verdicts():
     records = {"sim-survey": {"mocap_training": mocap(20, 25, 40, 0.95, 9)}}
-    accuracy, filtered, spread = what_we_found(records)
+    accuracy, filtered, spread = headlines(records)
     assert "does not hold here" in accuracy.text and "real flight" not in accuracy.text
     assert "errs less than" in filtered.text
     assert "tells the errors" in spread.text
     records["cyberzoo"] = {"mocap_training": mocap(58, 90, 30, 0.5, 0)}
-    accuracy, filtered, spread = what_we_found(records)
+    accuracy, filtered, spread = headlines(records)
     assert (
         "holds in part" in accuracy.text
         and "errs now more than, now less than the plain mean" in filtered.text
     )
     assert "too sure" in spread.text
-    assert what_we_found({}) == []
+    assert headlines({}) == []
 
 
 def test_every_claim_stands_in_one_item_of_the_paper_map(tmp_path):
@@ -155,7 +155,7 @@ def test_the_map_shows_theirs_beside_ours_with_links_to_pages_that_are_there(res
     assert '<abbr title="Four of six triggered landings end inside the zone">' in cells[2]
     assert "not testable here" in cells[3] and "0.66" in cells[4] and "reproduced" in cells[4]
     assert table.splitlines()[0].count("|") == row.count("|")
-    assert names["version"] and names["found"][0].page == "cyberzoo/triggered_landing"
+    assert names["version"] and names["headlines"][0].page == "cyberzoo/triggered_landing"
     assert "Table, homography baseline" in map_table({}, lambda page, text: text)
 
 

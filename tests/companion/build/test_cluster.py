@@ -142,7 +142,7 @@ def begun(mark: str, wait_s: float) -> str:
 
 def test_a_cluster_without_workers_is_waited_for_with_a_word(tmp_path, monkeypatch, capsys):
     """As at the end of a job's time."""
-    monkeypatch.setattr("trexton.companion.build.workers._LOOK_S", 0.5)
+    monkeypatch.setattr("trexton.companion.build.workers._WATCH_S", 0.5)
     mark, scheduler = tmp_path / "begun", ["--scheduler-file", tmp_path / "scheduler.json"]
     with Cluster(tmp_path, workers=1) as own:
         with workers(own.address, None) as crew, ThreadPoolExecutor() as pool:

@@ -107,7 +107,7 @@ def test_results_are_reused_until_something_that_went_in_changes(without_kernels
     assert (house.runs("first"), house.runs("second")) == (1, 1)
 
     changed = house.run(settings={"first.factor": "3"})
-    assert changed["first"].reasons == ("factor 2 -> 3",)
+    assert changed["first"].reasons == ("parameter factor 2 -> 3",)
     assert changed["second"].reasons == ("record small/first changed",)
     assert house.record("first")["values"]["frames"] == 3 * 40
 

@@ -27,6 +27,6 @@ def measure(module: str, flight: str, test_flight: str | None, parameters: dict[
 
     experiment = import_module(module)
     train, test = load_pair(flight, test_flight)
-    found: Record = experiment.run(train, test, experiment.Parameters(**parameters))
+    result: Record = experiment.run(train, test, experiment.Parameters(**parameters))
     kept = ("experiment", "flight", "parameters", "values", "timings", "provenance")
-    return canonical_json({name: getattr(found, name) for name in kept})
+    return canonical_json({name: getattr(result, name) for name in kept})

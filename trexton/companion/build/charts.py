@@ -59,7 +59,7 @@ def inline_figure(svg: str, name: str, alt: str) -> str:
     for side in ("width", "height"):  # points to the pixels that a browser counts in
         body = re.sub(
             rf'(<svg[^>]*?)\s{side}="([\d.]+)pt"',
-            lambda found, side=side: f'{found[1]} {side}="{float(found[2]) * 4 / 3:.0f}"',  # type: ignore[misc]
+            lambda match, side=side: f'{match[1]} {side}="{float(match[2]) * 4 / 3:.0f}"',  # type: ignore[misc]
             body,
             count=1,
         )
@@ -77,27 +77,27 @@ def _with_short_names(body: str) -> str:
     return body.replace("xlink:href=", "href=")
 
 
-def _styled_once(found: re.Match[str]) -> str:
+def _styled_once(match: re.Match[str]) -> str:
     """Marks of one kind: their style stands on the group, not on each of some thousand."""
-    style = f' style="{found["style"]}"'
-    return f"<g{style}>{found[0].replace(style, '')}</g>"
+    style = f' style="{match["style"]}"'
+    return f"<g{style}>{match[0].replace(style, '')}</g>"
 
 
-def _themed(found: re.Match[str]) -> str:
+def _themed(match: re.Match[str]) -> str:
     """A colour that a theme may change: grey and black turn round in the dark, hues get lighter."""
-    color = found[0].lower()
+    color = match[0].lower()
     return f"var(--fig-{color[1:]}, {color})"
 
 
-def _lighter(found: re.Match[str]) -> str:
-    data = found[1].replace("\n", "").replace(" ", "")
+def _lighter(match: re.Match[str]) -> str:
+    data = match[1].replace("\n", "").replace(" ", "")
     if len(data) < _LIGHTER:
-        return found[0]
+        return match[0]
     raw = np.frombuffer(base64.b64decode(data), np.uint8)
     picture = cv2.imdecode(raw, cv2.IMREAD_UNCHANGED)
     if picture is None:
-        return found[0]
+        return match[0]
     coded = cv2.imencode(".webp", picture, [cv2.IMWRITE_WEBP_QUALITY, _QUALITY])[1].tobytes()
     if len(coded) >= len(raw):
-        return found[0]
+        return match[0]
     return f'"data:image/webp;base64,{base64.b64encode(coded).decode()}"'

@@ -61,9 +61,9 @@ def with_output(text: str, flight: Flight, kept: Path) -> str:
             stream.write(canonical_json({"key": key, "said": said}))
     each = iter(said)
 
-    def shown(found: re.Match[str]) -> str:
+    def shown(match: re.Match[str]) -> str:
         output = next(each)
-        return found[0] + (f"\n```text\n{output}```\n" if output else "")
+        return match[0] + (f"\n```text\n{output}```\n" if output else "")
 
     return _BLOCK.sub(shown, text)
 

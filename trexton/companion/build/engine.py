@@ -23,7 +23,7 @@ _VERSION = "1"
 
 
 class _Task(pytask.TaskWithoutPath):
-    """A task whose code is told by its facts."""
+    """A task whose code is among its nodes."""
 
     def state(self) -> str:
         return _VERSION

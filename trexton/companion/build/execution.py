@@ -35,7 +35,7 @@ class Job:
     name, text, source : str
         Of the experiment; the MyST notebook; where it stands, for messages.
     parameters : dict
-        What papermill sets, `out` among it: the folder that the reader is told.
+        What papermill sets, `out` among it: the folder that the reader sees.
     subfolder : str
         Where below `out` the results belong: the flight's name.
     records : dict of str to bytes
@@ -195,9 +195,9 @@ def cleaned(path: Path, parameters: Mapping[str, Any], work: str) -> str:
 
     from papermill.translators import PythonTranslator  # isort: skip
 
-    text, told = path.read_text("utf-8"), str(parameters["out"])
+    text, shown = path.read_text("utf-8"), str(parameters["out"])
     for written in (str, PythonTranslator.translate):  # by a cell, and by papermill into one
-        old, new = (json.dumps(written(each), ensure_ascii=False)[1:-1] for each in (work, told))
+        old, new = (json.dumps(written(each), ensure_ascii=False)[1:-1] for each in (work, shown))
         text = text.replace(old, new)
     notebook = nbformat.reads(text, as_version=4)
     tags: list[str] = next(

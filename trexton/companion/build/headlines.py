@@ -1,4 +1,4 @@
-"""What we found, in a few sentences for the first page; every number from the records."""
+"""The results in a few sentences for the first page; every number from the records."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from trexton.companion.claims.rules import REPRODUCED, Quantity, near
 from trexton.companion.experiments.printed import published
 from trexton.companion.wording import apart, interval, middle, number, percent
 
-__all__ = ["PLACES", "Found", "what_we_found"]
+__all__ = ["PLACES", "Headline", "headlines"]
 
 Records = Mapping[str, Mapping[str, Any]]
 # How the first page calls the two flights of the book, the real one first.
@@ -22,7 +22,7 @@ _DETAIL = re.compile(r"(?=: |, where |, and )")
 
 
 @dataclass(frozen=True)
-class Found:
+class Headline:
     """A sentence, and the page that shows it."""
 
     text: str
@@ -30,7 +30,7 @@ class Found:
 
     @property
     def claim(self) -> str:
-        """Its beginning, which says what was found."""
+        """Its beginning, which says the result."""
         return _DETAIL.split(self.text, maxsplit=1)[0]
 
     @property
@@ -39,7 +39,7 @@ class Found:
         return self.text[len(self.claim) :]
 
 
-def what_we_found(records: Records) -> list[Found]:
+def headlines(records: Records) -> list[Headline]:
     """The sentences that the records at hand allow.
 
     Parameters
@@ -49,7 +49,7 @@ def what_we_found(records: Records) -> list[Found]:
         them.
     """
     makers = (_accuracy, _filter, _better, _spread, _landing)
-    return [found for make in makers if (found := make(records)) is not None]
+    return [headline for make in makers if (headline := make(records)) is not None]
 
 
 def _on_each(
@@ -62,7 +62,7 @@ def _on_each(
     return " and ".join(said), values, f"{flights[0]}/{experiment}" if flights else ""
 
 
-def _accuracy(records: Records) -> Found | None:
+def _accuracy(records: Records) -> Headline | None:
     text, values, page = _on_each(
         records, "mocap_training", lambda v: interval(v["filter"]["axis_mean_cm"], "cm")
     )
@@ -79,10 +79,10 @@ def _accuracy(records: Records) -> Found | None:
         if held
         else "does not hold here"
     )
-    return Found(f"The paper's accuracy of {number(printed)} cm an axis {where}: {text}.", page)
+    return Headline(f"The paper's accuracy of {number(printed)} cm an axis {where}: {text}.", page)
 
 
-def _filter(records: Records) -> Found | None:
+def _filter(records: Records) -> Headline | None:
     def say(values: Mapping[str, Any]) -> str:
         error, knn = (interval(values[name]["mean_cm"], "cm") for name in ("filter", "knn"))
         return f"{error} against {knn}, {number(values['lag']['s'])} s late,"
@@ -92,7 +92,7 @@ def _filter(records: Records) -> Found | None:
         return None
     says = _compared([(v["filter"]["mean_cm"], v["knn"]["mean_cm"]) for v in values])
     text = f"Its particle filter {says} the plain mean of its own neighbours: {text}"
-    return Found(f"{text}.", page)
+    return Headline(f"{text}.", page)
 
 
 def _compared(pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> str:
@@ -108,7 +108,7 @@ def _compared(pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> s
     return f"errs {'now ' if len(words) > 1 else ''}{', now '.join(words)}"
 
 
-def _better(records: Records) -> Found | None:
+def _better(records: Records) -> Headline | None:
     """The method beyond the paper; where it was not run, the one number that changes most."""
 
     def say(values: Mapping[str, Any]) -> str:
@@ -121,10 +121,10 @@ def _better(records: Records) -> Found | None:
         return _noise(records)
     says = _compared([(v["field"]["mean_cm"], v["paper"]["mean_cm"]) for v in values])
     text = f"Beyond the paper, a field of histograms {says} the paper's filter: {text}"
-    return Found(f"{text}.", page)
+    return Headline(f"{text}.", page)
 
 
-def _noise(records: Records) -> Found | None:
+def _noise(records: Records) -> Headline | None:
     def say(values: Mapping[str, Any]) -> str:
         paper, wide = (middle(values["variants"][k]["mean_cm"]) for k in ("paper", "motion_25"))
         return f"{number(wide)} instead of {number(paper)} cm"
@@ -133,10 +133,10 @@ def _noise(records: Records) -> Found | None:
     if not values:
         return None
     label = values[0]["variants"]["motion_25"]["label"]
-    return Found(f"With {label} the error is {text}.", page)
+    return Headline(f"With {label} the error is {text}.", page)
 
 
-def _spread(records: Records) -> Found | None:
+def _spread(records: Records) -> Headline | None:
     text, values, page = _on_each(
         records, "mocap_training", lambda v: percent(v["spread"]["within_two"])
     )
@@ -147,20 +147,20 @@ def _spread(records: Records) -> Found | None:
     honest = all(middle(each["spread"]["within_two"]) >= 0.9 for each in values)
     claim = "The particles' spread tells the errors" if honest else "The particles are too sure"
     limit = published()["triggered_landing"]["spread_cm"]
-    return Found(
+    return Headline(
         f"{claim}: of the errors, twice their spread covers {text}, and the landing threshold of "
         f"{limit} cm holds back {wide:.0f} of {number(frames)} frames.",
         page,
     )
 
 
-def _landing(records: Records) -> Found | None:
+def _landing(records: Records) -> Headline | None:
     flight = next((f for f in PLACES if "triggered_landing" in records.get(f, {})), None)
     if flight is None:
         return None
     values = records[flight]["triggered_landing"]
     printed, perfect = published()["triggered_landing"], values["perfect"]
-    return Found(
+    return Headline(
         f"{values['inside']} of {values['landings']} triggered landings end inside the zone "
         f"{PLACES[flight]}, where the paper had {printed['inside']} of {printed['landings']} and "
         f"the true position gives {perfect['inside']} of {perfect['landings']}.",

@@ -27,16 +27,16 @@ _ICON = re.compile(
 
 
 def with_icons(html: str) -> str:
-    """`html` with every icon of the font drawn in place; one that is not known here stays away."""
+    """`html` with every icon of the font drawn in place; one that is not drawn here stays away."""
     return _ICON.sub(_drawn, html)
 
 
-def _drawn(found: re.Match[str]) -> str:
-    names = [word[3:] for word in found["class"].split() if word.startswith("fa-")]
+def _drawn(match: re.Match[str]) -> str:
+    names = [word[3:] for word in match["class"].split() if word.startswith("fa-")]
     path = next((_STROKES[name] for name in names if name in _STROKES), "")
     drawing = (
         '<svg class="icon" viewBox="0 0 24 24" width="1em" height="1em" aria-hidden="true" '
         'focusable="false" fill="none" stroke="currentColor" stroke-width="2" '
         f'stroke-linecap="round" stroke-linejoin="round"><path d="{path}"/></svg>'
     )
-    return f'<i class="{found["class"]}"{found["rest"]}>{drawing}</i>'
+    return f'<i class="{match["class"]}"{match["rest"]}>{drawing}</i>'

@@ -18,7 +18,7 @@ from trexton.base.files import atomic_file, digest, put_in_place, work_folder
 from trexton.base.progress import say
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.headlines import what_we_found
+from trexton.companion.build.headlines import headlines
 from trexton.companion.build.link_check import audit
 from trexton.companion.build.nodes import outputs_of
 from trexton.companion.build.plan import run_experiments, sole_writer
@@ -35,11 +35,11 @@ __all__ = ["Made", "build_small_book", "make_book"]
 
 @dataclass
 class Made:
-    """What `make_book` did and found, as sentences for a person; outcomes; where the book is."""
+    """What `make_book` did, and the headlines, as sentences; outcomes; where the book is."""
 
     index: Path
     said: list[str] = field(default_factory=list)
-    found: list[str] = field(default_factory=list)
+    headlines: list[str] = field(default_factory=list)
     outcomes: list[Outcome] = field(default_factory=list)
 
     @property
@@ -73,10 +73,10 @@ def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None 
     )
     made = Made(Path("book") / "_build" / "html" / "index.html", prepared.said, outcomes=outcomes)
     made.said.append(_build(contents, made.index.parent))
-    made.found += [each.text for each in what_we_found(records_by_name(results, outcomes))]
+    made.headlines += [each.text for each in headlines(records_by_name(results, outcomes))]
     if not is_current(Path("README.md"), results):
         made.said.append(
-            "README.md tells other numbers than these results: "
+            "README.md has other numbers than these results: "
             "python -m trexton.companion.build.readme renews it"
         )
     return made

@@ -29,8 +29,8 @@ def mathml(tex: str, display: str = "inline") -> str:
     ValueError
         Something of it was not understood, and would stand on the page as TeX.
     """
-    for known, said in _IN_OTHER_WORDS:
-        tex = tex.replace(known, said)
+    for macro, words in _IN_OTHER_WORDS:
+        tex = tex.replace(macro, words)
     element = str(convert(tex.strip(), display=display))
     # MathML Core has no named widths, and no negative ones.
     element = re.sub(r'<mspace width="negative\w+" ?/>', "", element)

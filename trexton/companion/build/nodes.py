@@ -71,7 +71,7 @@ class HashedNode:
 
 
 def fixed(name: str, owner: str, entries: Mapping[str, object]) -> HashedNode:
-    """What is known beforehand; values that are no text are compared by their `repr`."""
+    """What is fixed beforehand; values that are no text are compared by their `repr`."""
     texts = {
         key: value if isinstance(value, str) else repr(value) for key, value in entries.items()
     }
@@ -161,27 +161,27 @@ def reasons(
     """Why the last run cannot be reused, in words."""
     if before is None:
         return ["no finished run"]
-    found = []
+    lines = []
     for fact in facts:
         old, new = json.loads(before.get(fact.name, "{}")), fact.read() or {}
         if fact.name == "outputs":
-            found += _touched(old, folder)
+            lines += _touched(old, folder)
             continue
         for key in sorted(old.keys() | new.keys()):
             if old.get(key) != new.get(key):
-                found.append(_difference(fact.name.split()[0], key, old.get(key), new.get(key)))
-    return list(dict.fromkeys(found))
+                lines.append(_difference(fact.name.split()[0], key, old.get(key), new.get(key)))
+    return list(dict.fromkeys(lines))
 
 
 def _touched(old: Entries, folder: Path) -> list[str]:
     """Outputs that are no longer what the run left."""
-    found = []
+    lines = []
     for name, expected in old.items():
         if not (folder / name).is_file():
-            found.append(f"{name} is missing")
+            lines.append(f"{name} is missing")
         elif digest(folder / name) != expected:
-            found.append(f"{name} is not what the run left")
-    return found
+            lines.append(f"{name} is not what the run left")
+    return lines
 
 
 def _difference(group: str, key: str, old: str | None, new: str | None) -> str:

@@ -102,7 +102,7 @@ class Page:
     ----------
     record : Record
     given : Given
-        What the notebook was given; the record goes to ``<out>/<flight>/``, seen from the working
+        What the notebook was given; the record goes to ``<out>/<flight>/``, relative to the working
         folder.
     """
 
@@ -170,7 +170,7 @@ class Page:
         return HTML(html.replace("<table", f'<table data-explore="{len(chosen)}"', 1))
 
     def finding(self, sentence: str | None = None) -> HTML:
-        """What the experiment found on this flight, in one sentence made from the record.
+        """The finding of the experiment on this flight, in one sentence made from the record.
 
         Or `sentence`, where the record of a longer run says it.
         """
@@ -246,11 +246,11 @@ class Page:
 
     def quantities(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
         """Single numbers of the record: label, and place in its values; the absent are left out."""
-        found: dict[str, Any] = {
+        values: dict[str, Any] = {
             label: look_up(self.record.values, path) for label, path in rows.items()
         }
         table = [
-            {"": label, " ": _number(value)} for label, value in found.items() if value is not None
+            {"": label, " ": _number(value)} for label, value in values.items() if value is not None
         ]
         return self.frame(pd.DataFrame(table), caption, name)
 

@@ -48,14 +48,14 @@ def find_notebooks(
             f"{place}: holds no notebook of an experiment: expected files such as "
             f"{next(iter(experiments))}.md"
         )
-    found = {}
+    notebooks = {}
     for name in experiments:
         path = place / f"{name}.md"
         if not path.is_file() and name not in MODULES:
             path = _beside(experiments[name])
         if path.is_file():
-            found[name] = Notebook(name, str(path), read_text(path))
-    return found
+            notebooks[name] = Notebook(name, str(path), read_text(path))
+    return notebooks
 
 
 def _beside(experiment: Experiment) -> Path:
@@ -65,7 +65,7 @@ def _beside(experiment: Experiment) -> Path:
 
 @dataclass(frozen=True)
 class Notebook:
-    """A MyST text notebook and what can be known of it without running it."""
+    """A MyST text notebook and what it says without running it."""
 
     name: str
     source: str

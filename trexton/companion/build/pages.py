@@ -1,4 +1,4 @@
-"""Names that prose may use beside the records: what was found, the paper map, the version."""
+"""Names that prose may use beside the records: the headlines, the paper map, the version."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from trexton.companion.build.formats import nbformat
-from trexton.companion.build.headlines import what_we_found
+from trexton.companion.build.headlines import headlines
 from trexton.companion.build.paper_map import map_table
 from trexton.companion.claims.ledger import load_records
 from trexton.flights.registry import flight_title
@@ -33,7 +33,7 @@ _LONGEST = 200  # characters of a description, about what search engines show
 
 
 def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[str, object]:
-    """``found``, ``paper_map`` (a function of ``see``), ``version``, ``excluded_s``, and the tables
+    """``headlines``, ``paper_map`` (a function of ``see``), ``version``, ``excluded_s``, and the tables
     of ``sinks`` and ``sources`` as they declare themselves.
 
     Parameters
@@ -46,14 +46,14 @@ def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[s
 
     def paper_map(see: Callable[[str, str], str]) -> str:
         records = {
-            flight: {name: each for name, each in found.items() if name in values[flight]}
-            for flight, found in load_records(results).items()
+            flight: {name: each for name, each in own.items() if name in values[flight]}
+            for flight, own in load_records(results).items()
             if flight in values
         }
         return map_table(records, see)
 
     return {
-        "found": what_we_found(values),
+        "headlines": headlines(values),
         "paper_map": paper_map,
         "version": version("trexton"),
         "excluded_s": EXCLUDED_SECONDS,
@@ -98,11 +98,11 @@ def refer_by_number(notebook: nbformat.NotebookNode, page: str, figures: Sequenc
     )
     tables = {name: number for html in shown for name, number in _TABLE.findall(html)}
 
-    def refer(found: re.Match[str]) -> str:
-        name = found["name"]
+    def refer(match: re.Match[str]) -> str:
+        name = match["name"]
         if (figure := _figure_name(page, name)) in figures:
             return f"{{numref}}`{figure}`"
-        return f'<a href="#{name}">Table {tables[name]}</a>' if name in tables else found["words"]
+        return f'<a href="#{name}">Table {tables[name]}</a>' if name in tables else match["words"]
 
     def referred(text: str) -> str:
         return re.sub(r"\[(?P<words>[^\]]+)\]\(#(?P<name>\w+)\)", refer, text)
@@ -173,8 +173,8 @@ def describe_notebook(notebook: nbformat.NotebookNode) -> None:
     """Give an executed notebook its finding, or its first words, as a meta description."""
     outputs = [o for cell in notebook.cells for o in cell.get("outputs", ())]
     html = "".join(str(output.get("data", {}).get("text/html", "")) for output in outputs)
-    found = re.search(r'<p class="finding">(.*?)</p>', html, re.S)
+    sentence = re.search(r'<p class="finding">(.*?)</p>', html, re.S)
     words = "\n\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
-    text = _shortened(unescape(found[1])) if found else description(words)
+    text = _shortened(unescape(sentence[1])) if sentence else description(words)
     if text:
         notebook.metadata["myst"] = {"html_meta": {"description": text}}

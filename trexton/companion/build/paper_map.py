@@ -36,9 +36,9 @@ def load_map(path: Path | None = None) -> list[Item]:
     path = path or paper_file("map.toml")
     items = [Item(**table) for table in tomllib.loads(path.read_text(encoding="utf-8"))["item"]]
     named = [claim for item in items for claim in item.claims]
-    known = {claim.id for claim in load_claims(paper_file("claims.toml"))}
+    declared = {claim.id for claim in load_claims(paper_file("claims.toml"))}
     wrong = sorted(
-        {n for n in named if named.count(n) > 1 or n not in known} | (known - set(named))
+        {n for n in named if named.count(n) > 1 or n not in declared} | (declared - set(named))
     )
     if wrong:
         raise ParameterError(
@@ -64,7 +64,7 @@ def map_table(records: dict[str, dict[str, Record]], see: Callable[[str, str], s
     for item in load_map():
         own = [rows[name] for name in item.claims]
         cells = [item.name, _pages(item.page, flights, see), _printed([c for c, _ in own])]
-        cells += [_ours([(c, found[i]) for c, found in own]) for i in range(len(flights))]
+        cells += [_ours([(c, findings[i]) for c, findings in own]) for i in range(len(flights))]
         lines.append(" | ".join(cells))
     return "\n".join(f"| {line} |" for line in lines)
 
@@ -101,17 +101,17 @@ def _printed(claims: Sequence[Claim]) -> str:
     return "; ".join(_grouped([part for part in printed if part[1] == u], u) for u in units)
 
 
-def _ours(found: Sequence[tuple[Claim, Finding]]) -> str:
+def _ours(findings: Sequence[tuple[Claim, Finding]]) -> str:
     """What one flight gave: numbers under each verdict, in the order of the claims."""
-    verdicts = list(dict.fromkeys(finding.verdict for _, finding in found))
+    verdicts = list(dict.fromkeys(finding.verdict for _, finding in findings))
     cells = []
     for verdict in verdicts:
         texts = []
-        for claim, finding in found:
+        for claim, finding in findings:
             if finding.verdict == verdict and finding.ours is not None:
                 pair = [finding.ours, *([finding.other] if finding.other else [])]
                 values = " against ".join(number(each.value) for each in pair)
-                texts.append((_named(claim, values, len(found) > 1), claim.unit))
+                texts.append((_named(claim, values, len(findings) > 1), claim.unit))
         units = list(dict.fromkeys(unit for _, unit in texts))
         numbers = "; ".join(_grouped([t for t in texts if t[1] == u], u) for u in units)
         badge = f'<span class="verdict {verdict.replace(" ", "-")}">{verdict}</span>'

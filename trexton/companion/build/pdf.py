@@ -46,7 +46,7 @@ def whole_book(html: Path) -> str:
         article = page.find("article")
         if article is None:
             continue
-        for element in article.find_all(src=True):  # seen from the top of the book
+        for element in article.find_all(src=True):  # relative to the top of the book
             element["src"] = str((Path(name).parent / str(element["src"])).as_posix())
         for frame in article.find_all(["iframe", "script"]):
             if "chart-data" not in frame.get_attribute_list("class"):

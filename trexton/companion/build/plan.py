@@ -112,7 +112,7 @@ def _settings_of(
 ) -> dict[str, dict[str, Any]]:
     """The parameters of each experiment; a setting that none of them declares is an error."""
     classes = {n.name: experiments[n.name].parameters for n in notebooks}
-    known = {name: {each.name for each in cls.declared()} for name, cls in classes.items()}
+    declared = {name: {each.name for each in cls.declared()} for name, cls in classes.items()}
     mine: dict[str, dict[str, object]] = {name: {} for name in classes}
     for key, value in settings.items():
         experiment, _, name = key.rpartition(".")
@@ -120,9 +120,9 @@ def _settings_of(
             raise ParameterError(
                 f"parameter {name!r} is given by the workflow: use the options of trexton run"
             )
-        takers = [n for n in classes if (n == experiment if experiment else name in known[n])]
+        takers = [n for n in classes if (n == experiment if experiment else name in declared[n])]
         if not takers:
-            names = ", ".join(sorted(set().union(*known.values()))) or "none"
+            names = ", ".join(sorted(set().union(*declared.values()))) or "none"
             raise ParameterError(
                 f"no experiment chosen here has a parameter {key!r}: there are {names}"
             )

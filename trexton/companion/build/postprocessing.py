@@ -80,12 +80,12 @@ def _head(page: BeautifulSoup) -> None:
             for element in head.select(f"[src*='{name}'], [href*='{name}']"):
                 element.decompose()
     # Twice the same would be an error where it says const, and a waste elsewhere.
-    seen: set[str] = set()
+    scripts: set[str] = set()
     for element in page.find_all("script", src=False):
         text = (element.string or "").strip()
-        if text.startswith("var toggle") and text in seen:
+        if text.startswith("var toggle") and text in scripts:
             element.decompose()
-        seen.add(text)
+        scripts.add(text)
     for element in head.find_all("meta", attrs={"name": "viewport"})[1:]:
         element.decompose()
     if head.find("meta", attrs={"name": "description"}) is None:
@@ -204,7 +204,7 @@ def _wide(rows: list[list[str]]) -> bool:
 
 
 def _label_cells(table: Tag) -> None:
-    """Each cell told the name of its column, which a phone shows before it."""
+    """Each cell with the name of its column, which a phone shows before it."""
     heads = [cell.get_text().strip() for cell in table.select("thead tr th, thead tr td")]
     for row in table.select("tbody tr"):
         for head, cell in zip(heads, row.find_all(["td", "th"]), strict=False):
@@ -252,8 +252,8 @@ def _size(file: Path) -> tuple[float, float] | None:
     if not file.is_file():
         return None
     if file.suffix == ".svg":
-        found = re.search(r'viewBox="\S+ \S+ (\S+) (\S+)"', file.read_text("utf-8"))
-        return (float(found[1]), float(found[2])) if found else None
+        box = re.search(r'viewBox="\S+ \S+ (\S+) (\S+)"', file.read_text("utf-8"))
+        return (float(box[1]), float(box[2])) if box else None
     picture = cv2.imread(str(file), cv2.IMREAD_UNCHANGED)
     return None if picture is None else (picture.shape[1], picture.shape[0])
 

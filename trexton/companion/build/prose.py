@@ -26,7 +26,7 @@ __all__ = ["records_by_name", "render"]
 
 def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tree]:
     """``{flight: {experiment: values}}`` of the outcomes that left a record, ``timings`` too."""
-    found: dict[str, dict[str, Any]] = {}
+    values_by_flight: dict[str, dict[str, Any]] = {}
     for outcome in outcomes:
         path = results / outcome.flight / f"{outcome.experiment}.json"
         if outcome.status in ("ran", "reused") and outcome.flight and path.is_file():
@@ -36,8 +36,8 @@ def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tre
                 "parameters": record["parameters"],
                 "timings": record["timings"],
             }
-            found.setdefault(outcome.flight, {})[outcome.experiment] = values
-    return {flight: Tree(experiments) for flight, experiments in found.items()}
+            values_by_flight.setdefault(outcome.flight, {})[outcome.experiment] = values
+    return {flight: Tree(experiments) for flight, experiments in values_by_flight.items()}
 
 
 def render(path: Path, context: dict[str, Any], pages: set[str], pictures: dict[str, str]) -> str:
@@ -72,7 +72,7 @@ def render(path: Path, context: dict[str, Any], pages: set[str], pictures: dict[
                 "see": see,
                 "picture": pictures.get,
                 "importers": describe,
-                "touchdown": TouchdownZone((0.0, 0.0)),  # what it asks for unless told otherwise
+                "touchdown": TouchdownZone((0.0, 0.0)),  # what it asks for by default
             }
         )
     except jinja2.TemplateSyntaxError as error:

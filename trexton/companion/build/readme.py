@@ -76,12 +76,12 @@ def kept_numbers(results: Path) -> dict[str, Any]:
 def _row(
     records: Mapping[str, Record], experiment: str, place: str, held: tuple[str, str] | None
 ) -> dict[str, Any] | None:
-    found = _value(records, experiment, place)
-    if found is None:
+    entry = _value(records, experiment, place)
+    if entry is None:
         return None
-    row = {"cm": middle(found)}
-    if isinstance(found, dict):
-        row |= {"low": found["low"], "high": found["high"]}
+    row = {"cm": middle(entry)}
+    if isinstance(entry, dict):
+        row |= {"low": entry["low"], "high": entry["high"]}
     share = _value(records, *held) if held else None
     return row if share is None else row | {"held": middle(share)}
 
@@ -125,7 +125,7 @@ def with_table(text: str, table: str) -> str:
 
 
 def is_current(readme: Path, results: Path) -> bool:
-    """Whether the README's table tells the numbers of these results; True where there are none."""
+    """Whether the README's table has the numbers of these results; True where there are none."""
     try:
         text = readme.read_text(encoding="utf-8")
         return with_table(text, results_table(kept_numbers(results))) == text

@@ -127,8 +127,8 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
 def _write_notebook(notebook: nbformat.NotebookNode, target: Path, pages: list[str]) -> None:
     """Write an executed notebook; links to experiments that have no page become plain text."""
 
-    def link(found: re.Match[str]) -> str:
-        return found[0] if found["page"] in pages else found["text"]
+    def link(match: re.Match[str]) -> str:
+        return match[0] if match["page"] in pages else match["text"]
 
     for cell in notebook.cells:
         if cell.cell_type == "markdown":
@@ -170,19 +170,19 @@ def public_names() -> list[tuple[str, str]]:
 
 def _figures(contents: Contents) -> dict[str, list[str]]:
     """Names of the figures of each experiment's page."""
-    found = {}
+    names = {}
     for pair in contents.pairs:
         for name in contents.good(pair.name):
             path = contents.results / pair.name / f"{name}.ipynb"
             if path.is_file():
                 notebook = nbformat.read(path, as_version=4)
-                found[f"{pair.name}/{name}"] = name_figures(notebook, f"{pair.name}/{name}")
-    return found
+                names[f"{pair.name}/{name}"] = name_figures(notebook, f"{pair.name}/{name}")
+    return names
 
 
 def _pictures(contents: Contents) -> dict[str, str]:
     """The first figure of each experiment on the first flight that has one, by its path."""
-    found: dict[str, str] = {}
+    first: dict[str, str] = {}
     for pair in contents.pairs:
         for name in contents.good(pair.name):
             figures = [
@@ -191,8 +191,8 @@ def _pictures(contents: Contents) -> dict[str, str]:
                 if path.suffix == ".svg"
             ]
             if figures:
-                found.setdefault(name, f"{pair.name}/{figures[0].name}")
-    return found
+                first.setdefault(name, f"{pair.name}/{figures[0].name}")
+    return first
 
 
 def _title(name: str) -> str:

@@ -111,16 +111,18 @@ class Run:
     def _records(self, step: Step, planned: Mapping[str, Step]) -> list[Path]:
         """Records of other experiments that the step reads and that are, or will be, true."""
         if step.pair is None:
-            found = sorted(p for pair in self.pairs for p in (self.out / pair.name).glob("*.json"))
+            records = sorted(
+                p for pair in self.pairs for p in (self.out / pair.name).glob("*.json")
+            )
         else:
             folder, planned_names = self._folder(step), {other.key for other in planned.values()}
-            found = [
+            records = [
                 folder / f"{name}.json"
                 for name in step.experiment.after
                 if (step.pair.name, name) in planned_names or (folder / f"{name}.json").is_file()
             ]
         stale = {key for key, one in self.outcomes.items() if one.status in ("failed", "skipped")}
-        return [path for path in found if (path.parent.name, path.stem) not in stale]
+        return [path for path in records if (path.parent.name, path.stem) not in stale]
 
     def _facts(
         self, step: Step, planned: Mapping[str, Step]

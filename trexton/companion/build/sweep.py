@@ -148,9 +148,9 @@ def sweep(
         for name, report in reports.items()
         if report.outcome not in (pytask.TaskOutcome.SUCCESS, pytask.TaskOutcome.SKIP_UNCHANGED)
     }
-    found = {cell: _found(cell) for cell in cells if cell.name not in failed}
-    _check_values(plan.values, list(found.values()))
-    rows = [_row(plan, cell, each) for cell, each in found.items()]
+    results = {cell: _results(cell) for cell in cells if cell.name not in failed}
+    _check_values(plan.values, list(results.values()))
+    rows = [_row(plan, cell, each) for cell, each in results.items()]
     if rows:  # a table is not replaced by nothing
         _write(plan, out, rows)
     outcomes = [reports[cell.name].outcome for cell in cells]
@@ -175,7 +175,7 @@ def _grid(plan: Plan, experiment: Experiment) -> list[Options]:
 
 
 def _possible(chosen: list[Options]) -> list[Options]:
-    """Those that know no ``obstacle`` to being run; the others with a word.
+    """Those that have no ``obstacle`` to being run; the others with a word.
 
     Raises
     ------
@@ -286,7 +286,7 @@ def _measured(call: Call, module: str, pair: FlightPair, cell: _Cell) -> None:
     say(f"ran     {cell.name}")
 
 
-def _found(cell: _Cell) -> dict[str, Any]:
+def _results(cell: _Cell) -> dict[str, Any]:
     """What a cell measured: its values, and its timings as an entry of them."""
     record = json.loads(cell.path.read_text(encoding="utf-8"))
     return {**record["values"], "timings": record["timings"]}
@@ -296,22 +296,22 @@ def _check_values(paths: Sequence[str], trees: Sequence[Mapping[str, Any]]) -> N
     """Refuse a path that leads nowhere in any record: its column would be empty, as if measured."""
     if not trees:
         return
-    known = sorted({name for tree in trees for name, _ in _numbers("", tree)})
+    recorded = sorted({name for tree in trees for name, _ in _numbers("", tree)})
     for path in paths:
-        if all(look_up(tree, path) is None for tree in trees) and path not in known:
-            near = get_close_matches(path, known, n=3, cutoff=0) or ["nothing"]
+        if all(look_up(tree, path) is None for tree in trees) and path not in recorded:
+            near = get_close_matches(path, recorded, n=3, cutoff=0) or ["nothing"]
             raise ParameterError(
                 f"no record has a value {path!r}: it has {', '.join(near)} and the like, "
                 "every one without --values"
             )
 
 
-def _row(plan: Plan, cell: _Cell, found: Mapping[str, Any]) -> dict[str, Any]:
+def _row(plan: Plan, cell: _Cell, results: Mapping[str, Any]) -> dict[str, Any]:
     parameters = {name: cell.parameters.as_dict()[name] for name in plan.settings}
     if plan.values:
-        values = {path: look_up(found, path) for path in plan.values}
+        values = {path: look_up(results, path) for path in plan.values}
     else:
-        values = dict(_numbers("", found))
+        values = dict(_numbers("", results))
     return {"flight": cell.flight, **parameters, **values}
 
 

@@ -24,7 +24,7 @@ from trexton.vision.kernels.load import usable_cores
 __all__ = ["Workers", "default_jobs", "workers"]
 
 _MEMORY_PER_JOB = 2 * 2**30
-_LOOK_S = 30.0  # after so long it is looked whether anybody works
+_WATCH_S = 30.0  # seconds between checks that the cluster still has workers
 Report = Callable[[int, int], None]
 
 
@@ -61,33 +61,33 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
     client = connect(cluster)
     try:
         try:
-            found = client.run(_fingerprint)
+            prints = client.run(_fingerprint)
         except Exception as error:  # what the worker says who lacks a module, as Dask wraps it
             raise ParameterError(
                 f"a worker of {cluster} does not run this trexton ({error}): give all workers this "
                 "environment"
             ) from None
-        if not found:
+        if not prints:
             raise ParameterError(f"{cluster} has no workers: start some with dask worker {cluster}")
-        if strange := [name for name, print_ in found.items() if print_ != _fingerprint()]:
+        if others := [name for name, print_ in prints.items() if print_ != _fingerprint()]:
             raise ParameterError(
-                f"the worker {strange[0]} has another version of trexton or of what it stands on: "
+                f"the worker {others[0]} has another version of trexton or of what it stands on: "
                 "its results would differ; give all workers this environment"
             )
 
-        told = threading.Event()
+        warned = threading.Event()
 
         def call(function: Callable[..., Any], *words: object) -> Any:
             try:
                 future = client.submit(function, *words, pure=False)
                 while True:
                     try:
-                        return future.result(timeout=_LOOK_S)
+                        return future.result(timeout=_WATCH_S)
                     except TimeoutError:
                         if future.done():  # its own
                             raise
-                    if not client.scheduler_info()["workers"] and not told.is_set():
-                        told.set()
+                    if not client.scheduler_info()["workers"] and not warned.is_set():
+                        warned.set()
                         say(
                             f"{cluster} has no workers left: start some, or interrupt; what was "
                             "finished is kept"
@@ -110,7 +110,7 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
                 client.run(execution.stop_all)
                 client.close()
 
-        yield Workers(jobs or len(found), run, stop, cluster, call)
+        yield Workers(jobs or len(prints), run, stop, cluster, call)
     finally:
         client.close()
 

@@ -65,10 +65,10 @@ def filter_step(scene: Scene, quick: bool) -> Iterator[Row]:
     for count, limit, threads in ((50, 0.5, 1), (500, 0.04, 1), (5000, 0.02, 2)):
         rng = scene.rng("measurements")
         filter_ = ParticleFilter(motion, mixture, scene.map.area, count, rng=scene.rng("filter"))
-        seen = cycle(observations(2.5 + 0.4 * rng.standard_normal((100, _K, 2))))
+        measurements = cycle(observations(2.5 + 0.4 * rng.standard_normal((100, _K, 2))))
 
         def ours() -> Any:
-            filter_.step(next(seen))
+            filter_.step(next(measurements))
             return filter_.position()
 
         ours()
@@ -198,10 +198,12 @@ def _samples(scene: Scene, count: int, rng: np.random.Generator) -> Callable[...
 def _particles(scene: Scene, count: int, rng: np.random.Generator) -> Callable[..., Any]:
     parts = scene.map.parts
     filter_ = ParticleFilter(parts["motion"], parts["measurement"], scene.map.area, count, rng=rng)
-    seen = cycle(observations(2.5 + 0.4 * scene.rng("measurements").standard_normal((100, 5, 2))))
+    measurements = cycle(
+        observations(2.5 + 0.4 * scene.rng("measurements").standard_normal((100, 5, 2)))
+    )
 
     def step() -> Any:
-        filter_.step(next(seen))
+        filter_.step(next(measurements))
         return filter_.position()
 
     return step

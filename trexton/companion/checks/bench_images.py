@@ -17,7 +17,7 @@ from trexton.vision.patches import gather_patches, position_grid, sample_positio
 __all__ = ["full_histogram", "homography", "sampled", "simulator"]
 
 _GEMM = 2048
-_FOUND = 0.3  # metres within which a fix counts as right
+_CORRECT_M = 0.3  # metres within which a fix counts as right
 
 
 def operations(shape: tuple[int, ...], n_textons: int, patch: int) -> float:
@@ -95,24 +95,24 @@ def homography(scene: Scene, quick: bool) -> Iterator[Row]:
         HomographyLocalizer(scene.simulator.floor.picture, scale=scale) for scale in (1.0, 0.5)
     )
     turn = iter(np.tile(np.arange(len(frames)), 10_000))
-    found = cv2.SIFT.create(nfeatures=whole.keypoints)
+    detector = cv2.SIFT.create(nfeatures=whole.keypoints)
     luma = [np.ascontiguousarray(frame[..., 0]) for frame in frames]
     contestants = {
         "whole": lambda: whole.locate(frames[next(turn)]),
         "half": lambda: half.locate(frames[next(turn)]),
-        "sift": lambda: found.detectAndCompute(luma[next(turn)], None),
+        "sift": lambda: detector.detectAndCompute(luma[next(turn)], None),
     }
     with limited_threads(1):
         times = interleave(contestants, 1.0 if quick else 4.0, 3 if quick else 6)
         right = {
             name: np.mean([
-                np.hypot(*(localizer.locate(frame).position - position)) < _FOUND
+                np.hypot(*(localizer.locate(frame).position - position)) < _CORRECT_M
                 for frame, position in zip(frames, positions, strict=False)
             ])
             for name, localizer in (("whole", whole), ("half", half))
         }  # fmt: skip
     size = f"{frames[0].shape[1]}x{frames[0].shape[0]}"
-    notes = {name: f"right within {_FOUND} m: {share:.0%}" for name, share in right.items()}
+    notes = {name: f"right within {_CORRECT_M} m: {share:.0%}" for name, share in right.items()}
     sift = "SIFT of the frame"
     yield Row.compare(
         "homography", size, 1, times["whole"], sift, times["sift"], 1.4, notes["whole"]
@@ -127,8 +127,8 @@ def simulator(scene: Scene, quick: bool) -> Iterator[Row]:
     """A frame of the virtual room with all effects against one warp of the floor's picture."""
     room, picture = scene.simulator, scene.simulator.floor.picture
     state = room.state
-    seen = room.camera.world_from_pixel(state.position, state.attitude)
-    view = np.linalg.inv(picture.world_from_pixel) @ seen
+    camera_view = room.camera.world_from_pixel(state.position, state.attitude)
+    view = np.linalg.inv(picture.world_from_pixel) @ camera_view
     size = (room.camera.width, room.camera.height)
 
     def warp() -> Any:

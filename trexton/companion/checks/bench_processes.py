@@ -116,9 +116,9 @@ def onboard(scene: Scene, quick: bool) -> Iterator[Row]:
         np.save(pictures, np.stack(scene.views[0][:12]))
         command = [sys.executable, "-c", _LOOP, str(texton_map), str(pictures), str(frames)]
         done = subprocess.run(command, check=True, capture_output=True, text=True)
-    found = json.loads(done.stdout.splitlines()[-1])
-    cpu, wall = found["seconds"]
+    measured = json.loads(done.stdout.splitlines()[-1])
+    cpu, wall = measured["seconds"]
     yield Row.compare(
         "onboard loop, CPU a frame", f"{frames} frames", 1, Times(cpu, cpu, 1), "time passed",
-        wall, None, f"{1e3 * cpu:.2f} ms CPU, {found['bytes'] / 2**20:.0f} MiB resident",
+        wall, None, f"{1e3 * cpu:.2f} ms CPU, {measured['bytes'] / 2**20:.0f} MiB resident",
     )  # fmt: skip

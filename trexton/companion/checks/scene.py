@@ -42,16 +42,16 @@ def crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.nd
 
 
 def observations(positions: np.ndarray) -> list[Observation]:
-    """Observations whose neighbours lie at these ``(N, k, 2)`` positions; what a filter sees, found
-    already.
+    """Observations whose neighbours lie at these ``(N, k, 2)`` positions; as if a search had
+    given them.
     """
     nothing = np.zeros(1)
-    seen = []
+    made = []
     for places in positions:
         index = np.arange(len(places))
         neighbors = Neighbors(index, index.astype(float), places)
-        seen.append(Observation(histogram=nothing.copy, neighbors=partial(_always, neighbors)))
-    return seen
+        made.append(Observation(histogram=nothing.copy, neighbors=partial(_always, neighbors)))
+    return made
 
 
 def _always(neighbors: Neighbors, histogram: np.ndarray) -> Neighbors:

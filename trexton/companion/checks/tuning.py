@@ -144,9 +144,9 @@ class Bench:
 
     def error_m(self, setting: Setting, texton_map: TextonMap) -> float:
         """Mean Euclidean error of the replay, metres."""
-        known = {name: value for name, value in asdict(setting).items() if name != "odometry"}
-        rng = stream(self.seed, f"replay {digest(known)[:12]}")
-        told = self._told if setting.odometry else None
+        choices = {name: value for name, value in asdict(setting).items() if name != "odometry"}
+        rng = stream(self.seed, f"replay {digest(choices)[:12]}")
+        told = self._velocities if setting.odometry else None
         errors = replayed_errors(texton_map, samples=setting.samples or None, rng=rng, told=told)
         return float(np.hypot(*errors.T).mean())
 
@@ -177,8 +177,8 @@ class Bench:
         return with_parts(usual, {"odometry": make("odometry", "visual")}, flight=self.flight)
 
     @cached_property
-    def _told(self) -> list[Aiding | None]:
-        """The velocity that each frame tells, from the camera alone."""
+    def _velocities(self) -> list[Aiding | None]:
+        """The velocity of each frame, measured by the camera alone."""
         flight, seeing = self.flight, self._moving
         running = seeing.parts["odometry"].open(seeing.period_s)
         return [
@@ -231,12 +231,12 @@ def search(
         raise ParameterError(
             f"{trials} trials in {seconds} s: expected at least one, and some time"
         )
-    # Too short a flight and a seed that is none are told before any work.
+    # Too short a flight and a seed that is none are refused before any work.
     stretches(flight.time)
     stream(seed, "search")
     for method in methods:
         compose(method)
-    optuna.logging.set_verbosity(optuna.logging.CRITICAL)  # a failed trial is told below
+    optuna.logging.set_verbosity(optuna.logging.CRITICAL)  # a failed trial is reported below
     searched = _study(study, digest(flight.data_hash, list(methods), seed)[:16], seed)
     bench, reasons = Bench(flight, seed), []
     sees_motion = "field" in methods and flight.has_images and bench.sees_motion
@@ -264,9 +264,9 @@ def search(
     done = [trial for trial in searched.trials if trial.state == optuna.trial.TrialState.COMPLETE]
     if not done:
         raise ParameterError(f"no setting could be flown: {reasons[0] if reasons else 'no time'}")
-    known = {each.name for each in fields(Setting)}
+    names = {each.name for each in fields(Setting)}
     return [
-        Tried(Setting(**{k: v for k, v in trial.params.items() if k in known}), *trial.values)
+        Tried(Setting(**{k: v for k, v in trial.params.items() if k in names}), *trial.values)
         for trial in done
     ]
 

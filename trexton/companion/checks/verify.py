@@ -122,10 +122,10 @@ def references() -> list[Path]:
     TrextonError
         There are none, as where the package is installed without its repository.
     """
-    found = [path for path in kept_results() if path.name.startswith("verify-")]
-    if not found:
+    kept = [path for path in kept_results() if path.name.startswith("verify-")]
+    if not kept:
         raise TrextonError("no reference values are here: name a record, or work in a whole clone")
-    return found
+    return kept
 
 
 def verify(
@@ -144,7 +144,7 @@ def verify(
     Raises
     ------
     TrextonError
-        The record cannot be read, its flights are not known, or a process fails.
+        The record cannot be read, its flights are missing, or a process fails.
     """
     record = _read(path)
     given = [str(each) for each in (flight, test_flight) if each]
@@ -249,22 +249,22 @@ def precision(record: Content) -> float:
 
 
 def differences(
-    expected: object, found: object, place: str = "", within: float = RELATIVE
+    expected: object, actual: object, place: str = "", within: float = RELATIVE
 ) -> list[str]:
     """Lines that name each entry of nested values that is not as expected.
 
     Whole numbers, words and truth values must be equal; other numbers `within` a share of each
     other, or, for 0, to the last bit.
     """
-    if isinstance(expected, dict) and isinstance(found, dict):
-        keys = sorted(expected.keys() | found.keys())
-        pairs = [(key, expected.get(key, _ABSENT), found.get(key, _ABSENT)) for key in keys]
-    elif isinstance(expected, list) and isinstance(found, list) and len(expected) == len(found):
-        pairs = [(str(row), *both) for row, both in enumerate(zip(expected, found, strict=True))]
-    elif _equal(expected, found, within):
+    if isinstance(expected, dict) and isinstance(actual, dict):
+        keys = sorted(expected.keys() | actual.keys())
+        pairs = [(key, expected.get(key, _ABSENT), actual.get(key, _ABSENT)) for key in keys]
+    elif isinstance(expected, list) and isinstance(actual, list) and len(expected) == len(actual):
+        pairs = [(str(row), *both) for row, both in enumerate(zip(expected, actual, strict=True))]
+    elif _equal(expected, actual, within):
         return []
     else:
-        return [f"{place}: {_shown(expected)} -> {_shown(found)}"]
+        return [f"{place}: {_shown(expected)} -> {_shown(actual)}"]
     joint = "." if place and not place.endswith(" ") else ""
     return [
         line

@@ -190,17 +190,17 @@ def _quantity(claim: Claim, reference: str, records: Records) -> Quantity | None
     if experiment not in records:
         return None
     record = records[experiment]
-    found = look_up(record.values, path)
-    if found is None:
-        found = look_up(record.timings, path)
-    if isinstance(found, dict):
-        value = found.get("value", found.get("median"))  # the latter of times
+    entry = look_up(record.values, path)
+    if entry is None:
+        entry = look_up(record.timings, path)
+    if isinstance(entry, dict):
+        value = entry.get("value", entry.get("median"))  # the latter of times
         if value is None:
             return None
-        low, high = (value if found.get(end) is None else found[end] for end in ("low", "high"))
+        low, high = (value if entry.get(end) is None else entry[end] for end in ("low", "high"))
         return Quantity(float(value), float(low), float(high))
-    if isinstance(found, (int, float)):
-        return Quantity(found, found, found)
+    if isinstance(entry, (int, float)):
+        return Quantity(entry, entry, entry)
     if not _present(record, path) and not (claim.needs or claim.reason):
         raise ParameterError(
             f"claim {claim.id!r} reads {reference!r}, which the record of flight "
@@ -300,7 +300,7 @@ def write_ledger(folder: Path) -> Rows:
     records = load_records(folder)
     if not records:
         raise TrextonError(
-            f"{folder}: no records found: run the experiments first "
+            f"{folder}: no records entry: run the experiments first "
             f"(trexton run FLIGHT --out {folder})"
         )
     rows = judge_all(records)

@@ -55,8 +55,8 @@ def _row(claim: Claim, findings: list[Finding]) -> str:
         _cell("Our test", _test(claim)),
     ]
     for finding in findings:
-        found = quantities(finding, claim.unit)
-        content = (f"<span>{found}</span><br>" if found else "") + _verdict(finding)
+        measured = quantities(finding, claim.unit)
+        content = (f"<span>{measured}</span><br>" if measured else "") + _verdict(finding)
         cells.append(_cell(flight_title(finding.flight), content))
     verdicts = "|".join(finding.verdict for finding in findings)
     return (

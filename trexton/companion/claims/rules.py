@@ -1,6 +1,6 @@
 """The rules of the ledger, one for each kind of claim, the same for every claim and every flight.
 
-An interval is a 95 % interval; a quantity without one counts as known exactly.
+An interval is a 95 % interval; a quantity without one counts as exact.
 
 ``value``
     *Reproduced*: the printed value lies in our interval, ours is within a quarter of it, and the
@@ -46,7 +46,7 @@ QUARTER, FACTOR = 0.25, 2.0
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value and its 95 % interval (equal to the value where none is known)."""
+    """A value and its 95 % interval (equal to the value where there is none)."""
 
     value: float
     low: float

@@ -23,6 +23,6 @@ def run(arguments: argparse.Namespace) -> int:
     print(
         f"\nThe book, made in {time.monotonic() - started:.0f} s: open {made.index} in a browser."
     )
-    for sentence in made.found:
+    for sentence in made.headlines:
         print(f"- {sentence}")
     return int(made.failed)

@@ -106,9 +106,9 @@ class _Handler(BaseHTTPRequestHandler):
         super().__init__(*arguments)  # type: ignore[arg-type]
 
     def do_GET(self) -> None:
-        found = self.path.split("?")[0] == "/"
-        answer = self._page if found else b"no such page"
-        self.send_response(200 if found else 404)
+        exists = self.path.split("?")[0] == "/"
+        answer = self._page if exists else b"no such page"
+        self.send_response(200 if exists else 404)
         self.send_header("Content-Type", "text/html; charset=utf-8")
         self.send_header("Content-Length", str(len(answer)))
         self.end_headers()

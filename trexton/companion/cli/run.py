@@ -64,7 +64,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def print_outcomes(outcomes: list[Outcome], explain: bool) -> None:
     """One line an experiment; reasons where it failed or was skipped, or everywhere (`explain`).
-    What failed is told on stderr.
+    What failed goes to stderr.
     """
     for outcome in outcomes:
         stream = sys.stderr if outcome.status == "failed" else sys.stdout

@@ -42,11 +42,11 @@ def run(arguments: argparse.Namespace) -> int:
     with tempfile.TemporaryDirectory() as work:
         for path in [Path(record) for record in arguments.records] or references():
             verdict = verify(path, Path(work), *flights, variants=variants)
-            status |= _told(verdict, variants, arguments.update)
+            status |= _report(verdict, variants, arguments.update)
     return status
 
 
-def _told(verdict: Verdict, variants: tuple[Variant, ...], updating: bool) -> int:
+def _report(verdict: Verdict, variants: tuple[Variant, ...], updating: bool) -> int:
     """Say what came of one record; 1 if it is not as it was."""
     from trexton.companion.checks.verify import precision, update
 
@@ -66,8 +66,8 @@ def _told(verdict: Verdict, variants: tuple[Variant, ...], updating: bool) -> in
     if verdict.changes:
         print(f"{path}: {len(verdict.changes)} entries changed since it was made")
         show(verdict.changes)
-        known = ", ".join(verdict.versions) or "no version: look at the code and the machine"
-        print(f"  what moved: {known}")
+        versions = ", ".join(verdict.versions) or "no version: look at the code and the machine"
+        print(f"  what moved: {versions}")
     if not updating:
         return 1
     update(verdict)

@@ -25,7 +25,7 @@ __all__ = ["Playback", "record_replay"]
 _WIDTH = 200  # pixels of a frame on the page
 _FLOOR_WIDTH = 420
 _QUALITY = 38
-_PIXELS_TOLD = 250  # of the sampled patches, no more is told apart by eye
+_MOST_PATCHES = 250  # sampled patches drawn; more the eye cannot tell apart
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ def _histograms(flight: Flight) -> np.ndarray:
 
 
 def _cm(metres: Any) -> Any:
-    """Whole centimetres, nested as they were; None where a position is not known."""
+    """Whole centimetres, nested as they were; None where there is no position."""
     values = np.asarray(metres, dtype=float)
     if values.ndim:
         return None if np.isnan(values).all() else [_cm(each) for each in values]
@@ -161,7 +161,7 @@ def _patches(
     if localizer.samples is None or dictionary is None:
         return None
     drawn = sample_positions(frame.shape, dictionary.patch, localizer.samples, rng)
-    share = 1000 * drawn[:_PIXELS_TOLD, ::-1] / np.array([frame.shape[1], frame.shape[0]])
+    share = 1000 * drawn[:_MOST_PATCHES, ::-1] / np.array([frame.shape[1], frame.shape[0]])
     return [[int(x), int(y)] for x, y in share]
 
 
@@ -188,8 +188,10 @@ def _north_up(floor: MapImage) -> tuple[np.ndarray, tuple[float, float, float, f
     scale = max(rows, columns) / max(right - left, top - bottom)
     size = tuple(max(1, round(scale * each)) for each in (right - left, top - bottom))
     place = np.array([[scale, 0, -scale * left - 0.5], [0, -scale, scale * top - 0.5], [0, 0, 1]])
-    seen = cv2.cvtColor(floor.image, cv2.COLOR_BGR2BGRA)  # what it does not show is transparent
-    return cv2.warpPerspective(seen, place @ floor.world_from_pixel, size), extent
+    picture_bgra = cv2.cvtColor(
+        floor.image, cv2.COLOR_BGR2BGRA
+    )  # what it does not show is transparent
+    return cv2.warpPerspective(picture_bgra, place @ floor.world_from_pixel, size), extent
 
 
 def _small(picture: np.ndarray, width: int) -> np.ndarray:
