@@ -112,7 +112,7 @@ def test_results_are_reused_until_something_that_went_in_changes(without_kernels
     assert house.record("first")["values"]["frames"] == 3 * 40
 
     back = house.run(only=["first"])
-    assert back["first"].reasons == ("factor 3 -> 2",)
+    assert back["first"].reasons == ("parameter factor 3 -> 2",)
     notebook = house.notebooks / "first.md"
     notebook.write_text(notebook.read_text().replace("A tiny", "A very tiny"))
     assert house.run(only=["first"])["first"].reasons == ("the notebook's text changed",)

@@ -33,8 +33,8 @@ _LONGEST = 200  # characters of a description, about what search engines show
 
 
 def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[str, object]:
-    """``headlines``, ``paper_map`` (a function of ``see``), ``version``, ``excluded_s``, and the tables
-    of ``sinks`` and ``sources`` as they declare themselves.
+    """``headlines``, ``paper_map`` (a function of ``see``), ``version``, ``excluded_s``, and the
+    tables of ``sinks`` and ``sources`` as they declare themselves.
 
     Parameters
     ----------
