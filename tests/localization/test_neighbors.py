@@ -58,7 +58,7 @@ def test_methods_give_the_same_bits_on_many_histograms(rng):
 
 def test_a_small_map_searches_without_compiled_code(rng):
     histograms = rng.dirichlet(np.ones(6), 800)
-    assert NearestHistograms(histograms, np.zeros((800, 2)))._kernels is None
+    assert NearestHistograms(histograms, np.zeros((800, 2)))._tree is None
 
 
 def test_real_histograms(cyberzoo):

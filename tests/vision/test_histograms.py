@@ -1,4 +1,4 @@
-"""Histograms against the plain definition, over backends, threads and sizes."""
+"""Histograms against the plain definition, over threads and sizes."""
 
 from __future__ import annotations
 
@@ -13,11 +13,9 @@ from trexton.vision.histograms import (
     sampled_histogram,
     texton_histogram,
 )
-from trexton.vision.kernels.load import in_strips, thread_count
 from trexton.vision.patches import gather_patches
 from trexton.vision.textons import TextonDictionary
-
-BACKENDS = ("numba", "numpy")
+from trexton.vision.threads import in_strips, thread_count
 
 
 def random_case(rng, n_textons=20, patch=6, shape=(24, 32), levels=256):
@@ -29,16 +27,14 @@ def random_case(rng, n_textons=20, patch=6, shape=(24, 32), levels=256):
     ).astype(np.uint8)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_two_hundred_images_equal_the_plain_definition(rng, backend):
+def test_two_hundred_images_equal_the_plain_definition(rng):
     for index in range(200):
         shape = (int(rng.integers(6, 17)), int(rng.integers(6, 23)))
         dictionary, image = random_case(rng, shape=shape, levels=256 if index % 2 else 2)
         expected = plain_histogram(image, dictionary.textons)
-        assert texton_histogram(image, dictionary, backend).tobytes() == expected.tobytes()
+        assert texton_histogram(image, dictionary).tobytes() == expected.tobytes()
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize(
     ("n_textons", "patch", "shape"),
     [
@@ -51,11 +47,9 @@ def test_two_hundred_images_equal_the_plain_definition(rng, backend):
         (2, 48, (50, 49)),
     ],
 )
-def test_other_sizes_equal_the_plain_definition(rng, backend, n_textons, patch, shape):
+def test_other_sizes_equal_the_plain_definition(rng, n_textons, patch, shape):
     dictionary, image = random_case(rng, n_textons, patch, shape)
-    assert np.array_equal(
-        label_image(image, dictionary, backend), plain_labels(image, dictionary.textons)
-    )
+    assert np.array_equal(label_image(image, dictionary), plain_labels(image, dictionary.textons))
 
 
 @pytest.mark.parametrize("value", [0, 255])
@@ -64,17 +58,12 @@ def test_extreme_bytes_do_not_overflow(value):
         np.uint8
     )
     image = np.full((48, 48, 3), value, np.uint8)
-    for backend in BACKENDS:
-        assert label_image(image, TextonDictionary(textons), backend).tolist() == [[1]]
+    assert label_image(image, TextonDictionary(textons)).tolist() == [[1]]
 
 
-def test_backends_and_threads_agree_on_whole_frames(rng):
+def test_any_number_of_threads_gives_the_same_labels(rng):
     dictionary, image = random_case(rng, shape=(121, 643), levels=8)
-    labels = [
-        label_image(image, dictionary, backend, threads)
-        for backend in BACKENDS
-        for threads in (1, 2, 3)
-    ]
+    labels = [label_image(image, dictionary, threads) for threads in (1, 2, 3)]
     assert all(np.array_equal(labels[0], other) for other in labels[1:])
     assert np.array_equal(
         dictionary.label(gather_patches(image, np.argwhere(labels[0] >= 0), 6)), labels[0].ravel()
@@ -85,10 +74,7 @@ def test_views_are_images_too(rng):
     dictionary, image = random_case(rng, shape=(20, 30))
     view = np.flip(image, axis=1)[::2]
     image.flags.writeable = False
-    for backend in BACKENDS:
-        assert np.array_equal(
-            label_image(view, dictionary, backend), label_image(view.copy(), dictionary, backend)
-        )
+    assert np.array_equal(label_image(view, dictionary), label_image(view.copy(), dictionary))
     first, second = (
         sampled_histogram(array, dictionary, 50, rng=np.random.default_rng(1))
         for array in (view, view.copy())
@@ -112,10 +98,9 @@ def test_permuting_the_textons_permutes_the_histogram(rng):
 def test_the_first_of_equal_textons_takes_all(rng):
     dictionary, image = random_case(rng, n_textons=5)
     twice = TextonDictionary(np.concatenate([dictionary.textons, dictionary.textons]))
-    for backend in BACKENDS:
-        histogram = texton_histogram(image, twice, backend)
-        assert np.array_equal(histogram[:5], texton_histogram(image, dictionary))
-        assert not histogram[5:].any()
+    histogram = texton_histogram(image, twice)
+    assert np.array_equal(histogram[:5], texton_histogram(image, dictionary))
+    assert not histogram[5:].any()
 
 
 def test_sampled_histograms_converge_at_one_over_root_n(rng):
@@ -163,8 +148,6 @@ def test_bad_input_is_one_clear_error(rng):
         sampled_histogram([1, 2], dictionary, rng=rng)
     with pytest.raises(ParameterError, match="samples is 0"):
         sampled_histogram(image, dictionary, 0, rng=rng)
-    with pytest.raises(ParameterError, match="backend 'fpga' is unknown"):
-        texton_histogram(image, dictionary, "fpga")
     with pytest.raises(ParameterError, match="threads is 0"):
         texton_histogram(image, dictionary, threads=0)
 

@@ -1,4 +1,4 @@
-"""The same bits on processors that this one is not, and without numba."""
+"""The same bits on processors that this one is not."""
 
 from __future__ import annotations
 
@@ -10,14 +10,10 @@ import numpy as np
 import pytest
 from plain import plain_labels
 
-from trexton.base.errors import ParameterError
-from trexton.vision.kernels.load import compiled
+from trexton.vision.kernels.label_rows import label_rows
 
 # Prints a digest of labels, dictionary and neighbours that depends on the seed alone.
 PROGRAM = """
-import sys
-if "without-numba" in sys.argv:
-    sys.modules["numba"] = None
 import numpy as np
 from trexton.base.files import digest
 from trexton.vision.histograms import label_image, texton_histogram
@@ -35,12 +31,12 @@ print(digest(dictionary.textons, label_image(image, dictionary),
 """
 
 
-def run(*arguments, **environment):
+def run(**environment):
     variables = {
         key: value for key, value in os.environ.items() if not key.startswith("NUMBA_")
     } | environment
     done = subprocess.run(
-        [sys.executable, "-c", PROGRAM, *arguments], capture_output=True, text=True, env=variables
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, env=variables
     )
     assert done.returncode == 0, done.stderr
     return done.stdout.strip()
@@ -49,10 +45,6 @@ def run(*arguments, **environment):
 @pytest.fixture(scope="module")
 def here():
     return run()
-
-
-def test_without_numba_the_bits_are_the_same(here):
-    assert run("without-numba") == here
 
 
 def test_threads_and_hash_seeds_change_nothing(here):
@@ -75,9 +67,7 @@ def test_the_label_kernel_counts_what_it_labels(rng):
     dictionary = TextonDictionary(rng.integers(0, 256, (6, 4, 4, 3), dtype=np.uint8))
     image = rng.integers(0, 256, (12, 80, 3), dtype=np.uint8)
     labels, counts = np.empty((9, 77), np.uint8), np.ones(6, np.int64)
-    compiled("label_rows").label_rows(
-        image.reshape(12, -1), dictionary.words, dictionary.words_bias, labels, counts
-    )
+    label_rows(image.reshape(12, -1), dictionary.words, dictionary.words_bias, labels, counts)
     assert np.array_equal(labels, plain_labels(image, dictionary.textons))
     assert np.array_equal(counts, 1 + np.bincount(labels.ravel(), minlength=6))
 
@@ -100,23 +90,3 @@ def test_large_particle_sets_share_threads_and_keep_their_bits(rng, monkeypatch)
         exponent = -0.5 * np.einsum("ja,ab,jb->j", difference, precision, difference)
         expected = np.log(np.exp(np.maximum(exponent, -500)) @ weights)
         assert found[0][row] == pytest.approx(expected, rel=1e-9, abs=1e-9)
-
-
-@pytest.mark.parametrize("fault", [ImportError, RuntimeError])
-def test_kernels_that_cannot_be_loaded_are_done_without(monkeypatch, fault):
-    import trexton.vision.kernels.load
-
-    def fail(name):
-        raise fault(name)
-
-    monkeypatch.setattr(trexton.vision.kernels.load, "import_module", fail)
-    assert trexton.vision.kernels.load._load.__wrapped__("label_rows") is None
-
-
-def test_numba_asked_for_but_absent_is_an_error(monkeypatch):
-    import trexton.vision.kernels.load
-
-    monkeypatch.setattr(trexton.vision.kernels.load, "_load", lambda module: None)
-    assert compiled("label_rows") is None
-    with pytest.raises(ParameterError, match="'numba' was asked for"):
-        compiled("label_rows", "numba")

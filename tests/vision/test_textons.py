@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from plain import plain_kohonen_steps
 
 from trexton.base.errors import ImageError, MapError, ParameterError, TrextonError
 from trexton.flights import read_flight
+from trexton.vision.kernels import kohonen_steps
 from trexton.vision.patches import draw_patches, gather_patches
 from trexton.vision.textons import METHODS, TextonDictionary, learn_textons
 
@@ -23,14 +25,21 @@ def clusters(rng, n=3000, patch=2, noise=3.0):
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_backends_give_the_same_bits(rng, method):
+def test_learning_follows_its_definition_to_the_bit(rng, method, monkeypatch):
     patches = rng.integers(0, 256, (700, 3, 3, 3), dtype=np.uint8)
-    learned = [
-        learn_textons(patches, 7, rng=np.random.default_rng(4), method=method, backend=b)
-        for b in ("numba", "numpy")
-    ]
-    assert learned[0].dictionary.textons.tobytes() == learned[1].dictionary.textons.tobytes()
-    assert learned[0].errors.tobytes() == learned[1].errors.tobytes()
+    learned, plain = (
+        learn_textons(patches, 7, rng=np.random.default_rng(4), method=method)
+        for _ in _with_plain_steps(monkeypatch)
+    )
+    assert learned.dictionary.textons.tobytes() == plain.dictionary.textons.tobytes()
+    assert learned.errors.tobytes() == plain.errors.tobytes()
+
+
+def _with_plain_steps(monkeypatch):
+    """First with the compiled kernel, then with `plain_kohonen_steps` in its place."""
+    yield
+    monkeypatch.setattr(kohonen_steps, "kohonen_steps", plain_kohonen_steps)
+    yield
 
 
 def test_kohonen_finds_separated_clusters(rng):

@@ -17,7 +17,6 @@ import numpy as np
 from trexton.base.errors import MapError, ParameterError
 from trexton.base.progress import progress
 from trexton.localization.distances import Distance
-from trexton.vision.kernels.load import compiled
 
 __all__ = ["BoxTree", "NearestHistograms", "Neighbors", "neighbors_in_flight"]
 
@@ -101,9 +100,8 @@ class NearestHistograms:
         wanted = method == "tree" or (method is None and len(histograms) >= TREE_FROM)
         self._rows = None if distance is None or distance.embedded else histograms
         wanted = wanted and self._rows is None
-        self._kernels: Any = compiled("nearest_in_tree") if wanted else None
-        self._tree = BoxTree.build(histograms) if self._kernels else None
-        self._columns = None if self._kernels else _Columns(histograms)
+        self._tree = BoxTree.build(histograms) if wanted else None
+        self._columns = None if wanted else _Columns(histograms)
 
     def query(self, histogram: np.ndarray, k: int | None = None) -> Neighbors:
         """The k nearest of one histogram ``(K,)``; another k, up to N, may be asked for.
@@ -132,8 +130,10 @@ class NearestHistograms:
         if self._columns is not None:
             index, squared = self._columns.nearest(histogram, float(size), k)
         else:
+            from trexton.vision.kernels.nearest_in_tree import nearest_in_tree  # loads numba
+
             tree: Any = self._tree
-            index, squared = self._kernels.nearest_in_tree(
+            index, squared = nearest_in_tree(
                 tree.low, tree.high, tree.leaves, tree.rows, histogram, k
             )
         return Neighbors(index, np.sqrt(squared), self.positions.take(index, axis=0))

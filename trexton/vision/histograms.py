@@ -2,12 +2,11 @@
 sample.
 
 Every patch gets the label of its nearest texton; a histogram is the relative frequency of each
-label. Labels are decided on integers, so that any backend and number of threads give the same bits.
-An image is ``(H, W, 3) uint8`` (Y, U, V).
+label. Labels are decided on integers, so that any number of threads gives the same bits. An image
+is ``(H, W, 3) uint8`` (Y, U, V).
 
-Full sampling runs in a compiled kernel (`trexton.vision.kernels.label_rows`), or as matrix products
-where numba is absent. A few hundred samples stay with NumPy: there numba would gain less than it
-costs to load.
+Full sampling runs in a compiled kernel (`trexton.vision.kernels.label_rows`). A few hundred samples
+stay with NumPy: there numba would gain less than it costs to load.
 """
 
 from __future__ import annotations
@@ -17,21 +16,16 @@ import numpy as np
 from trexton.base.defaults import SAMPLES
 from trexton.base.options import whole
 from trexton.vision.images import check_image
-from trexton.vision.kernels.load import compiled, in_strips
 from trexton.vision.patches import gather_patches, position_grid, sample_positions
 from trexton.vision.textons import TextonDictionary
+from trexton.vision.threads import in_strips
 
 __all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_positions"]
-
-# Positions labelled at once by matrix products: their scores stay in the processor's cache, and
-# BLAS libraries have quicker kernels for matrices this small.
-_ROWS, _COLUMNS = 24, 320
 
 
 def texton_histogram(
     image: np.ndarray,
     dictionary: TextonDictionary,
-    backend: str | None = None,
     threads: int | None = None,
     cells: int = 1,
 ) -> np.ndarray:
@@ -42,8 +36,6 @@ def texton_histogram(
     ----------
     image : (H, W, 3) uint8 array
     dictionary : TextonDictionary
-    backend : {"numba", "numpy"} or None
-        None takes numba where it is installed; both give the same bits.
     threads : int or None
         None takes ``$OMP_NUM_THREADS``, else every processor; any number gives the same bits.
     cells : int
@@ -63,7 +55,7 @@ def texton_histogram(
         `cells` is no whole number of at least 1.
     """
     cells = whole(cells, "cells")
-    labels, counts = _label(image, dictionary, backend, threads)
+    labels, counts = _label(image, dictionary, threads)
     if cells == 1:
         return counts / labels.size
     rows, columns = (np.arange(length) * cells // length for length in labels.shape)
@@ -73,7 +65,6 @@ def texton_histogram(
 def label_image(
     image: np.ndarray,
     dictionary: TextonDictionary,
-    backend: str | None = None,
     threads: int | None = None,
 ) -> np.ndarray:
     """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position; ties go to the lowest
@@ -81,7 +72,7 @@ def label_image(
 
     Parameters and errors are those of `texton_histogram`.
     """
-    return _label(image, dictionary, backend, threads)[0]
+    return _label(image, dictionary, threads)[0]
 
 
 def sampled_histogram(
@@ -132,66 +123,18 @@ def _by_cell(labels: np.ndarray, cell: np.ndarray, n_textons: int, cells: int) -
 
 
 def _label(
-    image: np.ndarray, dictionary: TextonDictionary, backend: str | None, threads: int | None
+    image: np.ndarray, dictionary: TextonDictionary, threads: int | None
 ) -> tuple[np.ndarray, np.ndarray]:
     """Labels of all positions, and how often each occurs."""
-    kernels = compiled("label_rows", backend)
+    from trexton.vision.kernels.label_rows import label_rows  # numba takes a while to load
+
     labels = np.empty(position_grid(check_image(image).shape, dictionary.patch), dtype=np.uint8)
     flat = np.ascontiguousarray(image).reshape(len(image), -1)
 
     def work(rows: slice) -> np.ndarray:
         strip = flat[rows.start : rows.stop + dictionary.patch - 1]
-        if kernels is None:
-            _label_by_products(strip, dictionary, labels[rows])
-            return np.bincount(labels[rows].ravel(), minlength=dictionary.n_textons)
         counts = np.zeros(dictionary.n_textons, dtype=np.int64)
-        kernels.label_rows(strip, dictionary.words, dictionary.words_bias, labels[rows], counts)
+        label_rows(strip, dictionary.words, dictionary.words_bias, labels[rows], counts)
         return counts
 
     return labels, np.sum(in_strips(work, len(labels), threads), axis=0)
-
-
-def _label_by_products(image: np.ndarray, dictionary: TextonDictionary, labels: np.ndarray) -> None:
-    """Label a strip ``(H, 3 W)`` by matrix products, in blocks of one size (the last ones overlap).
-
-    A block is copied once so that each of its rows holds its P shifted copies, and ones for the
-    constant -|t|^2. P such rows in sequence are the matrix of all patches of one row of positions,
-    without a further copy.
-    """
-    patch, n_textons, kind = dictionary.patch, dictionary.n_textons, dictionary.weights.dtype
-    height, width = min(_ROWS, labels.shape[0]), min(_COLUMNS, labels.shape[1])
-    lines = 3 * patch + 1
-    weights = np.zeros((patch, lines, n_textons), dtype=kind)
-    weights[:, :-1] = dictionary.weights.reshape(patch, -1, n_textons)
-    weights[0, -1] = dictionary.bias
-    weights = weights.reshape(-1, n_textons).T
-    planar = np.empty((height + patch - 1, 3, width + patch - 1), dtype=np.uint8)
-    shifted = np.ones((height + patch - 1, lines, width), dtype=kind)
-    shape = (height, patch * lines, width)
-    patches = np.lib.stride_tricks.as_strided(shifted, shape, shifted.strides, writeable=False)
-    # Texton after texton, so that comparing them runs over long stretches of memory.
-    scores, best = (
-        np.empty((n_textons, height, width), dtype=kind),
-        np.empty((height, width), dtype=kind),
-    )
-    is_best, ranked = (np.empty(scores.shape, dtype=np.uint8) for _ in range(2))
-    rank = np.empty(scores.shape, dtype=np.uint8)
-    rank[...] = np.arange(n_textons - 1, -1, -1, dtype=np.uint8)[:, None, None]
-    image = image.reshape(len(image), -1, 3)
-    for top in _starts(labels.shape[0], height):
-        for left in _starts(labels.shape[1], width):
-            planar[...] = image[top : top + len(planar), left : left + planar.shape[2]].transpose(
-                0, 2, 1
-            )
-            for dx in range(patch):
-                shifted[:, 3 * dx : 3 * dx + 3] = planar[:, :, dx : dx + width]
-            np.matmul(weights, patches, out=scores.transpose(1, 0, 2))
-            np.equal(scores, np.max(scores, axis=0, out=best), out=is_best.view(bool))
-            # The first of the best textons has the highest rank.
-            np.multiply(is_best, rank, out=ranked)
-            labels[top : top + height, left : left + width] = n_textons - 1 - ranked.max(axis=0)
-
-
-def _starts(length: int, step: int) -> list[int]:
-    """Starts of blocks of `step` that cover `length`, the last moved back to end with it."""
-    return [min(start, length - step) for start in range(0, length, step)]

@@ -8,8 +8,7 @@ authors' flight code had no neighbourhood and a constant rate; that is the metho
 ``"winner-take-all"``.
 
 All arithmetic is exact: textons move on a grid of 2**-12 grey levels with gains in steps of 2**-16,
-and end rounded to bytes. Equal seeds therefore give equal dictionaries on any machine, with numba
-or without.
+and end rounded to bytes. Equal seeds therefore give equal dictionaries on any machine.
 
 Throughout, P is the patch size, K the number of textons; a patch is ``(P, P, 3) uint8``: rows,
 columns, and Y, U, V.
@@ -31,7 +30,6 @@ from trexton.base.defaults import PATCH, TEXTONS
 from trexton.base.errors import ImageError, MapError, ParameterError
 from trexton.base.options import whole
 from trexton.base.streams import generator
-from trexton.vision.kernels.load import compiled
 from trexton.vision.patches import draw_patches
 
 __all__ = ["TextonDictionary", "Learning", "learn_textons", "METHODS"]
@@ -227,7 +225,6 @@ def learn_textons(
     radius: tuple[float, float] | None = None,
     alpha: float = 10.0,
     first: int = 1000,
-    backend: str | None = None,
 ) -> Learning:
     """Cluster patches with a Kohonen network, or with the authors' winner-take-all.
 
@@ -254,8 +251,6 @@ def learn_textons(
         The authors' constant rate, in 1/255.
     first : int
         Number of patches in the first image.
-    backend : {"numba", "numpy"} or None
-        Both give the same bits.
 
     Raises
     ------
@@ -283,44 +278,11 @@ def learn_textons(
         start = flat[rng.permutation(min(first, len(flat)))[:n_textons]]
         gains = _round_gains(np.r_[alpha / 255, np.zeros(n_textons - 1)][None])
     textons = np.resize(start, (n_textons, flat.shape[1])).astype(np.float64)
-    kernels = compiled("kohonen_steps", backend)
-    step = kernels.kohonen_steps if kernels else kohonen_steps
-    errors = np.sqrt(step(flat, textons, gains, GRAIN) / flat.shape[1])
+    from trexton.vision.kernels.kohonen_steps import kohonen_steps  # numba takes a while to load
+
+    errors = np.sqrt(kohonen_steps(flat, textons, gains, GRAIN) / flat.shape[1])
     rounded = np.rint(textons).astype(np.uint8).reshape(n_textons, *patches.shape[1:])
     return Learning(TextonDictionary(rounded), errors)
-
-
-def kohonen_steps(
-    patches: np.ndarray, textons: np.ndarray, gains: np.ndarray, grain: float
-) -> np.ndarray:
-    """Move `textons` in place towards each patch in turn; the definition of the compiled kernel.
-
-    Parameters
-    ----------
-    patches : (N, D) uint8 array
-    textons : (K, D) float64 array
-        Multiples of 1 / `grain`, and they stay so.
-    gains : (S, K) float64 array
-        Gain by distance on the chain; row s serves the s-th of S equal parts of the patches.
-
-    Returns
-    -------
-    (N,) float64 array
-        Squared distance of each patch to its nearest texton before the move.
-    """
-    errors = np.empty(len(patches))
-    chain = np.arange(len(textons))
-    for n, patch in enumerate(patches):
-        difference = patch - textons
-        distances = np.einsum("ij,ij->i", difference, difference)
-        winner = distances.argmin()
-        errors[n] = distances[winner]
-        gain = gains[n * len(gains) // len(patches), np.abs(chain - winner)]
-        moved = np.flatnonzero(gain)
-        textons[moved] = (
-            np.rint((textons[moved] + gain[moved, None] * difference[moved]) * grain) / grain
-        )
-    return errors
 
 
 def _kohonen_gains(

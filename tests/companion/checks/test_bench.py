@@ -33,8 +33,8 @@ from trexton.localization.measurement import RankMixture
 from trexton.localization.motion import RandomWalk
 from trexton.localization.neighbors import NearestHistograms
 from trexton.vision.histograms import texton_histogram
-from trexton.vision.kernels.load import thread_count
 from trexton.vision.textons import TextonDictionary
+from trexton.vision.threads import thread_count
 
 
 @pytest.fixture(scope="module")

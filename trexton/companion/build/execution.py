@@ -19,7 +19,7 @@ from subprocess import DEVNULL
 from typing import Any
 
 from trexton.companion.executor import CLUSTER, PROCESSES, THREAD_VARIABLES
-from trexton.vision.kernels.load import usable_cores
+from trexton.vision.threads import usable_cores
 
 __all__ = ["Done", "Job", "describe", "execute", "stop_all"]
 

@@ -19,7 +19,7 @@ from trexton.base.records import software_versions
 from trexton.companion.build import execution
 from trexton.companion.build.execution import Done, Job
 from trexton.companion.executor import connect
-from trexton.vision.kernels.load import usable_cores
+from trexton.vision.threads import usable_cores
 
 __all__ = ["Workers", "default_jobs", "workers"]
 

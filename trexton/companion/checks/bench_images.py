@@ -28,15 +28,14 @@ def operations(shape: tuple[int, ...], n_textons: int, patch: int) -> float:
 
 
 def full_histogram(scene: Scene, quick: bool) -> Iterator[Row]:
-    """Every patch of a frame labelled: the compiled kernel and NumPy against sgemm and SciPy."""
+    """Every patch of a frame labelled: the compiled kernel against sgemm and SciPy."""
     image, dictionary, rng = scene.frame, scene.dictionary, scene.rng("full sampling")
     square = rng.random((_GEMM, _GEMM), dtype=np.float32)
     share = operations(image.shape, dictionary.n_textons, dictionary.patch) / (2.0 * _GEMM**3)
     for threads in (1, 2):
         contestants = {
             "sgemm": lambda: square @ square,
-            "numba": lambda: texton_histogram(image, dictionary, "numba"),
-            "numpy": lambda: texton_histogram(image, dictionary, "numpy"),
+            "numba": lambda: texton_histogram(image, dictionary),
         }
         if threads == 1:
             contestants["cdist"] = lambda: _by_cdist(image, dictionary)
@@ -52,10 +51,6 @@ def full_histogram(scene: Scene, quick: bool) -> Iterator[Row]:
             yield Row.compare(
                 name, size, threads, times["numba"], "SciPy cdist", times["cdist"], 1 / 15
             )
-        slower = 1 / 0.5 if threads == 1 else None
-        yield Row.compare(
-            f"{name}, NumPy", size, threads, times["numpy"], "sgemm's rate", same_work, slower
-        )
 
 
 def sampled(scene: Scene, quick: bool) -> Iterator[Row]:

@@ -1,6 +1,6 @@
 """Are the results still the same? A record's experiment runs again, in fresh processes.
 
-The processes differ in what must not matter (hash seed, threads, cache, numba), and must agree to
+The processes differ in what must not matter (hash seed, threads, cache), and must agree to
 the byte; with other kernels of the BLAS, which round their sums otherwise, to 1e-9 (1e-6 where a
 method multiplies in single precision). What they agree on is compared with the record; where that
 differs, the versions that moved since are named.
@@ -49,7 +49,6 @@ class Variant:
     threads : int
     warm : bool
         With the cache that the first process left.
-    numba : bool
     blas : str
         Kernels that OpenBLAS shall take; empty: those of this processor.
     """
@@ -58,7 +57,6 @@ class Variant:
     hash_seed: str = "0"
     threads: int = 1
     warm: bool = False
-    numba: bool = True
     blas: str = ""
 
     @property
@@ -77,7 +75,6 @@ VARIANTS = (
     Variant("one thread, cold cache"),
     Variant("another hash seed, two threads", hash_seed="1", threads=2),
     Variant("warm cache", warm=True),
-    Variant("NumPy without numba", numba=False),
     Variant("BLAS kernels of Haswell", blas="Haswell"),
     Variant("BLAS kernels of Nehalem", blas="Nehalem"),  # without fused products
 )
@@ -185,8 +182,7 @@ def verify(
 def _run(
     variant: Variant, path: Path, cache: Path, out: Path, flights: list[str]
 ) -> Content:  # without what the clock says
-    block = "" if variant.numba else "sys.modules['numba'] = None; "
-    command = [sys.executable, "-c", f"import sys; {block}{_PROGRAM}", str(path), str(out)]
+    command = [sys.executable, "-c", f"import sys; {_PROGRAM}", str(path), str(out)]
     done = subprocess.run(
         [*command, *flights],
         env=variant.environment(cache),

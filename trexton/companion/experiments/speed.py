@@ -29,7 +29,6 @@ _COPIED = 64 * 2**20  # bytes: beyond every cache
 # stage and size of a row: (operations, bytes that must be read or written at least)
 _WORK = {
     ("full histogram", "640x480"): (1.303e9, 640 * 480 * 3),
-    ("full histogram, NumPy", "640x480"): (1.303e9, 640 * 480 * 3),
     ("sampled histogram", "400"): (400 * 20 * 108 * 2, 400 * 108),
     ("neighbours", "800"): (800 * 20 * 2, 800 * 20 * 8),
     ("filter step", "50"): (50**2 * 8, 50 * 2 * 3 * 8),  # with more, not all pairs are looked at

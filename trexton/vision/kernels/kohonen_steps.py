@@ -21,8 +21,20 @@ def _squared_distance(texton, patch):
 
 @njit(cache=True, nogil=True, fastmath=_EXACT)
 def kohonen_steps(patches, textons, gains, grain):
-    """Move `textons` in place towards each patch in turn; defined by
-    `trexton.vision.textons.kohonen_steps`.
+    """Move `textons` in place towards each patch in turn.
+
+    Parameters
+    ----------
+    patches : (N, D) uint8 array
+    textons : (K, D) float64 array
+        Multiples of 1 / `grain`, and they stay so.
+    gains : (S, K) float64 array
+        Gain by distance on the chain; row s serves the s-th of S equal parts of the patches.
+
+    Returns
+    -------
+    (N,) float64 array
+        Squared distance of each patch to its nearest texton before the move.
     """
     n_patches, n_textons = len(patches), len(textons)
     errors = np.empty(n_patches)

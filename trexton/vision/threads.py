@@ -1,58 +1,20 @@
-"""Hot loops compiled by numba, one a file, loaded on first use; each has a NumPy twin of the same
-bits.
+"""Work of one frame spread over the processor's cores: equal strips of rows, a thread each.
+
+Offers `in_strips` for kernels and products that release Python's lock, and how many cores there are
+to use.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from functools import cache
-from importlib import import_module
-from types import ModuleType
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 from trexton.base.errors import ParameterError
 
-# Names them for the cache too, which follows imports to know what code a result depends on.
-if TYPE_CHECKING:
-    from trexton.vision.kernels import kohonen_steps, label_rows, nearest_in_tree  # noqa: F401
-
-__all__ = ["BACKENDS", "compiled", "in_strips", "thread_count", "usable_cores"]
+__all__ = ["in_strips", "thread_count", "usable_cores"]
 
 T = TypeVar("T")
-BACKENDS = ("numba", "numpy")
-
-
-@cache
-def _load(module: str) -> ModuleType | None:
-    try:
-        return import_module(f"trexton.vision.kernels.{module}")
-    except (ImportError, RuntimeError):  # numba is absent, or finds no folder for its cache
-        return None
-
-
-def compiled(module: str, backend: str | None = None) -> ModuleType | None:
-    """A module of this package with its compiled kernels, or None where NumPy shall do the work.
-
-    Parameters
-    ----------
-    module : str
-    backend : {"numba", "numpy"} or None
-        None takes numba where it is installed.
-
-    Raises
-    ------
-    ParameterError
-        The backend is unknown, or is numba and numba is not installed.
-    """
-    if backend not in (None, *BACKENDS):
-        raise ParameterError(f"backend {backend!r} is unknown: choose one of {', '.join(BACKENDS)}")
-    kernels = None if backend == "numpy" else _load(module)
-    if kernels is None and backend == "numba":
-        raise ParameterError(
-            "backend 'numba' was asked for, but cannot be loaded: install it or take 'numpy'"
-        )
-    return kernels
 
 
 def usable_cores() -> int:
