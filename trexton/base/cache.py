@@ -80,7 +80,7 @@ def code_hashes(module: str) -> dict[str, str]:
         name = waiting.pop()
         if name not in hashes and (found := _hash_and_imports(name)):
             hashes[name], imported = found
-            waiting += imported
+            waiting += [*imported, name.rpartition(".")[0]]  # its package too, with what lies there
     return dict(sorted(hashes.items()))
 
 
