@@ -133,7 +133,7 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
 
 def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str, str]]:
     duration = flight.time[-1] - flight.time[0]
-    known = flight.located
+    located = flight.located
     facts = [
         ("flight", flight.name),
         ("frames", f"{len(flight)} ({flight.frame[0]} to {flight.frame[-1]})"),
@@ -143,9 +143,9 @@ def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str,
         pace = f"{1 / np.median(gaps):.2f} frames a second"
         rate = f"{duration:.2f} s, {pace}, longest gap {gaps.max():.2f} s"
         facts.append(("duration", rate))
-    facts.append(("positions", f"{known.sum()} of {len(flight)}"))
-    if known.any():
-        low, high = flight.position[known].min(axis=0), flight.position[known].max(axis=0)
+    facts.append(("positions", f"{located.sum()} of {len(flight)}"))
+    if located.any():
+        low, high = flight.position[located].min(axis=0), flight.position[located].max(axis=0)
         flown = f"{high[0] - low[0]:.2f} m x {high[1] - low[1]:.2f} m"
         x_min, x_max, y_min, y_max = flight.area
         facts.append(

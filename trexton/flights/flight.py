@@ -1,4 +1,7 @@
-"""`Flight`: the only thing that experiments know about data."""
+"""`Flight`: images, stamps and positions of one flight, the only form of data that methods take.
+
+It checks its columns when it is made, and gives parts, images and a hash of all it holds.
+"""
 
 from __future__ import annotations
 
@@ -168,14 +171,10 @@ class Flight:
         return self.frames is not None
 
     @property
-    def has_histograms(self) -> bool:
-        return self.histograms is not None
-
-    @property
     def located(self) -> np.ndarray:
         """``(N,) bool``: the frames with a position."""
-        found: np.ndarray = np.isfinite(self.position).all(axis=1)
-        return found
+        rows: np.ndarray = np.isfinite(self.position).all(axis=1)
+        return rows
 
     @property
     def has_positions(self) -> bool:
@@ -267,19 +266,10 @@ class Flight:
             list(self.area),
             {key: list(value) for key, value in self.split.items()},
         ]
-        floor = (
-            [] if self.floor_file is None else [self.floor_file, np.asarray(self.floor_from_pixel)]
-        )
-        camera = (
-            None
-            if self.camera is None
-            else [
-                self.camera.width,
-                self.camera.height,
-                self.camera.focal,
-                *self.camera.principal_point,
-            ]
-        )
+        floor = [self.floor_file, np.asarray(self.floor_from_pixel)] if self.floor_file else []
+        camera = None
+        if (lens := self.camera) is not None:
+            camera = [lens.width, lens.height, lens.focal, *lens.principal_point]
         if self.features != "textons":
             scalars.append(self.features)
         if self.origin is not None:

@@ -167,10 +167,10 @@ def _assemble(
 
 
 def _extent(position: np.ndarray) -> tuple[float, float, float, float]:
-    known = position[np.isfinite(position).all(axis=1)]
-    if not len(known):
+    places = position[np.isfinite(position).all(axis=1)]
+    if not len(places):
         return (0.0, 0.0, 0.0, 0.0)
-    low, high = known.min(axis=0), known.max(axis=0)
+    low, high = places.min(axis=0), places.max(axis=0)
     margin = np.where(high - low < SMALLEST_AREA, 0.01, 0.0)  # of a path along one axis
     (x_min, y_min), (x_max, y_max) = low - margin, high + margin
     return (float(x_min), float(x_max), float(y_min), float(y_max))

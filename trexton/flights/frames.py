@@ -1,4 +1,8 @@
-"""The images of a flight, handed out one at a time, wherever they come from."""
+"""The images of a flight, handed out one at a time, wherever they come from.
+
+`Frames` is what a flight asks for: `ImageFiles`, `VideoFrames`, or another source that can only be
+read `Forward`.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""From a recording to a Flight folder: positions matched, images brought to one size, written
-whole, resumable.
+"""From a recording to a Flight folder: positions matched, images brought to one size.
+
+`import_flight` writes it whole; an import that was interrupted goes on.
 """
 
 from __future__ import annotations
@@ -178,7 +179,7 @@ def _placed(recording: Recording, common: Common) -> tuple[Track, list[str]]:
     stamps = recording.time_ns
     if recording.track is None:
         return Track(stamps, np.full((len(stamps), 3), np.nan)), ["no positions in the source"]
-    track = recording.track.known()
+    track = recording.track.located()
     farthest = np.nanmax(np.abs(track.position))
     if farthest > FARTHEST:
         raise FlightError(
@@ -218,8 +219,10 @@ def _flight(
     count = len(recording.time_ns)
     position = placed.position
     height = position[:, 2] if np.isfinite(position[:, 2]).any() else None
-    known = position[np.isfinite(position[:, :2]).all(axis=1), :2]
-    low, high = (known.min(axis=0), known.max(axis=0)) if len(known) else (np.zeros(2), np.ones(2))
+    places = position[np.isfinite(position[:, :2]).all(axis=1), :2]
+    low, high = (
+        (places.min(axis=0), places.max(axis=0)) if len(places) else (np.zeros(2), np.ones(2))
+    )
     margin = 0.02 * (high - low) + 0.01
     (x_min, y_min), (x_max, y_max) = low - margin, high + margin
     first = int(recording.time_ns[0])

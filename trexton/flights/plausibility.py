@@ -205,9 +205,9 @@ def _stamps(flight: Flight) -> Iterator[str]:
 
 @_check
 def _splits(flight: Flight) -> Iterator[str]:
-    known = flight.located
+    located = flight.located
     for name, (first, last) in flight.split.items():
-        count = int(known[(flight.frame >= first) & (flight.frame <= last)].sum())
+        count = int(located[(flight.frame >= first) & (flight.frame <= last)].sum())
         if count < 3:
             yield (
                 f"split {name!r} holds {_count(count, 'frame')} with a position: "

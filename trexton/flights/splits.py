@@ -1,4 +1,7 @@
-"""A flight to train on and one to test on: two folders, or two splits of one."""
+"""Training and test set: of two flights, or of two splits of one.
+
+`load_pair` reads both, `with_splits` divides a flight that has no splits of its own.
+"""
 
 from __future__ import annotations
 
@@ -38,10 +41,10 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
         second = read_flight(test_flight)
         train = first.part_or_all("train")
         test = second.part_or_all("test")
-    known = int(test.located.sum())
-    if known < 3:
+    located = int(test.located.sum())
+    if located < 3:
         raise FlightError(
-            f"flight {test.name!r} has {known} frames with a position to test on: "
+            f"flight {test.name!r} has {located} frames with a position to test on: "
             "a test needs at least 3"
         )
     return train, test
@@ -50,13 +53,13 @@ def load_pair(flight: str | Path, test_flight: str | Path | None) -> tuple[Fligh
 def with_splits(flight: Flight) -> Flight:
     """The flight with splits ``train`` and ``test``: its own if it has both.
 
-    Otherwise it trains up to the frame with which three fifths of its positions are told, and
-    tests on the frames after it.
+    Otherwise training ends with the frame that has three fifths of the positions behind it, and the
+    test is what follows.
     """
     if {"train", "test"} <= set(flight.split) or len(flight) < 2:
         return flight
-    known = np.flatnonzero(flight.located)
-    rows = known if len(known) > 1 else np.arange(len(flight))
+    located = np.flatnonzero(flight.located)
+    rows = located if len(located) > 1 else np.arange(len(flight))
     last = int(rows[min(max(1, round(_SHARE * len(rows))), len(rows) - 1) - 1])
     numbers = flight.frame
     train, test = (numbers[0], numbers[last]), (numbers[last + 1], numbers[-1])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -92,7 +93,7 @@ class _Bag:
             raise FlightError(
                 f"{self.source}: not a readable bag ({error}): record it again"
             ) from None
-        return _Closing(reader)
+        return closing(reader)
 
     def topic(self, types: tuple[str, ...], wanted: str) -> str:
         fitting = [topic for topic, kind in self.topics.items() if kind in types]
@@ -115,19 +116,6 @@ class _Bag:
                     ) from None
                 stamp = message.header.stamp
                 yield int(stamp.sec) * NANO + int(stamp.nanosec), message
-
-
-class _Closing:
-    """A reader that is open already, closed at the end of the block."""
-
-    def __init__(self, reader: Any):
-        self._reader = reader
-
-    def __enter__(self) -> Any:
-        return self._reader
-
-    def __exit__(self, *_: object) -> None:
-        self._reader.close()
 
 
 def _pose(message: Any) -> list[float]:

@@ -52,7 +52,7 @@ class Track:
             raise ParameterError(f"offset {seconds:g} s: expected less than a century")
         return Track(self.time_ns + round(seconds * NANO), self.position, self.attitude)
 
-    def known(self) -> Track:
+    def located(self) -> Track:
         """The rows with a place; raises `FlightError` where there are none, or out of order."""
         rows = ~np.isnan(self.position[:, :2]).any(axis=1)
         attitude = None if self.attitude is None else self.attitude[rows]
@@ -149,7 +149,7 @@ class Recording:
     notes : list of str
         What a reader of the flight must know.
     said : list of str
-        What a person is told when importing.
+        Sentences for the person who imports.
     """
 
     time_ns: np.ndarray
@@ -179,24 +179,16 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> tuple[Track,
     FlightError
         The track has no place, its stamps do not increase, or no frame is matched.
     """
-    track = track.known()
+    track = track.located()
     stamps = track.time_ns
-    after = np.searchsorted(stamps, time_ns)
-    before = np.clip(after - (after == len(stamps)) - 1, 0, len(stamps) - 1)
-    before = np.where(stamps[np.minimum(after, len(stamps) - 1)] == time_ns, after, before)
-    before = np.minimum(before, len(stamps) - 1)
-    following = np.minimum(before + 1, len(stamps) - 1)
-    exact = stamps[before] == time_ns
-    gap = (stamps[following] - stamps[before]) / NANO
-    inside = (time_ns > stamps[0]) & (time_ns < stamps[-1]) & (gap <= 2 * tolerance_s)
-    # At the track's ends the nearest stamp serves, if it is near enough.
-    nearest_s = np.minimum(np.abs(time_ns - stamps[0]), np.abs(time_ns - stamps[-1])) / NANO
-    beyond = ~inside & ~exact & (nearest_s <= tolerance_s)
-    beyond &= (time_ns <= stamps[0]) | (time_ns >= stamps[-1])
-    share = np.clip(
-        (time_ns - stamps[before]) / np.maximum(stamps[following] - stamps[before], 1), 0, 1
-    )
-    good = exact | inside | beyond
+    before = np.clip(np.searchsorted(stamps, time_ns, "right") - 1, 0, None)
+    after = np.clip(np.searchsorted(stamps, time_ns), None, len(stamps) - 1)
+    step = stamps[after] - stamps[before]
+    share = np.clip((time_ns - stamps[before]) / np.maximum(step, 1), 0, 1)
+    gap = step / NANO
+    # On a stamp, or beyond the track's ends, where the nearest serves if it is near enough.
+    single = (step == 0) & (np.abs(time_ns - stamps[before]) / NANO <= tolerance_s)
+    good = single | (step > 0) & (gap <= 2 * tolerance_s)
     if not good.any():
         first, last = ((edge - time_ns[0]) / NANO for edge in (stamps[0], stamps[-1]))
         raise FlightError(
@@ -204,17 +196,16 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> tuple[Track,
             f"{(time_ns[-1] - time_ns[0]) / NANO:.2f} s, positions {first:.2f} to {last:.2f} s: "
             "give the time offset of the positions, or a larger tolerance"
         )
-    position = _between(track.position[before], track.position[following], share)
+    position = _between(track.position[before], track.position[after], share)
     position[~good] = np.nan
     attitude = None
     if track.attitude is not None:
         low = track.attitude[before]
-        turned = wrapped(track.attitude[following] - low)
+        turned = wrapped(track.attitude[after] - low)
         attitude = _between(low, low + turned, share)
         attitude[~good] = np.nan
         attitude = wrapped(attitude)
-    used = gap[good & ~exact]
-    return Track(time_ns, position, attitude), float(used.max(initial=0))
+    return Track(time_ns, position, attitude), float(gap[good].max())
 
 
 def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:

@@ -101,7 +101,7 @@ def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tup
     FlightError
         The track has no place, is out of order, shorter than two seconds, or does not move.
     """
-    track = track.known()
+    track = track.located()
     time = (track.time_ns - track.time_ns[0]) / NANO
     if len(time) < 10 or time[-1] < 2 or len(stamps) < 10:
         raise FlightError(
@@ -112,15 +112,15 @@ def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tup
     path = np.column_stack([np.interp(grid, time, track.position[:, i]) for i in (0, 1)])
     speed = _smooth(np.hypot(*np.gradient(path, _STEP, axis=0).T))
     frames = np.arange(0, stamps[-1], _STEP)
-    seen = _smooth(np.interp(frames, stamps, motion))
-    if not (np.ptp(speed) > 0 and np.ptp(seen) > 0):
+    moved = _smooth(np.interp(frames, stamps, motion))
+    if not (np.ptp(speed) > 0 and np.ptp(moved) > 0):
         raise FlightError("nothing moves in the images or in the positions: give --offset SECONDS")
-    shorter = min(len(speed), len(seen))
+    shorter = min(len(speed), len(moved))
     best = (0.0, -1.0)
     # The clocks may start apart by as much as leaves half of the shorter recording in common.
-    for shift in range(shorter // 2 - len(seen), len(speed) - shorter // 2):
-        low, high = max(0, shift), min(len(speed), shift + len(seen))
-        a, b = speed[low:high], seen[low - shift : high - shift]
+    for shift in range(shorter // 2 - len(moved), len(speed) - shorter // 2):
+        low, high = max(0, shift), min(len(speed), shift + len(moved))
+        a, b = speed[low:high], moved[low - shift : high - shift]
         spread = a.std() * b.std()
         value = float(((a - a.mean()) * (b - b.mean())).mean() / spread) if spread > 0 else -1.0
         if value > best[1]:
