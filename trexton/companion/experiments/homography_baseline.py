@@ -24,10 +24,9 @@ from trexton.companion.experiments.stitched import (
 from trexton.companion.experiments.style import (
     COLORS,
     canvas,
-    floor_axes,
     legend_above,
     legend_below,
-    show_floor,
+    plan_canvas,
 )
 from trexton.companion.wording import interval, middle, number
 from trexton.evaluation.metrics import euclidean, summarize
@@ -149,10 +148,7 @@ def fixes(record: Record) -> Figure:
     color = COLORS["homography"]
     truth, position = np.array(series["truth_m"]), np.array(series["mosaic_m"], dtype=float)
     lost = ~np.isfinite(position).all(axis=1)
-    with canvas(size=(5.6, 5.6)) as (figure, axes):
-        plan = axes[0, 0]
-        floor_axes(plan, series["area_m"])
-        show_floor(plan, series["map"], record.images["map"])
+    with plan_canvas(record, (5.6, 5.6), "map") as (figure, plan):
         for true, found in zip(truth[~lost], position[~lost], strict=True):
             plan.plot(*zip(true, found, strict=True), color=color, linewidth=0.6, alpha=0.6)
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="motion capture")

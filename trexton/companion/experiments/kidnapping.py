@@ -22,7 +22,7 @@ from trexton.base.streams import stream
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
-from trexton.companion.experiments.style import COLORS, canvas, legend_above
+from trexton.companion.experiments.style import COLORS, band, canvas, legend_above, share_over_time
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import euclidean, success_rate
@@ -102,10 +102,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     period = float(np.median(np.diff(test.time)))
     patience = min(round(parameters.patience_s / period), len(test) // 3)
     plan = _plan(test, parameters.kidnappings, patience, stream(parameters.seed, "plan"))
-    values, series = (
-        {},
-        {"time_s": np.arange(patience) * period, "shares": SHARES, "area_m": test.area},
-    )
+    values: dict[str, Any] = {}
+    series = {"time_s": np.arange(patience) * period, "shares": SHARES, "area_m": test.area}
     for name, (method, choices) in FILTERS.items():
         if method == "paper":
             choices = choices | {"particles": parameters.particles}
@@ -219,11 +217,7 @@ def _values(
     found = [trial.found_after(tolerance, consecutive) for trial in trials]
     after = [np.inf if frames is None else period * frames for frames in found]
     times = [seconds for seconds in after if seconds < np.inf]
-    undisturbed = [
-        Trial(trial.error[: trial.cut], trial.width, trial.lost, trial.calm.start)
-        for trial in trials
-    ]
-    control = [trial.found_after(tolerance, consecutive) for trial in undisturbed]
+    control = [found_after(trial.error[trial.calm] < tolerance, consecutive) for trial in trials]
     taken, carried = ([getattr(trial, end) for trial in trials] for end in ("taken", "carried"))
     return {
         "recovered_rate": _rate([seconds < np.inf for seconds in after], carried),
@@ -333,22 +327,11 @@ def time_to_recover(record: Record) -> Figure:
     with canvas(size=(6.4, 3.4)) as (figure, axes):
         plot = axes[0, 0]
         for name, (label, color, style) in _FILTERS.items():
-            times = np.array(record.series[name]["recovery_s"])
-            found = 100 * np.arange(1, len(times) + 1) / counts["kidnappings"]
-            plot.step(
-                [0, *times, patience],
-                [0, *found, found[-1] if len(found) else 0],
-                where="post",
-                color=color,
-                linestyle=style,
-                label=label,
-            )
-        plot.set(
-            xlabel="time since the kidnapping (s)",
-            ylabel="found again (%)",
-            xlim=(0, patience),
-            ylim=(0, 102),
-        )
+            share_over_time(
+                plot, record.series[name]["recovery_s"], counts["kidnappings"], patience,
+                color=color, linestyle=style, label=label,
+            )  # fmt: skip
+        plot.set(xlabel="time since the kidnapping (s)", ylabel="localized again (%)")
         legend_above(plot)
     return figure
 
@@ -359,26 +342,18 @@ def error_since(record: Record) -> Figure:
     with canvas(2, 1, size=(6.4, 4.8), sharex=True, height_ratios=(3, 2)) as (figure, axes):
         error, lost = axes[:, 0]
         for name, (label, color, style) in _FILTERS.items():
-            band = {key: np.array(values) for key, values in record.series[name]["error_m"].items()}
-            error.fill_between(
-                time, band["low"], band["high"], color=color, alpha=0.15, linewidth=0
-            )
-            error.plot(time, band["median"], color=color, linestyle=style, label=label)
+            spans = record.series[name]["error_m"]
+            band(
+                error, time, spans["low"], spans["median"], spans["high"], color=color,
+                linestyle=style, label=label,
+            )  # fmt: skip
             share = 100 * np.array(record.series[name]["lost"])
             lost.plot(time, share, color=color, linestyle=style)
-        error.axhline(
-            record.parameters["tolerance"],
-            color=COLORS["truth"],
-            linestyle=":",
-            label="counts as found",
-        )
+        tolerance = record.parameters["tolerance"]
+        error.axhline(tolerance, color=COLORS["truth"], linestyle=":", label="counts as localized")
         error.set(ylabel="error (m)", ylim=(0, None))
-        lost.set(
-            xlabel="time since the kidnapping (s)",
-            ylabel="called lost (%)",
-            ylim=(0, None),
-            xlim=(0, time[-1]),
-        )
+        lost.set(xlabel="time since the kidnapping (s)", ylabel="called lost (%)")
+        lost.set(ylim=(0, None), xlim=(0, time[-1]))
         legend_above(error)
     return figure
 
@@ -393,47 +368,34 @@ def lost_told(record: Record) -> Figure:
     )
     with canvas(size=(6.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
-        plot.plot(
-            nothing,
-            told,
-            color=COLORS["guarded"],
-            marker="o",
-            markersize=4,
-            label="the cloud's width alone",
-        )
+        label = "the cloud's width alone"
+        plot.plot(nothing, told, color=COLORS["guarded"], marker="o", markersize=4, label=label)
         for share in (30, 50):  # above the curve, where nothing else is
             at = int(np.argmin(np.abs(shares - share)))
             if nothing[at] > 50:
                 continue
             plot.annotate(
-                f"{share} %",
-                (nothing[at], told[at]),
-                xytext=(-5, 5),
+                f"{share} %", (nothing[at], told[at]), xytext=(-5, 5), ha="right", fontsize=9,
                 textcoords="offset points",
-                ha="right",
-                fontsize=9,
-            )
+            )  # fmt: skip
         for point, label, color, marker in (
             (values["lost_by_fit"], "the filter's fit alone", COLORS["guarded"], "D"),
             (values["lost"], "both, as on board", COLORS["guarded"], "s"),
             (record.values["field"]["lost"], "the field", COLORS["field"], "^"),
         ):
             if point["wrong_frames_rate"] is not None:
+                calm, wrong = 100 * point["calm_frames_rate"], 100 * point["wrong_frames_rate"]
                 plot.plot(
-                    100 * point["calm_frames_rate"],
-                    100 * point["wrong_frames_rate"],
+                    calm,
+                    wrong,
                     marker,
                     color=color,
                     markersize=8,
                     markeredgecolor="white",
                     label=label,
                 )
-        plot.set(
-            xlabel="of undisturbed frames called lost (%)",
-            ylabel="of wrong frames called lost (%)",
-            xlim=(-1, 50),
-            ylim=(-2, 102),
-        )
+        plot.set(xlabel="of undisturbed frames called lost (%)", xlim=(-1, 50))
+        plot.set(ylabel="of wrong frames called lost (%)", ylim=(-2, 102))
         legend_above(plot)
     return figure
 

@@ -12,12 +12,14 @@ from matplotlib.figure import Figure
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
+from trexton.companion.experiments import style
 from trexton.companion.experiments.correlation import pair_correlation, pearson, rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import evenly_spread, floor_picture, frames_of, map_of
 from trexton.companion.experiments.style import (
     COLORS,
     SERIES,
+    band,
     canvas,
     floor_axes,
     legend_below,
@@ -290,15 +292,13 @@ def heat_maps(record: Record) -> Figure:
         for plan, (title, key, scale, unit) in zip(axes[0], panels, strict=True):
             floor_axes(plan, record.series["area_m"])
             show_floor(plan, record.series.get("floor"), record.images.get("floor"), fade=0.3)
+            label = f"smoothed {key.removesuffix('_m')}{unit}"
             values = scale * np.array(heat[key], dtype=float)
-            colors = plan.imshow(
-                values, extent=heat["extent_m"], origin="lower", cmap="YlOrRd", alpha=0.75, zorder=1
+            style.heat_map(
+                figure, plan, values, heat["extent_m"], label, location="bottom", aspect=25
             )
             plan.plot(*positions.T, ".", color=COLORS["truth"], markersize=1.2, alpha=0.6)
             plan.set_title(title)
-            bar = figure.colorbar(colors, ax=plan, location="bottom", shrink=0.9, aspect=25)
-            bar.set_label(f"smoothed {key.removesuffix('_m')}{unit}")
-            bar.outline.set_visible(False)
         axes[0, 1].set_ylabel("")
     return figure
 
@@ -321,15 +321,12 @@ def errors_by_loss(record: Record) -> Figure:
                 name: scale / 100 * np.array([row["error_cm"][name] for row in rows], dtype=float)
                 for name in ("value", "low", "high")
             }
-            plot.fill_between(
-                loss, error["low"], error["high"], color=color, alpha=0.15, linewidth=0
-            )
-            plot.plot(loss, error["value"], stroke, color=color, markersize=4, label=label)
-        plot.set(
-            xlabel="loss of the frame or its place",
-            ylabel=f"Euclidean error ({unit})",
-            ylim=(0, None),
-        )
+            band(
+                plot, loss, error["low"], error["value"], error["high"], color=color,
+                marker=stroke[0], linestyle=stroke[1:], markersize=4, label=label,
+            )  # fmt: skip
+        plot.set(xlabel="loss of the frame or its place", ylabel=f"Euclidean error ({unit})")
+        plot.set_ylim(0, None)
         legend_below(plot, 0.2)
     return figure
 
@@ -341,11 +338,9 @@ def similarity_by_distance(record: Record) -> Figure:
     low, median, high = (np.array(series[key], dtype=float) for key in ("low", "median", "high"))
     with canvas(size=(6.4, 3.2)) as (figure, axes):
         plot = axes[0, 0]
-        style: dict[str, Any] = {"color": SERIES[0]}
-        plot.fill_between(
-            distance, low, high, alpha=0.2, linewidth=0, label="half of all pairs", **style
-        )
-        plot.plot(distance, median, label="median", **style)
+        half = "half of all pairs"
+        plot.fill_between(distance, low, high, color=SERIES[0], alpha=0.2, linewidth=0, label=half)
+        plot.plot(distance, median, label="median", color=SERIES[0])
         curve = np.linspace(0, distance.max(), 200)
         ideal = np.exp(-(curve**2) / (2 * sigma**2))
         plot.plot(curve, ideal, color=SERIES[1], linestyle="--", label=f"ideal, σ = {sigma:g} m")

@@ -23,12 +23,11 @@ from trexton.companion.experiments.evaluation import (
 from trexton.companion.experiments.style import (
     COLORS,
     canvas,
-    floor_axes,
     legend_above,
     legend_below,
     length_unit,
     mean_line,
-    show_floor,
+    plan_canvas,
 )
 from trexton.companion.experiments.track import Track, tracks
 from trexton.companion.wording import beside, interval, middle, number, percent
@@ -218,26 +217,13 @@ def floor_plan(record: Record) -> Figure:
     """Truth and estimate over the floor."""
     series = record.series
     truth, estimate = np.array(series["truth_m"]), np.array(series["estimate_m"])
-    with canvas(size=(5.4, 5.0)) as (figure, axes):
-        plan = axes[0, 0]
-        floor_axes(plan, series["area_m"])
-        show_floor(plan, series.get("floor"), record.images.get("floor"))
+    color, label = COLORS["paper"], "estimate (every 5th frame)"
+    with plan_canvas(record, (5.4, 5.0)) as (figure, plan):
         # Every fifth frame: where the estimate was against the truth.
-        for start in range(0, len(truth), 5):
-            plan.plot(
-                *zip(truth[start], estimate[start], strict=True),
-                color=COLORS["paper"],
-                linewidth=0.5,
-                alpha=0.6,
-            )
+        for pair in zip(truth[::5], estimate[::5], strict=True):
+            plan.plot(*np.transpose(pair), color=color, linewidth=0.5, alpha=0.6)
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=2, label="motion capture")
-        plan.plot(
-            *estimate[::5].T,
-            "o",
-            color=COLORS["paper"],
-            markersize=3,
-            label="estimate (every 5th frame)",
-        )
+        plan.plot(*estimate[::5].T, "o", color=color, markersize=3, label=label)
         legend_below(plan, 0.12, columns=2)
     return figure
 
@@ -269,12 +255,10 @@ def spread_over_time(record: Record) -> Figure:
     unit, scale = length_unit(float(spread.mean()))
     with canvas(size=(7.2, 2.4)) as (figure, axes):
         for axis, (name, style) in enumerate((("x", "-"), ("y", ":"))):
-            look: dict[str, Any] = {
-                "color": COLORS["particles"],
-                "linestyle": style,
-                "linewidth": 1.2,
-            }
-            axes[0, 0].plot(time, scale * spread[:, axis], label=f"spread in {name}", **look)
+            axes[0, 0].plot(
+                time, scale * spread[:, axis], color=COLORS["particles"], linestyle=style,
+                linewidth=1.2, label=f"spread in {name}",
+            )  # fmt: skip
         axes[0, 0].set(xlabel="time (s)", ylabel=f"particle spread ({unit})", ylim=(0, None))
         legend_above(axes[0, 0])
     return figure

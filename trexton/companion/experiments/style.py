@@ -13,9 +13,11 @@ from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from matplotlib.text import Annotation
 from matplotlib.ticker import LogLocator, NullLocator
 
+from trexton.base.records import Record
 from trexton.companion.wording import METRES_FROM
 
 # What a colour means, in every figure and in the player: Okabe & Ito (2008), without yellow, which
@@ -98,6 +100,27 @@ def show_floor(
     axes.imshow(faded, extent=floor["extent_m"], interpolation="bilinear", zorder=0)
 
 
+@contextmanager
+def plan_canvas(
+    record: Record, size: tuple[float, float], floor: str = "floor", fade: float = 0.45
+) -> Iterator[tuple[Figure, Axes]]:
+    """A plan of the area of a record, over the picture that it holds of its `floor`, if any."""
+    with canvas(size=size) as (figure, axes):
+        floor_axes(axes[0, 0], record.series["area_m"])
+        show_floor(axes[0, 0], record.series.get(floor), record.images.get(floor), fade)
+        yield figure, axes[0, 0]
+
+
+def zone_ring(axes: Axes, center: Any, radius: float, **style: Any) -> None:
+    """The edge of a landing zone."""
+    axes.add_patch(Circle(center, radius, fill=False, color=COLORS["zone"], lw=2, **style))
+
+
+def zone_disc(axes: Axes, radius: float) -> None:
+    """A landing zone about the origin."""
+    axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
+
+
 def landed(
     axes: Axes, places: np.ndarray, color: str, label: str, inside: bool = True
 ) -> PathCollection:
@@ -107,6 +130,27 @@ def landed(
         facecolors=color if inside else "white", edgecolors="white" if inside else color,
         linewidths=0.6 if inside else 1.1,
     )  # fmt: skip
+
+
+def band(
+    axes: Axes, x: Any, low: Any, middle: Any, high: Any, *, color: str, alpha: float = 0.15,
+    **line: Any,
+) -> None:  # fmt: skip
+    """A line, and the interval around it as an area."""
+    axes.fill_between(x, low, high, color=color, alpha=alpha, linewidth=0)
+    axes.plot(x, middle, color=color, **line)
+
+
+def share_over_time(
+    axes: Axes, times: Iterable[float], count: int, until: float, **line: Any
+) -> None:
+    """Percent of `count` trials that have ended by a time, from 0 to `until`; `times` of those that
+    ended.
+    """
+    times = np.sort(np.array(list(times), dtype=float))
+    shares = 100 * np.array([*range(len(times) + 1), len(times)]) / count
+    axes.step([0, *times, until], shares, where="post", **line)
+    axes.set(xlim=(0, until), ylim=(0, 102))
 
 
 def length_unit(metres: float) -> tuple[str, float]:
@@ -156,12 +200,14 @@ def label_rows(axes: Axes, labels: Collection[str], xlabel: str) -> None:
     axes.grid(axis="y", visible=False)
 
 
-def heat_map(figure: Figure, axes: Axes, heat: np.ndarray, extent: Any, label: str) -> None:
+def heat_map(
+    figure: Figure, axes: Axes, heat: np.ndarray, extent: Any, label: str, **bar: Any
+) -> None:
     """``(rows, columns)`` values over a floor plan, row 0 at the smallest y, with their scale."""
     colors = axes.imshow(heat, extent=extent, origin="lower", cmap="YlOrRd", alpha=0.65, zorder=1)
-    bar = figure.colorbar(colors, ax=axes, shrink=0.85)
-    bar.set_label(label)
-    bar.outline.set_visible(False)
+    scale = figure.colorbar(colors, ax=axes, shrink=0.85, **bar)
+    scale.set_label(label)
+    scale.outline.set_visible(False)
 
 
 def plain_log_ticks(*axes: Axis) -> None:

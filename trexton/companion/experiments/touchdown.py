@@ -18,7 +18,6 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 from trexton.base.defaults import SAMPLES
 from trexton.base.records import Record
@@ -35,7 +34,7 @@ from trexton.companion.experiments.closed_loop import (
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
 from trexton.companion.experiments.evaluation import trained_map
 from trexton.companion.experiments.floors import FloorParameters, painted_floor
-from trexton.companion.experiments.style import COLORS, canvas, landed
+from trexton.companion.experiments.style import COLORS, canvas, landed, share_over_time, zone_disc
 from trexton.companion.experiments.triggered_landing import mission_over
 from trexton.companion.wording import number, percent, span
 from trexton.evaluation.metrics import euclidean, mean_over_groups, success_rate
@@ -365,7 +364,7 @@ def targets(record: Record) -> Figure:
     limits = (-1.08 * reach, 1.08 * reach)
     with canvas(2, 4, size=(7.2, 4.8), sharex=True, sharey=True) as (figure, grid):
         for axes, (name, place) in zip(grid.flat, places.items(), strict=True):
-            axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
+            zone_disc(axes, radius)
             inside = np.hypot(*place.T) <= radius
             missed = ~inside & np.isfinite(place[:, 0])
             landed(axes, place[inside], _LINES[name][0], "inside the zone")
@@ -388,16 +387,11 @@ def waiting(record: Record) -> Figure:
         for name, (color, style) in _LINES.items():
             series: dict[str, Any] = record.series[name]
             fired = np.array(series["triggered"], dtype=bool)
-            wait = np.sort(np.array(series["wait_s"])[fired])
-            times = np.concatenate([[0], wait, [limit]])
-            shares = 100 * np.concatenate([np.arange(len(wait) + 1), [len(wait)]]) / len(fired)
-            plot.step(
-                times, shares, where="post", color=color, linestyle=style, label=LANDERS[name].label
-            )
-        plot.set(
-            xlabel="time of flight (s)", ylabel="triggered (% of flights)", xlim=(0, limit),
-            ylim=(0, 102),
-        )  # fmt: skip
+            share_over_time(
+                plot, np.array(series["wait_s"])[fired], len(fired), limit, color=color,
+                linestyle=style, label=LANDERS[name].label,
+            )  # fmt: skip
+        plot.set(xlabel="time of flight (s)", ylabel="triggered (% of flights)")
         figure.legend(loc="outside upper center", ncols=3)
     return figure
 

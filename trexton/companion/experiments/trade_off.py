@@ -21,7 +21,7 @@ from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.stored import time_stored
-from trexton.companion.experiments.style import COLORS, SERIES, canvas, legend_below
+from trexton.companion.experiments.style import COLORS, SERIES, band, canvas, legend_below
 from trexton.companion.experiments.track import Track, fly, tracks
 from trexton.companion.experiments.tuned import search_settings
 from trexton.companion.wording import interval, middle, number
@@ -365,20 +365,17 @@ def error_by_frequency(record: Record) -> Figure:
                 continue
             rate = _rates(clocks)
             error = _column(rows, "error_cm_x")
-            bars: dict[str, Any] = {"xerr": _whiskers(rate), "yerr": _whiskers(error)}
-            look: dict[str, Any] = {"color": color, "alpha": 0.9, "marker": marker, "markersize": 5}
-            label = f"{_AXIS[name]}: {_ends(rows, name)}"
             plot.errorbar(
-                rate["value"], error["value"], **bars, **look, elinewidth=0.8, label=label
-            )
+                rate["value"], error["value"], xerr=_whiskers(rate), yerr=_whiskers(error),
+                color=color, alpha=0.9, marker=marker, markersize=5, elinewidth=0.8,
+                label=f"{_AXIS[name]}: {_ends(rows, name)}",
+            )  # fmt: skip
             for i, place, side in ((0, (6, 6), "left"), (-1, (-5, -12), "right")):
                 at = (rate["value"][i], error["value"][i])
-                style: dict[str, Any] = {
-                    "textcoords": "offset points",
-                    "color": color,
-                    "fontsize": 9,
-                }
-                plot.annotate(_name(rows[i][name]), at, xytext=place, ha=side, **style)
+                plot.annotate(
+                    _name(rows[i][name]), at, xytext=place, ha=side, textcoords="offset points",
+                    color=color, fontsize=9,
+                )  # fmt: skip
         plot.set(xlabel="rate (Hz)", ylabel="error in x (cm)", xscale="log", ylim=(0, None))
         _camera(plot, record, vertical=True)
         plot.margins(x=0.08)
@@ -399,8 +396,7 @@ def stored(record: Record) -> Figure:
         plot = axes[0, 0]
         for method, label, color, marker in lines:
             rate = _rates([row[method] for row in clocks])
-            plot.fill_between(count, rate["low"], rate["high"], color=color, alpha=0.2, linewidth=0)
-            plot.plot(count, rate["value"], color=color, marker=marker, markersize=5, label=label)
+            _band(plot, count, rate, color=color, marker=marker, label=label)
         plot.set(xlabel="stored histograms", ylabel="rate (Hz)", xscale="log", yscale="log")
         plot.axvline(800, color=COLORS["printed"], linestyle=":", label="the paper's 800")
         _camera(plot, record)
@@ -420,27 +416,21 @@ def grid(record: Record) -> Figure:
             mine = [row for row in rows if (row["samples"], row["particles"]) == (drawn, count)]
             k, error = [row["neighbors"] for row in mine], _column(mine, "axis_mean_cm")
             of_all = "" if not record.values["applies"]["samples"] else f"{_name(drawn)} samples, "
-            plot.fill_between(k, error["low"], error["high"], color=color, alpha=0.1, linewidth=0)
             label = f"{of_all}{_name(count)} particles"
-            plot.plot(k, error["value"], color=color, marker=marker, markersize=5, label=label)
+            _band(plot, k, error, color=color, marker=marker, label=label)
         for name, label, size in (("best", "best in hindsight", 15), ("tuned", "tuned", 20)):
             if name in values:
-                at = (
+                k, error = (
                     values[f"{name}_setting"]["neighbors"],
                     values[f"{name}_error_cm"]["value"],
                 )
-                ring: dict[str, Any] = {
-                    "markersize": size,
-                    "markerfacecolor": "none",
-                    "markeredgecolor": COLORS["truth" if name == "best" else "paper"],
-                }
-                plot.plot(*at, "o", label=label, **ring)
-        plot.set(
-            xlabel=_AXIS["neighbors"],
-            ylabel="mean error, both axes (cm)",
-            ylim=(0, None),
-            xscale="log",
-        )
+                edge = COLORS["truth" if name == "best" else "paper"]
+                plot.plot(
+                    k, error, "o", label=label, markersize=size, markerfacecolor="none",
+                    markeredgecolor=edge,
+                )  # fmt: skip
+        plot.set(xlabel=_AXIS["neighbors"], ylabel="mean error, both axes (cm)")
+        plot.set(ylim=(0, None), xscale="log")
         ticks = sorted({row["neighbors"] for row in rows})
         plot.set_xticks(ticks, labels=ticks)
         plot.minorticks_off()
@@ -454,7 +444,6 @@ def _error_and_rate(record: Record, name: str) -> Figure:
         [row["patches"] if name == "samples" else row[name] for row in rows], dtype=float
     )
     full = name == "samples" and rows[-1]["samples"] is None
-    swept = slice(None, -1 if full else None)
     with canvas(2, 1, size=(6.4, 5.4), sharex=True, height_ratios=(3, 2)) as (figure, axes):
         error, rate = axes[:, 0]
         knn = [row["knn"] for row in rows]
@@ -465,46 +454,41 @@ def _error_and_rate(record: Record, name: str) -> Figure:
             ("k-NN alone, y", knn, "error_cm_y", COLORS["neighbors"], ":", None),
         )
         for label, table, key, color, style, marker in lines:
-            _band(
-                error, value, _column(table, key), swept, label=label, color=color,
+            _swept(
+                error, value, _column(table, key), full, label=label, color=color,
                 linestyle=style, marker=marker,
             )  # fmt: skip
-        _band(rate, value, _rates(clocks), swept, color=COLORS["truth"], marker="o")
+        _swept(rate, value, _rates(clocks), full, color=COLORS["truth"], marker="o")
         error.set(ylabel="mean error (cm)", ylim=(0, None), xscale="log")
-        rate.set(
-            ylabel="rate (Hz)",
-            yscale="log",
-            xlabel=_AXIS[name] + (" (all: full sampling)" if full else ""),
-        )
+        rate.set(ylabel="rate (Hz)", yscale="log")
+        rate.set_xlabel(_AXIS[name] + (" (all: full sampling)" if full else ""))
         _camera(rate, record)
         _plain_ticks(rate, "y")
         default = record.parameters.get(name)
         if default is not None:
             for axis in (error, rate):
                 axis.axvline(default, color=COLORS["truth"], linestyle=":", linewidth=1)
-        ticks = [*value[swept], *([value[-1]] if full else [])]
-        rate.set_xticks(ticks, labels=_labels([row[name] for row in rows]))
+        rate.set_xticks(value, labels=_labels([row[name] for row in rows]))
         rate.minorticks_off()
         error.legend(loc="upper center", bbox_to_anchor=(0.5, 1.22), ncols=2)
     return figure
 
 
-def _band(axes: Axes, x: np.ndarray, y: dict[str, Any], swept: slice, **style: Any) -> None:
-    """A line with its interval; full sampling, which no line leads to, as a point with whiskers."""
-    axes.fill_between(
-        x[swept], y["low"][swept], y["high"][swept], color=style["color"], alpha=0.13, linewidth=0
-    )
-    axes.plot(x[swept], y["value"][swept], markersize=4.5, **style)
-    if swept.stop is not None:
-        last = {key: values[-1:] for key, values in y.items()}
-        marker = style.get("marker") or "D"
-        look: dict[str, Any] = {
-            "color": style["color"],
-            "marker": marker,
-            "markersize": 6,
-            "capsize": 2,
-        }
-        axes.errorbar(x[-1:], last["value"], yerr=_whiskers(last), **look)
+def _band(axes: Axes, x: Any, y: dict[str, np.ndarray], **line: Any) -> None:
+    """A line with its interval, of a `_column`."""
+    band(axes, x, y["low"], y["value"], y["high"], markersize=4.5, **line)
+
+
+def _swept(axes: Axes, x: np.ndarray, y: dict[str, np.ndarray], full: bool, **line: Any) -> None:
+    """A `_band`; where the last is `full` sampling, no line leads to it: a point with whiskers."""
+    if not full:
+        return _band(axes, x, y, **line)
+    _band(axes, x[:-1], {key: values[:-1] for key, values in y.items()}, **line)
+    last = {key: values[-1:] for key, values in y.items()}
+    axes.errorbar(
+        x[-1:], last["value"], yerr=_whiskers(last), color=line["color"],
+        marker=line["marker"] or "D", markersize=6, capsize=2,
+    )  # fmt: skip
 
 
 def _camera(axes: Axes, record: Record, vertical: bool = False) -> None:

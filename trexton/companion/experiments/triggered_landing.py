@@ -12,7 +12,6 @@ import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 
 from trexton.base.errors import ParameterError
 from trexton.base.records import Record
@@ -34,7 +33,10 @@ from trexton.companion.experiments.style import (
     floor_axes,
     landed,
     legend_below,
+    share_over_time,
     show_floor,
+    zone_disc,
+    zone_ring,
 )
 from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import bootstrap_interval, success_rate
@@ -294,22 +296,12 @@ def first_flights(record: Record) -> Figure:
             axes.plot(
                 *np.array(series["paths_m"][number]).T, color=COLORS["truth"], lw=1.1, label="flown"
             )
-            ring: dict[str, Any] = {
-                "fill": False,
-                "color": COLORS["zone"],
-                "lw": 2,
-                "label": "zone",
-            }
-            axes.add_patch(Circle(zones[number], series["radius_m"], **ring))
+            zone_ring(axes, zones[number], series["radius_m"], label="zone")
             axes.set_title(_outcome(series, number), fontsize=9)
             axes.label_outer()
             if series["triggered"][number]:
-                axes.plot(
-                    *zip(truth[number], estimate[number], strict=True),
-                    color=COLORS["truth"],
-                    lw=0.8,
-                    ls=":",
-                )
+                lag = np.transpose((truth[number], estimate[number]))
+                axes.plot(*lag, color=COLORS["truth"], lw=0.8, ls=":")
                 inside = series["beyond_cm"][number] <= 0
                 for place, marker, area, color, label in (
                     (estimate, "X", 46, COLORS["paper"], "estimate at the trigger"),
@@ -337,13 +329,10 @@ def _legend(figure: Figure, grid: Iterable[Axes]) -> None:
     for axes in grid:
         handles, labels = axes.get_legend_handles_labels()
         entries |= dict(zip(labels, handles, strict=True))
-    options: dict[str, Any] = {
-        "loc": "outside lower center",
-        "ncols": 3,
-        "columnspacing": 1.2,
-        "handletextpad": 0.4,
-    }
-    figure.legend(list(entries.values()), list(entries), **options)
+    figure.legend(
+        list(entries.values()), list(entries), loc="outside lower center", ncols=3,
+        columnspacing=1.2, handletextpad=0.4,
+    )  # fmt: skip
 
 
 def targets(record: Record) -> Figure:
@@ -358,8 +347,8 @@ def targets(record: Record) -> Figure:
             place = _array(series[f"{name}_m"]) - zones
             distance = np.hypot(*place.T)
             reach = max(reach, np.nanmax(np.abs(place), initial=0))
-            axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
-            axes.add_patch(Circle((0, 0), radius, fill=False, color=COLORS["zone"], lw=2))
+            zone_disc(axes, radius)
+            zone_ring(axes, (0, 0), radius)
             for inside in (True, False):
                 rows = ((distance <= radius) == inside) & np.isfinite(beyond)
                 where = "inside" if inside else "outside"
@@ -375,28 +364,13 @@ def targets(record: Record) -> Figure:
 def waiting(record: Record) -> Figure:
     """Share of the flights whose trigger has fired, over time."""
     series = record.series
-    wait = np.sort(
-        [
-            seconds
-            for seconds, fired in zip(series["wait_s"], series["triggered"], strict=True)
-            if fired
-        ]
-    )
-    total, limit = len(series["wait_s"]), record.parameters["time_limit"]
+    wait = np.array(series["wait_s"])[np.array(series["triggered"], dtype=bool)]
     with canvas(size=(7.2, 2.5)) as (figure, axes):
-        plot = axes[0, 0]
-        times = np.concatenate([[0], wait, [limit]])
-        shares = 100 * np.concatenate([[0], np.arange(1, len(wait) + 1), [len(wait)]]) / total
-        plot.step(times, shares, where="post", color=COLORS["paper"])
-        plot.axvline(
-            record.parameters["armed_after"], color=COLORS["truth"], linestyle=":", linewidth=1.2
-        )
-        plot.set(
-            xlabel="time of flight (s)",
-            ylabel="triggered (% of flights)",
-            xlim=(0, limit),
-            ylim=(0, 102),
-        )
+        plot, limit = axes[0, 0], record.parameters["time_limit"]
+        share_over_time(plot, wait, len(series["wait_s"]), limit, color=COLORS["paper"])
+        armed = record.parameters["armed_after"]
+        plot.axvline(armed, color=COLORS["truth"], linestyle=":", linewidth=1.2)
+        plot.set(xlabel="time of flight (s)", ylabel="triggered (% of flights)")
     return figure
 
 
