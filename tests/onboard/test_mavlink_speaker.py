@@ -19,8 +19,8 @@ from trexton.onboard.mavlink import messages  # noqa: E402
 from trexton.onboard.mavlink.listener import CommandAck, Listener  # noqa: E402
 from trexton.onboard.mavlink.speaker import (  # noqa: E402
     ORIGIN_ATTEMPTS,
-    PATIENCE,
     PROFILES,  # noqa: E402
+    REPEAT_TIMEOUT,
     Speaker,
 )
 from trexton.onboard.sinks.mavlink import MavlinkOptions  # noqa: E402
@@ -107,8 +107,8 @@ class TestSpeaker:
     def test_repeating_ends_when_nothing_new_is_told(self):
         talk = speaker()
         talk.tell(make_fix(10.0), 10.0)
-        assert due(talk, 10.0 + PATIENCE - 0.01, "VISION_POSITION_ESTIMATE")
-        assert not due(talk, 10.0 + PATIENCE + 0.01, "VISION_POSITION_ESTIMATE")
+        assert due(talk, 10.0 + REPEAT_TIMEOUT - 0.01, "VISION_POSITION_ESTIMATE")
+        assert not due(talk, 10.0 + REPEAT_TIMEOUT + 0.01, "VISION_POSITION_ESTIMATE")
 
     @pytest.mark.parametrize(
         "bad",

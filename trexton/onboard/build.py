@@ -151,5 +151,5 @@ def _check_files(read: Sequence[str], outputs: Iterable[str], log: str | None) -
 
 
 def _writes_lines(address: str) -> bool:
-    found = edge_at("sinks", address, SINKS)
-    return found is not None and f"{found[1]}:FILE" in found[0].addresses
+    addressed = edge_at("sinks", address, SINKS)
+    return addressed is not None and f"{addressed[1]}:FILE" in addressed[0].addresses

@@ -20,9 +20,9 @@ REASONS = {
     1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed", 5: "in progress",
     6: "cancelled",
 }  # fmt: skip
-LEFT_BEYOND = 1.5  # radii from the centre: nearer, a position that jitters has not left the zone
-LEFT_FOR = 3.0  # seconds outside after which a return is another visit
-ANSWER_WITHIN_S = 10.0  # an answer later than this after the latest command belongs to no command
+EXIT_RADII = 1.5  # from the centre: nearer, a position that jitters has not left the zone
+EXIT_SECONDS = 3.0  # seconds outside after which a return is another visit
+ACK_TIMEOUT = 10.0  # an answer later than this after the latest command belongs to no command
 
 
 class CommandResult(Protocol):
@@ -134,11 +134,11 @@ class Commander:
         """Whether the vehicle has been outside long enough for the visit to be over."""
         if fresh:
             distance = float(np.hypot(*(fix.position - self.zone.center)))
-            if distance <= LEFT_BEYOND * self.zone.radius:
+            if distance <= EXIT_RADII * self.zone.radius:
                 self._outside_since = None
             elif self._outside_since is None:
                 self._outside_since = now
-        return self._outside_since is not None and now - self._outside_since >= LEFT_FOR
+        return self._outside_since is not None and now - self._outside_since >= EXIT_SECONDS
 
     def _end_visit(self) -> None:
         if self.state in (State.LANDING, State.LANDED):  # the vehicle has obeyed, wherever it is
@@ -167,13 +167,13 @@ class Commander:
                 self._become(State.UNANSWERED, f"{self._sent} commands sent")
             return
         confirmation = self._asked
-        heard = [lander.land(confirmation) for lander in self._landers]
+        queued = [lander.land(confirmation) for lander in self._landers]
         self._asked += 1
         self._ask_at = now + self._answer_within
-        if any(heard):
+        if any(queued):
             self._asked_at = now
             self._sent += 1
-        self._report({"event": "land", "confirmation": confirmation, "queued": any(heard)})
+        self._report({"event": "land", "confirmation": confirmation, "queued": any(queued)})
 
     def _take_answers(self, now: float) -> None:
         results = [
@@ -182,7 +182,7 @@ class Commander:
             for answer in lander.answers()
             if answer.command == NAV_LAND
         ]
-        if now - self._asked_at > ANSWER_WITHIN_S and self.state is not State.LANDING:
+        if now - self._asked_at > ACK_TIMEOUT and self.state is not State.LANDING:
             return  # to nothing that was asked lately
         for result in results:
             self._take_answer(result, now)

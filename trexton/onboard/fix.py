@@ -15,7 +15,7 @@ __all__ = ["STALE_AFTER", "Fix", "JumpCounter"]
 STALE_AFTER = 0.5  # seconds since the capture of the latest frame that could be used
 
 # Squared Mahalanobis distance, two dimensions: one honest pair of reports in 3000 is farther apart.
-JUMP = 16.0
+JUMP_MAHALANOBIS_SQUARED = 16.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -146,4 +146,4 @@ class JumpCounter:
     def _jumped(self, fix: Fix, last: Fix) -> bool:
         allowed = fix.covariance + last.covariance + self._growth(max(fix.time - last.time, 0.0))
         step = fix.position - last.position
-        return bool(step @ np.linalg.pinv(allowed) @ step > JUMP)
+        return bool(step @ np.linalg.pinv(allowed) @ step > JUMP_MAHALANOBIS_SQUARED)

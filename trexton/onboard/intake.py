@@ -17,13 +17,13 @@ from trexton.onboard.tally import Tally
 
 __all__ = ["AIDS", "Aids", "Inspector", "StampKeeper"]
 
-TOLERANCE = 0.5  # seconds
-OLDEST = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
-SMALLEST = 1e-3
-STRIDE = 8  # one pixel in 64 tells black from white and one frame from the next
-BLACK, WHITE = 12, 243
-SHARE = 0.98
-TORN = 0.1  # of the rows, at the top or at the bottom, left over from the frame before
+CLOCK_TOLERANCE = 0.5  # seconds a stamp may lie in the future, or the calendar clock jump
+MAX_FRAME_AGE = 60.0  # seconds: an older stamp is of another clock, a younger one of an old frame
+MIN_STAMP_STEP = 1e-3  # seconds
+SAMPLE_STRIDE = 8  # one pixel in 64 tells black from white and one frame from the next
+BLACK_LEVEL, WHITE_LEVEL = 12, 243  # grey levels, of 255
+SATURATED_SHARE = 0.98  # of the pixels, from which on a frame is dark or bright
+TORN_SHARE = 0.1  # of the rows, at the top or at the bottom, left over from the frame before
 AIDS = ("tilt", "all", "none")
 _FIELDS = ("roll", "pitch", "yaw", "height", "velocity")
 
@@ -54,14 +54,14 @@ class StampKeeper:
         is merely old keeps its stamp."""
         now = self._steady()
         offset = self._calendar() - now
-        if abs(offset - self._offset) > TOLERANCE:  # stamps are not of this clock: only said
+        if abs(offset - self._offset) > CLOCK_TOLERANCE:  # stamps are not of this clock: only said
             self._tally.fault("clock")
             self._offset = offset
-        believed = stamp if now - OLDEST <= stamp <= now + TOLERANCE else now
+        believed = stamp if now - MAX_FRAME_AGE <= stamp <= now + CLOCK_TOLERANCE else now
         kept = believed + self._shift
         if self._last is not None and kept <= self._last:  # back in time: go on from where it was
-            self._shift += self._last + SMALLEST - kept
-            kept = self._last + SMALLEST
+            self._shift += self._last + MIN_STAMP_STEP - kept
+            kept = self._last + MIN_STAMP_STEP
             self._tally.fault("clock")
         elif believed != stamp:
             self._tally.fault("clock")
@@ -91,7 +91,7 @@ class Inspector:
             return None
         if self.shape is not None and picture.shape[:2] != self.shape:
             return "size"
-        sample = picture[::STRIDE, ::STRIDE].copy()
+        sample = picture[::SAMPLE_STRIDE, ::SAMPLE_STRIDE].copy()
         # Sensor noise alone makes two frames differ: equal bytes mean that the camera
         # repeats itself.
         repeated = self._rows_repeated(sample)
@@ -99,9 +99,9 @@ class Inspector:
         self._last, self._repeated, self._torn = sample, repeated, torn
         self.frozen = self.frozen + 1 if same else 0
         luma = sample[..., 0]
-        if np.mean(luma <= BLACK) >= SHARE:
+        if np.mean(luma <= BLACK_LEVEL) >= SATURATED_SHARE:
             return "dark"
-        if np.mean(luma >= WHITE) >= SHARE:
+        if np.mean(luma >= WHITE_LEVEL) >= SATURATED_SHARE:
             return "bright"
         if same:
             return "frozen"
@@ -126,7 +126,7 @@ class Inspector:
         flat = np.ptp(sample[..., 0], axis=1) == 0
         bar = self._repeated if self._repeated.shape == repeated.shape else np.zeros_like(repeated)
         left_over = repeated & ~bar & ~flat
-        return bool(left_over.mean() >= TORN)
+        return bool(left_over.mean() >= TORN_SHARE)
 
 
 class Aids:
@@ -144,15 +144,15 @@ class Aids:
         self.wanted, self._sinks = wanted, sinks
 
     def of(self, frame: Frame, stamp: float) -> Aiding | None:
-        """What is known at `stamp`, the frame's on the clock of the loop; None where nothing is."""
+        """The aiding at `stamp`, the frame's on the clock of the loop; None where there is none."""
         if self.wanted == "none":
             return None
-        known = self.everything(frame, stamp)
-        known = known if self.wanted == "all" else known.without_heading()
-        return known if any(getattr(known, name) is not None for name in _FIELDS) else None
+        aiding = self.everything(frame, stamp)
+        aiding = aiding if self.wanted == "all" else aiding.without_heading()
+        return aiding if any(getattr(aiding, name) is not None for name in _FIELDS) else None
 
     def everything(self, frame: Frame, stamp: float) -> Aiding:
-        """What is known at `stamp`, whatever is wanted."""
+        """All aiding at `stamp`, whatever is wanted."""
         said = [] if frame.aiding is None else [frame.aiding.shifted(stamp - frame.time)]
         said += [each for guard in self._sinks if (each := guard.sink.aiding(stamp)) is not None]
         return _first(each.at(stamp) for each in said)
@@ -160,15 +160,15 @@ class Aids:
 
 def _first(said: Iterable[Aiding]) -> Aiding:
     """Attitude, height and velocity each of the first who knows it."""
-    known = Aiding()
+    aiding = Aiding()
     for each in said:
-        if known.attitude_time is None:
-            known = replace(
-                known, roll=each.roll, pitch=each.pitch, yaw=each.yaw,
+        if aiding.attitude_time is None:
+            aiding = replace(
+                aiding, roll=each.roll, pitch=each.pitch, yaw=each.yaw,
                 attitude_time=each.attitude_time,
             )  # fmt: skip
-        if known.height is None:
-            known = replace(known, height=each.height, height_time=each.height_time)
-        if known.velocity is None:
-            known = replace(known, velocity=each.velocity, velocity_time=each.velocity_time)
-    return known
+        if aiding.height is None:
+            aiding = replace(aiding, height=each.height, height_time=each.height_time)
+        if aiding.velocity is None:
+            aiding = replace(aiding, velocity=each.velocity, velocity_time=each.velocity_time)
+    return aiding

@@ -17,7 +17,7 @@ from trexton.localization.localizer import Localizer
 from trexton.onboard.commander import Commander, LandingTarget
 from trexton.onboard.fix import STALE_AFTER, Fix, JumpCounter
 from trexton.onboard.grabber import Grabber, Playthrough, feed_from
-from trexton.onboard.intake import OLDEST, Aids, Inspector, StampKeeper
+from trexton.onboard.intake import MAX_FRAME_AGE, Aids, Inspector, StampKeeper
 from trexton.onboard.sinks.base import Guard
 from trexton.onboard.sources.base import CameraLost, Frame, Source
 from trexton.onboard.status import Service, Status
@@ -26,15 +26,15 @@ from trexton.onboard.voice import flush, say
 
 __all__ = ["CAUSES", "Onboard"]
 
-REOPEN_AFTER = 2.0  # seconds of a frozen picture after which the camera is opened again
-MOST_CATCHING_UP = 25  # predictions for missed frames; more would only spread the particles further
-NO_FRAME_FOR = 10.0  # seconds after which a run of a number of frames ends without the first
+FROZEN_TIMEOUT = 2.0  # seconds of a frozen picture after which the camera is opened again
+MAX_CATCH_UP = 25  # predictions for missed frames; more would only spread the particles further
+FIRST_FRAME_TIMEOUT = 10.0  # seconds after which a run of a number of frames ends without the first
 CAUSES = {  # of what the frames may contradict
     "velocity": "heading, compass, height, and the odometry's camera",
     "attitude": "the camera's mount, the autopilot's level, signs and order",
 }
 # Share of the period after which the next frame is looked for: cameras are not exact.
-EAGERNESS = 0.9
+POLL_SHARE = 0.9
 
 
 class Onboard:
@@ -115,7 +115,7 @@ class Onboard:
                     self._give_up(began)
                 self._speak()
                 if self.source.live:
-                    stop.wait(max(0.0, EAGERNESS * self._period - (self._clock() - started)))
+                    stop.wait(max(0.0, POLL_SHARE * self._period - (self._clock() - started)))
         finally:
             self._service.stopping()
             feed.close()
@@ -135,7 +135,7 @@ class Onboard:
         """A run of so many frames must end, even where the camera never gives the first."""
         if self._frames is not None and not self.tally["frames"]:
             waited = self._clock() - began
-            if waited > NO_FRAME_FOR:
+            if waited > FIRST_FRAME_TIMEOUT:
                 raise CameraLost(
                     f"no frame in {waited:.0f} s, and {self._frames} are to be localized: "
                     "check --camera"
@@ -149,7 +149,7 @@ class Onboard:
         arrived = self._clock()
         stamp = self._stamps.keep(frame.time) if self.source.live else frame.time
         age = arrived - frame.time if self.source.live else 0.0
-        age = age if 0.0 <= age <= OLDEST else 0.0  # of another clock: nobody knows
+        age = age if 0.0 <= age <= MAX_FRAME_AGE else 0.0  # of another clock: nobody knows
         captured = arrived - age
         self._number = self.tally["frames"] if frame.number is None else frame.number
         self.tally.count("frames")
@@ -170,7 +170,7 @@ class Onboard:
         self._latencies.add(total)
         if total - self.source.delay > self._period:  # its own delay no computer makes up for
             self.tally.fault("late")
-        if self._inspector.frozen * self._period > REOPEN_AFTER:
+        if self._inspector.frozen * self._period > FROZEN_TIMEOUT:
             self._inspector.frozen = 0
             feed.reopen()
 
@@ -216,7 +216,7 @@ class Onboard:
         """Advance the filter over frames that did not come, for its uncertainty to grow
         with time."""
         estimate = None
-        for _ in range(min(periods, MOST_CATCHING_UP)):
+        for _ in range(min(periods, MAX_CATCH_UP)):
             estimate = self.localizer.step(None)
         return estimate
 

@@ -19,7 +19,7 @@ from trexton.localization.neighbors import neighbors_in_flight
 from trexton.localization.training_set import EXCLUDED_SECONDS
 from trexton.onboard.build import build
 from trexton.onboard.edges import edge_at
-from trexton.onboard.intake import BLACK, WHITE, Aids
+from trexton.onboard.intake import BLACK_LEVEL, WHITE_LEVEL, Aids
 from trexton.onboard.loop import CAUSES, Onboard
 from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import SINKS
@@ -31,13 +31,13 @@ from trexton.vision.time_offset import small, time_offset, turns
 
 __all__ = ["Check", "blur_effect", "preflight"]
 
-SECONDS = 5.0
-KEPT = 10  # frames that are looked at closely
-MOST = 500  # frames of which it is looked at how they turn
-BLURRED = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay below 0.6
-OFF_SCALE = 0.2  # share of pixels that are black or white
-MIRRORED = 0.05  # by which a floor's mirror image must fit better: some floors are symmetric
-USUAL = 0.99  # share of training frames nearer to another: one place in a hundred alarms in vain
+DURATION = 5.0  # seconds that the loop runs
+INSPECTED_FRAMES = 10  # frames that are looked at closely
+MAX_TURN_FRAMES = 500  # frames of which it is looked at how they turn
+MAX_BLUR = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay below 0.6
+MAX_SATURATED = 0.2  # share of pixels that are black or white
+MIRROR_MARGIN = 0.05  # by which a floor's mirror image must fit better: some floors are symmetric
+NOVELTY = 0.99  # quantile of training distances: one place in a hundred alarms in vain
 
 
 @dataclass(frozen=True)
@@ -58,8 +58,8 @@ class _Watched(Wrapped):
 
     def __init__(self, source: Source, aids: Aids):
         super().__init__(source)
-        self.frames: deque[Frame] = deque(maxlen=KEPT)
-        self.small: deque[tuple[float, np.ndarray]] = deque(maxlen=MOST)
+        self.frames: deque[Frame] = deque(maxlen=INSPECTED_FRAMES)
+        self.small: deque[tuple[float, np.ndarray]] = deque(maxlen=MAX_TURN_FRAMES)
         self.yaw: dict[float, float] = {}  # by its stamp
         self._aids = aids
 
@@ -75,7 +75,7 @@ class _Watched(Wrapped):
         return frame
 
 
-def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
+def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
     """Run the settings for a while: positions go to autopilots alone, no landing is asked for.
 
     Parameters
@@ -89,7 +89,7 @@ def preflight(settings: Settings, seconds: float = SECONDS) -> list[Check]:
         As `build`: the settings do not fit.
     """
     sinks = ((each, edge_at("sinks", each, SINKS)) for each in settings.outputs)
-    autopilots = tuple(each for each, found in sinks if found and found[0].autopilot)
+    autopilots = tuple(each for each, addressed in sinks if addressed and addressed[0].autopilot)
     changes: dict[Any, Any] = {
         Flying: replace(settings.of(Flying), log=None, frames=None),
         Landing: Landing(),
@@ -125,33 +125,35 @@ def blur_effect(luma: np.ndarray) -> float:
     Crete et al., "The blur effect" (2007), at half size, where single pixels' noise is gone.
     """
     small = cv2.pyrDown(np.ascontiguousarray(luma)).astype(np.float32)
-    found = []
+    blur_of_axis = []
     for axis, size in ((0, (1, 9)), (1, (9, 1))):
         before = np.abs(np.diff(small, axis=axis))
         lost = before - np.abs(np.diff(cv2.blur(small, size), axis=axis))
-        found.append(1 - np.maximum(lost, 0).sum() / max(before.sum(), 1e-9))
-    return float(max(found))
+        blur_of_axis.append(1 - np.maximum(lost, 0).sum() / max(before.sum(), 1e-9))
+    return float(max(blur_of_axis))
 
 
 def _of_camera(address: str, onboard: Onboard, pictures: list[np.ndarray]) -> Iterator[Check]:
     tally, faults = onboard.tally, onboard.tally.faults
-    seen, said = tally["observed"], ", ".join(f"{name} {many}" for name, many in faults.items())
+    observed, said = tally["observed"], ", ".join(f"{name} {n}" for name, n in faults.items())
     sizes = {p.shape[1::-1] for p in pictures if p.ndim == 3}
     size = ", ".join(f"{width}x{height}" for width, height in sorted(sizes)) or "histograms"
-    words = f"{address}, {tally['frames']} frames of {size}, {seen} usable"
+    words = f"{address}, {tally['frames']} frames of {size}, {observed} usable"
     words = words if pictures else f"{address} gives no frames: check cable, permissions, --camera"
-    usable = bool(pictures) and 2 * seen > tally["frames"]
+    usable = bool(pictures) and 2 * observed > tally["frames"]
     yield Check("camera", usable, words + (f" (faults: {said})" if said else ""))
     lumas = [picture[..., 0] for picture in pictures if picture.ndim == 3]
     if not lumas:
         return
     blur = float(np.median([blur_effect(luma) for luma in lumas]))
-    advice = "" if blur <= BLURRED else ": turn the lens, clean it, hold still"
-    yield Check("focus", blur <= BLURRED, f"blur {blur:.2f}, at most {BLURRED}{advice}")
-    off = float(np.mean([(luma <= BLACK) | (luma >= WHITE) for luma in lumas]))
+    advice = "" if blur <= MAX_BLUR else ": turn the lens, clean it, hold still"
+    yield Check("focus", blur <= MAX_BLUR, f"blur {blur:.2f}, at most {MAX_BLUR}{advice}")
+    off = float(np.mean([(luma <= BLACK_LEVEL) | (luma >= WHITE_LEVEL) for luma in lumas]))
     level = f"median brightness {np.median(np.stack(lumas)):.0f} of 255, {off:.0%} black or white"
-    advice = "" if off <= OFF_SCALE else f", at most {OFF_SCALE:.0%}: mend light or exposure"
-    yield Check("exposure", off <= OFF_SCALE, level + advice)
+    advice = (
+        "" if off <= MAX_SATURATED else f", at most {MAX_SATURATED:.0%}: mend light or exposure"
+    )
+    yield Check("exposure", off <= MAX_SATURATED, level + advice)
 
 
 def _of_view(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
@@ -170,16 +172,16 @@ def _of_view(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
 
 def _of_odometry(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     """Whether the frames show how they move, if the map's odometry asks them."""
-    odometry, shape = localizer.parts.get("odometry"), localizer.map.image_shape
-    seen = [each for each in frames if each.picture is not None and each.picture.shape[:2] == shape]
-    if odometry is None or len(seen) < 2:
+    odometry = localizer.parts.get("odometry")
+    fitting = _of_size(frames, localizer.map.image_shape)
+    if odometry is None or len(fitting) < 2:
         return
     running = odometry.open(localizer.map.period_s)
-    found = [running.aid(each.picture, None, each.time) for each in seen]
-    moved = sum(each is not None for each in found)
-    holds = 2 * moved >= len(seen)
+    velocities = [running.aid(each.picture, None, each.time) for each in fitting]
+    moved = sum(each is not None for each in velocities)
+    holds = 2 * moved >= len(fitting)
     advice = "" if holds else ": more texture, light or frames a second, or a map without odometry"
-    yield Check("odometry", holds, f"{moved} of {len(seen)} frames show a velocity{advice}")
+    yield Check("odometry", holds, f"{moved} of {len(fitting)} frames show a velocity{advice}")
 
 
 def _of_contradictions(onboard: Onboard) -> Iterator[Check]:
@@ -198,7 +200,7 @@ def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
         yield Check("map", False, "nothing was seen to compare it with")
         return
     try:
-        seen = [
+        observations = [
             everywhere.observe(each.picture, aiding=each.aiding)
             for each in frames
             if each.picture is not None
@@ -212,29 +214,34 @@ def _of_map(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
         texton_map.distance.between(each[None], histograms[row : row + 1]).item()
         for each, row in zip(histograms, rows, strict=True)
     ]
-    usual = float(np.quantile(apart, USUAL))
-    now = float(np.median([nearest.query(each, 1).distance[0] for each in seen]))
-    words = f"nearest histogram at {now:.3f}; of training frames {USUAL:.0%} lie within {usual:.3f}"
+    usual = float(np.quantile(apart, NOVELTY))
+    now = float(np.median([nearest.query(each, 1).distance[0] for each in observations]))
+    words = f"nearest histogram at {now:.3f}; of training frames {NOVELTY:.0%} within {usual:.3f}"
     advice = "" if now <= usual else ": another floor, light or height than the map was made at"
     yield Check("map", now <= usual, words + advice)
 
 
 def _of_floor(localizer: Localizer, frames: list[Frame]) -> Iterator[Check]:
     """Whether what is seen fits the picture of the floor, and better than its mirror image does."""
-    part, shape = localizer.parts["filter"], localizer.map.image_shape
-    seen = [each for each in frames if each.picture is not None and each.picture.shape[:2] == shape]
-    if not isinstance(part, Registration) or not seen:
+    part = localizer.parts["filter"]
+    fitting = _of_size(frames, localizer.map.image_shape)
+    if not isinstance(part, Registration) or not fitting:
         return
     tracker = part.tracker()
-    fits, mirrored = (_best_fit(tracker, seen, step) for step in (1, -1))
+    fits, mirrored = (_best_fit(tracker, fitting, step) for step in (1, -1))
     least = tracker.trust.least
     words = f"frames correlate with it by {fits:.2f}, mirrored by {mirrored:.2f}"
-    flipped = mirrored > max(fits + MIRRORED, least)
+    flipped = mirrored > max(fits + MIRROR_MARGIN, least)
     if flipped:
         words += ": the camera or its driver mirrors the picture, switch that off"
     elif fits < least:
         words += f", expected {least:.2f}: another floor, or another height than the map's"
     yield Check("floor", fits >= least and not flipped, words)
+
+
+def _of_size(frames: list[Frame], shape: tuple[int, int] | None) -> list[Frame]:
+    """The frames whose picture has this many rows and columns."""
+    return [each for each in frames if each.picture is not None and each.picture.shape[:2] == shape]
 
 
 def _best_fit(tracker: FloorTracker, frames: list[Frame], step: int) -> float:
@@ -258,21 +265,21 @@ def _of_delay(watched: _Watched) -> Iterator[Check]:
         return
     stamps = [stamp for stamp, _ in watched.small]
     yaw_s, yaw = zip(*sorted(watched.yaw.items()), strict=True)
-    found = time_offset(stamps, turns(luma for _, luma in watched.small), yaw_s, yaw)
-    if found is None:
+    offset = time_offset(stamps, turns(luma for _, luma in watched.small), yaw_s, yaw)
+    if offset is None:
         return
-    late = watched.delay + found.seconds
-    if not found.sure:
+    late = watched.delay + offset.seconds
+    if not offset.sure:
         words = "the vehicle turned too little to tell: turn it to and fro while this runs"
-    elif found.mirrored:
+    elif offset.mirrored:
         words = "the picture turns against the vehicle: its camera mirrors it, switch that off"
     else:
         words = f"frames come {late:.2f} s after the attitude they show, {watched.delay:g} given"
-        if found.noticeable and not 0 <= late <= LONGEST_DELAY:
+        if offset.noticeable and not 0 <= late <= LONGEST_DELAY:
             words += ": more than can be made up for, look for a quicker camera or link"
-        elif found.noticeable:
+        elif offset.noticeable:
             words += f": add --camera-delay {late:.2f}"
-    yield Check("delay", not found.sure or not (found.mirrored or found.noticeable), words)
+    yield Check("delay", not offset.sure or not (offset.mirrored or offset.noticeable), words)
 
 
 def _of_links(settings: Settings, onboard: Onboard, now: float) -> Iterator[Check]:

@@ -18,7 +18,7 @@ from trexton.onboard.tally import Latencies, Tally
 
 __all__ = ["Service", "Status", "resident_bytes"]
 
-SETTLED = 1000  # frames after which memory should not grow any more
+WARM_UP_FRAMES = 1000  # frames after which memory should not grow any more
 
 
 def resident_bytes() -> int:
@@ -58,7 +58,7 @@ class Status:
 
     def due(self, now: float) -> bool:
         """Whether a second has passed since the last line."""
-        if self._settled_bytes is None and self._tally["frames"] >= SETTLED:
+        if self._settled_bytes is None and self._tally["frames"] >= WARM_UP_FRAMES:
             self._settled_bytes = resident_bytes()
         return self._last_at is None or now - self._last_at >= 1.0
 
@@ -109,7 +109,7 @@ class Status:
                 "longest": latencies.longest,
             },
             "memory_bytes": resident_bytes(),
-            f"growth_since_frame_{SETTLED}_bytes": growth,
+            f"growth_since_frame_{WARM_UP_FRAMES}_bytes": growth,
             "faults": tally.faults,
         }
 

@@ -20,8 +20,8 @@ from trexton.base.errors import ParameterError
 __all__ = ["Link", "make_link"]
 
 CONNECT_TIMEOUT = 1.0
-PEER_AGE = 10.0  # seconds without a word after which a peer is forgotten
-MOST_PEERS = 4
+PEER_TIMEOUT = 10.0  # seconds without a word after which a peer is forgotten
+MAX_PEERS = 4
 
 
 def make_link(address: str) -> Link:
@@ -154,8 +154,8 @@ class UdpIn(_SocketLink):
         if self._sender is not None:
             self._peers.pop(self._sender, None)
             self._peers[self._sender] = now
-        fresh = [(peer, seen) for peer, seen in self._peers.items() if now - seen <= PEER_AGE]
-        self._peers = dict(fresh[-MOST_PEERS:])
+        fresh = [(peer, at) for peer, at in self._peers.items() if now - at <= PEER_TIMEOUT]
+        self._peers = dict(fresh[-MAX_PEERS:])
 
 
 class TcpLink(_SocketLink):

@@ -19,11 +19,11 @@ from trexton.onboard.mavlink.messages import COMPONENT, mavlink
 
 __all__ = ["CommandAck", "Listener"]
 
-SILENCE = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
-REPORT_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
-BACK_MS = 2000  # milliseconds that messages of one clock never overtake each other by
-KEPT = 512  # of each: a second and more of the fastest stream, for a camera that is late
-KNOWN_AGE = 0.5  # attitude, height or velocity farther from the frame in time say nothing about it
+HEARTBEAT_TIMEOUT = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
+MAX_STATE_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
+BOOT_CLOCK_STEP_MS = 2000  # milliseconds that messages of one clock never overtake each other by
+BUFFER_SIZE = 512  # of each: a second and more of the fastest stream, for a camera that is late
+MAX_SAMPLE_AGE = 0.5  # seconds between a frame and attitude, height or velocity that fit it
 NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
 INVALID_SIGNAL = 1  # of 100; 0 is unknown
@@ -69,9 +69,9 @@ class Listener:
         self.origin: tuple[float, float] | None = None
         self._fused: tuple[float, bool] | None = None
         self._grounded: tuple[float, bool] | None = None
-        self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=KEPT)
-        self._heights: deque[tuple[float, float]] = deque(maxlen=KEPT)
-        self._velocities: deque[tuple[float, tuple[float, float]]] = deque(maxlen=KEPT)
+        self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=BUFFER_SIZE)
+        self._heights: deque[tuple[float, float]] = deque(maxlen=BUFFER_SIZE)
+        self._velocities: deque[tuple[float, tuple[float, float]]] = deque(maxlen=BUFFER_SIZE)
         self._handlers = {
             "HEARTBEAT": self._on_heartbeat,
             "ATTITUDE": self._on_attitude,
@@ -100,7 +100,7 @@ class Listener:
 
     def present(self, now: float) -> bool:
         """Whether the autopilot has been heard lately."""
-        return self.target is not None and now - self.heard_at <= SILENCE
+        return self.target is not None and now - self.heard_at <= HEARTBEAT_TIMEOUT
 
     @property
     def certain(self) -> bool:
@@ -155,7 +155,7 @@ class Listener:
                 heard = ", ".join(map(str, sorted(self.systems)))
                 advice = "name ours with --system-id; no landing until then"
                 self.news.append({"event": "several vehicles", "systems": heard, "do": advice})
-        gone = self.target is not None and now - self.heard_at > 10 * SILENCE
+        gone = self.target is not None and now - self.heard_at > 10 * HEARTBEAT_TIMEOUT
         if self.target is None or (gone and system != self.target[0]):
             self._adopt(system, component)
         if self.target == (system, component):
@@ -168,14 +168,14 @@ class Listener:
 
     def _forget(self) -> None:
         self._fused = self._grounded = self.origin = None
-        for known in (self._attitudes, self._heights, self._velocities):
-            known.clear()
+        for samples in (self._attitudes, self._heights, self._velocities):
+            samples.clear()
 
     def _notice_boot(self, awake_ms: int | None) -> None:
         """An autopilot whose own clock has jumped back by seconds has started anew."""
         if awake_ms is None:
             return
-        if self._awake_ms - awake_ms > BACK_MS:
+        if self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS:
             self.boots += 1
             self._forget()
             self.news.append({"event": "autopilot restarted", "times": self.boots})
@@ -233,11 +233,11 @@ class Listener:
 
 
 def _recent(said: tuple[float, bool] | None, now: float) -> bool | None:
-    return said[1] if said is not None and now - said[0] <= REPORT_AGE else None
+    return said[1] if said is not None and now - said[0] <= MAX_STATE_AGE else None
 
 
 def _nearest(entries: deque[tuple[float, Any]], time: float) -> tuple[float, Any] | None:
     after = bisect_left(entries, time, key=itemgetter(0))
     around = [entries[index] for index in (after - 1, after) if 0 <= index < len(entries)]
     nearest = min(around, key=lambda entry: abs(entry[0] - time), default=None)
-    return nearest if nearest is not None and abs(nearest[0] - time) <= KNOWN_AGE else None
+    return nearest if nearest is not None and abs(nearest[0] - time) <= MAX_SAMPLE_AGE else None

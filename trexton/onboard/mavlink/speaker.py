@@ -22,10 +22,10 @@ __all__ = ["PROFILES", "ArduPilot", "Profile", "Px4", "Speaker"]
 
 REQUEST_PAUSE = 2.0
 ORIGIN_ATTEMPTS = 10
-PATIENCE = STALE_AFTER  # seconds from capture for which a position is repeated
+REPEAT_TIMEOUT = STALE_AFTER  # seconds from capture for which a position is repeated
 ATTITUDE_RATE = 20.0
 STATE_RATE = 2.0
-SHORTEST_STEP = 1e-3  # stamps of successive messages differ by at least this
+MIN_STAMP_STEP = 1e-3  # stamps of successive messages differ by at least this
 
 
 @dataclass(frozen=True)
@@ -194,9 +194,9 @@ class Speaker:
             out.append(messages.interval_request(target, messages.ATTITUDE, ATTITUDE_RATE))
         if self.listener.on_ground(now) is None and self._is_due("state", now, REQUEST_PAUSE):
             out.append(messages.interval_request(target, messages.LANDED_STATE, STATE_RATE))
-        known = self.listener.aiding(now) if self._asked else None
+        aiding = self.listener.aiding(now) if self._asked else None
         for name, message in self._asked.items():
-            if getattr(known, name) is None and self._is_due(name, now, REQUEST_PAUSE):
+            if getattr(aiding, name) is None and self._is_due(name, now, REQUEST_PAUSE):
                 out.append(messages.interval_request(target, message, ATTITUDE_RATE))
         return out
 
@@ -223,7 +223,7 @@ class Speaker:
 
     def _position(self, now: float) -> Any | None:
         """The position message that is due, if one is."""
-        if self._fix is not None and now - self._fix.time > PATIENCE:
+        if self._fix is not None and now - self._fix.time > REPEAT_TIMEOUT:
             self._fix = None  # old is never taken for fresh
         fix, rate = self._fix or self._failed, self.profile.repeat_rate
         if fix is None or (now < self._next_at if rate else self._sent):
@@ -243,7 +243,7 @@ class Speaker:
         # A repetition is the motion model's prediction for a later moment: same place,
         # less certain.
         stamp = fix.time if self._sent == 1 else now
-        stamp = max(stamp, self._last_stamp + SHORTEST_STEP)
+        stamp = max(stamp, self._last_stamp + MIN_STAMP_STEP)
         covariance = self._shared(fix.fusion.covariance) + self._motion_rate * (stamp - fix.time)
         return self.profile.position(fix, self._stamp(stamp), covariance, attitude)
 
@@ -256,5 +256,5 @@ class Speaker:
         return covariance * (self._sent * (self._sent + 1) if self.profile.repeat_rate else 1)
 
     def _stamp(self, stamp: float) -> int:
-        self._last_stamp = max(stamp, self._last_stamp + SHORTEST_STEP)
+        self._last_stamp = max(stamp, self._last_stamp + MIN_STAMP_STEP)
         return round(1e6 * self._last_stamp)

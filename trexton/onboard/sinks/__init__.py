@@ -49,14 +49,14 @@ def open_sink(
     ParameterError
         The kind is unknown, the address incomplete, or an extra is not installed.
     """
-    found = edge_at("sinks", address, SINKS)
-    if found is None:
+    addressed = edge_at("sinks", address, SINKS)
+    if addressed is None:
         raise ParameterError(
             f"output {address!r} is of no known kind: "
             f"give one of {', '.join(names('sinks', SINKS))}, a colon and an address, or "
             "module:Class"
         )
-    kind, name, rest = found
+    kind, name, rest = addressed
     made: Sink = kind.make(
         rest, (options or {}).get(kind.options, kind.options()), replace(around, kind=name)
     )

@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 __all__ = ["MavlinkOptions", "MavlinkSink"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 5.0
-LONGEST_WAIT = 0.05
+MAX_WAIT = 0.05
 KEY_BYTES = 32
-SHORTEST_MESSAGE = 8  # bytes; what the parser waits for before it knows more
+MIN_MESSAGE_BYTES = 8  # bytes; what the parser waits for before it knows more
 ORIGIN_LIMITS = ((-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees, degrees, metres
 
 
@@ -164,11 +164,11 @@ class MavlinkSink(Sink):
         words += ", silent since" if listener.target and not listener.present(now) else ""
         words += "" if listener.certain or not listener.target else ": several, give --system-id"
         yield "link", heard, f"{self.name}: {words}"
-        known = listener.origin or options.place
-        words = f"{known[0]:.7f}, {known[1]:.7f}" if known else "not given: add --origin"
+        place = listener.origin or options.place
+        words = f"{place[0]:.7f}, {place[1]:.7f}" if place else "not given: add --origin"
         needed = options.autopilot == "ardupilot"
-        words += "" if known or needed else " for modes that need a global position"
-        yield "origin", bool(known) or not needed, words
+        words += "" if place or needed else " for modes that need a global position"
+        yield "origin", bool(place) or not needed, words
         fused = listener.fused(now)
         words = {
             True: "the autopilot has a position",
@@ -294,7 +294,7 @@ class MavlinkSink(Sink):
         with self._lock:
             now = self._now()
             due = self.speaker.due(now)
-            wait = min(self.speaker.next_due(now), LONGEST_WAIT)
+            wait = min(self.speaker.next_due(now), MAX_WAIT)
         for message in due:
             self._link.send(message.pack(self._codec))
             self._tally.count(f"sent {message.get_type()}")
@@ -320,9 +320,9 @@ class MavlinkSink(Sink):
             return []
         if self._link.datagrams:  # half a message in one must not swallow the next
             self._codec.buf, self._codec.buf_index = bytearray(), 0
-            self._codec.expected_length = SHORTEST_MESSAGE
-        found = self._codec.parse_buffer(data) or []
-        messages = [message for message in found if message.get_type() != "BAD_DATA"]
+            self._codec.expected_length = MIN_MESSAGE_BYTES
+        parsed = self._codec.parse_buffer(data) or []
+        messages = [message for message in parsed if message.get_type() != "BAD_DATA"]
         if messages:
             self._link.understood()
         return messages

@@ -61,12 +61,12 @@ def open_source(
 def _made(address: str, around: Expected, options: Mapping[type[Options], Any]) -> Source:
     if len(address.splitlines()) > 1:
         raise ParameterError(f"camera {address!r}: expected one line")
-    found = edge_at("sources", address, SOURCES) if ":" in address else None
-    if found is None:
+    addressed = edge_at("sources", address, SOURCES) if ":" in address else None
+    if addressed is None:
         recognised = (each for each in edge_classes("sources", SOURCES) if each.matches(address))
-        found = next(((each, "", address) for each in recognised), None)
-    if found is not None:
-        source, kind, rest = found
+        addressed = next(((each, "", address) for each in recognised), None)
+    if addressed is not None:
+        source, kind, rest = addressed
         chosen = options.get(source.options, source.options())
         made: Source = source.make(rest, chosen, replace(around, kind=kind))
         pace = getattr(chosen, "pace", None) or made.pace
