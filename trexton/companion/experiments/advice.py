@@ -1,4 +1,7 @@
-"""What limits the methods on a flight, and what to do: in words, from an assessment's record."""
+"""What limits the methods on a flight, and what to do: in words, from an assessment's record.
+
+Offers `advice`, a list of sentences; each kind of limit has a function of its own.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""Will it work here? What a person asks who brings a flight, in plain words, with what limits
-it.
+"""Will it work here? What a person asks who brings a flight, answered in plain words.
+
+Every method is flown over the test flight; beside its error stand yardsticks, the error predicted
+over the floor, and what limits it. `advice` makes sentences of the record.
 """
 
 from __future__ import annotations

@@ -1,4 +1,8 @@
-"""Beyond the paper: why its filter trails, and what a field of histograms does instead."""
+"""Beyond the paper: why its filter trails, and what a field of histograms does instead.
+
+`VARIANTS` are the ways to localize that are compared, from the paper's filter to method field
+with visual odometry and aiding.
+"""
 
 from __future__ import annotations
 
@@ -279,7 +283,7 @@ def finding(record: Record) -> str:
     paper, field = record.values["paper"], record.values["field"]
     return (
         f"The mean error of method field is {interval(field['mean_cm'], 'cm')}, "
-        f"{beside(record.values['ratio'])} the paper's filter "
+        f"{beside(record.values['ratio'])} that of the paper's filter "
         f"({interval(paper['mean_cm'], 'cm')}); the region that should hold the vehicle in 90 % of "
         f"the frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
     )

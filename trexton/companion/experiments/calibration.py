@@ -1,5 +1,7 @@
-"""What a position's uncertainty is worth: errors against the covariance claimed, for several
-methods: consistency and coverage."""
+"""What a position's uncertainty is worth: errors against the posterior covariance claimed.
+
+Consistency (NEES) and empirical coverage of several methods over one test flight.
+"""
 
 from __future__ import annotations
 

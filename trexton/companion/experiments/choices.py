@@ -7,8 +7,8 @@ differ. Others become a way that neither took. The record says which (`FLIGHT_CO
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -66,8 +66,7 @@ _STATISTICS = ("mean_cm", "error_cm_x", "error_cm_y")
 _PUBLISHED_SAMPLES = 5000
 
 
-@dataclass(frozen=True)
-class _Variant:
+class _Variant(NamedTuple):
     """One choice: how it reads in a table, and what it changes."""
 
     key: str
@@ -75,7 +74,7 @@ class _Variant:
     label: str
     texton_map: TextonMap
     frames: Sequence[np.ndarray]
-    options: dict[str, Any] = field(default_factory=dict[str, Any])
+    options: dict[str, Any] = {}
 
 
 def with_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
@@ -116,13 +115,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     common = {"samples": parameters.samples, "particles": parameters.particles}
     variants = {}
     for variant in _variants(texton_map, train, test, parameters):
+        options = common | variant.options
         runs = tracks(
-            variant.texton_map,
-            variant.frames,
-            repeats=parameters.repeats,
-            seed=parameters.seed,
-            **common | variant.options,
-        )
+            variant.texton_map, variant.frames, repeats=parameters.repeats, seed=parameters.seed,
+            **options,
+        )  # fmt: skip
         rng = stream(parameters.seed, "intervals")
         summary = summarize([run.position for run in runs], test.position, test.diagonal, rng=rng)
         variants[variant.key] = {

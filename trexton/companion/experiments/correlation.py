@@ -1,4 +1,7 @@
-"""Rank correlations with intervals that respect that neighbouring frames are alike."""
+"""Rank correlations with intervals that respect that neighbouring frames are alike.
+
+Offers rank correlation over frames (block bootstrap) and over pairs of frames, and Pearson's.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Virtual flights that coarse to fine follows: over floors, kidnapped, in drifting light."""
+"""Virtual flights that coarse to fine follows: over floors, kidnapped, in drifting light.
+
+Each function flies one and returns what `trexton.companion.experiments.fine` tabulates.
+"""
 
 from __future__ import annotations
 

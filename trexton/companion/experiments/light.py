@@ -1,4 +1,7 @@
-"""Other light: what drifting exposure and another white balance cost each method."""
+"""Other light: what drifting exposure and another white balance cost each method.
+
+All lights share one path over one floor, and all methods one map of the training flight.
+"""
 
 from __future__ import annotations
 

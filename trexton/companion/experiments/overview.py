@@ -1,5 +1,6 @@
-"""The pipeline on one real frame (paper, Introduction, overview): all that Algorithm 1 saw and
-drew.
+"""The pipeline on one real frame (paper, Introduction): all that Algorithm 1 drew and used.
+
+The record holds patches, histogram, neighbours and particles of that frame; `pipeline` draws them.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Keypoint methods beside coarse to fine: the paper's SIFT, and the quick one of OpenCV."""
+"""Keypoint methods beside coarse to fine: the paper's SIFT, and ORB, the quick one of OpenCV.
+
+Offers `make_peer`, which locates single frames on a map image.
+"""
 
 from __future__ import annotations
 

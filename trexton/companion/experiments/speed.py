@@ -1,5 +1,6 @@
-"""How near each stage comes to the machine's limit: the rows of `trexton bench`, roofs and
-exponents.
+"""How near each stage comes to the machine's limit: the rows of `trexton bench`, and the roofline.
+
+Bandwidth and peak arithmetic of one thread are measured beside the bench.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""How the number of stored histograms sets the rate, far beyond the paper's 800: brute force and
-tree.
+"""How the number of stored histograms sets the rate, far beyond the paper's 800.
+
+Offers `time_stored`, which times search and step by brute force and by tree.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""The look that all figures share: colours for all eyes, readable on light and dark pages."""
+"""The style that all figures share: colours for all eyes, readable on light and dark pages.
+
+Offers the canvas, floor plans, marks with intervals, heat maps and legends.
+"""
 
 from __future__ import annotations
 
