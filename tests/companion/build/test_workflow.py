@@ -25,7 +25,9 @@ from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.formats import nbformat
 from trexton.companion.build.notebooks import Notebook
 from trexton.companion.build.plan import run_experiments
+from trexton.companion.build.workers import modules_of_runs
 from trexton.companion.experiments.declaration import Experiment
+from trexton.companion.experiments.registry import MODULES
 from trexton.flights import read_flight, write_flight
 from trexton.flights.splits import load_pair
 
@@ -395,3 +397,8 @@ def test_the_command_line_says_it_in_one_sentence(house, capsys):
         assert cli.main([*command[1:], *words, "--quiet"]) == 1
         error = capsys.readouterr().err
         assert message in error and error.count("\n") == 1
+
+
+def test_a_worker_is_compared_by_the_code_of_all_experiments():
+    """The registry names modules without importing them: each is hashed by itself."""
+    assert modules_of_runs().keys() >= set(MODULES.values())

@@ -19,9 +19,10 @@ from trexton.base.records import software_versions
 from trexton.companion.build import execution
 from trexton.companion.build.execution import Done, Job
 from trexton.companion.executor import connect
+from trexton.companion.experiments.registry import MODULES
 from trexton.vision.threads import usable_cores
 
-__all__ = ["Workers", "default_jobs", "workers"]
+__all__ = ["Workers", "default_jobs", "modules_of_runs", "workers"]
 
 _MEMORY_PER_JOB = 2 * 2**30
 _WATCH_S = 30.0  # seconds between checks that the cluster still has workers
@@ -123,15 +124,16 @@ def _seceded(job: Job) -> Done:
     return execution.execute(job)
 
 
+def modules_of_runs() -> dict[str, str]:
+    """SHA-256 of every module that a notebook or a cell of a sweep may run."""
+    hashes: dict[str, str] = {}
+    for name in (*MODULES.values(), "trexton.localization.localizer", execution.__name__):
+        hashes |= code_hashes(name)
+    return hashes
+
+
 def _fingerprint() -> str:
-    modules: dict[str, str] = {}
-    for name in (
-        "trexton.companion.experiments.registry",
-        "trexton.localization.localizer",
-        "trexton.companion.build.execution",
-    ):
-        modules |= code_hashes(name)
-    return digest(modules, software_versions())
+    return digest(modules_of_runs(), software_versions())
 
 
 def default_jobs() -> int:
