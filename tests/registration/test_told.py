@@ -8,7 +8,7 @@ from registration_tools import CAMERA, errors, flight, waypoints
 
 from trexton.registration import FloorTracker
 from trexton.registration.alignment import Alignment
-from trexton.registration.prior import Told
+from trexton.registration.prior import PosePrior
 from trexton.simulator import Floor
 
 
@@ -26,12 +26,12 @@ def test_a_tilt_that_is_told_askew_is_learned(off):
     askew = [(frame, place, attitude + [*off, 0]) for frame, place, attitude in flight(60)]
     error, _ = errors(tracker, askew, True)
     assert error[25:].mean() < 0.012
-    assert np.abs(tracker.told.tilt.mean + off).max() < 0.009
-    said = tracker.told.tilt.askew
+    assert np.abs(tracker.pose_prior.tilt.mean + off).max() < 0.009
+    said = tracker.pose_prior.tilt.tilt_bias
     assert said is None if max(np.abs(off)) < 0.03 else np.abs(said - off).max() < 0.009
-    assert (tracker.askew is None) == (said is None)
+    assert (tracker.tilt_bias is None) == (said is None)
     tracker.step(flight(60)[-1][0])
-    assert tracker.askew is None  # nobody tells a tilt any more
+    assert tracker.tilt_bias is None  # nobody tells a tilt any more
 
 
 CONVENTIONS = {
@@ -46,8 +46,8 @@ def test_roll_and_pitch_of_another_convention_are_understood(told):
     rows = waypoints()
     turned = [(frame, place, [*(told @ angles[:2]), angles[2]]) for frame, place, angles in rows]
     error, _ = errors(tracker, turned, True)
-    assert tracker.told.tilt.best > 0 and error[50:].mean() < 0.009
-    assert tracker.askew is not None  # somebody should be told
+    assert tracker.pose_prior.tilt.best > 0 and error[50:].mean() < 0.009
+    assert tracker.tilt_bias is not None  # somebody should be told
 
 
 def test_no_other_convention_is_seen_where_there_is_none():
@@ -55,16 +55,16 @@ def test_no_other_convention_is_seen_where_there_is_none():
     rng = np.random.default_rng(3)
     for frame, _, attitude in waypoints():  # neither in noise nor in a level
         tracker.step(frame, attitude=attitude + 0.05 * rng.standard_normal(3) * (1, 1, 0.1))
-    assert tracker.told.tilt.best == 0
+    assert tracker.pose_prior.tilt.best == 0
     tracker.reset()
     for frame, _, attitude in waypoints():
         tracker.step(frame, attitude=attitude * (0, 0, 1))
-    assert tracker.told.tilt.best == 0
+    assert tracker.pose_prior.tilt.best == 0
 
 
 def test_an_unmeasured_tilt_is_expected_as_it_was():
     last = np.array([1.0, 2.0, 1.1, 0.06, -0.04, 0.3])
-    prior = Told(1.0, 0.007, 0.02).prior(None, None, last)
+    prior = PosePrior(1.0, 0.007, 0.02).prior(None, None, last)
     assert prior.mean[3:5] == pytest.approx(0.85 * last[3:5], rel=0.02)
     assert 0.02 < prior.deviation[3] == prior.deviation[4] < 0.03
     tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
@@ -73,7 +73,7 @@ def test_an_unmeasured_tilt_is_expected_as_it_was():
 
 
 def test_a_tilt_that_changes_much_is_expected_less_like_before():
-    told, rng = Told(1.0, 0.007, 0.02), np.random.default_rng(1)
+    told, rng = PosePrior(1.0, 0.007, 0.02), np.random.default_rng(1)
     pose = np.array([1.0, 2.0, 1.0, 0.0, 0.0, 0.0])
     for _ in range(60):
         prior = told.prior(None, None, pose)
@@ -92,7 +92,7 @@ def test_a_wrong_heading_is_left_aside_once_nothing_is_found_with_it(off):
         fix = tracker.step(frame, attitude=attitude + [0, 0, off])
         error.append(np.hypot(*(fix.position - position[:2])))
         lost.append(fix.lost)
-    assert not tracker.told.heeds
+    assert not tracker.pose_prior.uses_heading
     assert max(error[-12:]) < 0.03 and not any(lost[-12:])
     assert np.mean(np.array(lost)[np.array(error) > 0.3]) > 0.6
 
@@ -102,7 +102,7 @@ def test_a_height_of_half_is_left_aside_once_nothing_is_found_with_it(heading):
     tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
     for frame, position, attitude in flight(60):
         fix = tracker.step(frame, attitude=attitude + [0, 0, heading], height=0.5 * position[2])
-    assert not tracker.told.heeds and not fix.lost
+    assert not tracker.pose_prior.uses_heading and not fix.lost
     assert np.hypot(*(fix.position - position[:2])) < 0.03
     assert abs(fix.pose[2] - position[2]) < 0.05
 
@@ -111,4 +111,4 @@ def test_a_heading_that_is_right_again_is_gone_by_again():
     tracker = FloorTracker(Floor.painted("hall", 4).picture, CAMERA, 1.0)
     for row, (frame, _, attitude) in enumerate(flight(60)):
         tracker.step(frame, attitude=attitude + [0, 0, 1.6 * (row < 50)])
-    assert tracker.told.heeds
+    assert tracker.pose_prior.uses_heading

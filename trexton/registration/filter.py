@@ -204,7 +204,7 @@ class RunningRegistration:
         velocity, joint = self._motion(fix.covariance)
         return Estimate(
             fix.position, fix.covariance, lost=fix.lost, observed=fix.observed, measurement=found,
-            velocity=velocity, joint=joint, tilt_bias=self.tracker.askew,
+            velocity=velocity, joint=joint, tilt_bias=self.tracker.tilt_bias,
         )  # fmt: skip
 
     def _motion(self, covariance: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:

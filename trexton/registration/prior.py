@@ -17,14 +17,16 @@ from trexton.vision.camera import wrapped
 
 Array = NDArray[Any]
 
-__all__ = ["Prior", "Told"]
+__all__ = ["Prior", "PosePrior"]
 
 _TILT, _HEIGHT, _HEADING = 0.07, 0.1, np.pi / 36  # known of them unmeasured: rad, share, rad
 _BETWEEN = np.array([0.03, 0.03])  # from frame to frame: height, a share of it; heading, rad
 _LITTLE = 0.02  # share of a tilt that was found which the frame, not the prior, must have said
 _MEMORY = 20.0  # frames over which the change of the tilt is taken
 _FARTHEST = 10.0  # times the usual height, or a part of it: beyond, the sensor errs
-_IN_VAIN = 25  # frames lost, after which a told heading and height are left aside, or tried again
+_MOST_FAILURES = (
+    25  # frames lost, after which a told heading and height are left aside, or tried again
+)
 _AGREES, _ABOUT = np.radians(5.0), 0.1  # heading and height, a share, as found and as told
 
 
@@ -58,11 +60,11 @@ class Prior:
     steps: int
 
 
-class Told:
+class PosePrior:
     """How much to believe of the attitude and the height that an autopilot tells.
 
-    Of roll and pitch it is learned how far they are off. Heading and height are gone by as long as
-    the floor is found with them; else it is looked for without, by turns.
+    Of roll and pitch it is learned how far they are off. Heading and height are used as long as
+    the floor is found with them; else it is searched without, by turns.
 
     Parameters
     ----------
@@ -74,16 +76,16 @@ class Told:
     Attributes
     ----------
     tilt : TiltError
-    heeds : bool
-        Whether heading and height are gone by.
+    uses_heading : bool
+        Whether the measured heading and height are used.
     """
 
     def __init__(self, usual: float, attitude_sigma: float, height_sigma: float):
         self.usual, self.attitude_sigma, self.height_sigma = usual, attitude_sigma, height_sigma
         self.tilt = TiltError(attitude_sigma)
         self._change = _BETWEEN[1] ** 2  # of the tilt from frame to frame, radians squared
-        self.heeds = True
-        self._in_vain = 0  # frames that heading and height found nothing, or none did
+        self.uses_heading = True
+        self._failures = 0  # frames that heading and height found nothing, or none did
 
     def prior(
         self, attitude: ArrayLike | None, height: float | None, last: Array | None, steps: int = 1
@@ -105,7 +107,7 @@ class Told:
             mean[3:5], deviation[3:5] = share * last[3:5], np.sqrt(share * change)
         known = np.isfinite(told)
         heading = float(told[2]) if known[2] else None
-        known[2] &= self.heeds
+        known[2] &= self.uses_heading
         tilt = told[:2] if known[:2].all() else None
         if tilt is not None:
             better = self.tilt.deviation < deviation[3:5]
@@ -113,7 +115,7 @@ class Told:
             deviation[3:5] = np.where(better, self.tilt.deviation, deviation[3:5])
         if known[2]:
             mean[5], deviation[5] = told[2], self.attitude_sigma
-        if height is not None and self.heeds:
+        if height is not None and self.uses_heading:
             mean[2], deviation[2] = height, self.height_sigma
         return Prior(mean, deviation, bool(known[2]), tilt, heading, height, last, steps)
 
@@ -130,18 +132,18 @@ class Told:
         if prior.tilt is not None:
             self.tilt.learn(prior.tilt, tilt, left)
 
-    def gives_way(self, prior: Prior, fix: FloorFix, recognized: bool) -> bool:
-        """Whether from now on heading and height are left aside, or gone by again."""
+    def reject(self, prior: Prior, fix: FloorFix, recognized: bool) -> bool:
+        """Whether to start again, from now on without measured heading and height, or with them."""
         if prior.heading is None and prior.height is None:
             return False
         if not fix.lost:
-            self._in_vain = max(0, self._in_vain - 2)
-            self.heeds |= _agree(prior, fix.pose)
+            self._failures = max(0, self._failures - 2)
+            self.uses_heading |= _agree(prior, fix.pose)
             return False
-        self._in_vain += not recognized
-        if self._in_vain < _IN_VAIN:
+        self._failures += not recognized
+        if self._failures < _MOST_FAILURES:
             return False
-        self.heeds, self._in_vain = not self.heeds, 0
+        self.uses_heading, self._failures = not self.uses_heading, 0
         return True
 
 

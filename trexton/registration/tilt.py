@@ -1,4 +1,6 @@
-"""How wrong a told tilt is: the camera's mount, the autopilot's trim, another convention."""
+"""The bias and the noise of a measured tilt: mount of the camera, trim of the autopilot, another
+convention of signs. Offers `TiltError`, which estimates them from frame after frame.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,18 @@ _USUAL = np.radians(1.0)  # standard deviation of an offset before anything was 
 _DRIFT = np.radians(0.03)  # of its change from frame to frame
 _ALIKE = 20.0  # frames whose errors are alike: each counts so much less
 _MEMORY = 50.0  # frames over which the noise is taken
-_MUTE = 50.0  # times as uncertain as what is told: such a frame says nothing
-_ASKEW, _BEYOND = np.radians(2.0), 5.0  # worth telling a person: so much, and so many deviations
+_UNINFORMATIVE = 50.0  # times as uncertain as what is told: such a frame says nothing
+_LEAST_BIAS, _BIAS_SIGMA = (
+    np.radians(2.0),
+    5.0,
+)  # worth telling a person: so much, and so many deviations
 # Roll and pitch as they are told, and every other way to give them signs and order.
 _ORDERS = (np.eye(2), np.eye(2)[::-1])
 _CONVENTIONS = np.array(
     [np.diag(s) @ order for order in _ORDERS for s in product((1, -1), (1, -1))]
 )
-_SELDOM = 7.0  # log odds against another convention than what is told
-_DOUBT = 15.0  # log odds beyond which nothing is believed of one
+_CONVENTION_LOG_ODDS = 7.0  # log odds against another convention than what is told
+_LOG_ODDS_BOUND = 15.0  # log odds beyond which nothing is believed of one
 
 
 class TiltError:
@@ -47,7 +52,7 @@ class TiltError:
         self._least = sigma**2
         self._mean, self._variance = np.zeros((count, 2)), np.full((count, 2), _USUAL**2)
         self._squares = np.full((count, 2), self._least)
-        self._evidence = np.array([0.0] + [-_SELDOM] * (count - 1))
+        self._evidence = np.array([0.0] + [-_CONVENTION_LOG_ODDS] * (count - 1))
         self.best = 0
 
     @property
@@ -66,13 +71,13 @@ class TiltError:
         return np.asarray(_CONVENTIONS[self.best] @ told + self.mean)
 
     @property
-    def askew(self) -> np.ndarray | None:
+    def tilt_bias(self) -> np.ndarray | None:
         """``(2,)`` radians by which what is told is off, root mean square, with the sign of the
         offset; None unless that is certain and worth a word.
         """
         mean, variance, squares = self._mean[0], self._variance[0], self._squares[0]
-        off = np.abs(mean) > np.maximum(_ASKEW, _BEYOND * np.sqrt(variance))
-        if not (off.any() or (squares > _ASKEW**2).any()):
+        off = np.abs(mean) > np.maximum(_LEAST_BIAS, _BIAS_SIGMA * np.sqrt(variance))
+        if not (off.any() or (squares > _LEAST_BIAS**2).any()):
             return None
         rough = np.maximum(squares - self._least, 0)
         return np.copysign(np.sqrt(mean**2 + rough), -mean)
@@ -87,7 +92,7 @@ class TiltError:
         variance : (2,) array
             Of what was found.
         """
-        heard = variance < _MUTE * self.deviation**2
+        heard = variance < _UNINFORMATIVE * self.deviation**2
         apart = found - _CONVENTIONS @ told - self._mean
         self._variance = self._variance + _DRIFT**2
         rest = apart**2 - self._variance - variance
@@ -96,10 +101,11 @@ class TiltError:
         total = self._variance + _ALIKE * variance + self._least
         gain = np.where(heard, self._variance / total, 0.0)
         # With the noise that even the best convention leaves: such frames tell less.
-        doubt = total + _ALIKE * np.maximum(self._squares, 0).min(axis=0)
-        surprise = np.where(heard, apart**2 / doubt + np.log(doubt), 0.0).sum(axis=1)
-        evidence = self._evidence - surprise / 2
-        self._evidence = np.maximum(evidence - evidence.max(), -_DOUBT)
+        predicted = total + _ALIKE * np.maximum(self._squares, 0).min(axis=0)
+        # Twice the negative log predictive density.
+        deviance = np.where(heard, apart**2 / predicted + np.log(predicted), 0.0).sum(axis=1)
+        evidence = self._evidence - deviance / 2
+        self._evidence = np.maximum(evidence - evidence.max(), -_LOG_ODDS_BOUND)
         self.best = int(np.argmax(self._evidence))
         self._mean = self._mean + gain * apart
         self._variance = (1 - gain) * self._variance

@@ -15,7 +15,7 @@ from trexton.registration.alignment import Aligner, Alignment
 from trexton.registration.belief import CellBelief, Window
 from trexton.registration.correlation import CoarseMatcher
 from trexton.registration.ground import Ground
-from trexton.registration.prior import Prior, Told
+from trexton.registration.prior import PosePrior, Prior
 from trexton.registration.trust import FloorFix, Trust
 from trexton.vision.camera import Camera, MapImage, transform_points, wrapped
 from trexton.vision.visual_odometry import VisualOdometry
@@ -96,8 +96,8 @@ class FloorTracker:
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.odometry.reset()
-        self.told = Told(self.height, self.attitude_sigma, self.height_sigma)
-        self.askew: Array | None = None  # of the tilt that the last frame was told; see `TiltError`
+        self.pose_prior = PosePrior(self.height, self.attitude_sigma, self.height_sigma)
+        self.tilt_bias: Array | None = None  # of the last frame's attitude; see `TiltError`
         self._pose: Array | None = None  # of the last frame, if it was found
         self._aimed = self._before = np.zeros(2)  # floor points in the image centre, and before
         self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
@@ -143,7 +143,7 @@ class FloorTracker:
             self.odometry.reset()
             self._pose, self._velocity, self._missed = None, None, _PATIENCE
         steps = min(self._gone, _PATIENCE) + 1
-        prior = self.told.prior(attitude, height, self._pose, steps)
+        prior = self.pose_prior.prior(attitude, height, self._pose, steps)
         seen = _Seen(frame, prior, *self.odometry.shift(frame))
         if self._last is None or late:
             self.belief.reset(self._headings(prior), kept=_KEPT if late else 0.0)
@@ -161,11 +161,11 @@ class FloorTracker:
         else:
             self._remember(fix)
             if not fix.lost:
-                self.told.learn(prior, best)
+                self.pose_prior.learn(prior, best)
         self._gone = 0
-        self.askew = None if prior.tilt is None else self.told.tilt.askew
-        if self.told.gives_way(prior, fix, fix.score >= self.trust.least):
-            self._begin_again(prior.heading if self.told.heeds else None)
+        self.tilt_bias = None if prior.tilt is None else self.pose_prior.tilt.tilt_bias
+        if self.pose_prior.reject(prior, fix, fix.score >= self.trust.least):
+            self._begin_again(prior.heading if self.pose_prior.uses_heading else None)
         return fix
 
     # -- parts of a step ---------------------------------------------------------------------------
@@ -330,7 +330,7 @@ class FloorTracker:
 
     def _without_frame(self) -> FloorFix:
         """On as before, less and less surely; the belief waits for the next frame."""
-        self.askew = None
+        self.tilt_bias = None
         last, cell = self._last, self.coarse.ground.cell
         if last is None:
             return FloorFix(np.full(6, np.nan), np.diag([np.inf, np.inf]), 0, 0, True, False)
