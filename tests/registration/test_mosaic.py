@@ -12,7 +12,7 @@ import pytest
 from trexton.base.errors import FlightError, MapError, ParameterError
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.registration import stitching
+from trexton.registration import mosaic as stitching
 from trexton.registration.adjust import adjust, link_errors
 from trexton.registration.homography import Keypoints
 from trexton.registration.layout import layout

@@ -13,8 +13,7 @@ from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.registration import FloorTracker, Trust
 from trexton.registration.homography import HomographyLocalizer
-from trexton.registration.mosaic import stitch
-from trexton.registration.stitching import flight_camera
+from trexton.registration.mosaic import flight_camera, stitch
 
 FOLDER = Path(os.environ.get("TREXTON_DATA", "../shared/data")) / "seneca"
 

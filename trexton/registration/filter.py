@@ -254,7 +254,7 @@ def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, Camera, float]
                 "floor, or stitch the picture"
             )
         return flight.floor, flight.camera, above
-    from trexton.registration.stitching import flight_camera, stitch  # SciPy: on the ground only
+    from trexton.registration.mosaic import flight_camera, stitch  # SciPy: on the ground only
 
     mosaic = stitch(flight)
     height = float(np.median(mosaic.poses[mosaic.used, 2]))

@@ -18,7 +18,8 @@ from trexton.base.errors import MapError
 from trexton.base.progress import progress
 from trexton.flights.flight import Flight
 from trexton.registration.homography import HomographyLocalizer, detect_keypoints
-from trexton.registration.mosaic import Links, Mosaic, map_from_links, stitch
+from trexton.registration.links import Links
+from trexton.registration.mosaic import Mosaic, map_from_links, stitch
 from trexton.vision.camera import MapImage
 
 _PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are stored as they are
