@@ -4,8 +4,12 @@
 
 from __future__ import annotations
 
+import importlib
 import inspect
+import re
 from pathlib import Path
+
+from conftest import ROOT
 
 import trexton
 
@@ -49,6 +53,31 @@ def test_there_are_at_most_forty_names_each_with_a_docstring():
     assert len(trexton.__all__) <= 40 and len(set(trexton.__all__)) == len(trexton.__all__)
     for name in trexton.__all__[1:]:
         assert (inspect.getdoc(getattr(trexton, name)) or "").strip(), name
+
+
+def test_the_glossary_names_places_that_are_there():
+    page = (ROOT / "book" / "glossary.md").read_text().partition("## In the code")[2]
+    places = re.findall(r"`(trexton[\w.]+)`", page)
+    assert len(places) > 60
+    for place in places:
+        assert found(place), place
+
+
+def found(place: str) -> bool:
+    """Whether a dotted name is a module, or something in one."""
+    module, names = place, []
+    while module:
+        try:
+            thing = importlib.import_module(module)
+            break
+        except ModuleNotFoundError:
+            module, _, name = module.rpartition(".")
+            names.insert(0, name)
+    for name in names:
+        if not hasattr(thing, name):
+            return name in getattr(thing, "__dataclass_fields__", {})
+        thing = getattr(thing, name)
+    return bool(module)
 
 
 if __name__ == "__main__":
