@@ -162,6 +162,7 @@ def test_figures_draw_the_record(record):
         np.testing.assert_allclose(line.get_ydata(), 100 * np.array(record.series[name]["lost"]))
     plot = kidnapping.lost_told(record).axes[0]
     np.testing.assert_allclose(
-        plot.lines[0].get_ydata(), 100 * np.array(record.series["augmented"]["told"], dtype=float)
+        plot.lines[0].get_ydata(),
+        100 * np.array(record.series["augmented"]["detection_rate"], dtype=float),
     )
     assert all(axis.get_xlabel() for axis in (axes, lost, plot))

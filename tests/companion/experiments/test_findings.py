@@ -64,7 +64,7 @@ def test_homography():
     values["mosaic"]["map_residual_cm"] = 0.53
     text = found("homography_baseline", values)
     assert "3.4 [2.4, 4.4] cm" in text and "in 3 frames" in text
-    assert "tilt (3.5 cm) weighs more" in text and "drifts it errs by 16 cm" in text
+    assert "tilt (3.5 cm) weighs more" in text and "drifts it has an error of 16 cm" in text
     values["mosaic"]["map_residual_cm"] = 5.0
     assert "weighs less in that than the map (5 cm off)" in found("homography_baseline", values)
     assert found("homography_baseline", homography(mosaic=3.4)).endswith("in 3 frames.")
@@ -100,8 +100,8 @@ def test_landing():
 @pytest.mark.parametrize(
     ("train", "test", "words"),
     [
-        ((0.15, -0.03, 0.28), (0.57, 0.31, 0.78), ("does not tell", "but foretells")),
-        ((0.15, 0.05, 0.28), (0.57, 0.31, 0.78), ("foretells the errors on", "and foretells")),
+        ((0.15, -0.03, 0.28), (0.57, 0.31, 0.78), ("does not tell", "but predicts")),
+        ((0.15, 0.05, 0.28), (0.57, 0.31, 0.78), ("predicts the errors on", "and predicts")),
         ((-0.2, -0.3, -0.1), (0.0, -0.1, 0.1), ("misleads on", "but does not tell")),
     ],
 )
@@ -194,7 +194,7 @@ def test_best_settings_and_choices():
     values["tuned_error_cm"] = entry(55, 50, 60)
     text = found("trade_off", values, series={"grid": [1]})
     assert (
-        "replaying the training flight (400 particles, 3 neighbours) errs by 55 [50, 60] cm" in text
+        "the training flight (400 particles, 3 neighbours) has an error of 55 [50, 60] cm" in text
     )
     assert "best in hindsight: 48.6 cm" in text
     variants = {
@@ -238,4 +238,6 @@ def test_a_page_says_what_its_record_says(tmp_path):
     with pytest.raises(UndefinedError, match="moon"):
         page.say("{{ moon }}")
     record.values.update(mocap(102, 48.4, 68, 0.234))
-    assert page.finding().data.startswith('<p class="finding">The paper&#x27;s filter errs by')
+    assert page.finding().data.startswith(
+        '<p class="finding">The paper&#x27;s filter has an error of'
+    )

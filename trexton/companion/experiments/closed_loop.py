@@ -68,7 +68,7 @@ class Mission:
     places : (2, 2) array
         Lowest and highest x, y of a zone's centre: the circle stays within the surveyed area.
     attitude_deg : float
-        Noise of the attitude that the autopilot tells.
+        Noise of the attitude that the autopilot measures.
     """
 
     floor: Floor
@@ -97,7 +97,7 @@ class Lander:
     options : dict
         Of the localizer.
     aiding : tuple of str
-        What the autopilot tells it beside a frame: names of `Aiding`, of attitude and height.
+        What the autopilot measures beside a frame: names of `Aiding`, of attitude and height.
     """
 
     texton_map: TextonMap | None
@@ -173,12 +173,12 @@ def fly_together(
         if not flying:
             continue
         start = perf_counter()
-        looking = any(each.localizer for each in flying.values())
-        frame = simulator.render() if looking else None
-        told = autopilot.tell(state)
+        imaging = any(each.localizer for each in flying.values())
+        frame = simulator.render() if imaging else None
+        measured = autopilot.measure(state)
         rendered_s = perf_counter() - start
         for name, each in list(flying.items()):
-            if each.decides(frame, told, state, rendered_s) and armed:
+            if each.decides(frame, measured, state, rendered_s) and armed:
                 attempts[name] = each.land(simulator, path)
                 del flying[name]
     attempts |= {name: each.give_up(state, path) for name, each in flying.items()}
@@ -191,7 +191,7 @@ class _Autopilot:
     def __init__(self, mission: Mission, rng: np.random.Generator):
         self._rng, self._sigma = rng, np.radians(mission.attitude_deg)
 
-    def tell(self, state: VehicleState) -> Aiding:
+    def measure(self, state: VehicleState) -> Aiding:
         """Attitude and height."""
         attitude = state.attitude + self._sigma * self._rng.standard_normal(3)
         height = float(state.position[2] + HEIGHT_NOISE * self._rng.standard_normal())
@@ -214,14 +214,14 @@ class _Flying:
     def decides(
         self,
         frame: np.ndarray | None,
-        told: Aiding,
+        measured: Aiding,
         state: VehicleState,
         rendered_s: float,
     ) -> bool:
         """Whether it would land after this frame."""
         start = perf_counter()
         self._estimate = (
-            self.localizer.step(frame, aiding=told.only(self.aiding), time=state.time)
+            self.localizer.step(frame, aiding=measured.only(self.aiding), time=state.time)
             if self.localizer
             else _certain(state)
         )
@@ -249,7 +249,7 @@ class _Flying:
 
 
 def _certain(state: VehicleState) -> Estimate:
-    """An estimate without any doubt."""
+    """An estimate without uncertainty."""
     place, velocity = state.position[:2], state.velocity[:2]
     return Estimate(place, np.zeros((2, 2)), velocity=velocity, joint=np.zeros((4, 4)))
 

@@ -38,7 +38,7 @@ def trained_map(
     seed: int = 1,
     positions: np.ndarray | None = None,
 ) -> TextonMap:
-    """The texton map of `train`, from the cache if the same inputs were seen before."""
+    """The texton map of `train`, from the cache if the same inputs were used before."""
     inputs = {
         "flight": train.data_hash,
         "textons": textons,
@@ -113,9 +113,9 @@ def neighbor_means(
     filter.
     """
     nearest = NearestHistograms(texton_map.histograms, texton_map.positions, k)
-    looking = Localizer(texton_map, samples=samples, rng=stream(seed, "neighbours"))
+    observer = Localizer(texton_map, samples=samples, rng=stream(seed, "neighbours"))
     return np.array(
-        [nearest.query(looking.observe(frame)).position.mean(axis=0) for frame in frames]
+        [nearest.query(observer.observe(frame)).position.mean(axis=0) for frame in frames]
     )
 
 

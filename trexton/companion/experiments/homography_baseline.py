@@ -121,7 +121,8 @@ def finding(record: Record) -> str:
         text = "A homography finds no frame on the stitched map"
     else:
         text = (
-            f"A homography on the stitched map errs by {interval(mosaic['mean_cm'], 'cm')} and "
+            "A homography on the stitched map has an error of "
+            f"{interval(mosaic['mean_cm'], 'cm')} and "
             "finds "
             + (f"nothing in {mosaic['failures']} frames" if mosaic["failures"] else "every frame")
         )
@@ -130,7 +131,7 @@ def finding(record: Record) -> str:
         weighs = "weighs more in that than" if tilt > bent else "weighs less in that than"
         text += f"; the camera's tilt ({number(tilt)} cm) {weighs} the map ({number(bent)} cm off)"
     if error := values.get("drifting", {}).get("mean_cm"):
-        text += f"; on a map that drifts it errs by {number(middle(error))} cm"
+        text += f"; on a map that drifts it has an error of {number(middle(error))} cm"
     return text + "."
 
 
@@ -149,8 +150,8 @@ def fixes(record: Record) -> Figure:
     truth, position = np.array(series["truth_m"]), np.array(series["mosaic_m"], dtype=float)
     lost = ~np.isfinite(position).all(axis=1)
     with plan_canvas(record, (5.6, 5.6), "map") as (figure, plan):
-        for true, found in zip(truth[~lost], position[~lost], strict=True):
-            plan.plot(*zip(true, found, strict=True), color=color, linewidth=0.6, alpha=0.6)
+        for true, fix in zip(truth[~lost], position[~lost], strict=True):
+            plan.plot(*zip(true, fix, strict=True), color=color, linewidth=0.6, alpha=0.6)
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="motion capture")
         plan.plot(*position[~lost].T, ".", color=color, markersize=3, label="homography")
         if lost.any():

@@ -131,7 +131,7 @@ def finding(record: Record) -> str:
     noise = [values[f"{name}_process_std_cm"] for name in names]
     errors = [middle(values[name]["mean_cm"]) for name in names]
     knn = [middle(values[f"{name}_knn"]["mean_cm"]) for name in names]
-    text = f"Trained on homography positions the filter errs by {', '.join(each)}"
+    text = f"Trained on homography positions the filter has an error of {', '.join(each)}"
     if np.argsort(noise).tolist() == np.argsort(errors)[::-1].tolist():
         text += (
             ": the more those positions jitter, the wider its motion noise "

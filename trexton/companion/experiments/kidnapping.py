@@ -240,8 +240,8 @@ def _values(
 def _lost(
     trials: list[Trial], flags: list[np.ndarray], found: list[int | None], tolerance: float
 ) -> dict[str, Any]:
-    """How well "lost" is told: in which share of kidnappings, of wrong frames until found, of those
-    that are far off, of calm frames.
+    """How well lost frames are detected: in which share of kidnappings, of wrong frames until
+    found, of those that are far off, of calm frames.
     """
     declared, stretches, wrongs, fars, calms, errors = [], [], [], [], [], []
     for trial, lost, frames in zip(trials, flags, found, strict=False):
@@ -288,8 +288,8 @@ def _series(
             zip(("low", "median", "high"), np.percentile(error, (10, 50, 90), axis=0), strict=False)
         ),
         "lost": lost.mean(axis=0),
-        "told": [entry["wrong_frames_rate"] for entry in shares],
-        "for_nothing": [entry["calm_frames_rate"] for entry in shares],
+        "detection_rate": [entry["wrong_frames_rate"] for entry in shares],
+        "false_alarm_rate": [entry["calm_frames_rate"] for entry in shares],
     }
 
 
@@ -359,24 +359,30 @@ def error_since(record: Record) -> Figure:
 
 
 def lost_told(record: Record) -> Figure:
-    """What a width of the cloud, taken as "lost", tells of wrong frames and of calm ones; and the
-    field's own word."""
+    """What a width of the cloud, taken as "lost", detects of wrong frames, and its false alarms
+    among calm ones; and the field's own flag."""
     series, values = record.series["augmented"], record.values["augmented"]
-    shares, told, nothing = (
+    shares, detected, false_alarms = (
         100 * np.array(column, dtype=float)
-        for column in (record.series["shares"], series["told"], series["for_nothing"])
+        for column in (
+            record.series["shares"],
+            series["detection_rate"],
+            series["false_alarm_rate"],
+        )
     )
     with canvas(size=(6.4, 3.6)) as (figure, axes):
         plot = axes[0, 0]
         label = "the cloud's width alone"
-        plot.plot(nothing, told, color=COLORS["guarded"], marker="o", markersize=4, label=label)
+        plot.plot(
+            false_alarms, detected, color=COLORS["guarded"], marker="o", markersize=4, label=label
+        )
         for share in (30, 50):  # above the curve, where nothing else is
             at = int(np.argmin(np.abs(shares - share)))
-            if nothing[at] > 50:
+            if false_alarms[at] > 50:
                 continue
             plot.annotate(
-                f"{share} %", (nothing[at], told[at]), xytext=(-5, 5), ha="right", fontsize=9,
-                textcoords="offset points",
+                f"{share} %", (false_alarms[at], detected[at]), xytext=(-5, 5), ha="right",
+                fontsize=9, textcoords="offset points",
             )  # fmt: skip
         for point, label, color, marker in (
             (values["lost_by_fit"], "the filter's fit alone", COLORS["guarded"], "D"),

@@ -1,5 +1,5 @@
-"""Which floors are suitable (paper, Methods, "Map evaluation" and its figure), what the loss
-foretells.
+"""Which floors are suitable (paper, Methods, "Map evaluation" and its figure), whether the loss
+predicts errors.
 """
 
 from __future__ import annotations
@@ -250,10 +250,10 @@ def _grouped(losses: np.ndarray, errors: np.ndarray, seed: int) -> list[dict[str
 
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
-    told = record.values["prediction"]
+    prediction = record.values["prediction"]
     cases = {
-        "on the training flight": told["correlation"],
-        "of the filter in flight": told["test_filter"],
+        "on the training flight": prediction["correlation"],
+        "of the filter in flight": prediction["test_filter"],
     }
     if None in (entry["value"] for entry in cases.values()):
         return (
@@ -261,7 +261,7 @@ def finding(record: Record) -> str:
             f"sigma reaches, which was {number(record.values['sigma']['used_m'])} m."
         )
     said = {
-        where: "foretells"
+        where: "predicts"
         if entry["low"] > 0
         else "misleads on"
         if entry["high"] < 0
@@ -272,12 +272,12 @@ def finding(record: Record) -> str:
         f"{said[where]} the errors {where} (rank correlation {interval(entry)})"
         for where, entry in cases.items()
     ]
-    alone = told["sparseness_alone"]
-    foretold = said["on the training flight"] == "foretells"
+    alone = prediction["sparseness_alone"]
+    predicts = said["on the training flight"] == "predicts"
     if alone["low"] > 0:
-        does = "does too" if foretold else "does"
+        does = "does too" if predicts else "does"
     else:
-        does = "does not" if foretold else "does not either"
+        does = "does not" if predicts else "does not either"
     parts.append(f"on the training flight being far from other frames {does} ({interval(alone)})")
     joined = "and" if len(set(said.values())) == 1 else "but"
     return f"The paper's loss {parts[0]} {joined} {parts[1]}; {parts[2]}."
@@ -304,7 +304,7 @@ def heat_maps(record: Record) -> Figure:
 
 
 def errors_by_loss(record: Record) -> Figure:
-    """Mean error in tenths of the frames, ordered by loss: foretelling gives rising lines."""
+    """Mean error in tenths of the frames, ordered by loss: one that predicts gives rising lines."""
     lines = (
         ("train_knn", "training frames, k-NN without the frame", COLORS["neighbors"], "o--"),
         ("test_knn", "test flight, k-NN", COLORS["neighbors"], "s-"),

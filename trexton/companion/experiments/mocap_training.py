@@ -195,7 +195,7 @@ def finding(record: Record) -> str:
     values, lag, spread = record.values, record.values["lag"], record.values["spread"]
     error, knn = (middle(values[name]["mean_cm"]) for name in ("filter", "knn"))
     parts = [
-        f"The paper's filter errs by {interval(values['filter']['mean_cm'], 'cm')}, "
+        f"The paper's filter has an error of {interval(values['filter']['mean_cm'], 'cm')}, "
         f"{beside(error / knn)} the plain mean of its own neighbours "
         f"({interval(values['knn']['mean_cm'], 'cm')})"
     ]

@@ -28,7 +28,7 @@ class Track:
     Attributes
     ----------
     estimates : list of Estimate
-        What it said of each frame.
+        Its estimate of each frame.
     step_s : (N,) array
         Seconds that each took.
     """
@@ -91,15 +91,15 @@ def fly(
     aiding: Sequence[Aiding] | None = None,
     counted: int | None = None,
 ) -> Track:
-    """Step the localizer through all frames, told what an autopilot knows at each.
+    """Step the localizer through all frames, aided by what an autopilot measures at each.
 
     Where frames are histograms, `counted` patches are behind each; None: all, or nobody knows.
     """
     estimates, step_s = [], []
     for row, frame in enumerate(frames):
-        told = None if aiding is None else aiding[row]
+        aided = None if aiding is None else aiding[row]
         start = perf_counter()
-        estimates.append(localizer.step(frame, aiding=told, samples=counted))
+        estimates.append(localizer.step(frame, aiding=aided, samples=counted))
         step_s.append(perf_counter() - start)
     return Track(estimates, np.array(step_s))
 

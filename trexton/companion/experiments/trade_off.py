@@ -312,7 +312,8 @@ def finding(record: Record) -> str:
     how = "chosen by replaying the training flight" if chosen == "tuned" else "best in hindsight"
     text = (
         f"Of {len(record.series['grid'])} settings of the paper's filter the one {how} "
-        f"({words}) errs by {interval(values[f'{chosen}_error_cm'], 'cm')} an axis instead of "
+        f"({words}) has an error of {interval(values[f'{chosen}_error_cm'], 'cm')} an axis "
+        "instead of "
         f"{number(middle(values['default']['axis_mean_cm']))} cm with the paper's"
     )
     if chosen == "tuned":

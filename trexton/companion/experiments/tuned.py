@@ -61,7 +61,7 @@ def search_settings(
         ``best_error_cm``, the lowest of the grid: chosen on the flight it is measured on, a little
         too good; ``best_setting``; ``best``, all its statistics. Unless the training flight is too
         short to be replayed, ``tuned_error_cm``, ``tuned_setting`` and ``tuned`` of the one whose
-        replay errs least.
+        replay has the least error.
     """
     flights: dict[int | None, list[list[np.ndarray]]] = {None: [full] * max(3, repeats // 3)}
     if test.has_images:
@@ -92,11 +92,11 @@ def search_settings(
             if noise == 1:
                 grid.append(row | ({} if replayed is None else {"replayed_cm": replayed}))
     best = min(range(len(grid)), key=lambda i: grid[i]["axis_mean_cm"]["value"])
-    found = _told("best", grid[best], tried[best][0][1])
+    found = _chosen("best", grid[best], tried[best][0][1])
     if any("replayed_cm" not in row for row in grid):
         return grid, explored, found | {"tuned_error_cm": None}
     tuned = min(range(len(grid)), key=lambda i: grid[i]["replayed_cm"])
-    return grid, explored, found | _told("tuned", grid[tuned], tried[tuned][0][1])
+    return grid, explored, found | _chosen("tuned", grid[tuned], tried[tuned][0][1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +140,7 @@ def _with_noise(texton_map: TextonMap, times: int) -> TextonMap:
     return with_choices(texton_map, {"motion.sigma": sigma})
 
 
-def _told(name: str, row: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
+def _chosen(name: str, row: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
     return {
         name: summary,
         f"{name}_error_cm": row["axis_mean_cm"],
