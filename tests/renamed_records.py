@@ -29,9 +29,12 @@ def renamed(record: dict[str, Any]) -> dict[str, Any]:
 
 
 def _rename(tree: Any, old: list[str], new: list[str]) -> None:
-    key, *rest = old
+    if isinstance(tree, list):
+        for each in tree:
+            _rename(each, old, new)
     if not isinstance(tree, dict):
         return
+    key, *rest = old
     for name in list(tree) if key == "*" else [key]:
         if name in tree and rest:
             _rename(tree[name], rest, new[1:])

@@ -1,0 +1,1 @@
+"""The command line: a module a verb of the library, with ``add_arguments`` and ``run``."""

@@ -1,0 +1,1 @@
+"""The executable paper: experiments, claims, checks and book, which read the library."""

@@ -16,7 +16,7 @@ from trexton.localization.landing import TouchdownZone
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map
 from trexton.localization.methods import parse_choices
-from trexton.onboard.commander import LandingTarget
+from trexton.onboard.commander import LandingLink
 from trexton.onboard.edges import edge_at
 from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
@@ -113,7 +113,7 @@ def _warm_up(localizer: Localizer) -> None:
         Localizer(texton_map, samples=localizer.samples, rng=np.random.default_rng(1)).step(blank)
 
 
-def _landers(sinks: Iterable[Sink]) -> list[LandingTarget]:
+def _landers(sinks: Iterable[Sink]) -> list[LandingLink]:
     landers = [sink.lander for sink in sinks if sink.lander is not None]
     if not landers:
         raise ParameterError(

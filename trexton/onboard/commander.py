@@ -12,7 +12,7 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone
 from trexton.onboard.fix import STALE_AFTER, Fix
 
-__all__ = ["CommandResult", "Commander", "LandingTarget", "State"]
+__all__ = ["CommandResult", "Commander", "LandingLink", "State"]
 
 NAV_LAND = 21
 ACCEPTED, TEMPORARILY_REJECTED, IN_PROGRESS = 0, 1, 5
@@ -35,7 +35,7 @@ class CommandResult(Protocol):
     def result(self) -> int: ...
 
 
-class LandingTarget(Protocol):
+class LandingLink(Protocol):
     """What can be commanded to land, and answers: the MAVLink sink."""
 
     def land(self, confirmation: int) -> bool: ...
@@ -68,7 +68,7 @@ class Commander:
     Parameters
     ----------
     zone : LandingZone
-    landers : list of LandingTarget
+    landers : list of LandingLink
         Told to land all at once; empty for a dry run.
     report : callable
         Takes each event, as a dict.
@@ -81,7 +81,7 @@ class Commander:
     def __init__(
         self,
         zone: LandingZone,
-        landers: Sequence[LandingTarget],
+        landers: Sequence[LandingLink],
         report: Callable[[dict[str, object]], None],
         *,
         answer_within: float = 1.0,

@@ -14,7 +14,7 @@ from trexton.flights.aiding import Aiding
 from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone
 from trexton.localization.localizer import Localizer
-from trexton.onboard.commander import Commander, LandingTarget
+from trexton.onboard.commander import Commander, LandingLink
 from trexton.onboard.fix import STALE_AFTER, Fix, JumpCounter
 from trexton.onboard.grabber import Grabber, Playthrough, feed_from
 from trexton.onboard.intake import MAX_FRAME_AGE, Aids, Inspector, StampKeeper
@@ -50,7 +50,7 @@ class Onboard:
         map's own rate unless given.
     zone : LandingZone, optional
         Where to land.
-    landers : sequence of LandingTarget
+    landers : sequence of LandingLink
         Told to land there; without any, it is only said.
     log : Guard, optional
         Takes fixes and events.
@@ -67,7 +67,7 @@ class Onboard:
     def __init__(
         self, localizer: Localizer, source: Source, sinks: list[Guard], *, tally: Tally,
         rate: float | None = None, zone: LandingZone | None = None,
-        landers: Sequence[LandingTarget] = (), log: Guard | None = None,
+        landers: Sequence[LandingLink] = (), log: Guard | None = None,
         frames: int | None = None, aiding: str = "tilt",
         clock: Callable[[], float] = time.monotonic,
     ):  # fmt: skip

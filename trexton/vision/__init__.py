@@ -1,0 +1,1 @@
+"""Images, cameras, textons and their histograms, visual odometry."""

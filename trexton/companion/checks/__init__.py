@@ -1,0 +1,1 @@
+"""Speed, settings and reference values, measured and compared."""

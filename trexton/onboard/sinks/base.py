@@ -20,7 +20,7 @@ from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
 
 if TYPE_CHECKING:
-    from trexton.onboard.commander import LandingTarget
+    from trexton.onboard.commander import LandingLink
 
 __all__ = ["Guard", "Sink", "Surroundings"]
 
@@ -77,7 +77,7 @@ class Sink(Edge, ABC):
     autopilot: ClassVar[bool] = False
 
     @property
-    def lander(self) -> LandingTarget | None:
+    def lander(self) -> LandingLink | None:
         """What commands a landing; None where it commands nothing."""
         return None
 
