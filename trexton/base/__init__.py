@@ -1,1 +1,1 @@
-"""What every room stands on: errors, options, plugins, files, streams of random numbers, records."""
+"""What every room stands on: errors, options, plugins, files, random streams, records."""

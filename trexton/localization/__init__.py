@@ -1,1 +1,1 @@
-"""A map and a frame become a position: the map, its training, the parts of methods, the localizer."""
+"""A map and a frame become a position: map, training, parts of methods, localizer."""
