@@ -9,7 +9,7 @@ import pytest
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.flights import importing, read_flight
 from trexton.flights.importers import IMPORTERS, describe, guess_kind, images, importer
-from trexton.flights.importers.recording import Track
+from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
 
@@ -283,7 +283,7 @@ def test_video_finds_the_offset_of_its_positions(tmp_path):
 def test_a_video_that_does_not_move_as_the_positions_do_is_refused(tmp_path):
     rng = np.random.default_rng(0)
     stamps = np.arange(100) * 0.04
-    track = Track(
+    track = PoseTrack(
         (np.arange(200) * 2e7).astype(np.int64), rng.normal(0, 1, (200, 3)).cumsum(axis=0)
     )
     assert estimate_offset(stamps, rng.uniform(0, 1, 100), track)[1] < 0.9

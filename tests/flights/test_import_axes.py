@@ -7,7 +7,7 @@ from test_import import euroc
 
 from trexton.base.errors import TrextonError
 from trexton.flights.importers.axes import attitude_from_quaternions
-from trexton.flights.importers.recording import Track, match
+from trexton.flights.importers.recording import PoseTrack, match
 from trexton.flights.importers.tum import read_trajectory
 from trexton.flights.importing import import_flight
 
@@ -53,7 +53,7 @@ def test_quaternions_agree_with_the_camera_model():
 
 
 def test_matching_respects_tolerance_gaps_and_the_short_way_round():
-    track = Track(
+    track = PoseTrack(
         np.array([0, 1, 2, 5]) * 10**9,
         np.column_stack([np.arange(4.0), np.zeros(4), np.full(4, np.nan)]),
         np.column_stack([np.zeros(4), np.zeros(4), [3.1, -3.1, 3.1, 0]]),

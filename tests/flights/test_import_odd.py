@@ -13,7 +13,7 @@ from trexton.base.errors import TrextonError
 from trexton.cli import main as cli
 from trexton.flights import importing, read_flight
 from trexton.flights.importers import images
-from trexton.flights.importers.recording import Track
+from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
 from trexton.vision.images import check_size
@@ -102,10 +102,10 @@ def test_a_video_s_offset_is_found_over_gaps_in_its_positions():
     place = np.cumsum(speed) * 0.05
     position = np.column_stack([place, np.zeros((len(time), 2))])
     position[50:56] = np.nan
-    track = Track(np.rint(time * 1e9).astype(np.int64), position)
+    track = PoseTrack(np.rint(time * 1e9).astype(np.int64), position)
     offset, correlation = estimate_offset(time[:160], speed[40:200], track)
     assert abs(offset - 2) < 0.1 and correlation > 0.9
-    backwards = Track(track.time_ns[::-1], position)
+    backwards = PoseTrack(track.time_ns[::-1], position)
     with pytest.raises(TrextonError, match="do not all increase: sort them"):
         estimate_offset(time[:160], speed[40:200], backwards)
 
@@ -125,7 +125,7 @@ def test_places_beyond_the_earth_are_noticed_before_images_are_written(
 @pytest.mark.parametrize("offset", ["1e30", "-1e300", "nan"])
 def test_an_offset_of_centuries_is_refused(offset):
     with pytest.raises(TrextonError, match="expected less than a century"):
-        Track(np.arange(3), np.zeros((3, 3))).shifted(float(offset))
+        PoseTrack(np.arange(3), np.zeros((3, 3))).shifted(float(offset))
 
 
 def test_a_scale_that_leaves_no_pixel_is_refused(tmp_path):

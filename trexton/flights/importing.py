@@ -29,7 +29,7 @@ from trexton.flights.frames import ImageFiles, select_frames
 from trexton.flights.header import FARTHEST
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.images import Change, write_images
-from trexton.flights.importers.recording import NANO, Recording, Track, match
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, match
 from trexton.flights.writing import write_tables
 from trexton.vision.camera import Camera
 
@@ -174,11 +174,11 @@ def _ordered(recording: Recording) -> tuple[Recording, list[str]]:
     ), [f"frames put in order of their stamps, {dropped} of repeated stamps dropped"]
 
 
-def _placed(recording: Recording, common: Common) -> tuple[Track, list[str]]:
+def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]:
     """Positions and attitudes of the frames, and what matching them gave."""
     stamps = recording.time_ns
     if recording.track is None:
-        return Track(stamps, np.full((len(stamps), 3), np.nan)), ["no positions in the source"]
+        return PoseTrack(stamps, np.full((len(stamps), 3), np.nan)), ["no positions in the source"]
     track = recording.track.located()
     farthest = np.nanmax(np.abs(track.position))
     if farthest > FARTHEST:
@@ -211,7 +211,7 @@ def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
 def _flight(
     recording: Recording,
     split: dict[str, tuple[int, int]],
-    placed: Track,
+    placed: PoseTrack,
     camera: Camera | None,
     frames: ImageFiles | None,
     name: str,

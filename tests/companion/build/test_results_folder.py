@@ -9,7 +9,7 @@ from tiny_notebooks import write_notebook
 from trexton.base.errors import ParameterError
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
-from trexton.companion.build.sweep import Plan, sweep
+from trexton.companion.build.sweep import SweepPlan, sweep
 
 KEPT = "mend it, what was there before is kept"
 
@@ -25,7 +25,7 @@ def test_results_do_not_go_among_the_files_of_a_flight(flight_folder, monkeypatc
         with pytest.raises(ParameterError, match="among the files of the flight .*small: name an"):
             run_experiments([pair], out)
         with pytest.raises(ParameterError, match="among the files of the flight"):
-            sweep(Plan("mocap_training", {}, [pair]), flight_folder.parent / out)
+            sweep(SweepPlan("mocap_training", {}, [pair]), flight_folder.parent / out)
     assert sorted(flight_folder.parent.rglob("*")) == before
 
 

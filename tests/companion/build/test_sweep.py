@@ -12,7 +12,7 @@ from conftest import small_flight
 from trexton.base.errors import ParameterError
 from trexton.cli import main as cli
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.sweep import Floors, Plan, sweep
+from trexton.companion.build.sweep import Floors, SweepPlan, sweep
 from trexton.companion.experiments import mocap_training
 from trexton.flights import write_flight
 
@@ -27,7 +27,9 @@ SETTINGS = {"particles": ["5", "7"], "seed": [1, 2], "repeats": [1], "neighbors"
 
 
 def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
-    plan = Plan("mocap_training", SETTINGS, [FlightPair(flight)], values=("filter.mean_cm.value",))
+    plan = SweepPlan(
+        "mocap_training", SETTINGS, [FlightPair(flight)], values=("filter.mean_cm.value",)
+    )
     swept = sweep(plan, tmp_path / "out", jobs=2)
     assert swept.counts == {"ran": 4, "reused": 0, "failed": 0}, swept.failed
     table = pd.read_csv(tmp_path / "out" / "sweep.csv")
@@ -39,7 +41,7 @@ def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
     again = sweep(plan, tmp_path / "out", jobs=1)
     assert again.counts == {"ran": 0, "reused": 4, "failed": 0}
     assert (tmp_path / "out" / "sweep.json").read_bytes() == before
-    wider = Plan("mocap_training", SETTINGS | {"particles": [7, 9]}, [FlightPair(flight)])
+    wider = SweepPlan("mocap_training", SETTINGS | {"particles": [7, 9]}, [FlightPair(flight)])
     assert sweep(wider, tmp_path / "out", jobs=1).counts == {"ran": 2, "reused": 2, "failed": 0}
 
 
@@ -49,7 +51,7 @@ def test_cells_that_cannot_run_here_are_left_out_with_a_word(flight, tmp_path, m
 
     monkeypatch.setattr(mocap_training.Parameters, "obstacle", obstacle)
     settings = SETTINGS | {"seed": [1]}
-    plan = Plan("mocap_training", settings, [FlightPair(flight)], values=("counts.test",))
+    plan = SweepPlan("mocap_training", settings, [FlightPair(flight)], values=("counts.test",))
     swept = sweep(plan, tmp_path / "out", jobs=1)
     assert [row["particles"] for row in swept.rows] == [5] and swept.counts["ran"] == 1
     assert "skipped: seven is not here" in capsys.readouterr().err
@@ -60,7 +62,9 @@ def test_cells_that_cannot_run_here_are_left_out_with_a_word(flight, tmp_path, m
 
 def test_a_value_that_no_record_has_is_no_empty_column(flight, tmp_path):
     settings = SETTINGS | {"particles": [5], "seed": [1]}
-    plan = Plan("mocap_training", settings, [FlightPair(flight)], values=("filter.mean_cm.median",))
+    plan = SweepPlan(
+        "mocap_training", settings, [FlightPair(flight)], values=("filter.mean_cm.median",)
+    )
     with pytest.raises(ParameterError, match=r"mean_cm.median': it has .*filter.mean_cm.value"):
         sweep(plan, tmp_path / "out", jobs=1)
     assert not (tmp_path / "out" / "sweep.csv").exists()
@@ -105,9 +109,9 @@ def test_two_flights_of_one_name_are_refused(flight, tmp_path):
     write_flight(replace(small_flight(), time=small_flight().time * 2), tmp_path / "other")
     pairs = [FlightPair(flight), FlightPair(str(tmp_path / "other"))]
     with pytest.raises(ParameterError, match="two flights are named 'small'"):
-        sweep(Plan("mocap_training", SETTINGS, pairs), tmp_path / "out")
+        sweep(SweepPlan("mocap_training", SETTINGS, pairs), tmp_path / "out")
     write_flight(replace(small_flight(), name="hall-0"), tmp_path / "hall")
-    plan = Plan("mocap_training", SETTINGS, [FlightPair(str(tmp_path / "hall"))], Floors(1))
+    plan = SweepPlan("mocap_training", SETTINGS, [FlightPair(str(tmp_path / "hall"))], Floors(1))
     with pytest.raises(ParameterError, match="two flights are named 'hall-0'"):
         sweep(plan, tmp_path / "out")
     assert not (tmp_path / "out").exists()
@@ -139,7 +143,7 @@ def test_a_plan_with_other_things_in_it_is_refused(tmp_path, capsys, line, messa
 def test_floors_are_flown_first_and_kept(tmp_path):
     floors = Floors(1, ("carpet",), every=4, frames=12)
     settings = {"cells": [2], "images": [5], "textons": [4], "patches_per_image": [50]}
-    plan = Plan("texton_dictionary", settings, floors=floors, values=("patches",))
+    plan = SweepPlan("texton_dictionary", settings, floors=floors, values=("patches",))
     swept = sweep(plan, tmp_path / "out", jobs=1)
     assert swept.counts == {"ran": 1, "reused": 0, "failed": 0}, swept.failed
     assert swept.rows[0]["flight"] == "carpet-0" and swept.rows[0]["patches"] == 250
@@ -150,11 +154,11 @@ def test_floors_are_flown_first_and_kept(tmp_path):
 
 
 def test_a_cell_that_fails_costs_only_itself(flight, tmp_path, capsys):
-    plan = Plan("overview", {"frame": [None, 10**6]}, [FlightPair(flight)])
+    plan = SweepPlan("overview", {"frame": [None, 10**6]}, [FlightPair(flight)])
     with pytest.raises(ParameterError, match="overview cannot run: small has no images"):
         sweep(plan, tmp_path / "out")
     settings = SETTINGS | {"neighbors": [2, 10**6], "seed": [1]}
-    plan = Plan("mocap_training", settings, [FlightPair(flight)])
+    plan = SweepPlan("mocap_training", settings, [FlightPair(flight)])
     swept = sweep(plan, tmp_path / "out", jobs=1)
     assert swept.counts == {"ran": 2, "reused": 0, "failed": 2}
     assert len(swept.rows) == 2 and all("1000000" in reason for reason in swept.failed.values())

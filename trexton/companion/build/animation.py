@@ -33,7 +33,7 @@ def moving_picture(recording: Mapping[str, Any]) -> bytes:
     Parameters
     ----------
     recording : mapping
-        As the player keeps it: see `trexton.companion.player.playback.Playback`.
+        As the player keeps it: see `trexton.companion.player.playback.PlayedFlight`.
     """
     frames = recording["frames"]
     frames = frames[:: -(-len(frames) // _FRAMES)]

@@ -28,7 +28,7 @@ from trexton.companion.experiments.drawing import to_png, to_svg
 from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.player.page import player_html
-from trexton.companion.player.playback import Playback
+from trexton.companion.player.playback import PlayedFlight
 from trexton.companion.wording import Tree, as_html, middle, template_environment
 from trexton.flights import Flight
 from trexton.flights.registry import flight_title
@@ -124,7 +124,7 @@ class Page:
                 stream.write(content)
         return SVG(svg)
 
-    def play(self, recording: Playback) -> HTML:
+    def play(self, recording: PlayedFlight) -> HTML:
         """Write ``<experiment>-player.html`` beside the record, and show it in the page."""
         name = f"{self.record.experiment}-player.html"
         with atomic_file(self.folder / name) as stream:

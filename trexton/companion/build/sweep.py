@@ -39,7 +39,7 @@ from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights import read_flight
 from trexton.simulator.layouts import LAYOUTS
 
-__all__ = ["Floors", "Plan", "Swept", "sweep"]
+__all__ = ["Floors", "SweepPlan", "Swept", "sweep"]
 
 Call = Callable[..., Any]
 
@@ -71,7 +71,7 @@ class Floors:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """What is swept.
 
     Attributes
@@ -112,7 +112,7 @@ class _Cell:
 
 
 def sweep(
-    plan: Plan,
+    plan: SweepPlan,
     out: Path,
     *,
     jobs: int | None = None,
@@ -162,7 +162,7 @@ def sweep(
     return Swept(rows, failed, counts)
 
 
-def _grid(plan: Plan, experiment: Experiment) -> list[Options]:
+def _grid(plan: SweepPlan, experiment: Experiment) -> list[Options]:
     """All combinations of the settings, as checked parameters."""
     declared = experiment.parameters
     names = list(plan.settings)
@@ -206,7 +206,7 @@ def _calls(crew: Workers, cluster: str | None) -> Iterator[Call]:
 
 
 def _tasks(
-    plan: Plan, experiment: Experiment, chosen: Sequence[Options], out: Path, call: Call
+    plan: SweepPlan, experiment: Experiment, chosen: Sequence[Options], out: Path, call: Call
 ) -> tuple[list[Any], list[_Cell]]:
     tasks, cells, sources = [], [], []
     for pair in plan.pairs:
@@ -306,7 +306,7 @@ def _check_values(paths: Sequence[str], trees: Sequence[Mapping[str, Any]]) -> N
             )
 
 
-def _row(plan: Plan, cell: _Cell, results: Mapping[str, Any]) -> dict[str, Any]:
+def _row(plan: SweepPlan, cell: _Cell, results: Mapping[str, Any]) -> dict[str, Any]:
     parameters = {name: cell.parameters.as_dict()[name] for name in plan.settings}
     if plan.values:
         values = {path: look_up(results, path) for path in plan.values}
@@ -324,7 +324,7 @@ def _numbers(prefix: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{key}", value
 
 
-def _write(plan: Plan, out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+def _write(plan: SweepPlan, out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     import pandas as pd
 
     content = {

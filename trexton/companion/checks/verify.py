@@ -27,8 +27,8 @@ from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.splits import load_pair
 
 __all__ = [
-    "QUICK", "VARIANTS", "Verdict", "Variant", "differences", "moved", "precision", "rebuild",
-    "references", "update", "verify",
+    "QUICK", "VARIANTS", "ProcessVariant", "Verdict", "differences", "moved", "precision",
+    "rebuild", "references", "update", "verify",
 ]  # fmt: skip
 
 RELATIVE, NEAR_ZERO = 1e-9, 1e-12  # of numbers that are not whole
@@ -40,7 +40,7 @@ Content = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Variant:
+class ProcessVariant:
     """What is different in one process.
 
     Attributes
@@ -72,11 +72,11 @@ class Variant:
 
 
 VARIANTS = (
-    Variant("one thread, cold cache"),
-    Variant("another hash seed, two threads", hash_seed="1", threads=2),
-    Variant("warm cache", warm=True),
-    Variant("BLAS kernels of Haswell", blas="Haswell"),
-    Variant("BLAS kernels of Nehalem", blas="Nehalem"),  # without fused products
+    ProcessVariant("one thread, cold cache"),
+    ProcessVariant("another hash seed, two threads", hash_seed="1", threads=2),
+    ProcessVariant("warm cache", warm=True),
+    ProcessVariant("BLAS kernels of Haswell", blas="Haswell"),
+    ProcessVariant("BLAS kernels of Nehalem", blas="Nehalem"),  # without fused products
 )
 # As far from the process that made the references as the bits allow.
 QUICK = (VARIANTS[1],)
@@ -127,7 +127,7 @@ def references() -> list[Path]:
 
 def verify(
     path: Path, work: Path, flight: str | None = None, test_flight: str | None = None,
-    variants: tuple[Variant, ...] = VARIANTS,
+    variants: tuple[ProcessVariant, ...] = VARIANTS,
 ) -> Verdict:  # fmt: skip
     """Run the experiment of the record at `path` once for each of the `variants`, and compare.
 
@@ -180,7 +180,7 @@ def verify(
 
 
 def _run(
-    variant: Variant, path: Path, cache: Path, out: Path, flights: list[str]
+    variant: ProcessVariant, path: Path, cache: Path, out: Path, flights: list[str]
 ) -> Content:  # without what the clock says
     command = [sys.executable, "-c", f"import sys; {_PROGRAM}", str(path), str(out)]
     done = subprocess.run(

@@ -12,7 +12,7 @@ from trexton.base.arguments import add_assignments, assignments
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, check_not_read, check_writable
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.sweep import Floors, Plan, sweep
+from trexton.companion.build.sweep import Floors, SweepPlan, sweep
 
 _TEXT, _TEXTS, _WHOLE = "text in quotes", "a list of texts", "a whole number"
 # What a plan may have, and what each of it is.
@@ -57,7 +57,7 @@ def run(arguments: argparse.Namespace) -> int:
     return int(bool(swept.failed))
 
 
-def _plan(arguments: argparse.Namespace) -> Plan:
+def _plan(arguments: argparse.Namespace) -> SweepPlan:
     """What the file says, with the words of the command line in its place."""
     said: dict[str, Any] = _read(Path(arguments.plan)) if arguments.plan else {}
     for name in ("experiment", "test_flight", "floors", "layouts", "every", "frames", "values"):
@@ -71,7 +71,7 @@ def _plan(arguments: argparse.Namespace) -> Plan:
     if said.get("floors"):
         chosen = {name: said[name] for name in ("every", "frames") if name in said}
         floors = Floors(said["floors"], tuple(said.get("layouts", ("hall",))), **chosen)
-    return Plan(
+    return SweepPlan(
         experiment=said["experiment"],
         settings={k: v if isinstance(v, list) else [v] for k, v in settings.items()},
         pairs=[

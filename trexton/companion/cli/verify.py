@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from trexton.base.errors import ParameterError
 
 if TYPE_CHECKING:
-    from trexton.companion.checks.verify import Variant, Verdict
+    from trexton.companion.checks.verify import ProcessVariant, Verdict
 
 __all__ = ["add_arguments", "run"]
 
@@ -46,7 +46,7 @@ def run(arguments: argparse.Namespace) -> int:
     return status
 
 
-def _report(verdict: Verdict, variants: tuple[Variant, ...], updating: bool) -> int:
+def _report(verdict: Verdict, variants: tuple[ProcessVariant, ...], updating: bool) -> int:
     """Say what came of one record; 1 if it is not as it was."""
     from trexton.companion.checks.verify import precision, update
 

@@ -6,7 +6,7 @@ from trexton.base.errors import MapError
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import MapParameters
 from trexton.companion.experiments.evaluation import floor_picture, map_of
-from trexton.companion.player.playback import Playback, record_replay
+from trexton.companion.player.playback import PlayedFlight, record_replay
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import for_method
@@ -15,7 +15,7 @@ from trexton.localization.training import for_method
 _METHODS = {"paper": "the paper's filter", "guarded": "guarded", "field": "field", "fine": "fine"}
 
 
-def replay(train: Flight, test: Flight, parameters: MapParameters) -> Playback:
+def replay(train: Flight, test: Flight, parameters: MapParameters) -> PlayedFlight:
     """What the first run of the experiment sees and draws, beside every method that can learn here.
 
     Parameters

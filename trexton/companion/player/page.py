@@ -10,17 +10,17 @@ from importlib.resources import files
 from typing import Any
 
 from trexton.companion import player
-from trexton.companion.player.playback import Playback
+from trexton.companion.player.playback import PlayedFlight
 
 __all__ = ["player_html"]
 
 
-def player_html(recording: Playback, title: str | None = None) -> str:
+def player_html(recording: PlayedFlight, title: str | None = None) -> str:
     """The page that plays `recording`.
 
     Parameters
     ----------
-    recording : Playback
+    recording : PlayedFlight
     title : str, optional
         In place of the flight's name.
     """
@@ -41,7 +41,7 @@ def _read(name: str) -> str:
     return (files(player) / name).read_text(encoding="utf-8")
 
 
-def _still(recording: Playback) -> str:
+def _still(recording: PlayedFlight) -> str:
     """Where scripts are off: the whole track and its estimates as one drawing."""
     x_min, x_max, y_min, y_max = (100 * value for value in recording.area)
     pad = 0.05 * max(x_max - x_min, y_max - y_min)

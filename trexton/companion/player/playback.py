@@ -20,7 +20,7 @@ from trexton.vision.camera import MapImage
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.patches import sample_positions
 
-__all__ = ["Playback", "record_replay"]
+__all__ = ["PlayedFlight", "record_replay"]
 
 _WIDTH = 200  # pixels of a frame on the page
 _FLOOR_WIDTH = 420
@@ -29,7 +29,7 @@ _MOST_PATCHES = 250  # sampled patches drawn; more the eye cannot tell apart
 
 
 @dataclass(frozen=True)
-class Playback:
+class PlayedFlight:
     """What a player shows.
 
     Attributes
@@ -64,7 +64,7 @@ def record_replay(
     *,
     most_frames: int = 180,
     floor: tuple[np.ndarray, tuple[float, float, float, float]] | None = None,
-) -> Playback:
+) -> PlayedFlight:
     """Step every localizer through all frames of `flight`, and keep a part of them evenly.
 
     Parameters
@@ -123,7 +123,7 @@ def record_replay(
                 else None,
             }
         )
-    return Playback(flight.name, flight.area, kept, _floor(flight, floor))
+    return PlayedFlight(flight.name, flight.area, kept, _floor(flight, floor))
 
 
 def _step(localizer: Localizer, frame: np.ndarray, aiding: Aiding) -> Estimate:

@@ -15,7 +15,7 @@ from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
 from trexton.flights.frames import Forward
 from trexton.flights.importers.axes import axes_option, camera_attitude
-from trexton.flights.importers.recording import NANO, Recording, Track
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording
 from trexton.vision.images import decode
 
 __all__ = ["Settings", "read", "recognises"]
@@ -67,7 +67,7 @@ def read(source: Path, settings: Settings) -> Recording:
     attitude, taken = camera_attitude(values[kept, 3:], settings.axes)
     return Recording(
         stamps,
-        Track(times[kept], values[kept, :3], attitude),
+        PoseTrack(times[kept], values[kept, :3], attitude),
         BagFrames(bag, images, len(stamps)),
         source=f"bag {source.name}: {images}, {poses}",
         said=[f"images from {images}, positions from {poses}", taken],

@@ -14,7 +14,7 @@ from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import AXES
 from trexton.flights.importers.calibration import read_calibration, read_mounting
-from trexton.flights.importers.recording import Recording, Track, TrackColumns
+from trexton.flights.importers.recording import PoseTrack, Recording, TrackColumns
 from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "read", "recognises"]
@@ -62,7 +62,7 @@ def _root(source: Path) -> Path:
     return source / "mav0" if (source / "mav0").is_dir() else source
 
 
-def _track(path: Path, camera: Path) -> tuple[Track, list[str]]:
+def _track(path: Path, camera: Path) -> tuple[PoseTrack, list[str]]:
     """Positions, and the attitude of the camera whose ``sensor.yaml`` tells how it is mounted."""
     table = read_table(path)
     names = table.header

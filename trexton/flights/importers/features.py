@@ -11,7 +11,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
-from trexton.flights.importers.recording import NANO, Recording, Track, beside
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.importers.table import column_names
 from trexton.flights.tables import LENGTHS, read_table
 
@@ -59,7 +59,7 @@ def read(source: Path, settings: Settings) -> Recording:
     height = np.full((len(place), 1), np.nan)
     return Recording(
         stamps,
-        Track(stamps, np.hstack([LENGTHS[settings.unit] * place, height])),
+        PoseTrack(stamps, np.hstack([LENGTHS[settings.unit] * place, height])),
         histograms=numbers,
         features=settings.features,
         source=f"features of {source.name}",

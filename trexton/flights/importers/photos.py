@@ -15,7 +15,7 @@ from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.geodesy import local_metres
-from trexton.flights.importers.recording import NANO, Recording, Track, beside
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "read", "recognises"]
@@ -83,7 +83,7 @@ def read(source: Path, settings: Settings) -> Recording:
     missing = len(files) - len(known)
     return Recording(
         stamps,
-        Track(stamps, position),
+        PoseTrack(stamps, position),
         ImageFiles(tuple(order)),
         source=f"photographs of {source.name}",
         origin=origin,

@@ -1,6 +1,6 @@
 """What an importer reads: frames with their stamps, and a track of positions with its own.
 
-`Recording` and `Track` hold it, `TrackColumns` declares a format of tables, `match` gives each
+`Recording` and `PoseTrack` hold it, `TrackColumns` declares a format of tables, `match` gives each
 frame its position.
 """
 
@@ -19,7 +19,7 @@ from trexton.vision.camera import Camera, wrapped
 
 __all__ = [
     "Recording",
-    "Track",
+    "PoseTrack",
     "TrackColumns",
     "beside",
     "match",
@@ -29,7 +29,7 @@ NANO = TIMES["s"]
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class PoseTrack:
     """Where the vehicle was.
 
     Attributes
@@ -46,17 +46,17 @@ class Track:
     position: np.ndarray
     attitude: np.ndarray | None = None
 
-    def shifted(self, seconds: float) -> Track:
+    def shifted(self, seconds: float) -> PoseTrack:
         """The track with its clock set forward; raises `ParameterError` for centuries."""
         if not abs(seconds) < 2**62 / NANO:
             raise ParameterError(f"offset {seconds:g} s: expected less than a century")
-        return Track(self.time_ns + round(seconds * NANO), self.position, self.attitude)
+        return PoseTrack(self.time_ns + round(seconds * NANO), self.position, self.attitude)
 
-    def located(self) -> Track:
+    def located(self) -> PoseTrack:
         """The rows with a place; raises `FlightError` where there are none, or out of order."""
         rows = ~np.isnan(self.position[:, :2]).any(axis=1)
         attitude = None if self.attitude is None else self.attitude[rows]
-        track = Track(self.time_ns[rows], self.position[rows], attitude)
+        track = PoseTrack(self.time_ns[rows], self.position[rows], attitude)
         if not rows.any() or (np.diff(track.time_ns) <= 0).any():
             found = "no row has a place: give x and y"
             if rows.any():
@@ -91,7 +91,9 @@ class TrackColumns:
     unit: str = "m"
     degrees: bool = False
 
-    def read(self, table: TextTable, axes: str | np.ndarray = "auto") -> tuple[Track, list[str]]:
+    def read(
+        self, table: TextTable, axes: str | np.ndarray = "auto"
+    ) -> tuple[PoseTrack, list[str]]:
         """The track, and a sentence that tells how its quaternions were taken, if it has any.
 
         Parameters
@@ -116,13 +118,13 @@ class TrackColumns:
             else:
                 attitude = attitude_from_quaternions(turns, axes)
                 said = "attitude of the camera as T_BS tells"
-            return Track(stamps, position, attitude), [said]
+            return PoseTrack(stamps, position, attitude), [said]
         if not self.yaw:
-            return Track(stamps, position), []
+            return PoseTrack(stamps, position), []
         yaw = table.numbers(self.yaw)
         yaw = np.radians(yaw) if self.degrees else yaw
         level = np.zeros_like(yaw)
-        return Track(stamps, position, np.column_stack([level, level, yaw])), []
+        return PoseTrack(stamps, position, np.column_stack([level, level, yaw])), []
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +135,7 @@ class Recording:
     ----------
     time_ns : (N,) int64 array
         Stamps of the frames.
-    track : Track or None
+    track : PoseTrack or None
         None where the source has no positions.
     frames : Frames or None
         None without images.
@@ -153,7 +155,7 @@ class Recording:
     """
 
     time_ns: np.ndarray
-    track: Track | None = None
+    track: PoseTrack | None = None
     frames: Frames | None = None
     histograms: np.ndarray | None = None
     features: str = "textons"
@@ -166,7 +168,7 @@ class Recording:
     said: list[str] = field(default_factory=list)
 
 
-def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> tuple[Track, float]:
+def match(time_ns: np.ndarray, track: PoseTrack, tolerance_s: float) -> tuple[PoseTrack, float]:
     """The track at the frames, and the largest gap in seconds that was bridged.
 
     Positions are interpolated, angles along the shorter way; NaN where no position is near.
@@ -205,7 +207,7 @@ def match(time_ns: np.ndarray, track: Track, tolerance_s: float) -> tuple[Track,
         attitude = _between(low, low + turned, share)
         attitude[~good] = np.nan
         attitude = wrapped(attitude)
-    return Track(time_ns, position, attitude), float(gap[good].max())
+    return PoseTrack(time_ns, position, attitude), float(gap[good].max())
 
 
 def _between(low: np.ndarray, high: np.ndarray, share: np.ndarray) -> np.ndarray:

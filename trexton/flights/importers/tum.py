@@ -8,7 +8,7 @@ from pathlib import Path
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import axes_option
-from trexton.flights.importers.recording import Recording, Track, TrackColumns
+from trexton.flights.importers.recording import PoseTrack, Recording, TrackColumns
 from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "read", "read_trajectory", "recognises"]
@@ -43,7 +43,7 @@ def read(source: Path, settings: Settings) -> Recording:
     )
 
 
-def read_trajectory(path: Path, axes: str = "auto") -> tuple[Track, list[str]]:
+def read_trajectory(path: Path, axes: str = "auto") -> tuple[PoseTrack, list[str]]:
     """The track in a TUM file, and which `AXES` its quaternions were taken to turn.
 
     Raises

@@ -14,7 +14,7 @@ from trexton.base.errors import FlightError, ParameterError
 from trexton.base.options import Options, option
 from trexton.base.progress import progress
 from trexton.flights.frames import Selected, VideoFrames, stamped_frames
-from trexton.flights.importers.recording import NANO, Recording, Track, TrackColumns, beside
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, TrackColumns, beside
 from trexton.flights.tables import LENGTHS, read_table
 
 __all__ = ["Settings", "estimate_offset", "read", "recognises"]
@@ -85,7 +85,9 @@ def read(source: Path, settings: Settings) -> Recording:
     )
 
 
-def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tuple[float, float]:
+def estimate_offset(
+    stamps: np.ndarray, motion: np.ndarray, track: PoseTrack
+) -> tuple[float, float]:
     """The stamp of the first frame on the track's clock, and the correlation that speaks for it.
 
     Parameters
@@ -94,7 +96,7 @@ def estimate_offset(stamps: np.ndarray, motion: np.ndarray, track: Track) -> tup
         Of the frames, seconds from the first.
     motion : (N,) array
         Image motion before each frame in pixels a second.
-    track : Track
+    track : PoseTrack
 
     Raises
     ------
