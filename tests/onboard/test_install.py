@@ -12,6 +12,7 @@ import pytest
 from conftest import ROOT, small_flight
 
 from trexton.cli.main import main
+from trexton.companion.build.pages import page_names
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.onboard.sinks import SINKS
@@ -136,7 +137,9 @@ def test_the_book_tells_what_is_done_about_every_fault():
     assert [name for name in FAULTS if f"`{name}`" not in table] == []
 
 
-def test_the_book_names_every_source_and_sink():
+def test_the_book_names_every_source_and_sink(tmp_path):
     page = (ROOT / "book" / "onboard.md").read_text()
+    for name, table in page_names(tmp_path, {}).items():
+        page = page.replace(f"{{{{ {name} }}}}", str(table))
     for name in (*SINKS, "simulator", "v4l2:", "video:", "flight:", "images:"):
         assert f"`{name}" in page

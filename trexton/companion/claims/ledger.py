@@ -300,7 +300,7 @@ def write_ledger(folder: Path) -> Rows:
     records = load_records(folder)
     if not records:
         raise TrextonError(
-            f"{folder}: no records entry: run the experiments first "
+            f"{folder}: no records found: run the experiments first "
             f"(trexton run FLIGHT --out {folder})"
         )
     rows = judge_all(records)
