@@ -53,6 +53,26 @@ def test_a_gimbal_is_no_autopilot():
     assert ear.target == (1, 1) and not ear.present(9.0)  # its life is not the autopilot's
 
 
+@pytest.mark.parametrize("kind", [18, 26, 27])  # onboard controller, gimbal, ADS-B
+def test_what_names_an_autopilot_and_is_none_is_no_target(kind):
+    """A gimbal that is heard first, and names ArduPilot, was commanded to land."""
+    ear = Listener()
+    ear.hear(said_by(mavlink.MAVLink_heartbeat_message(kind, 3, 0, 0, 4, 3), component=154), 0.0)
+    assert ear.target is None and not speaker(ear).land(0, 0.0)
+    ear.hear(said_by(AUTOPILOT_HEARTBEAT), 1.0)
+    assert ear.target == (1, 1)
+
+
+def test_only_the_target_is_told_the_time():
+    ear = listener(1)
+    request = mavlink.MAVLink_timesync_message(0, 5)
+    ear.hear(said_by(request, component=154), 0.0)
+    ear.hear(said_by(request, system=9), 0.0)
+    assert not ear.timesyncs
+    ear.hear(said_by(request), 0.0)
+    assert len(ear.timesyncs) == 1
+
+
 def test_two_vehicles_are_told_of_and_neither_is_landed():
     ear = listener(7, 1)
     assert not ear.certain and any(news["event"] == "several vehicles" for news in ear.news)

@@ -25,6 +25,9 @@ BOOT_CLOCK_STEP_MS = 2000  # milliseconds that messages of one clock never overt
 BUFFER_SIZE = 512  # of each: a second and more of the fastest stream, for a camera that is late
 MAX_SAMPLE_AGE = 0.5  # seconds between a frame and attitude, height or velocity that fit it
 NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
+# MAV_TYPE of what flies, drives or swims, by number: names have changed between dialects. Gimbals
+# (26), ADS-B receivers (27) and onboard controllers (18) are types too, and may name an autopilot.
+VEHICLES = {*range(1, 5), *range(7, 18), *range(19, 26), 28, 29, 35}
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
 INVALID_SIGNAL = 1  # of 100; 0 is unknown
 
@@ -40,9 +43,9 @@ class CommandAck:
 class Listener:
     """Listens to one autopilot, whoever else is on the wire.
 
-    Only an autopilot's heartbeat can make somebody the target: gimbals, cameras and ground stations
-    name none, or the generic one. The first vehicle that is heard is ours, and after a silence only
-    the same vehicle is taken up again, unless none but another has been heard ever since.
+    Only an autopilot's heartbeat can make somebody the target: it names an autopilot, and it comes
+    from component 1 or from a type of vehicle. The first vehicle that is heard is ours. After a
+    silence only the same vehicle is taken up again, unless none but another has been heard since.
 
     Parameters
     ----------
@@ -95,7 +98,7 @@ class Listener:
         if self._from_autopilot(message):
             self._notice_boot(getattr(message, "time_boot_ms", None))
             handler(message, now)
-        elif kind in ("HEARTBEAT", "TIMESYNC"):
+        elif kind == "HEARTBEAT":
             handler(message, now)
 
     def present(self, now: float) -> bool:
@@ -145,7 +148,12 @@ class Listener:
 
     def _on_heartbeat(self, message: Any, now: float) -> None:
         system, component = message.get_srcSystem(), message.get_srcComponent()
-        if message.autopilot in NO_AUTOPILOTS or message.type == mavlink.MAV_TYPE_GCS:
+        vehicle = message.type in VEHICLES or component == mavlink.MAV_COMP_ID_AUTOPILOT1
+        if (
+            message.autopilot in NO_AUTOPILOTS
+            or message.type == mavlink.MAV_TYPE_GCS
+            or not vehicle
+        ):
             return
         if self._system_id is not None and system != self._system_id:
             return
