@@ -13,7 +13,7 @@ A module ``trexton/companion/experiments/<name>.py`` holds all of an experiment 
 
 
     def finding(record: Record) -> str:  # the sentence at the top of its page
-        return f"The filter errs by {interval(record.values['error_cm'], 'cm')}."
+        return f"The filter has an error of {interval(record.values['error_cm'], 'cm')}."
 
 
     def errors(record: Record) -> Figure:  # as many figures and tables as the page shows
