@@ -21,7 +21,7 @@ PHONE = 780  # pixels of a phone's screen from top to bottom
 # Kept as pictures where TREXTON_SCREENSHOTS names a folder; the first flight that has the page.
 LOOKED_AT = (
     "intro", "paper_map", "claims", "hall", "trust", "mocap_training", "beyond", "fine",
-    "calibration", "light",
+    "uncertainty", "light",
 )  # fmt: skip
 
 SHIFTED = """() => new Promise(done => {

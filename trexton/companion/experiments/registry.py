@@ -72,8 +72,7 @@ MODULES = {
     "choices": "trexton.companion.experiments.choices",
     # Beyond the paper.
     "beyond": "trexton.companion.experiments.beyond",
-    "calibration": "trexton.companion.experiments.calibration",
-    "fused": "trexton.companion.experiments.fused",
+    "uncertainty": "trexton.companion.experiments.uncertainty",
     "fine": "trexton.companion.experiments.fine",
     "touchdown": "trexton.companion.experiments.touchdown",
     "heading": "trexton.companion.experiments.heading",

@@ -1,0 +1,99 @@
+"""Claims against errors, alone and fused: what the record counts, and that the figures show it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_room import histogram_flight
+
+from trexton.companion.experiments import evaluation, uncertainty
+from trexton.companion.experiments.receivers import RECEIVERS
+from trexton.companion.experiments.track import Track, tracks
+
+
+def flights(frames):
+    train = histogram_flight("hall", frames=160, turns=6.0)
+    return train, histogram_flight("again", frames=frames, turns=6.0, noise=5)
+
+
+@pytest.fixture(scope="module")
+def record():
+    return uncertainty.run(*flights(100), uncertainty.Parameters(repeats=2, vehicles=3))
+
+
+def test_every_method_is_judged_by_its_own_claims(record):
+    assert record.values["order"] == ["paper", "guarded", "field"]
+    for name in record.values["order"]:
+        values = record.values[name]
+        assert len(values["quarters"]) == 4 and len(record.series[name]) == 10
+        held = values["within_90"]
+        assert held["low"] <= held["value"] <= held["high"]
+        assert np.mean(values["quarters"]) == pytest.approx(held["value"], abs=0.03)
+        assert values["nees"]["value"] > 0 and 0 <= values["landing_allowed_rate"] <= 1
+        claimed = [group["claimed_cm"] for group in record.series[name]]
+        assert claimed == sorted(claimed)
+    guarded, paper = record.values["guarded"], record.values["paper"]
+    assert paper["single_frame"]["nees"] is None and paper["independent_s"] is None
+    assert guarded["single_frame"]["within_90"] > 0.5 and guarded["independent_s"] > 0
+    off = {name: abs(record.values[name]["within_90"]["value"] - 0.9) for name in METHODS}
+    assert off["guarded"] <= off["paper"] + 0.05
+
+
+def test_a_quarter_is_judged_by_what_chance_alone_does(record):
+    few, many = uncertainty._by_chance(9.6), uncertainty._by_chance(400)
+    assert few["independent_frames"] == 10 and few["low"] == pytest.approx(0.7) and few["high"] == 1
+    assert 0.86 < many["low"] < 0.9 < many["high"] < 0.94
+    assert uncertainty._by_chance(0.1)["independent_frames"] == 1
+    assert record.values["paper"]["chance"] is None and record.values["field"]["chance"]["low"] > 0
+
+
+METHODS = ("paper", "guarded")
+
+
+def test_growing_what_is_sent_makes_receivers_less_sure(record):
+    for name in ("guarded", "field"):
+        entry = record.values[name]
+        assert entry["alike"] > 1 and 0 < entry["usable_rate"] <= 1
+        for receiver in RECEIVERS:
+            sent, plain = entry[receiver]["sent"], entry[receiver]["plain"]
+            assert sent["claimed_cm"] > plain["claimed_cm"]
+            assert sent["inside"]["value"] >= plain["inside"]["value"]
+            assert sent["nees"] < plain["nees"]
+            assert sent["inside"]["low"] <= sent["inside"]["value"] <= sent["inside"]["high"]
+    paper = record.values["paper"]
+    assert paper["alike"] == 1
+    assert paper["ekf2"]["sent"] == paper["ekf2"]["plain"]  # it has nothing but its own word
+    assert paper["ekf2"]["sent"]["inside"]["value"] < record.values["field"]["ekf2"]["sent"][
+        "inside"
+    ]["value"] + 1e-9  # fmt: skip
+
+
+def test_figures_and_sentence_come_from_the_record(record):
+    (plot,) = uncertainty.error_against_claim(record).axes
+    for line, name in zip(plot.lines, record.values["order"], strict=False):
+        drawn = [group["error_cm"] for group in record.series[name]]
+        np.testing.assert_allclose(line.get_ydata(), drawn)
+    assert plot.get_xscale() == plot.get_yscale() == "log"  # one wild claim hides no other
+    axes = uncertainty.truth_in_the_region(record).axes
+    assert [plot.get_title(loc="left") or plot.get_title() for plot in axes] == [
+        "like EKF2", "like EKF3"
+    ]  # fmt: skip
+    text = uncertainty.finding(record)
+    assert text.startswith("The paper's filter claims") and text.count("90 % regions") == 3
+    assert text.count("a receiver like EKF2") == 3
+
+
+@pytest.mark.parametrize("always", [["field"], ["paper", "guarded", "field"]])
+def test_a_method_that_is_lost_all_the_time_sends_nothing(monkeypatch, always):
+    def flown(method, *words, **known):
+        lost = method.method in always
+        return [
+            Track([replace(said, lost=said.lost or lost) for said in run.estimates], run.step_s)
+            for run in tracks(method, *words, **known)
+        ]
+
+    monkeypatch.setattr(evaluation, "tracks", flown)
+    record = uncertainty.run(*flights(110), uncertainty.Parameters(repeats=1, vehicles=2))
+    assert record.values["silent"] == always and "ekf2" not in record.values["field"]
+    assert uncertainty.finding(record).endswith("that it is lost, and sends nothing to fuse.")
+    assert len(uncertainty.truth_in_the_region(record).axes) == 2
