@@ -125,7 +125,6 @@ def test_a_full_disk_is_one_sentence_and_the_old_stays(words, tmp_path, shared_d
         "train room -o room/flight.toml",
         "play room --map map.npz --out map.npz",
         "play room --map map.npz --out room/frames.csv",
-        "tune room --study room/flight.toml",
     ],
 )
 def test_no_command_writes_over_what_it_reads(words, tmp_path, monkeypatch, capsys):

@@ -75,15 +75,12 @@ def replay(
     MapError
         The flight is too short.
     """
-    parts = {
-        role: part
-        for role, part in texton_map.parts.items()
-        if role not in ("calibration", "integrity", "odometry")
-    }
+    apart = ("calibration", "integrity", "odometry")
+    parts = {role: part for role, part in texton_map.parts.items() if role not in apart}
+    drawn = samples if texton_map.dictionary is not None else None
     every = stretches(texton_map.time)
     half = len(every) // 2
-    for first in range(half):
-        pair = every[first], every[first + half]
+    for pair in zip(every[:half], every[half:], strict=False):
         rest = _without(replace(texton_map, parts={}), np.concatenate(pair))
         untrained = {role: part.untrained() for role, part in parts.items()}
         method = with_parts(rest, untrained, rng=rng)
@@ -91,7 +88,16 @@ def replay(
             localizer = Localizer(method, rng=rng)
             for rows in order:
                 localizer.reset()
-                yield from _fly(localizer, texton_map, rows, samples, rng, aidings)
+                for since, row in enumerate(rows):
+                    histogram = texton_map.histograms[row]
+                    if drawn is not None:
+                        histogram = rng.multinomial(drawn, histogram / histogram.sum()) / drawn
+                    aiding = _on_the_way(aidings, rows[since - 1], row) if since else None
+                    observation = localizer.observation(histogram, aiding=aiding, samples=drawn)
+                    estimate = localizer.advance(observation)
+                    if since * texton_map.period_s >= WARM_S:
+                        place = texton_map.positions[row]
+                        yield Flown(row, place, estimate, observation.neighbors)
 
 
 def _without(texton_map: TextonMap, rows: np.ndarray) -> TextonMap:
@@ -100,31 +106,9 @@ def _without(texton_map: TextonMap, rows: np.ndarray) -> TextonMap:
     return texton_map.select(np.flatnonzero(near[0] == near[1]))
 
 
-def _fly(
-    localizer: Localizer,
-    texton_map: TextonMap,
-    rows: np.ndarray,
-    samples: int | None,
-    rng: np.random.Generator,
-    aidings: Sequence[Aiding | None] | None,
-) -> Iterator[Flown]:
-    drawn = samples if texton_map.dictionary is not None else None
-    for since, row in enumerate(rows):
-        histogram = texton_map.histograms[row]
-        if drawn is not None:
-            histogram = rng.multinomial(drawn, histogram / histogram.sum()) / drawn
-        aiding = (
-            None if aidings is None or not since else _on_the_way(aidings, rows[since - 1], row)
-        )
-        observation = localizer.observation(histogram, aiding=aiding, samples=drawn)
-        estimate = localizer.advance(observation)
-        if since * texton_map.period_s >= WARM_S:
-            yield Flown(row, texton_map.positions[row], estimate, observation.neighbors)
-
-
-def _on_the_way(aidings: Sequence[Aiding | None], last: int, row: int) -> Aiding | None:
+def _on_the_way(aidings: Sequence[Aiding | None] | None, last: int, row: int) -> Aiding | None:
     """The velocity from one row to the next, or back: it came with the later of them."""
-    known = aidings[max(last, row)]
+    known = None if aidings is None else aidings[max(last, row)]
     if known is None or known.velocity is None:
         return None
     velocity = known.velocity if row > last else -known.velocity

@@ -1,4 +1,4 @@
-"""Settings for a flight and a computer: what each would err, and what a frame of it costs here.
+"""Settings for a flight and a computer: the error of each, and what a frame of it costs here.
 
 Errors are those of a replay of the training flight by maps that did not see what is flown
 (`trexton.companion.checks.held_out`), so no test flight has a say. Costs are measured here.
@@ -6,13 +6,14 @@ Errors are those of a replay of the training flight by maps that did not see wha
 
 from __future__ import annotations
 
-import os
 import shlex
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields, replace
+from collections import deque
+from collections.abc import Generator, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import cycle
 from time import perf_counter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -28,60 +29,51 @@ from trexton.localization.methods import compose
 from trexton.localization.roles import make
 from trexton.localization.training import for_method, train_map, with_choices, with_parts
 
-if TYPE_CHECKING:
-    import optuna
-
-__all__ = ["Bench", "Setting", "Tried", "choose", "frontier", "replayed_errors", "search"]
+__all__ = ["Bench", "Tried", "choose", "commands", "flags", "frontier", "replayed_errors", "search"]
 
 METHODS = ("paper", "field")
-TEXTONS = (10, 20, 30, 50)
-CELLS = (1, 2, 3)
-SAMPLES = (50, 100, 200, 400, 800, 0)
-PARTICLES = (50, 100, 200, 400)
-MOST_NEIGHBORS = 15
+OF_IMAGES = {
+    "textons": (10, 20, 30, 50),
+    "cells": (1, 2, 3),
+    "samples": (50, 100, 200, 400, 800, 0),
+}
+OF_NEIGHBORS = {"neighbors": (1, 2, 3, 5, 8, 12), "particles": (50, 100, 200, 400)}
 TIMED = 30  # frames whose median counts, after a few that warm up
 _TOLERANCE = 0.02  # differences in error below this are not worth any time
 
+# What is chosen, as on the command line (samples 0: every patch), without what a method or a flight
+# without images has no use for.
+Setting = dict[str, Any]
 
-@dataclass(frozen=True)
-class Setting:
-    """What can be chosen; None where a method or a flight without images has no such choice.
 
-    `samples` 0 looks at every patch.
-    """
+def usual(method: str, images: bool) -> Setting:
+    """What one flies without a search."""
+    setting: Setting = {"method": method}
+    if images:
+        setting |= {"textons": defaults.TEXTONS, "samples": defaults.SAMPLES}
+        setting["cells"] = defaults.USUAL_CELLS.get(method, 1)
+    if method != "field":
+        setting |= {"neighbors": defaults.NEIGHBORS, "particles": defaults.PARTICLES}
+    return setting
 
-    method: str = "paper"
-    textons: int | None = None
-    cells: int | None = None
-    samples: int | None = None
-    odometry: bool | None = None
-    neighbors: int | None = None
-    particles: int | None = None
 
-    def __str__(self) -> str:
-        words = [f"method {self.method}"]
-        if self.cells is not None:
-            words += [f"{self.textons} textons", f"{self.cells} x {self.cells} cells"]
-            words += [f"{self.samples} samples" if self.samples else "every patch"]
-        words += ["visual odometry"] * bool(self.odometry)
-        if self.neighbors is not None:
-            words += [f"{self.neighbors} neighbour{'s' if self.neighbors > 1 else ''}"]
-            words += [f"{self.particles} particles"]
-        return ", ".join(words)
+def commands(setting: Setting, flight: str, output: str) -> list[str]:
+    """The commands that train a map and fly it with a setting."""
+    train, fly = flags(setting)
+    return [
+        f"trexton train {shlex.quote(flight)} -o {shlex.quote(output)} {train}",
+        f"trexton onboard {shlex.quote(output)} {fly}".rstrip(),
+    ]
 
-    def commands(self, flight: str, output: str) -> list[str]:
-        """The commands that train a map and fly it with this setting."""
-        train, fly = ["trexton", "train", flight, "-o", output], ["trexton", "onboard", output]
-        train += ["--method", self.method]
-        train += ["--set", "odometry=visual"] * bool(self.odometry)
-        for words, names in (
-            (train, ("textons", "cells", "neighbors")),
-            (fly, ("samples", "particles")),
-        ):
-            for name in names:
-                if (value := getattr(self, name)) is not None:
-                    words += [f"--{name}", str(value)]
-        return [shlex.join(words) for words in (train, fly)]
+
+def flags(setting: Setting) -> tuple[str, str]:
+    """How it is typed after ``trexton train`` and after ``trexton onboard``."""
+    train, fly = (
+        [f"--{name} {setting[name]}" for name in names if name in setting]
+        for names in (("method", "textons", "cells", "neighbors"), ("samples", "particles"))
+    )
+    train += ["--set odometry=visual"] * setting.get("odometry", False)
+    return " ".join(train), " ".join(fly)
 
 
 @dataclass(frozen=True)
@@ -92,21 +84,16 @@ class Tried:
     error_m: float
     frame_s: float
 
+    def __str__(self) -> str:
+        error = f"{100 * self.error_m:6.1f} cm" if self.error_m < 10 else f"{self.error_m:6.1f} m "
+        return f"{error}  {1000 * self.frame_s:7.3f} ms a frame  {' '.join(flags(self.setting))}"
 
-def replayed_errors(
-    texton_map: TextonMap,
-    *,
-    samples: int | None,
-    rng: np.random.Generator,
-    told: Sequence[Aiding | None] | None = None,
-) -> np.ndarray:
-    """``(N, 2)`` metres by which left-out stretches of the training flight are misplaced.
 
-    Frames in which the filter has not yet had its time to settle do not count; for `told` see
-    `trexton.companion.checks.held_out.replay`.
+def replayed_errors(texton_map: TextonMap, **how: Any) -> np.ndarray:
+    """``(N, 2)`` metres by which left-out stretches of the training flight are misplaced, those
+    frames apart in which the filter settles; for `how` see `replay`.
     """
-    flown = replay(texton_map, samples=samples, rng=rng, aidings=told)
-    return np.array([one.error for one in flown])
+    return np.array([one.error for one in replay(texton_map, **how)])
 
 
 @dataclass(eq=False)
@@ -123,40 +110,48 @@ class Bench:
     seed: int = 1
 
     def __post_init__(self) -> None:
-        self._maps: dict[tuple[int | None, int | None], TextonMap] = {}
+        self._maps: dict[tuple[int, int], TextonMap] = {}
 
-    def map(self, setting: Setting) -> TextonMap:
+    def attempt(self, setting: Setting) -> Tried:
+        """Replay the flight with a setting and time its frames; raises `TrextonError` where the
+        flight does not do for it."""
+        texton_map = self._map(setting)
+        return Tried(
+            setting, self._error_m(setting, texton_map), self._frame_s(setting, texton_map)
+        )
+
+    def _map(self, setting: Setting) -> TextonMap:
         """The map of the whole flight with this setting."""
-        key = setting.textons, setting.cells
+        key = setting.get("textons", defaults.TEXTONS), setting.get("cells", 1)
         if key not in self._maps:
             rng = stream(self.seed, "training")
-            chosen = {"n_textons": setting.textons or defaults.TEXTONS, "cells": setting.cells or 1}
-            self._maps[key] = train_map(self.flight, rng=rng, neighbors=1, **chosen)  # type: ignore[arg-type]
-        choices = {
-            "measurement.neighbors": setting.neighbors, "filter.particles": setting.particles
-        }  # fmt: skip
-        chosen = {name: value for name, value in choices.items() if value is not None}
-        texton_map = with_choices(for_method(self._maps[key], setting.method), chosen)
-        if not setting.odometry:
+            n_textons, cells = key
+            self._maps[key] = train_map(
+                self.flight, rng=rng, neighbors=1, n_textons=n_textons, cells=cells
+            )
+        roles = {"neighbors": "measurement.neighbors", "particles": "filter.particles"}
+        chosen = {role: setting[name] for name, role in roles.items() if name in setting}
+        texton_map = with_choices(for_method(self._maps[key], setting["method"]), chosen)
+        if not setting.get("odometry"):
             return texton_map
         odometry = {"odometry": self._moving.parts["odometry"]}
         return replace(texton_map, parts=texton_map.parts | odometry)
 
-    def error_m(self, setting: Setting, texton_map: TextonMap) -> float:
-        """Mean Euclidean error of the replay, metres."""
-        choices = {name: value for name, value in asdict(setting).items() if name != "odometry"}
-        rng = stream(self.seed, f"replay {digest(choices)[:12]}")
-        told = self._velocities if setting.odometry else None
-        errors = replayed_errors(texton_map, samples=setting.samples or None, rng=rng, told=told)
+    def _error_m(self, setting: Setting, texton_map: TextonMap) -> float:
+        """Mean Euclidean error of the replay, metres: a function of the setting alone."""
+        same = {name: value for name, value in setting.items() if name != "odometry"}
+        rng = stream(self.seed, f"replay {digest(same)[:12]}")  # with and without, equal samples
+        aidings = self._velocities if setting.get("odometry") else None
+        samples = setting.get("samples") or None
+        errors = replayed_errors(texton_map, samples=samples, rng=rng, aidings=aidings)
         return float(np.hypot(*errors.T).mean())
 
-    def frame_s(self, setting: Setting, texton_map: TextonMap) -> float:
+    def _frame_s(self, setting: Setting, texton_map: TextonMap) -> float:
         """Median seconds of a frame here."""
         rng = stream(self.seed, "timed frames")
-        localizer = Localizer(texton_map, samples=setting.samples or None, rng=rng)
+        localizer = Localizer(texton_map, samples=setting.get("samples") or None, rng=rng)
         taken = []
-        for number in range(TIMED + 3):
-            frame = self._frames[number % len(self._frames)]
+        for _, frame in zip(range(TIMED + 3), cycle(self._frames), strict=False):
             start = perf_counter()
             localizer.step(frame)
             taken.append(perf_counter() - start)
@@ -166,15 +161,15 @@ class Bench:
     def sees_motion(self) -> bool:
         """Whether the flight has what visual odometry takes: images, their camera and heights."""
         try:
-            return self._moving is not None
+            return self.flight.has_images and self._moving is not None
         except TrextonError:
             return False
 
     @cached_property
     def _moving(self) -> TextonMap:
         """A map with odometry, which is the same whatever the textons."""
-        usual = self.map(Setting(**_usual("field", self.flight.has_images)))
-        return with_parts(usual, {"odometry": make("odometry", "visual")}, flight=self.flight)
+        seeing = self._map(usual("field", self.flight.has_images))
+        return with_parts(seeing, {"odometry": make("odometry", "visual")}, flight=self.flight)
 
     @cached_property
     def _velocities(self) -> list[Aiding | None]:
@@ -199,122 +194,72 @@ def search(
     *,
     methods: Sequence[str] = METHODS,
     trials: int = 40,
-    seconds: float | None = None,
+    seconds: float = np.inf,
     seed: int = 1,
-    study: str | os.PathLike[str] | None = None,
 ) -> list[Tried]:
-    """Try settings, more of those that err little or cost little; the methods' own come first.
+    """Try what is usual with each method, then change one choice at a time and keep what is best.
 
     Parameters
     ----------
     flight : Flight
         The training part.
     methods : sequence of str
+        They take turns.
     trials : int
-        In all, those of an earlier search in the same `study` included.
-    seconds : float, optional
+        At most; fewer where no single change is any better.
+    seconds : float
         No trial begins later than this.
     seed : int
-    study : path, optional
-        A file that keeps every trial, so that a search can be stopped and goes on.
 
     Raises
     ------
     MapError
         The flight is too short to leave stretches out.
     ParameterError
-        A number is out of range, or no setting could be flown.
+        A seed or a method is none, or no setting could be flown.
     """
-    import optuna
-
-    if trials < 1 or not (seconds is None or seconds > 0):
-        raise ParameterError(
-            f"{trials} trials in {seconds} s: expected at least one, and some time"
-        )
-    # Too short a flight and a seed that is none are refused before any work.
+    # Too short a flight, a method and a seed that are none are refused before any work.
     stretches(flight.time)
     stream(seed, "search")
     for method in methods:
         compose(method)
-    optuna.logging.set_verbosity(optuna.logging.CRITICAL)  # a failed trial is reported below
-    searched = _study(study, digest(flight.data_hash, list(methods), seed)[:16], seed)
-    bench, reasons = Bench(flight, seed), []
-    sees_motion = "field" in methods and flight.has_images and bench.sees_motion
-    if not searched.trials:
-        for method in methods:
-            usual = _usual(method, flight.has_images)
-            moving = method == "field" and sees_motion
-            for choice in [{"odometry": False}, {"odometry": True}] if moving else [{}]:
-                searched.enqueue_trial(usual | choice)
-
-    def attempt(trial: optuna.Trial) -> tuple[float, float]:
-        setting = _suggested(trial, methods, flight.has_images, sees_motion)
+    bench, ends = Bench(flight, seed), perf_counter() + seconds
+    tried: dict[tuple[str, str], Tried] = {}
+    reason = "no time"
+    turns = deque((walk, next(walk)) for walk in (_one_at_a_time(name, bench) for name in methods))
+    while turns and len(tried) < trials and perf_counter() < ends:
+        walk, setting = turns.popleft()
+        key = flags(setting)
+        if key not in tried:
+            try:
+                tried[key] = bench.attempt(setting)
+            except TrextonError as error:
+                tried[key], reason = Tried(setting, np.inf, np.inf), str(error)
         try:
-            texton_map = bench.map(setting)
-            return bench.error_m(setting, texton_map), bench.frame_s(setting, texton_map)
-        except TrextonError as error:
-            reasons.append(str(error))
-            raise
-
-    left = trials - sum(trial.state.is_finished() for trial in searched.trials)
-    if left > 0:
-        searched.optimize(
-            attempt, n_trials=left, timeout=seconds, catch=(TrextonError,), gc_after_trial=False
-        )
-    done = [trial for trial in searched.trials if trial.state == optuna.trial.TrialState.COMPLETE]
-    if not done:
-        raise ParameterError(f"no setting could be flown: {reasons[0] if reasons else 'no time'}")
-    names = {each.name for each in fields(Setting)}
-    return [
-        Tried(Setting(**{k: v for k, v in trial.params.items() if k in names}), *trial.values)
-        for trial in done
-    ]
+            turns.append((walk, walk.send(tried[key])))
+        except StopIteration:  # no single change is any better
+            continue
+    flown = [one for one in tried.values() if one.frame_s < np.inf]
+    if not flown:
+        raise ParameterError(f"no setting could be flown: {reason}")
+    return flown
 
 
-def _study(file: str | os.PathLike[str] | None, name: str, seed: int) -> optuna.Study:
-    """The study called `name`, with what is already in the file, an SQLite database."""
-    import optuna
-    from sqlalchemy.exc import SQLAlchemyError
-
-    try:
-        return optuna.create_study(
-            directions=["minimize", "minimize"],
-            sampler=optuna.samplers.TPESampler(seed=seed),
-            storage=None if file is None else f"sqlite:///{os.fspath(file)}",
-            study_name=name,
-            load_if_exists=True,
-        )
-    except (SQLAlchemyError, optuna.exceptions.StorageInternalError) as error:
-        raise ParameterError(
-            f"{file}: no readable study ({type(error).__name__}): name another file"
-        ) from None
-
-
-def _suggested(
-    trial: optuna.Trial, methods: Sequence[str], images: bool, sees_motion: bool
-) -> Setting:
-    choices: dict[str, Any] = {"method": trial.suggest_categorical("method", methods)}
-    if images:
-        for name, values in (("textons", TEXTONS), ("cells", CELLS), ("samples", SAMPLES)):
-            choices[name] = trial.suggest_categorical(name, values)
-    if choices["method"] == "field":
-        if sees_motion:
-            choices["odometry"] = trial.suggest_categorical("odometry", (False, True))
-    else:
-        choices["neighbors"] = trial.suggest_int("neighbors", 1, MOST_NEIGHBORS)
-        choices["particles"] = trial.suggest_categorical("particles", PARTICLES)
-    return Setting(**choices)
-
-
-def _usual(method: str, images: bool) -> dict[str, Any]:
-    """What one flies without a search."""
-    usual: dict[str, Any] = {"method": method}
-    if images:
-        usual |= {"textons": defaults.TEXTONS, "samples": defaults.SAMPLES}
-        usual["cells"] = defaults.USUAL_CELLS.get(method, 1)
+def _one_at_a_time(method: str, bench: Bench) -> Generator[Setting, Tried, None]:
+    """Settings to try, each told what came of it, until no single change is any better."""
+    best = yield usual(method, bench.flight.has_images)
+    choices: dict[str, tuple[Any, ...]] = OF_IMAGES if bench.flight.has_images else {}
     if method != "field":
-        usual |= {"neighbors": defaults.NEIGHBORS, "particles": defaults.PARTICLES}
-    return usual
+        choices = OF_NEIGHBORS | choices
+    elif bench.sees_motion:
+        choices = {"odometry": (True, False)} | choices
+    before = None
+    while best is not before:
+        before = best
+        for name, values in choices.items():
+            for value in values:
+                one = yield best.setting | {name: value}
+                best = min(best, one, key=lambda each: each.error_m)
 
 
 def frontier(tried: Sequence[Tried]) -> list[Tried]:
@@ -338,8 +283,9 @@ def choose(tried: Sequence[Tried], budget_s: float = np.inf) -> Tried:
     affordable = [one for one in tried if one.frame_s <= budget_s]
     if not affordable:
         cheapest = min(tried, key=lambda one: one.frame_s)
+        words = " ".join(flags(cheapest.setting))
         raise ParameterError(
-            f"even {cheapest.setting} takes {1000 * cheapest.frame_s:.3g} ms a frame, but "
+            f"even {words} takes {1000 * cheapest.frame_s:.3g} ms a frame, but "
             f"{1000 * budget_s:.3g} ms are to spend: lower the rate or the headroom"
         )
     enough = min(one.error_m for one in affordable) * (1 + _TOLERANCE)

@@ -34,33 +34,23 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--methods", nargs="+", default=["paper", "field"], metavar="NAME",
         help="methods to choose from (default: paper field)",
     )  # fmt: skip
-    parser.add_argument(
-        "--study", metavar="FILE", help="keep all trials there; a search that was stopped goes on"
-    )
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.base.files import check_not_read
-    from trexton.companion.checks.tuning import choose, frontier, search
+    from trexton.companion.checks.tuning import choose, commands, frontier, search
     from trexton.flights import read_flight
 
-    if arguments.study is not None:
-        check_not_read(arguments.study, arguments.flight)
     asked = chosen_options(arguments, Search)
     flight = read_flight(arguments.flight).part_or_all("train")
     tried = search(
         flight, methods=arguments.methods, trials=asked.trials, seconds=asked.seconds,
-        seed=asked.seed, study=arguments.study,
+        seed=asked.seed,
     )  # fmt: skip
-    print(f"{len(tried)} settings tried; none errs less in less time than these:")
+    print(f"{len(tried)} settings tried; none has a smaller error in less time than these:")
     for one in frontier(tried):
-        print(f"{_metres(one.error_m)}  {1000 * one.frame_s:7.3f} ms a frame  {one.setting}")
+        print(one)
     best = choose(tried, asked.budget_s)
     within = "" if asked.rate is None else f", within {1000 * asked.budget_s:.3g} ms a frame"
-    print(f"\nFly {best.setting}{within}:")
-    print("\n".join(best.setting.commands(arguments.flight, "tuned.npz")))
+    print(f"\nThe cheapest of those with the smallest error{within}:")
+    print("\n".join(commands(best.setting, arguments.flight, "tuned.npz")))
     return 0
-
-
-def _metres(error: float) -> str:
-    return f"{100 * error:6.1f} cm" if error < 10 else f"{error:6.1f} m "
