@@ -1,4 +1,4 @@
-"""Time for one frame and the speed page: what is measured and shown. No time is asserted."""
+"""Time for one frame: what is measured and shown. No time is asserted."""
 
 from __future__ import annotations
 
@@ -8,10 +8,8 @@ from small_room import histogram_flight, picture_flight
 
 from trexton.base.files import canonical_json
 from trexton.base.records import Record
-from trexton.companion.checks.bench import Row
-from trexton.companion.checks.timing import Times
 from trexton.companion.claims.ledger import judge_all, load_claims
-from trexton.companion.experiments import speed, timing
+from trexton.companion.experiments import timing
 from trexton.companion.experiments.printed import published
 
 OPTIONS = {
@@ -89,41 +87,3 @@ def test_figures_show_the_record(records, tmp_path):
         assert published()["timing"]["total_ms"] in diamonds
         plot = timing.frames(loaded).axes[0]
         assert len(plot.collections) == len(record.timings["stages_ms"])
-
-
-@pytest.fixture
-def bench_record(monkeypatch, rng):
-    """The speed page over rows that are made up, which is all its figures need."""
-    ours = Times.of([0.01])
-
-    def rows(*, quick, seed):
-        yield Row.compare("full histogram", "640x480", 1, ours, "sgemm's rate", 0.02, 0.87)
-        yield Row.compare("neighbours", 800, 1, ours, "SciPy cKDTree", 0.005, 1.2)
-        yield Row.compare("sampled histogram", 400, 1, ours, "SciPy cdist", 0.03)
-        for size in (10, 1000):
-            yield Row.compare("growth, samples", size, 1, ours, "fit, exponent 0.00", 0.01)
-
-    monkeypatch.setattr(speed, "measure", rows)
-    monkeypatch.setattr(speed, "_COPIED", 2**20)
-    return speed.run(histogram_flight("s"), histogram_flight("t"), speed.Parameters())
-
-
-def test_the_speed_page(bench_record, tmp_path):
-    loaded = Record.load(bench_record.save(tmp_path))
-    assert loaded.values["limits"] == 2 and loaded.timings["held"] == 1
-    (share,) = speed.limits(loaded).axes[0].collections[1:]
-    np.testing.assert_allclose(share.get_offsets()[:, 0], [0.5 / 0.87, 2 / 1.2])
-    points = [
-        line for line in speed.roofline(loaded).axes[0].lines if line.get_linestyle() == "None"
-    ]
-    assert [line.get_ydata()[0] for line in points] == pytest.approx(
-        [1.303e9 / 0.01 / 1e9, 32_000 / 0.01 / 1e9, 1_728_000 / 0.01 / 1e9]
-    )
-    (plot,) = [axis for axis in speed.growth(loaded).axes if axis.get_title(loc="left")]
-    assert (
-        plot.lines[0].get_xdata().tolist() == [10, 1000]
-        and plot.get_title(loc="left") == "exponent 0.00"
-    )
-    shown = speed.rows(loaded)
-    assert shown["Stage"].tolist() == ["full histogram", "neighbours", "sampled histogram"]
-    assert shown.iloc[:, -1].tolist() == ["holds", "missed", ""]

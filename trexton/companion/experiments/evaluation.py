@@ -26,6 +26,7 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import from_arrays, to_arrays
 from trexton.localization.neighbors import NearestHistograms
 from trexton.localization.training import for_method, train_map
+from trexton.vision.camera import MapImage
 from trexton.vision.histograms import sampled_histogram
 
 
@@ -213,17 +214,24 @@ def whereabouts(train: Flight) -> dict[str, Any]:
     return place
 
 
-def floor_picture(flight: Flight, width: int = 700) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The floor as figures draw it: its extent (a series) and a picture of `width` pixels; both
-    empty where unknown.
+def map_picture(picture: MapImage, width: int) -> tuple[dict[str, Any], np.ndarray]:
+    """A picture of the floor as figures draw it: its extent (a series), and a copy `width` pixels
+    wide; what is not mapped is white.
     """
-    if flight.floor is None:
-        return {}, {}
-    rows, columns = flight.floor.image.shape[:2]
-    (left, top), (right, bottom) = flight.floor.to_world(
+    image = picture.image
+    if picture.mask is not None:
+        image = np.where(picture.mask[..., None], image, 255).astype(np.uint8)
+    rows, columns = image.shape[:2]
+    (left, top), (right, bottom) = picture.to_world(
         np.array([(-0.5, -0.5), (columns - 0.5, rows - 0.5)])
     )
-    picture = cv2.resize(
-        flight.floor.image, (width, round(width * rows / columns)), interpolation=cv2.INTER_AREA
-    )
-    return {"floor": {"extent_m": [left, right, bottom, top]}}, {"floor": picture}
+    small = cv2.resize(image, (width, round(width * rows / columns)), interpolation=cv2.INTER_AREA)
+    return {"extent_m": [left, right, bottom, top]}, small
+
+
+def floor_picture(flight: Flight, width: int = 700) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The true floor as figures draw it, a series and a picture; both empty where unknown."""
+    if flight.floor is None:
+        return {}, {}
+    extent, picture = map_picture(flight.floor, width)
+    return {"floor": extent}, {"floor": picture}

@@ -33,7 +33,7 @@ from trexton.companion.experiments.followed import (
     measured_attitude,
     over_floor,
 )
-from trexton.companion.experiments.stitched import stitched_map
+from trexton.companion.experiments.mosaic import stitched_map
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import HELD
 from trexton.evaluation.metrics import euclidean, mean_over_groups, mean_with_interval, success_rate

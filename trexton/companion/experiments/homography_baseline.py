@@ -2,24 +2,26 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from trexton.base.errors import MapError
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
-from trexton.companion.experiments.evaluation import floor_picture
-from trexton.companion.experiments.stitched import (
+from trexton.companion.experiments.declaration import IMAGES, Experiment
+from trexton.companion.experiments.evaluation import map_picture
+from trexton.companion.experiments.mosaic import (
     FEWEST_ANCHORS,
     SAME_PASS_FRAMES,
-    Located,
+    MosaicParameters,
+    drifting_map,
     floor_residual,
-    homography_maps,
     locate_all,
-    picture_of,
+    stitched_map,
 )
 from trexton.companion.experiments.style import (
     COLORS,
@@ -35,12 +37,8 @@ from trexton.flights.flight import Flight
 
 
 @dataclass(frozen=True)
-class Parameters(SeedParameters):
+class Parameters(MosaicParameters):
     """What can be chosen."""
-
-    anchors: int = option(
-        0, "training frames whose position places the mosaic; 0 chooses as the flight needs", low=0
-    )
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -49,25 +47,23 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
     The true floor, where the flight carries it, is a perfect map: the difference is the price of
     the mosaic. A mosaic that drifts, because it never notices a place again, shows what a distorted
-    map costs. Frames at half size on the mosaic show what the quicker mode loses.
+    map costs.
 
     Parameters
     ----------
     train, test : Flight
         With images.
     """
-    maps = homography_maps(train, parameters.anchors)
-    mosaic = maps["mosaic"]
+    maps = {"mosaic": stitched_map(train, parameters.anchors).map}
+    with suppress(MapError):  # some flights hang together only by places that are seen again
+        maps["drifting"] = drifting_map(train, parameters.anchors)
     if test.floor is not None:
         maps["perfect_floor"] = test.floor
-    located = locate_all(maps, test) | {
-        "half": locate_all({"mosaic": mosaic}, test, scale=0.5)["mosaic"]
-    }
+    located = locate_all(maps, test)
     rng = stream(parameters.seed, "intervals")
     values: dict[str, Any] = {
-        name: summarize([each.position], test.position, test.diagonal, rng=rng)
-        | _counts(each, test)
-        for name, each in located.items()
+        name: summarize([position], test.position, test.diagonal, rng=rng)
+        for name, (position, _) in located.items()
     }
     if "drifting" in maps:
         values["drift"] = {"linked_frames": SAME_PASS_FRAMES, "anchors": FEWEST_ANCHORS}
@@ -81,36 +77,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         offset = test.height * np.hypot(*np.tan(test.attitude[:, :2]).T)
         if len(offset := offset[np.isfinite(offset)]):  # a heading may be known where no tilt is
             values["tilt_offset_cm"] = 100 * float(offset.mean())
-    extent, picture = picture_of(mosaic)
-    floor, floor_image = floor_picture(test)
-    series: dict[str, Any] = {f"{name}_m": each.position for name, each in located.items()}
-    series |= {f"{name}_inliers": each.inliers for name, each in located.items()}
-    series |= {"time_s": test.time - test.time[0], "truth_m": test.position}
-    series |= {"area_m": test.area, "map": extent}
+    extent, picture = map_picture(maps["mosaic"], 900)
+    series = {f"{name}_m": position for name, (position, _) in located.items()}
     return parameters.record(
         train,
         test,
         values=values,
-        series=series | floor,
-        images={"map": picture} | floor_image,
-        timings={
-            name: of_frames(located[key].seconds)
-            for name, key in (("locate_s", "mosaic"), ("locate_half_s", "half"))
-        },
+        series=series | {"truth_m": test.position, "area_m": test.area, "map": extent},
+        images={"map": picture},
+        timings={"locate_s": of_frames(located["mosaic"][1])},
     )
-
-
-def _counts(located: Located, test: Flight) -> dict[str, Any]:
-    """Frames without a homography, and with one that is off by more than half the width of the
-    area.
-    """
-    error = euclidean(located.position, test.position)
-    x_min, x_max, y_min, y_max = test.area
-    gross = error > min(x_max - x_min, y_max - y_min) / 2
-    return {
-        "failures": int((~located.found).sum()),
-        "gross_errors": int(gross[located.found].sum()),
-    }
 
 
 def finding(record: Record) -> str:
@@ -120,11 +96,11 @@ def finding(record: Record) -> str:
     if "mean_cm" not in mosaic:
         text = "A homography finds no frame on the stitched map"
     else:
+        missed = f"nothing in {number(mosaic['missing'])} frames"
         text = (
             "A homography on the stitched map has an error of "
             f"{interval(mosaic['mean_cm'], 'cm')} and "
-            "finds "
-            + (f"nothing in {mosaic['failures']} frames" if mosaic["failures"] else "every frame")
+            f"finds {missed if mosaic['missing'] else 'every frame'}"
         )
     if "tilt_offset_cm" in values and "map_residual_cm" in mosaic:
         tilt, bent = values["tilt_offset_cm"], mosaic["map_residual_cm"]

@@ -14,8 +14,8 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import evaluate, floor_picture, frames_of, map_of
-from trexton.companion.experiments.stitched import homography_maps, locate_all
+from trexton.companion.experiments.evaluation import evaluate, frames_of, map_of
+from trexton.companion.experiments.mosaic import MosaicParameters, locate_all, stitched_map
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import tracks
 from trexton.companion.wording import middle, number
@@ -47,13 +47,10 @@ def filtered_positions(position: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Parameters(MapParameters):
+class Parameters(MosaicParameters, MapParameters):
     """What can be chosen."""
 
     repeats: int = option(10, "independent runs of the filter over the test flight", low=1)
-    anchors: int = option(
-        0, "training frames whose position places the mosaic; 0 chooses as the flight needs", low=0
-    )
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -65,20 +62,18 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images.
     """
-    found = locate_all(homography_maps(train, parameters.anchors), train)
-    located = found["mosaic"]
-    sources = {"filter": located.position, "remedy": filtered_positions(located.position)}
-    if "drifting" in found:
-        sources["drifting"] = found["drifting"].position
+    picture = stitched_map(train, parameters.anchors).map
+    position, _ = locate_all({"mosaic": picture}, train)["mosaic"]
+    sources = {"filter": position, "remedy": filtered_positions(position)}
     frames = frames_of(test)
     rng = stream(parameters.seed, "intervals")
     values: dict[str, Any] = {
-        "failures": int((~located.found).sum()),
         "remedy_uses": {
             "median_frames": MEDIAN_FRAMES,
             "outlier_cm": 100 * OUTLIER_M,
             "smoothing_frames": SMOOTHING_FRAMES,
         },
+        "mocap_process_std_cm": _process_std_cm(map_of(train, parameters)),
     }
     series: dict[str, Any] = {}
     step_s = []
@@ -103,14 +98,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         series[f"{name}_training_error_m"] = absolute_errors(positions, train.position)
         series[f"{name}_estimate_m"] = drawn["estimate_m"]
         step_s += [run.step_s for run in runs]
-    mocap = map_of(train, parameters)
-    values["mocap_process_std_cm"] = _process_std_cm(mocap)
-    floor, pictures = floor_picture(test)
     return parameters.record(
         train, test,
         values=values,
-        series=series | floor,
-        images=pictures,
+        series=series,
         timings={"step_s": of_frames(np.concatenate(step_s))},
     )  # fmt: skip
 
@@ -125,21 +116,18 @@ def _process_std_cm(texton_map: TextonMap) -> float:
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     values = record.values
-    names = {"filter": "as found", "remedy": "filtered first", "drifting": "on a map that drifts"}
-    names = {name: words for name, words in names.items() if name in values}
-    each = [f"{number(middle(values[name]['mean_cm']))} cm {names[name]}" for name in names]
-    noise = [values[f"{name}_process_std_cm"] for name in names]
-    errors = [middle(values[name]["mean_cm"]) for name in names]
-    knn = [middle(values[f"{name}_knn"]["mean_cm"]) for name in names]
-    text = f"Trained on homography positions the filter has an error of {', '.join(each)}"
+    noise = [values[f"{name}_process_std_cm"] for name in ROWS]
+    errors, knn = ([middle(values[name + of]["mean_cm"]) for name in ROWS] for of in ("", "_knn"))
+    text = (
+        f"Trained on homography positions the filter has an error of {number(errors[0])} cm as "
+        f"located, {number(errors[1])} cm filtered first"
+    )
     if np.argsort(noise).tolist() == np.argsort(errors)[::-1].tolist():
         text += (
             ": the more those positions jitter, the wider its motion noise "
-            f"({number(min(noise))} to {number(max(noise))} cm a frame) and the less it errs"
+            f"({number(min(noise))} to {number(max(noise))} cm a frame) and the smaller its error"
         )
-    return (
-        text + f", while the neighbours alone err by {number(min(knn))} to {number(max(knn))} cm."
-    )
+    return text + f"; the neighbours alone have {number(min(knn))} to {number(max(knn))} cm."
 
 
 # place in the record: label and colour; both train the paper's filter, one as the paper does

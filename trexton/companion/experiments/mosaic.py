@@ -1,5 +1,6 @@
-"""The hyperspatial image, stitched from a flight's own frames (paper, Baseline, figure of the
-map).
+"""The hyperspatial image, stitched from a flight's own frames (paper, Baseline, figure of the map).
+
+Offers the maps of a flight, and where they put its frames, to the homography experiments too.
 """
 
 from __future__ import annotations
@@ -8,32 +9,47 @@ from dataclasses import dataclass
 from time import perf_counter
 from typing import Any
 
+import cv2
 import numpy as np
 from matplotlib.figure import Figure
+from scipy.spatial import cKDTree
 
+from trexton.base.cache import cached
+from trexton.base.progress import progress
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
-from trexton.companion.experiments.stitched import floor_residual, picture_of, stitched_map
-from trexton.companion.experiments.style import (
-    SERIES,
-    legend_below,
-    plan_canvas,
-)
+from trexton.companion.experiments.evaluation import map_picture
+from trexton.companion.experiments.style import SERIES, legend_below, plan_canvas
 from trexton.companion.wording import number
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
+from trexton.registration.homography import HomographyLocalizer, detect_keypoints
+from trexton.registration.links import Links
+from trexton.registration.mosaic import Mosaic, map_from_links, stitch
+from trexton.vision.camera import MapImage
 
+SAME_PASS_FRAMES = 12  # frames: links between frames that are further apart notice a place again
+FEWEST_ANCHORS = 3
+_PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are stored as they are
+# Matches of two pictures of a floor that deviate so much otherwise than so many around them are
+# mismatches.
+_MISMATCH, _AROUND = 0.1, 15  # metres, matches
 _ARROWS = 400  # matched places that the figure of the deviation shows
 
 
 @dataclass(frozen=True)
-class Parameters(SeedParameters):
-    """What can be chosen."""
+class MosaicParameters(SeedParameters):
+    """Base of those that stitch a map."""
 
     anchors: int = option(
         0, "training frames whose position places the map; 0 chooses as the flight needs", low=0
     )
+
+
+@dataclass(frozen=True)
+class Parameters(MosaicParameters):
+    """What can be chosen."""
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -49,7 +65,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     start = perf_counter()
     mosaic = stitched_map(train, parameters.anchors)
     seconds = perf_counter() - start
-    extent, picture = picture_of(mosaic.map)
+    extent, picture = map_picture(mosaic.map, 900)
     error_cm = 100 * euclidean(mosaic.poses[:, :2], train.position)[mosaic.used]
     values = {
         "frames": len(train),
@@ -59,8 +75,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "rejected_links": mosaic.rejected,
         "link_error_px": _spread(mosaic.errors),
         "frame_position_error_cm": _spread(error_cm),
-        "pixels_per_metre": 1 / float(np.hypot(*mosaic.map.world_from_pixel[:2, 0])),
-        "size_px": mosaic.map.image.shape[1::-1],
     }
     series = {"map": extent, "area_m": train.area, "frames_m": train.position}
     series["anchors_m"] = train.position[mosaic.anchors]
@@ -81,6 +95,100 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 def _spread(values: np.ndarray) -> dict[str, Any]:
     rms = np.sqrt(np.mean(np.square(values)))
     return {"median": np.median(values), "p95": np.percentile(values, 95), "rms": rms}
+
+
+def stitched_map(train: Flight, anchors: int = 0) -> Mosaic:
+    """The mosaic of `train`, from the cache if the same inputs were seen before; of 0 `anchors` as
+    many as it needs.
+    """
+
+    def compute() -> dict[str, np.ndarray]:
+        mosaic = stitch(train, anchors=anchors or None)
+        return {
+            "image": mosaic.map.image,
+            "world_from_pixel": mosaic.map.world_from_pixel,
+            "mask": mosaic.map.mask,
+            "pairs": mosaic.links.pairs,
+            "points": mosaic.links.points,
+            "rejected": np.int64(mosaic.rejected),
+            **{name: getattr(mosaic, name) for name in _PLAIN},
+        }
+
+    inputs = {"flight": train.data_hash, "anchors": anchors}
+    kept = cached("mosaic", "trexton.registration.mosaic", inputs, compute)
+    return Mosaic(
+        map=MapImage(kept["image"], kept["world_from_pixel"], kept["mask"]),
+        links=Links(kept["pairs"], kept["points"]),
+        rejected=int(kept["rejected"]),
+        **{name: kept[name] for name in _PLAIN},
+    )
+
+
+def drifting_map(train: Flight, anchors: int = 0) -> MapImage:
+    """The map of `train` if it never noticed a place again: links along the path only, three
+    anchors.
+
+    Raises
+    ------
+    MapError
+        The flight hangs together only by places that are seen again.
+    """
+    links = stitched_map(train, anchors).links
+    along = np.diff(links.pairs, axis=1).ravel() <= SAME_PASS_FRAMES
+    return map_from_links(train, links[along], anchors=FEWEST_ANCHORS).map
+
+
+def locate_all(
+    pictures: dict[str, MapImage], flight: Flight
+) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Locate every frame of a flight on each of some maps, unfiltered; keypoints are detected once.
+
+    Returns
+    -------
+    dict of (N, 2) and (N,) arrays
+        By map: positions in metres (NaN: no homography), and the seconds that each frame took.
+    """
+    localizers = {name: HomographyLocalizer(picture) for name, picture in pictures.items()}
+    describe = next(iter(localizers.values())).describe
+    rows: dict[str, Any] = {name: [] for name in localizers}
+    for image in progress(flight.images(), "locating", len(flight)):
+        start = perf_counter()
+        keypoints = describe(image)
+        described_s = perf_counter() - start
+        for name, localizer in localizers.items():
+            start = perf_counter()
+            position = localizer.fix(keypoints, image.shape[:2]).position
+            rows[name].append((position, described_s + perf_counter() - start))
+    columns = {name: tuple(zip(*located, strict=True)) for name, located in rows.items()}
+    return {name: (np.array(place), np.array(took)) for name, (place, took) in columns.items()}
+
+
+def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.ndarray]:
+    """How far a map is off, at keypoints that it shares with a picture of the true floor.
+
+    A match that deviates otherwise than those around it is a mismatch and left out.
+
+    Returns
+    -------
+    truth, deviation : (K, 2) arrays
+        True places, and how far from them the map shows them, in metres.
+    """
+    found = []
+    for each in (picture, floor):
+        mask = None if each.mask is None else each.mask.astype(np.uint8)
+        found.append(
+            detect_keypoints(cv2.cvtColor(each.image, cv2.COLOR_BGR2GRAY), limit=20_000, mask=mask)
+        )
+    cv2.setRNGSeed(0)
+    index = cv2.flann.Index(found[1].descriptors, {"algorithm": 1, "trees": 4})
+    nearest, squared = index.knnSearch(found[0].descriptors, 2, params={"checks": 64})
+    good = squared[:, 0] < 0.75**2 * squared[:, 1]
+    truth = floor.to_world(found[1].points[nearest[good, 0]])
+    deviation = picture.to_world(found[0].points[good]) - truth
+    around = cKDTree(truth).query(truth, k=min(_AROUND, len(truth)))[1].reshape(len(truth), -1)
+    usual = np.median(deviation[around], axis=1)
+    alike = np.hypot(*(deviation - usual).T) < _MISMATCH
+    return truth[alike], deviation[alike]
 
 
 def finding(record: Record) -> str:

@@ -8,12 +8,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-import cv2
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Ellipse, PathPatch
+from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
 
 from trexton.base.errors import FlightError
@@ -22,17 +21,21 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import floor_picture, map_of
-from trexton.companion.experiments.style import COLORS, canvas, floor_axes, show_floor
+from trexton.companion.experiments.style import (
+    COLORS,
+    bare,
+    canvas,
+    floor_axes,
+    legend_below,
+    show_floor,
+)
+from trexton.companion.experiments.texton_dictionary import texton_strip, tiles
 from trexton.companion.wording import distance
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
-from trexton.localization.localizer import Estimate, Localizer
+from trexton.localization.localizer import Localizer
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.patches import gather_patches, sample_positions
-from trexton.vision.textons import TextonDictionary
-
-_THUMBNAIL = 200  # pixels wide
-_TRAIL_S = 4.0
 
 
 @dataclass(frozen=True)
@@ -64,78 +67,44 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     for image in progress(test.images(), "localizing", len(test)):
         states.append(rng.bit_generator.state)
         estimates.append(localizer.step(image))
-    track = np.array([estimate.position for estimate in estimates])
-    errors = euclidean(track, test.position)
+    errors = euclidean(np.array([each.position for each in estimates]), test.position)
     row = _typical(errors) if parameters.frame is None else _row(test, parameters.frame)
     image, estimate = test.image(row), estimates[row]
-    rng.bit_generator.state = states[row]
-    drawn, labels = sampled_patches(image, texton_map.alphabet, parameters.samples, rng=rng)
-    trail = np.flatnonzero((test.time <= test.time[row]) & (test.time >= test.time[row] - _TRAIL_S))
-    floor, pictures = floor_picture(test)
+    rng.bit_generator.state = states[row]  # the patches of this frame are drawn once more
+    patch = texton_map.alphabet.patch
+    patches = sample_positions(image.shape, patch, parameters.samples, rng)
     assert estimate.neighbors is not None  # the paper's method asks for them
-    similar = estimate.neighbors.index
-    offset = estimate.neighbors.position.mean(axis=0) - test.position[row]
+    voted = estimate.neighbors.position
+    floor, pictures = floor_picture(test)
     return parameters.record(
         train,
         test,
         values={
             "frame": test.frame[row],
-            "time_s": test.time[row] - test.time[0],
             "error_cm": 100 * errors[row],
-            "median_error_cm": 100 * np.median(errors),
-            "neighbors_error_cm": 100 * np.hypot(*offset),
+            "neighbors_error_cm": 100 * euclidean(voted.mean(axis=0), test.position[row]),
             "spread_cm": 100 * estimate.spread,
-            "neighbors": {"frame": train.frame[similar], "distance": estimate.neighbors.distance},
-            "image_shape": image.shape[:2],
-            "patch": texton_map.alphabet.patch,
+            "neighbors": {"frame": train.frame[estimate.neighbors.index]},
+            "patch": patch,
         },
         series={
-            "patches": drawn,
-            "labels": labels,
-            "area_m": test.area,
+            "patches": patches,
+            "labels": texton_map.alphabet.label(gather_patches(image, patches, patch)),
+            "histogram": estimate.histogram,
+            "neighbors_m": voted,
+            "particles_m": estimate.particles,
+            "weights": estimate.weights,
+            "estimate_m": estimate.position,
             "truth_m": test.position[row],
-            "truth_trail_m": test.position[trail],
-            "estimate_trail_m": track[trail],
-            **_belief(estimate),
+            "area_m": test.area,
             **floor,
         },
         images={
             **pictures,
             "frame": bgr_from_yuv(image),
-            "textons": _texton_strip(texton_map.alphabet),
-            "similar": np.concatenate(
-                [_thumbnail(train.image(index)) for index in similar], axis=1
-            ),
+            "textons": texton_strip(texton_map.alphabet),
         },
     )
-
-
-def sampled_patches(
-    image: np.ndarray, dictionary: TextonDictionary, samples: int, *, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
-    """Where `trexton.vision.histograms.sampled_histogram` looks with this `rng`, and what it finds.
-
-    Returns
-    -------
-    positions : (n, 2) int array
-        Row and column of each patch.
-    labels : (n,) int array
-        Nearest textons.
-    """
-    positions = sample_positions(image.shape, dictionary.patch, samples, rng)
-    return positions, dictionary.label(gather_patches(image, positions, dictionary.patch))
-
-
-def _belief(estimate: Estimate) -> dict[str, Any]:
-    assert estimate.neighbors is not None
-    return {
-        "histogram": estimate.histogram,
-        "neighbors_m": estimate.neighbors.position,
-        "particles_m": estimate.particles,
-        "weights": estimate.weights,
-        "estimate_m": estimate.position,
-        "covariance_m2": estimate.covariance,
-    }
 
 
 def _typical(errors: np.ndarray) -> int:
@@ -151,17 +120,6 @@ def _row(flight: Flight, frame: int) -> int:
             f"choose one from {flight.frame[0]} to {flight.frame[-1]}, or None"
         )
     return int(rows[0])
-
-
-def _texton_strip(dictionary: TextonDictionary) -> np.ndarray:
-    """``(P, K P, 3) uint8`` BGR: all textons side by side."""
-    return bgr_from_yuv(np.concatenate(list(dictionary.textons), axis=1))
-
-
-def _thumbnail(image: np.ndarray) -> np.ndarray:
-    rows, columns = image.shape[:2]
-    size = (_THUMBNAIL, max(1, round(_THUMBNAIL * rows / columns)))
-    return cv2.resize(bgr_from_yuv(image), size, interpolation=cv2.INTER_AREA)
 
 
 def finding(record: Record) -> str:
@@ -183,40 +141,28 @@ def finding(record: Record) -> str:
 
 
 _MARK: dict[str, Any] = {"markeredgecolor": "white", "markeredgewidth": 0.8, "linestyle": "none"}
-_ON_NEIGHBORS = "#111111"  # on their colour, in either theme
 
 
 def pipeline(record: Record) -> Figure:
-    """Image and patches, histogram, nearest training images; their places, particles, position."""
+    """Image and patches, histogram; the places of the neighbours, particles and estimate."""
     steps = (
         ("Image, {samples} random patches", _image),
         ("Texton histogram", _histogram),
-        ("{neighbors} nearest training images", _similar),
-        ("Where those were taken", _neighbors),
-        ("{particles} weighted particles", _particles),
-        ("Position, {error_cm:.0f} cm off", _position),
+        ("Where the {neighbors} neighbours were taken", _neighbors),
+        ("{particles} particles, estimate {error_cm:.0f} cm off", _particles),
     )
-    with canvas(2, 3, size=(9, 5.9), height_ratios=(0.8, 1)) as (figure, axes):
+    with canvas(2, 2, size=(7.2, 6.6), height_ratios=(0.8, 1)) as (figure, axes):
         for number, (axis, (title, draw)) in enumerate(zip(axes.flat, steps, strict=True), start=1):
             draw(axis, record)
             title = title.format(**record.parameters | {"error_cm": record.values["error_cm"]})
             axis.set_title(f"{number}  {title}", fontsize=10)
-        for plan in axes[1, 1:]:
-            plan.set_ylabel("")
+        axes[1, 1].set_ylabel("")
     return figure
 
 
 def _colors(record: Record) -> np.ndarray:
     """``(K, 3)``: the mean colour of each texton, 0 to 1."""
-    strip, patch = record.images["textons"], record.values["patch"]
-    return np.asarray(strip[..., ::-1].reshape(patch, -1, patch, 3).mean(axis=(0, 2)) / 255)
-
-
-def _bare(axes: Axes) -> None:
-    axes.grid(False)
-    axes.set(xticks=[], yticks=[])
-    for spine in axes.spines.values():
-        spine.set_visible(False)
+    return np.array([tile.mean(axis=(0, 1)) for tile in tiles(record)]) / 255
 
 
 def _image(axes: Axes, record: Record) -> None:
@@ -233,159 +179,61 @@ def _image(axes: Axes, record: Record) -> None:
     axes.add_collection(
         PolyCollection(corners, facecolors=colors, edgecolors="#fafafa", linewidths=0.45)
     )
-    _bare(axes)
+    bare(axes)
 
 
 def _histogram(axes: Axes, record: Record) -> None:
-    histogram, strip = np.array(record.series["histogram"]), record.images["textons"][..., ::-1]
+    histogram = np.array(record.series["histogram"])
     count = len(histogram)
     style: dict[str, Any] = {"color": _colors(record), "edgecolor": "#555555", "linewidth": 0.5}
     axes.bar(np.arange(count), 100 * histogram, width=0.9, **style)
     # The textons themselves stand under their bars.
     pictures = axes.inset_axes((0, -0.1, 1, 0.075))
-    for index, texton in enumerate(np.split(strip, count, axis=1)):
-        pictures.imshow(texton, extent=(index - 0.42, index + 0.42, 0, 1), aspect="auto")
+    for index, tile in enumerate(tiles(record)):
+        pictures.imshow(tile, extent=(index - 0.42, index + 0.42, 0, 1), aspect="auto")
     for axis in (axes, pictures):
         axis.set(xlim=(-0.7, count - 0.3), xticks=[])
     pictures.set_ylim(0, 1)
-    _bare(pictures)
+    bare(pictures)
     axes.grid(False, axis="x")
     axes.set(ylabel="frequency (%)")
     axes.set_xlabel("texton", labelpad=17)
 
 
-def _similar(axes: Axes, record: Record) -> None:
-    """The most similar image large, the others in a column beside it, all of one shape."""
-    pictures = np.split(record.images["similar"][..., ::-1], record.parameters["neighbors"], axis=1)
-    shape = pictures[0].shape[1] / pictures[0].shape[0]
-    others = len(pictures) - 1
-    gap, height = 0.02, 1 / max(others, 1)
-    axes.imshow(pictures[0], extent=(0, shape, 0, 1), interpolation="bilinear")
-    _number(axes, 1, (0.03, 0.97))
-    for index, picture in enumerate(pictures[1:]):
-        top, left = 1 - index * height, shape + gap
-        bottom = top - height + (gap if index < others - 1 else 0)
-        extent = (left, left + (top - bottom) * shape, bottom, top)
-        axes.imshow(picture, extent=extent, interpolation="bilinear")
-        if others <= 6:
-            _number(axes, index + 2, (left + 0.015, top - 0.015), size=7.5)
-    axes.set(xlim=(0, shape + (gap + height * shape if others else 0)), ylim=(0, 1), aspect="equal")
-    _bare(axes)
-
-
-def _number(axes: Axes, number: int, at: tuple[float, float], size: float = 10) -> None:
-    box: dict[str, Any] = {
-        "boxstyle": "circle,pad=0.2",
-        "facecolor": COLORS["neighbors"],
-        "edgecolor": "white",
-        "linewidth": 0.6,
-    }
-    style: dict[str, Any] = {
-        "color": _ON_NEIGHBORS,
-        "fontsize": size,
-        "fontweight": "bold",
-        "ha": "left",
-        "va": "top",
-    }
-    axes.text(*at, str(number), bbox=box, **style)
-
-
 def _plan(axes: Axes, record: Record) -> None:
+    """The floor, and where the frame was taken."""
     floor_axes(axes, record.series["area_m"])
     show_floor(axes, record.series.get("floor"), record.images.get("floor"))
-
-
-def _truth(axes: Axes, record: Record) -> None:
-    axes.plot(
-        *record.series["truth_m"], "X", color=COLORS["truth"], markersize=10, label="truth", **_MARK
-    )
-
-
-def _legend(axes: Axes, columns: int = 2) -> None:
-    axes.legend(
-        loc="upper center",
-        bbox_to_anchor=(0.5, -0.16),
-        ncols=columns,
-        handletextpad=0.3,
-        columnspacing=1.2,
-    )
+    truth: dict[str, Any] = {"color": COLORS["truth"], "markersize": 10, "label": "truth"}
+    axes.plot(*record.series["truth_m"], "X", **truth, **_MARK)
 
 
 def _neighbors(axes: Axes, record: Record) -> None:
     _plan(axes, record)
-    _truth(axes, record)
     places = record.series["neighbors_m"]
-    # The nearest on top, each number with its own disc.
+    disc: dict[str, Any] = {"color": COLORS["neighbors"], "markersize": 10, **_MARK}
+    # The nearest on top, each number with its own disc; dark on their colour in either theme.
+    digit: dict[str, Any] = {"color": "#111111", "fontsize": 7.5, "fontweight": "bold"}
     for rank, place in enumerate(places, start=1):
-        label = "neighbours" if rank == 1 else None
-        axes.plot(
-            *place,
-            "o",
-            color=COLORS["neighbors"],
-            markersize=10,
-            label=label,
-            zorder=4 - rank / 100,
-            **_MARK,
-        )
+        label, level = ("neighbours" if rank == 1 else None), 4 - rank / 100
+        axes.plot(*place, "o", label=label, zorder=level, **disc)
         if len(places) <= 9:
-            style: dict[str, Any] = {
-                "color": _ON_NEIGHBORS,
-                "fontsize": 7.5,
-                "ha": "center",
-                "va": "center_baseline",
-            }
-            axes.annotate(str(rank), place, fontweight="bold", zorder=4.005 - rank / 100, **style)
-    _legend(axes)
+            axes.annotate(
+                str(rank), place, ha="center", va="center_baseline", zorder=level + 0.005, **digit
+            )
+    legend_below(axes, 0.16, columns=2)
 
 
 def _particles(axes: Axes, record: Record) -> None:
-    _plan(axes, record)
-    places, weights = np.array(record.series["particles_m"]), np.array(record.series["weights"])
-    look: dict[str, Any] = {
-        "color": COLORS["particles"],
-        "alpha": 0.7,
-        "edgecolors": "white",
-        "linewidths": 0.5,
-    }
-    x, y = places.T
-    sizes = 6 + 110 * weights / weights.max()
-    axes.scatter(x, y, s=sizes, label="particles, size by weight", **look)
-    _truth(axes, record)
-    _legend(axes)
-
-
-def _position(axes: Axes, record: Record) -> None:
-    _plan(axes, record)
     series = record.series
-    axes.plot(*np.array(series["truth_trail_m"]).T, color=COLORS["truth"], linewidth=1.6)
-    axes.plot(
-        *np.array(series["estimate_trail_m"]).T, color=COLORS["paper"], linewidth=0.9, alpha=0.8
-    )
-    _truth(axes, record)
-    axes.plot(
-        *series["estimate_m"],
-        "o",
-        color=COLORS["paper"],
-        markersize=9,
-        label="estimate",
-        **_MARK,
-    )
-    variances, directions = np.linalg.eigh(np.array(series["covariance_m2"]))
-    center = np.array(series["weights"]) @ np.array(series["particles_m"])
-    width, height = 2 * np.sqrt(np.maximum(variances, 0))
-    angle = np.degrees(np.arctan2(directions[1, 0], directions[0, 0]))
-    axes.add_patch(
-        Ellipse(
-            center,
-            width,
-            height,
-            angle=angle,
-            fill=False,
-            edgecolor=COLORS["paper"],
-            linestyle="--",
-        )
-    )
-    _legend(axes)
+    (x, y), weights = np.array(series["particles_m"]).T, np.array(series["weights"])
+    look: dict[str, Any] = {"color": COLORS["particles"], "edgecolors": "white", "linewidths": 0.5}
+    sizes = 6 + 110 * weights / weights.max()
+    axes.scatter(x, y, s=sizes, alpha=0.7, label="particles, size by weight", **look)
+    _plan(axes, record)
+    estimate: dict[str, Any] = {"color": COLORS["paper"], "markersize": 9, "label": "estimate"}
+    axes.plot(*series["estimate_m"], "o", **estimate, **_MARK)
+    legend_below(axes, 0.16, columns=3)
 
 
 EXPERIMENT = Experiment(

@@ -66,7 +66,6 @@ MODULES = {
     "triggered_landing": "trexton.companion.experiments.triggered_landing",
     "trade_off": "trexton.companion.experiments.trade_off",
     "timing": "trexton.companion.experiments.timing",
-    "speed": "trexton.companion.experiments.speed",
     "map_loss": "trexton.companion.experiments.map_loss",
     "kidnapping": "trexton.companion.experiments.kidnapping",
     "choices": "trexton.companion.experiments.choices",
