@@ -17,6 +17,17 @@ GROUND_STATION = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
 AUTOPILOT_HEARTBEAT = mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 4, 3)
 
 
+def from_autopilot(message, system: int = 1, component: int = 1):
+    """The message as if it had come from there."""
+    sender = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+    return mavlink.MAVLink(None).parse_buffer(message.pack(sender))[0]
+
+
+def attitude(time: float, angles: tuple[float, float, float] = ATTITUDE):
+    """ATTITUDE of an autopilot that has been awake so many seconds."""
+    return mavlink.MAVLink_attitude_message(round(1000 * time) % 2**32, *angles, 0, 0, 0)
+
+
 class Peer:
     """Decodes whatever comes to its port, and can answer the sender."""
 

@@ -8,6 +8,7 @@ and ArduPilot's EKF3 do, and refuse an innovation beyond their gate.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -88,6 +89,60 @@ def ekf2() -> Consumer:
 def ekf3() -> Consumer:
     """ArduPilot's: both axes judged together, floor of VISO_POS_M_NSE."""
     return Consumer(floor=0.2, joint=True)
+
+
+@dataclass
+class Delayed:
+    """A consumer as it stands in the autopilot: behind a buffer, at a delayed time horizon.
+
+    A message is kept unless its stamp is less than `min_interval_s` after the last one's ("EV data
+    too fast"). The filter runs `horizon_s` behind the clock and fuses the newest that its horizon
+    has passed, within a tenth of a second; older ones are thrown away. It begins with the second of
+    two stamps less than `start_s` apart, and stops, to begin anew, `stop_s` after the last.
+    """
+
+    consumer: Consumer
+    horizon_s: float = 0.2
+    min_interval_s: float = 0.0105
+    start_s: float = 0.2
+    stop_s: float = 0.4
+    size: int = 20
+    last_stamp: float = -math.inf
+    fused_at: float = -math.inf
+    dropped: list[float] = field(default_factory=list)
+    stops: int = 0
+    begun: bool = False
+
+    def __post_init__(self) -> None:
+        self.buffer: deque[tuple[float, np.ndarray, np.ndarray]] = deque(maxlen=self.size)
+        self.inertial: deque[tuple[float, np.ndarray]] = deque()
+
+    def receive(self, stamp: float, position: np.ndarray, variances: np.ndarray) -> None:
+        """A message has come."""
+        if stamp < self.last_stamp + self.min_interval_s:
+            self.dropped.append(stamp)
+            return
+        self.last_stamp = stamp
+        self.buffer.append((stamp, position, variances))
+
+    def tick(self, now: float, acceleration: np.ndarray, dt: float) -> None:
+        """The accelerometer has read: go on by `dt` seconds at the horizon."""
+        self.inertial.append((now, acceleration))
+        horizon = now - self.horizon_s
+        if self.inertial[0][0] > horizon:
+            return
+        self.consumer.drive(self.inertial.popleft()[1], dt)
+        horizon += dt
+        passed = None
+        while self.buffer and self.buffer[0][0] <= horizon + 1e-6:
+            passed = self.buffer.popleft()
+        if passed is not None and horizon < passed[0] + 0.1:
+            self.begun = self.begun or passed[0] - self.fused_at < self.start_s
+            self.fused_at = passed[0]
+            if self.begun:
+                self.consumer.tell(*passed)
+        elif self.begun and horizon - self.fused_at > self.stop_s:
+            self.begun, self.stops = False, self.stops + 1
 
 
 def readings(positions: np.ndarray, dt: float, rng: np.random.Generator) -> np.ndarray:

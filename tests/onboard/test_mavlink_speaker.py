@@ -10,7 +10,12 @@ from onboard_tools import make_fix
 
 pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 
-from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT  # noqa: E402
+from onboard_autopilot import (  # noqa: E402
+    ATTITUDE,
+    AUTOPILOT_HEARTBEAT,
+    attitude,
+    from_autopilot,
+)
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.base.errors import ParameterError  # noqa: E402
@@ -30,14 +35,6 @@ AREA = (0.0, 5.0, 0.0, 5.0)
 NORTH_UP = LocalFrame(0.0, 1.0)
 
 NAN = math.nan
-
-
-def from_autopilot(message, system=1, component=1):
-    """The message as if it had come from there."""
-    decoder = mavlink.MAVLink(None)
-    return decoder.parse_buffer(
-        message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=component))
-    )[0]
 
 
 def speaker(name="px4", *, heard_at=0.0, attitude_at=None, **options) -> Speaker:
@@ -67,42 +64,55 @@ class TestSpeaker:
             1,
         ]
 
-    def test_px4_gets_thirty_a_second_from_twelve_and_a_half(self):
-        talk, stamps = speaker(), []
-        for tick in range(1000):  # a second in milliseconds
-            now = 1 + tick / 1000
-            if tick % 80 == 0:
-                talk.tell(make_fix(now - 0.005, (now, 0)), now)
-            stamps += [message.usec for message in due(talk, now, "VISION_POSITION_ESTIMATE")]
-        assert (
-            29 <= len(stamps) <= 39
-        )  # never less than documented: each new position goes out at once
-        assert np.diff(stamps).min() >= 1000
-        assert np.diff(stamps).max() < 200_000
+    @pytest.mark.parametrize("profile", PROFILES)
+    @pytest.mark.parametrize("delay", [0.0, 0.06, 0.15])
+    def test_each_image_goes_out_once_at_its_capture(self, profile, delay):
+        captured = 10 + 0.08 * np.arange(20)
+        sent = self.sent(profile, captured, captured + delay)
+        assert sent[:20] == [round(1e6 * stamp) for stamp in captured]
 
-    def test_repetitions_hold_the_position_and_lose_certainty(self):
+    @pytest.mark.parametrize("delay", [0.0, 0.06, 0.15])
+    @pytest.mark.parametrize("period", [0.033, 0.05, 0.08, 0.2, 0.3])
+    def test_repetitions_keep_off_the_images(self, delay, period):
+        """Images are missing here and there, one comes late after a gap."""
+        number = np.array([n for n in range(100) if n % 17 not in (3, 4, 5, 6, 7)])
+        captured = 10 + period * number
+        late = min(0.06, 0.8 * period) * (number % 17 == 8)
+        sent = np.array(self.sent("px4", captured, captured + delay + late)) / 1e6
+        images = np.isin(sent.round(6), captured.round(6))
+        assert images.sum() == len(captured) and (~images).sum() >= 4
+        apart = np.abs(sent[~images, None] - captured[None]).min(axis=1)
+        assert apart.min() >= 0.02 and (np.diff(sent) > 0.02).all()
+
+    @staticmethod
+    def sent(profile, captured, arrived) -> list[int]:
+        """The stamps in microseconds of what is sent of images that arrive so, in its order."""
+        talk, stamps, waiting = speaker(profile), [], list(zip(captured, arrived, strict=True))
+        for now in np.arange(captured[0], arrived[-1] + 0.4, 0.001):
+            if round(1000 * now) % 50 == 0:
+                talk.listener.hear(from_autopilot(attitude(now)), now)
+            while waiting and waiting[0][1] <= now:
+                talk.tell(make_fix(waiting.pop(0)[0]), now)
+            stamps += [
+                getattr(each, "usec", None) or each.time_usec
+                for each in talk.due(now)
+                if each.get_type() in ("VISION_POSITION_ESTIMATE", "ODOMETRY")
+            ]
+        return stamps
+
+    def test_repetitions_hold_the_position_and_are_no_news(self):
         talk = speaker()
         talk.tell(make_fix(10.0, (1, 2)), 10.02)
         sent = [
-            message
-            for tick in range(300)
+            (tick, message)
+            for tick in range(600)
             for message in due(talk, 10.02 + tick / 1000, "VISION_POSITION_ESTIMATE")
         ]
-        assert len(sent) == 9
-        assert sent[0].usec == 10_000_000  # the capture, not the sending
-        assert {(message.x, message.y) for message in sent} == {(2.0, 1.0)}
-        north = np.array([message.covariance[0] for message in sent])
-        assert (np.diff(north) > 0).all()
-        assert (1 / north).sum() <= 1 / 0.09  # together they never weigh more than the one image
-
-    def test_no_repetition_claims_less_than_the_filter_and_the_motion_model(self):
-        talk = speaker()
-        talk.tell(make_fix(10.0), 10.0)
-        for tick in range(400):
-            for message in due(talk, 10.0 + tick / 1000, "VISION_POSITION_ESTIMATE"):
-                age = message.usec / 1e6 - 10.0
-                assert message.covariance[0] >= 0.09 + 0.01 * age
-                assert message.covariance[6] >= 0.04 + 0.01 * age
+        assert [tick for tick, _ in sent] == pytest.approx([0, 150, 300, 450], abs=1)
+        assert {(message.x, message.y) for _, message in sent} == {(2.0, 1.0)}
+        north = np.array([message.covariance[0] for _, message in sent])
+        assert north[0] == pytest.approx(0.09) and (np.diff(north) > 0).all()
+        assert (1 / north[1:]).sum() <= 0.05 / 0.09  # of the weight of the image
 
     def test_repeating_ends_when_nothing_new_is_told(self):
         talk = speaker()

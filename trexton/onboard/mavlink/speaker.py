@@ -22,10 +22,14 @@ __all__ = ["PROFILES", "ArduPilot", "Profile", "Px4", "Speaker"]
 
 REQUEST_PAUSE = 2.0
 ORIGIN_ATTEMPTS = 10
+REPEAT_AFTER = 0.15  # seconds without an image: EKF2 does without after 0.2, ArduPilot after 0.25
 REPEAT_TIMEOUT = STALE_AFTER  # seconds from capture for which a position is repeated
+# Seconds by which a repetition's stamp stays behind those of images that arrive with it: one that
+# was held up by less than this is still the later of the two, by what EKF2 wants between them.
+REPEAT_LAG = 0.09
+REPEAT_INFLATION = 100.0  # of a repetition's covariance: it keeps the fusion alive and is no news
 ATTITUDE_RATE = 20.0
 STATE_RATE = 2.0
-MIN_STAMP_STEP = 1e-3  # stamps of successive messages differ by at least this
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,6 @@ class Profile:
     local: LocalFrame
     area: tuple[float, float, float, float]
 
-    repeat_rate = 0.0  # messages a second, by repeating; 0 sends each position once
     unset = 0.0  # what stands in a command for "choose yourself"
     needs_attitude = False
 
@@ -55,11 +58,9 @@ class Profile:
 
 
 class Px4(Profile):
-    """VISION_POSITION_ESTIMATE at a steady 30 Hz; silence, which ends its fusion, for no
-    position."""
+    """VISION_POSITION_ESTIMATE; silence, which ends its fusion, for no position."""
 
     name = "px4"
-    repeat_rate = 30.0
     unset = math.nan
 
     def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
@@ -70,7 +71,7 @@ class Px4(Profile):
 
 
 class ArduPilot(Profile):
-    """ODOMETRY, once an estimate, with a quality: -1 while there is no position."""
+    """ODOMETRY with a quality: -1 while there is no position."""
 
     name = "ardupilot"
     needs_attitude = True
@@ -130,9 +131,8 @@ class Speaker:
         self._commands: deque[Any] = deque()
         self._fix: Fix | None = None  # the latest usable one that an image went into
         self._failed: Fix | None = None
-        self._sent = 0  # times it has been sent
-        self._next_at = -np.inf  # when the steady rate asks for the next position
-        self._last_stamp = -np.inf
+        self._told_at = -np.inf
+        self._next_at = -np.inf  # when it is to be sent: at once, then for want of another
         self._due: dict[str, float] = {}
         self._origin_attempts = 0
 
@@ -145,7 +145,7 @@ class Speaker:
             self._fix, self._failed = fix, None
         else:
             return
-        self._sent = 0
+        self._told_at, self._next_at = now, -np.inf
 
     def land(self, confirmation: int, now: float) -> bool:
         """Put a landing command out; False while nobody is there, or it is in doubt who obeys."""
@@ -179,7 +179,7 @@ class Speaker:
     def next_due(self, now: float) -> float:
         """Seconds until something may be due again."""
         wait = self._due.get("heartbeat", now) - now
-        if self._fix is not None and self.profile.repeat_rate:
+        if self._fix is not None:
             wait = min(wait, self._next_at - now)
         return max(0.0, wait)
 
@@ -222,39 +222,27 @@ class Speaker:
         return True
 
     def _position(self, now: float) -> Any | None:
-        """The position message that is due, if one is."""
+        """The position message that is due, if one is.
+
+        Each image goes out once, as of its capture. A repetition is the motion model's prediction
+        for a later moment, before which no other image can have been taken.
+        """
         if self._fix is not None and now - self._fix.time > REPEAT_TIMEOUT:
             self._fix = None  # old is never taken for fresh
-        fix, rate = self._fix or self._failed, self.profile.repeat_rate
-        if fix is None or (now < self._next_at if rate else self._sent):
+        fix = self._fix or self._failed
+        if fix is None or now < self._next_at:
             return None
-        attitude = self.listener.attitude(fix.time)
+        stamp, covariance = fix.time, fix.fusion.covariance
+        if np.isfinite(self._next_at):
+            stamp += now - self._told_at - REPEAT_LAG
+            covariance = REPEAT_INFLATION * (covariance + self._motion_rate * (stamp - fix.time))
+        attitude = self.listener.attitude(stamp)
         if attitude is None and self.profile.needs_attitude:
             self.withheld += 1
             self._fix = self._failed = None
             return None
-        if rate:  # a steady beat, which a new position does not disturb
-            behind = now - self._next_at
-            self._next_at = (now if behind > 1 / rate else self._next_at) + 1 / rate
-        self._sent += 1
+        self._next_at = now + REPEAT_AFTER
         if fix is self._failed:
             self._failed = None
-            return self.profile.failed(fix, self._stamp(fix.time), attitude)
-        # A repetition is the motion model's prediction for a later moment: same place,
-        # less certain.
-        stamp = fix.time if self._sent == 1 else now
-        stamp = max(stamp, self._last_stamp + MIN_STAMP_STEP)
-        covariance = self._shared(fix.fusion.covariance) + self._motion_rate * (stamp - fix.time)
-        return self.profile.position(fix, self._stamp(stamp), covariance, attitude)
-
-    def _shared(self, covariance: np.ndarray) -> np.ndarray:
-        """The covariance of one of several messages made of one image.
-
-        A receiver takes them for independent. The m-th is worth 1 / m (m + 1) of the image, so that
-        however many there are, together they never weigh more than it does.
-        """
-        return covariance * (self._sent * (self._sent + 1) if self.profile.repeat_rate else 1)
-
-    def _stamp(self, stamp: float) -> int:
-        self._last_stamp = max(stamp, self._last_stamp + MIN_STAMP_STEP)
-        return round(1e6 * self._last_stamp)
+            return self.profile.failed(fix, round(1e6 * stamp), attitude)
+        return self.profile.position(fix, round(1e6 * stamp), covariance, attitude)
