@@ -74,7 +74,7 @@ full: env  ## the long sweeps of data/sweeps, coarse to fine, landings, aiding a
 	  --set floors=10 frames=2525 training=250 kidnappings=200 drifts=3 peer_frames=10
 	cp results/full/sim-survey/fine.json data/reference/fine.json
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only touchdown \
-	  --out results/full --set floors=10 flights=20 bounds=400
+	  --out results/full --set floors=10 flights=20
 	cp results/full/sim-survey/touchdown.json data/reference/touchdown.json
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only aiding \
 	  --out results/full --set floors=10 survey=400 frames=250

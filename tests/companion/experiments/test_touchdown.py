@@ -10,8 +10,8 @@ import pytest
 from trexton.base.records import Record
 from trexton.companion.build import notebook
 from trexton.companion.experiments import touchdown
-from trexton.companion.experiments.closed_loop import Lander, fly_together
-from trexton.companion.experiments.triggered_landing import mission_over
+from trexton.companion.experiments.landings import Lander, fly_together, mission_over
+from trexton.companion.wording import percent
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone, TouchdownZone
 from trexton.simulator import PERIOD, record_flight
@@ -19,7 +19,7 @@ from trexton.vision.camera import Camera
 
 OPTIONS = {
     "flights": 2, "time_limit": 4.0, "armed_after": 1.0, "samples": 100, "textons": 8, "seed": 5,
-    "bounds": 3, "survey": 100,
+    "survey": 100,
 }  # fmt: skip
 
 
@@ -69,35 +69,18 @@ def test_landers_are_compared_floor_by_floor(record):
     assert touchdown.gain(record, "fine", "paper")["low"] is None  # over one floor
 
 
-def test_who_asks_for_more_lands_less_often(record):
-    bounds = record.values["bounds"]
-    assert [(each["confidence"], each["least"]) for each in bounds] == list(touchdown.CHANCES)
-    assert all(each["attempts"] == 3 for each in bounds)
-    assert bounds[0]["landings"] >= bounds[-1]["landings"]
-
-
-def test_what_a_flight_passes_does_not_depend_on_who_lands(train):
-    parameters = touchdown.Parameters(**OPTIONS | {"time_limit": 20.0})
-    mission = mission_over(train, parameters, seed=5)
+def test_all_fly_the_same_flight_and_each_lands_a_vehicle_of_its_own(train):
+    mission = mission_over(train, touchdown.Parameters(**OPTIONS | {"time_limit": 20.0}), seed=5)
     landers = {
         "never": Lander(None, partial(TouchdownZone, gust=10.0)),
         "at once": Lander(None, partial(LandingZone, radius=100.0)),
     }
-    passed = []
-    for number in range(4):
-        never, at_once = fly_together(mission, landers, number).values()
-        assert at_once.triggered and not never.triggered and len(at_once.path) < len(never.path)
-        armed = never.path[round(mission.armed_after / PERIOD) :]
-        nearest = np.hypot(*(armed - never.zone).T).min()
-        assert never.passed == at_once.passed == (nearest < mission.radius)
-        passed.append(never.passed)
-    assert len(set(passed)) == 2
-
-
-def test_nobody_lands_inside_more_often_than_flights_pass():
-    kept = notebook.reference("touchdown").values
-    for lander in kept["landers"].values():
-        assert lander["inside_of_flights"]["value"] <= kept["passed"]["value"] < 1
+    never, at_once = fly_together(mission, landers, 0).values()
+    assert at_once.triggered and not never.triggered and len(at_once.path) < len(never.path)
+    armed = round(mission.parameters.armed_after / PERIOD)
+    np.testing.assert_array_equal(at_once.path[:armed], never.path[:armed])
+    np.testing.assert_array_equal(at_once.zone, never.zone)
+    assert never.wait_s == pytest.approx(20, abs=PERIOD)
 
 
 def test_coarse_to_fine_knows_where_it_is_when_it_lands(record):
@@ -107,12 +90,7 @@ def test_coarse_to_fine_knows_where_it_is_when_it_lands(record):
 
 def test_the_page_shows_the_record(record):
     table = touchdown.table(record)
-    assert table["landed"].tolist() == [
-        record.values["landers"][name]["landings"] for name in touchdown.LANDERS
-    ]
+    for name, share in zip(touchdown.LANDERS, table["landed, of flights"], strict=True):
+        assert share == percent(record.values["landers"][name]["landed_rate"])
     assert f"{record.values['landers']['fine']['landings']} of 2" in touchdown.finding(record)
     assert len(touchdown.targets(record).axes) == len(touchdown.LANDERS)
-    assert len(touchdown.bounds(record).axes[0].texts) == sum(
-        each["landings"] > 0 for each in record.values["bounds"]
-    )
-    assert len(touchdown.waiting(record).axes[0].lines) == len(touchdown.LANDERS)

@@ -5,7 +5,6 @@ record.
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -16,7 +15,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.companion.executor import working_on
 from trexton.companion.experiments import triggered_landing
-from trexton.companion.experiments.closed_loop import Attempt
+from trexton.companion.experiments.landings import Attempt
 from trexton.companion.experiments.triggered_landing import summarize_attempts
 from trexton.simulator import Floor, record_flight
 from trexton.vision.camera import Camera, MapImage
@@ -55,25 +54,13 @@ def attempt(truth: float | None, touchdown: float, wait: float = 10.0) -> Attemp
     """A landing at a distance from a zone at (1, 2), to its right; None: never triggered."""
     zone, nowhere = np.array([1.0, 2.0]), np.full(2, np.nan)
     if truth is None:
-        return Attempt(
-            zone, False, wait, nowhere, nowhere, nowhere, nowhere, np.zeros((1, 2)), np.zeros(1)
-        )
+        return Attempt(zone, False, wait, *[nowhere] * 4, np.zeros((1, 2)))
     guess, truth, touchdown = (zone + (distance, 0.0) for distance in (0.0, truth, touchdown))
-    return Attempt(
-        zone,
-        True,
-        wait,
-        guess,
-        truth,
-        np.array([0.3, 0.4]),
-        touchdown,
-        np.zeros((1, 2)),
-        np.zeros(1),
-    )
+    velocity = np.array([0.3, 0.4])
+    return Attempt(zone, True, wait, guess, truth, velocity, touchdown, np.zeros((1, 2)))
 
 
 def test_the_tally_of_landings_made_by_hand():
-    mission = SimpleNamespace(radius=0.6, seed=1, places=np.array([[0.6, 0.6], [4.4, 4.4]]))
     attempts = [
         attempt(0.5, 0.2),
         attempt(0.7, 0.5),
@@ -82,9 +69,9 @@ def test_the_tally_of_landings_made_by_hand():
         attempt(0.9, 0.78),
         attempt(0.3, 0.0),
     ]
-    values = summarize_attempts(attempts, mission)
+    values = summarize_attempts(attempts, triggered_landing.Parameters())
     assert (values["attempts"], values["landings"], values["never_triggered"]) == (6, 5, 1)
-    assert values["inside"] == 3 and values["outliers"] == 2
+    assert values["inside"] == 3
     assert np.allclose(values["outliers_cm"], [14, 18])
     assert np.isclose(values["outlier_mean_cm"]["value"], 16) and np.isclose(
         values["outlier_mean_cm"]["low"], 14
@@ -94,16 +81,12 @@ def test_the_tally_of_landings_made_by_hand():
         and values["inside_rate"]["low"] < 0.6 < values["inside_rate"]["high"]
     )
     assert values["triggered_inside_rate"]["value"] == 0.6
-    assert np.isclose(values["never_rate"]["value"], 1 / 6)
     assert values["first_flights"] == {
         "attempts": 6,
         "landings": 5,
         "inside": 3,
         "outliers_cm": pytest.approx([14, 18]),
     }
-    # At most four of six at a rate of 0.6: all but six and five of six.
-    assert np.isclose(values["paper_or_fewer_chance"], 1 - 0.6**6 - 6 * 0.4 * 0.6**5)
-    assert np.isclose(values["chance_rate"], np.pi * 0.36 / 25)
     assert np.isclose(
         values["lag_cm"]["median"], 50 * 0.6
     )  # of the vehicle's way, 0.6 is to the right
@@ -113,9 +96,8 @@ def test_the_tally_of_landings_made_by_hand():
 
 
 def test_nothing_but_missed_landings_is_a_result_too():
-    mission = SimpleNamespace(radius=0.6, seed=1, places=np.array([[0.6, 0.6], [4.4, 4.4]]))
-    values = summarize_attempts([attempt(None, 0)] * 3, mission)
-    assert values["landings"] == 0 and values["never_rate"]["value"] == 1
+    values = summarize_attempts([attempt(None, 0)] * 3, triggered_landing.Parameters())
+    assert values["landings"] == 0 and values["never_triggered"] == 3
     assert (
         values["inside_rate"] is None
         and values["outlier_mean_cm"] is None
@@ -178,7 +160,6 @@ def test_a_zone_that_is_never_reached_ends_at_the_time_limit(train):
         triggered_landing.first_flights(found).axes[0].get_title(loc="left") == "1: never triggered"
     )
     triggered_landing.targets(found)
-    triggered_landing.waiting(found)
     assert len(triggered_landing.table(found)) == 4
 
 
@@ -219,8 +200,6 @@ def test_the_figures_show_the_record(record):
         if fired
     ]
     assert sorted(map(tuple, np.round(points, 9))) == sorted(map(tuple, np.round(expected, 9)))
-    steps = triggered_landing.waiting(record).axes[0].lines[0].get_ydata()
-    assert steps[-1] == pytest.approx(100 * record.values["landings"] / 3)
 
 
 def test_the_table_stands_beside_the_paper(record):
@@ -228,7 +207,7 @@ def test_the_table_stands_beside_the_paper(record):
     assert table.iloc[0]["Landings"] == 6 and table.iloc[0]["Inside"] == 4
     assert table.iloc[2]["Landings"] == record.values["landings"]
     causes = triggered_landing.causes(record)
-    assert causes.iloc[1]["Error at the trigger"].startswith("0 ")
-    assert causes.iloc[1]["Drift to touchdown"].startswith(
+    assert causes.iloc[1]["Error at the trigger (cm)"].startswith("0 ")
+    assert causes.iloc[1]["Drift to touchdown (cm)"].startswith(
         f"{record.values['perfect']['drift_cm']['median']:.0f} "
     )

@@ -14,9 +14,7 @@ import numpy as np
 from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
-from matplotlib.collections import PathCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Circle
 from matplotlib.text import Annotation
 from matplotlib.ticker import LogLocator, NullLocator
 
@@ -119,27 +117,6 @@ def plan_canvas(
         floor_axes(axes[0, 0], record.series["area_m"])
         show_floor(axes[0, 0], record.series.get(floor), record.images.get(floor), fade)
         yield figure, axes[0, 0]
-
-
-def zone_ring(axes: Axes, center: Any, radius: float, **style: Any) -> None:
-    """The edge of a landing zone."""
-    axes.add_patch(Circle(center, radius, fill=False, color=COLORS["zone"], lw=2, **style))
-
-
-def zone_disc(axes: Axes, radius: float) -> None:
-    """A landing zone about the origin."""
-    axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
-
-
-def landed(
-    axes: Axes, places: np.ndarray, color: str, label: str, inside: bool = True
-) -> PathCollection:
-    """Landings of one outcome: full dots inside their zone, open triangles outside."""
-    return axes.scatter(
-        places[:, 0], places[:, 1], s=26, marker="o" if inside else "^", label=label, zorder=5,
-        facecolors=color if inside else "white", edgecolors="white" if inside else color,
-        linewidths=0.6 if inside else 1.1,
-    )  # fmt: skip
 
 
 def band(

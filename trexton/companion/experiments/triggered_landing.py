@@ -1,8 +1,11 @@
-"""Triggered landing in closed loop (paper, Analysis, "Triggered Landing")."""
+"""Triggered landing in closed loop (paper, Analysis, "Triggered Landing").
+
+The vehicle flies at random until the paper's filter believes it in the zone, and then comes down;
+the same flights with the true position show what landing itself costs.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -10,37 +13,28 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.closed_loop import (
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
+from trexton.companion.experiments.evaluation import floor_picture, map_of
+from trexton.companion.experiments.landings import (
     Attempt,
     Lander,
     LandingParameters,
-    Mission,
+    distances,
     fly_all,
-)
-from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import floor_picture, map_of
-from trexton.companion.experiments.floors import lent_floor
-from trexton.companion.experiments.printed import published
-from trexton.companion.experiments.style import (
-    COLORS,
-    canvas,
-    floor_axes,
     landed,
-    legend_below,
-    share_over_time,
-    show_floor,
-    zone_disc,
+    mission_over,
+    on_target,
+    target_limits,
     zone_ring,
 )
+from trexton.companion.experiments.printed import published
+from trexton.companion.experiments.style import COLORS, canvas, floor_axes, legend_below, show_floor
 from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import bootstrap_interval, success_rate
-from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
 
@@ -75,106 +69,47 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         The flight has no floor or camera, or the area is too small for the zone.
     """
     mission = mission_over(train, parameters, seed=parameters.seed)
-    texton_map = map_of(train, parameters)
     zone = partial(
         LandingZone,
         radius=parameters.radius,
         spread=parameters.spread,
         consecutive=parameters.consecutive,
     )
-    options = {
-        "samples": parameters.samples,
-        "particles": parameters.particles,
-        "neighbors": parameters.neighbors,
-    }
-    landers = {"paper": Lander(texton_map, zone, options), "perfect": Lander(None, zone)}
-    flown = fly_all(mission, landers, parameters.landings)
-    attempts, perfect = flown["paper"], flown["perfect"]
+    options = {name: getattr(parameters, name) for name in ("samples", "particles", "neighbors")}
+    paper = Lander(map_of(train, parameters), zone, options)
+    flown = fly_all(mission, {"paper": paper, "perfect": Lander(None, zone)}, parameters.landings)
     floor, pictures = floor_picture(train)
-    frame_s = np.concatenate([attempt.frame_s for attempt in attempts])
     return parameters.record(
         train,
-        values=summarize_attempts(attempts, mission)
-        | {"perfect": summarize_attempts(perfect, mission)},
-        series=_series(attempts, mission) | {"area_m": train.area} | floor,
+        values=summarize_attempts(flown["paper"], parameters)
+        | {"perfect": summarize_attempts(flown["perfect"], parameters)},
+        series=_series(flown["paper"], parameters) | {"area_m": train.area} | floor,
         images=pictures,
-        timings={"frame_s": of_frames(frame_s)},
     )
 
 
-def mission_over(
-    train: Flight, parameters: LandingParameters, *, seed: int, attitude_deg: float = 0.3
-) -> Mission:
-    """A mission over the floor that a flight carries, seen by its camera.
-
-    Raises
-    ------
-    ParameterError
-        The flight has no floor or camera, or the area is too small for the zone.
-    """
-    floor, camera, height = lent_floor(train)
-    return Mission(
-        floor=floor,
-        camera=camera,
-        height=height,
-        area=train.area,
-        places=_zone_places(train, parameters.radius),
-        radius=parameters.radius,
-        speed=parameters.speed,
-        armed_after=parameters.armed_after,
-        time_limit=parameters.time_limit,
-        seed=seed,
-        attitude_deg=attitude_deg,
-    )
-
-
-def _zone_places(train: Flight, radius: float) -> np.ndarray:
-    low, high = (
-        np.nanmin(train.position, axis=0) + radius,
-        np.nanmax(train.position, axis=0) - radius,
-    )
-    if (low >= high).any():
-        raise ParameterError(
-            f"a zone of radius {radius} m does not fit into the area that flight {train.name!r} "
-            "covers: choose a smaller one"
-        )
-    return np.array([low, high])
-
-
-def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict[str, Any]:
-    """Rates with 95 % intervals, distances beyond the circle, waiting times, the yardstick of
-    chance.
-    """
+def summarize_attempts(attempts: list[Attempt], parameters: LandingParameters) -> dict[str, Any]:
+    """Rates with 95 % intervals, distances beyond the circle, waiting times, what a miss is of."""
     done = [attempt for attempt in attempts if attempt.triggered]
-    beyond = np.array([_beyond(attempt, attempt.touchdown, mission.radius) for attempt in done])
+    beyond = 100 * (distances(attempts, "touchdown") - parameters.radius)
     outliers = np.sort(beyond[beyond > 0])
-    triggered_inside = sum(_beyond(attempt, attempt.truth, mission.radius) <= 0 for attempt in done)
-    inside_rate = success_rate(len(done) - len(outliers), len(done))
-    first = [
-        _beyond(attempt, attempt.touchdown, mission.radius)
-        for attempt in attempts[:PAPER_LANDINGS]
-        if attempt.triggered
-    ]
-    surveyed = np.prod(mission.places[1] - mission.places[0] + 2 * mission.radius)
+    first, early = attempts[:PAPER_LANDINGS], beyond[:PAPER_LANDINGS]
+    triggered_inside = int((distances(attempts, "truth") <= parameters.radius).sum())
     return {
         "attempts": len(attempts),
         "landings": len(done),
         "never_triggered": len(attempts) - len(done),
-        "never_rate": success_rate(len(attempts) - len(done), len(attempts)),
         "inside": len(done) - len(outliers),
-        "inside_rate": inside_rate,
+        "inside_rate": success_rate(len(done) - len(outliers), len(done)),
         "triggered_inside_rate": success_rate(triggered_inside, len(done)),
-        "outliers": len(outliers),
         "outliers_cm": outliers,
-        "outlier_mean_cm": _mean(outliers, stream(mission.seed, "intervals")),
+        "outlier_mean_cm": _mean(outliers, stream(parameters.seed, "intervals")),
         "first_flights": {
-            "attempts": len(attempts[:PAPER_LANDINGS]),
-            "landings": len(first),
-            "inside": sum(value <= 0 for value in first),
-            "outliers_cm": [value for value in first if value > 0],
+            "attempts": len(first),
+            "landings": sum(attempt.triggered for attempt in first),
+            "inside": int((early <= 0).sum()),
+            "outliers_cm": early[early > 0],
         },
-        "paper_or_fewer_chance": _chance(inside_rate),
-        "chance_rate": np.pi * mission.radius**2 / surveyed,
         "wait_s": _quantiles([attempt.wait_s for attempt in attempts]),
         "trigger_error_cm": _quantiles(
             [100 * np.hypot(*(attempt.estimate - attempt.truth)) for attempt in done]
@@ -186,11 +121,6 @@ def summarize_attempts(attempts: list[Attempt], mission: Mission) -> dict[str, A
     }
 
 
-def _beyond(attempt: Attempt, place: np.ndarray, radius: float) -> float:
-    """Distance in cm from the circle to a place outside it; negative inside."""
-    return float(100 * (np.hypot(*(place - attempt.zone)) - radius))
-
-
 def _lag(attempt: Attempt) -> float:
     """How far in cm the estimate trails the vehicle at the trigger, along the way it flies."""
     return float(
@@ -198,35 +128,22 @@ def _lag(attempt: Attempt) -> float:
     )
 
 
-def _mean(values: np.ndarray, rng: np.random.Generator, draws: int = 2000) -> dict[str, Any] | None:
+def _mean(values: np.ndarray, rng: np.random.Generator) -> dict[str, Any] | None:
     """Mean and its 95 % bootstrap interval."""
     if not len(values):
         return None
-    means = values[rng.integers(len(values), size=(draws, len(values)))].mean(axis=1)
+    means = values[rng.integers(len(values), size=(2000, len(values)))].mean(axis=1)
     low, high = bootstrap_interval(means, len(values), block=1)
     return {"value": values.mean(), "low": low, "high": high}
 
 
 def _quantiles(values: list[float]) -> dict[str, Any] | None:
-    return (
-        dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)), strict=False))
-        if values
-        else None
-    )
-
-
-def _chance(rate: dict[str, Any] | None) -> float | None:
-    """Chance of at most the paper's number inside, in as many landings as the paper's, at our
-    rate.
-    """
-    if rate is None:
+    if not values:
         return None
-    from scipy.stats import binom
-
-    return float(binom.cdf(PAPER_INSIDE, PAPER_LANDINGS, rate["value"]))
+    return dict(zip(("p10", "median", "p90"), np.percentile(values, (10, 50, 90)), strict=True))
 
 
-def _series(attempts: list[Attempt], mission: Mission) -> dict[str, Any]:
+def _series(attempts: list[Attempt], parameters: LandingParameters) -> dict[str, Any]:
     """What the figures draw; paths in millimetres' resolution, of the first attempts only."""
     columns = {
         f"{name}_m": np.array([getattr(a, name) for a in attempts])
@@ -235,58 +152,43 @@ def _series(attempts: list[Attempt], mission: Mission) -> dict[str, Any]:
     return columns | {
         "triggered": [attempt.triggered for attempt in attempts],
         "wait_s": [attempt.wait_s for attempt in attempts],
-        "beyond_cm": [_beyond(attempt, attempt.touchdown, mission.radius) for attempt in attempts],
+        "beyond_cm": 100 * (distances(attempts, "touchdown") - parameters.radius),
         "paths_m": [np.round(attempt.path, 3) for attempt in attempts[:PAPER_LANDINGS]],
-        "radius_m": mission.radius,
+        "radius_m": parameters.radius,
     }
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in a sentence or two."""
     values = record.values
     if not values["landings"]:
         return f"None of {values['attempts']} flights triggered a landing."
-    rate = values["inside_rate"]
     text = (
         f"{values['inside']} of {values['landings']} landings ended inside the zone "
-        f"({percent(rate)}; the paper had {PAPER_INSIDE} of {PAPER_LANDINGS}), "
-        f"and {values['never_triggered']} of "
-        f"{values['attempts']} flights never triggered"
+        f"({percent(values['inside_rate'])}; the paper had {PAPER_INSIDE} of {PAPER_LANDINGS}), "
+        f"and {values['never_triggered']} of {values['attempts']} flights never triggered."
     )
     perfect = values["perfect"]
     if perfect["landings"]:
         text += (
-            f", where the true position would have landed {perfect['inside']} of "
-            f"{perfect['landings']}: the estimate was "
-            f"{number(values['trigger_error_cm']['median'])} "
-            "cm off, in the median, when it gave the word"
+            f" The true position would have landed {perfect['inside']} of {perfect['landings']}; "
+            f"the estimate was {number(values['trigger_error_cm']['median'])} cm off in the "
+            "median when it triggered."
         )
-    return text + "."
-
-
-_COUNTS = ("", "Landings", "Inside", "Rate", "Triggered inside", "Never triggered")
-_DISTANCES = ("Beyond the circle (cm), mean", "furthest")
-_EDGE: dict[str, Any] = {"edgecolors": "white", "linewidths": 0.7, "zorder": 5}
-
-
-def _array(values: list[Any]) -> np.ndarray:
-    """Numbers of a record; what was not a number is NaN again."""
-    return np.array(
-        [[np.nan if value is None else value for value in np.atleast_1d(row)] for row in values],
-        dtype=float,
-    )
+    return text
 
 
 def first_flights(record: Record) -> Figure:
     """The first flights from above, as many as the paper's: path, zone, trigger and touchdown."""
     series = record.series
-    zones, truth, estimate, touchdown = (
-        _array(series[f"{name}_m"]) for name in ("zone", "truth", "estimate", "touchdown")
+    truth, estimate, touchdown = (
+        np.array(series[f"{name}_m"], dtype=float) for name in ("truth", "estimate", "touchdown")
     )
     count = len(series["paths_m"])
     columns = min(3, count)
     rows = -(-count // columns)
     size = (2.6 * columns, 2.75 * rows + 0.3)
+    entries: dict[str, Artist] = {}  # one legend for all panels, each entry once
     with canvas(rows, columns, size=size, sharex=True, sharey=True) as (figure, grid):
         for axes in grid.flat[count:]:
             axes.axis("off")
@@ -296,140 +198,100 @@ def first_flights(record: Record) -> Figure:
             axes.plot(
                 *np.array(series["paths_m"][number]).T, color=COLORS["truth"], lw=1.1, label="flown"
             )
-            zone_ring(axes, zones[number], series["radius_m"], label="zone")
-            axes.set_title(_outcome(series, number), fontsize=9)
+            zone_ring(axes, series["zone_m"][number], series["radius_m"], label="zone")
+            beyond = series["beyond_cm"][number]
+            outcome = "never triggered"
             axes.label_outer()
             if series["triggered"][number]:
+                outcome = "inside" if beyond <= 0 else f"{beyond:.0f} cm outside"
                 lag = np.transpose((truth[number], estimate[number]))
                 axes.plot(*lag, color=COLORS["truth"], lw=0.8, ls=":")
-                inside = series["beyond_cm"][number] <= 0
                 for place, marker, area, color, label in (
                     (estimate, "X", 46, COLORS["paper"], "estimate at the trigger"),
                     (truth, "s", 26, COLORS["truth"], "truth at the trigger"),
                 ):
                     axes.scatter(
-                        *place[number], marker=marker, s=area, color=color, label=label, **_EDGE
-                    )
-                label = "touchdown inside" if inside else "touchdown outside"
-                landed(axes, touchdown[number, None], COLORS["truth"], label, inside=inside)
-        _legend(figure, grid.flat[:count])
+                        *place[number], marker=marker, s=area, color=color, label=label,
+                        edgecolors="white", linewidths=0.7, zorder=5,
+                    )  # fmt: skip
+                label = f"touchdown {'inside' if beyond <= 0 else 'outside'}"
+                landed(axes, touchdown[number, None], COLORS["truth"], label, inside=beyond <= 0)
+            axes.set_title(f"{number + 1}: {outcome}", fontsize=9)
+            handles, labels = axes.get_legend_handles_labels()
+            entries |= dict(zip(labels, handles, strict=True))
+        figure.legend(
+            list(entries.values()), list(entries), loc="outside lower center", ncols=3,
+            columnspacing=1.2, handletextpad=0.4,
+        )  # fmt: skip
     return figure
-
-
-def _outcome(series: dict[str, Any], number: int) -> str:
-    if not series["triggered"][number]:
-        return f"{number + 1}: never triggered"
-    beyond = series["beyond_cm"][number]
-    return f"{number + 1}: inside" if beyond <= 0 else f"{number + 1}: {beyond:.0f} cm outside"
-
-
-def _legend(figure: Figure, grid: Iterable[Axes]) -> None:
-    """One legend below all panels, each entry once."""
-    entries: dict[str, Artist] = {}
-    for axes in grid:
-        handles, labels = axes.get_legend_handles_labels()
-        entries |= dict(zip(labels, handles, strict=True))
-    figure.legend(
-        list(entries.values()), list(entries), loc="outside lower center", ncols=3,
-        columnspacing=1.2, handletextpad=0.4,
-    )  # fmt: skip
 
 
 def targets(record: Record) -> Figure:
     """All landings as on a target: where the vehicle was at the trigger, and at touchdown."""
     series = record.series
-    zones, radius = _array(series["zone_m"]), series["radius_m"]
-    beyond = _array(series["beyond_cm"])[:, 0]
     titles = {"truth": "Where the trigger fired", "touchdown": "Where it touched down"}
-    reach = radius
+    places = [
+        np.array(series[f"{name}_m"], dtype=float) - np.array(series["zone_m"]) for name in titles
+    ]
+    limits = target_limits(places, series["radius_m"])
     with canvas(1, 2, size=(7.2, 3.9), sharex=True, sharey=True) as (figure, grid):
-        for axes, (name, title) in zip(grid[0], titles.items(), strict=True):
-            place = _array(series[f"{name}_m"]) - zones
-            distance = np.hypot(*place.T)
-            reach = max(reach, np.nanmax(np.abs(place), initial=0))
-            zone_disc(axes, radius)
-            zone_ring(axes, (0, 0), radius)
-            for inside in (True, False):
-                rows = ((distance <= radius) == inside) & np.isfinite(beyond)
-                where = "inside" if inside else "outside"
-                share = f"{where}: {rows.sum()} of {np.isfinite(beyond).sum()}"
-                landed(axes, place[rows], COLORS["paper"], share, inside=inside)
+        for axes, place, title in zip(grid[0], places, titles.values(), strict=True):
+            on_target(axes, place, series["radius_m"], COLORS["paper"])
             axes.set(title=title, xlabel="x from the zone's centre (m)", aspect="equal")
             legend_below(axes, 0.2, columns=2)
-        limits = (-1.08 * reach, 1.08 * reach)
         grid[0, 0].set(ylabel="y from the zone's centre (m)", xlim=limits, ylim=limits)
-    return figure
-
-
-def waiting(record: Record) -> Figure:
-    """Share of the flights whose trigger has fired, over time."""
-    series = record.series
-    wait = np.array(series["wait_s"])[np.array(series["triggered"], dtype=bool)]
-    with canvas(size=(7.2, 2.5)) as (figure, axes):
-        plot, limit = axes[0, 0], record.parameters["time_limit"]
-        share_over_time(plot, wait, len(series["wait_s"]), limit, color=COLORS["paper"])
-        armed = record.parameters["armed_after"]
-        plot.axvline(armed, color=COLORS["truth"], linestyle=":", linewidth=1.2)
-        plot.set(xlabel="time of flight (s)", ylabel="triggered (% of flights)")
     return figure
 
 
 def table(record: Record) -> pd.DataFrame:
     """The paper's landings, ours, and those with the true position in the localizer's place."""
-    paper, values = published()["triggered_landing"], record.values
-    first, ideal = values["first_flights"], values["perfect"]
-    missed = first["attempts"] - first["landings"]
+    values, first = record.values, record.values["first_flights"]
+    flown = {
+        "Paper": published()["triggered_landing"],
+        f"Our first {first['attempts']} flights": first,
+        f"All {values['attempts']} flights": values,
+        "With the true position": values["perfect"],
+    }
     rows = [
-        _row("Paper", paper, Rate=f"{paper['inside_rate']:.0%}"),
-        _row(f"Our first {first['attempts']} flights", first, **{"Never triggered": missed}),
-        _row(f"All {values['attempts']} flights", values, **_rates(values)),
-        _row("With the true position", ideal, **_rates(ideal)),
+        {
+            "": name,
+            "Landings": counts["landings"],
+            "Inside": counts["inside"],
+            "Rate": percent(counts["inside_rate"]) if "inside_rate" in counts else "",
+            "Triggered inside": percent(counts.get("triggered_inside_rate")),
+            "Outside: mean, furthest (cm)": _outside(counts["outliers_cm"]),
+        }
+        for name, counts in flown.items()
     ]
-    return pd.DataFrame(rows, columns=_COUNTS + _DISTANCES, dtype=object).fillna("")
+    return pd.DataFrame(rows)
+
+
+def _outside(beyond: list[float]) -> str:
+    return f"{np.mean(beyond):.0f}, {max(beyond):.0f}" if len(beyond) else ""
 
 
 def causes(record: Record) -> pd.DataFrame:
-    """What a miss is made of: the estimate's error, its lag, the drift while landing."""
+    """What a miss is made of: the estimate's error, its lag, the drift while landing; and waits."""
     columns = {
-        "Error at the trigger": "trigger_error_cm",
-        "Lag of the estimate": "lag_cm",
-        "Drift to touchdown": "drift_cm",
+        "Error at the trigger (cm)": "trigger_error_cm",
+        "Lag of the estimate (cm)": "lag_cm",
+        "Drift to touchdown (cm)": "drift_cm",
+        "Wait for the trigger (s)": "wait_s",
     }
-    rows = [
-        {"cm": name} | {column: _range(summary[key]) for column, key in columns.items()}
-        for name, summary in (
-            ("Localizer", record.values),
-            ("True position", record.values["perfect"]),
-        )
-    ]
-    return pd.DataFrame(rows)
+    flown = {"Localizer": record.values, "True position": record.values["perfect"]}
+    return pd.DataFrame(
+        [
+            {"": name} | {column: _range(summary[key]) for column, key in columns.items()}
+            for name, summary in flown.items()
+        ]
+    )
 
 
 def _range(quantiles: dict[str, Any] | None) -> str:
     if quantiles is None:
         return ""
-    return (
-        f"{quantiles['median']:.0f} <small>[{quantiles['p10']:.0f}, {quantiles['p90']:.0f}]</small>"
-    )
-
-
-def _row(name: str, counts: dict[str, Any], **more: Any) -> dict[str, Any]:
-    distances = counts["outliers_cm"]
-    summary = (f"{np.mean(distances):.0f}", f"{max(distances):.0f}") if distances else ("", "")
-    row = dict(zip(_COUNTS[:3], (name, counts["landings"], counts["inside"]), strict=True))
-    return row | dict(zip(_DISTANCES, summary, strict=True)) | more
-
-
-def _rates(summary: dict[str, Any]) -> dict[str, Any]:
-    rates = {"Rate": "inside_rate", "Triggered inside": "triggered_inside_rate"}
-    cells = {column: _percent(summary[key]) for column, key in rates.items()}
-    return cells | {"Never triggered": summary["never_triggered"]}
-
-
-def _percent(rate: dict[str, Any] | None) -> str:
-    if rate is None:
-        return ""
-    return f"{rate['value']:.0%} <small>[{rate['low']:.0%}, {rate['high']:.0%}]</small>"
+    median, low, high = (f"{quantiles[key]:.0f}" for key in ("median", "p10", "p90"))
+    return f"{median} <small>[{low}, {high}]</small>"
 
 
 EXPERIMENT = Experiment("Triggered landing", Parameters, run, finding, needs=SURVEYED, cost_s=90)

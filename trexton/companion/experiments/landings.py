@@ -1,25 +1,31 @@
-"""The closed loop of the triggered landings: localizers see what the virtual camera sees, and
-decide.
+"""Landings in closed loop: localizers see what the virtual camera sees, and decide when to land.
 
-All that are compared fly the same flight, frame by frame; each lands a vehicle of its own.
+All that are compared fly the same flight, frame by frame; each lands a vehicle of its own. Offers
+the mission over a flight's floor, `fly_all`, and landings drawn about the centre of their zone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import partial
-from time import perf_counter
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import PathCollection
+from matplotlib.patches import Circle
 
 from trexton.base.errors import ParameterError
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import SeedParameters, option
+from trexton.companion.experiments.floors import lent_floor
+from trexton.companion.experiments.style import COLORS
+from trexton.evaluation.metrics import euclidean
 from trexton.flights.aiding import Aiding
+from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
 from trexton.localization.localizer import Estimate, Localizer, TextonMap
 from trexton.simulator import (
@@ -74,14 +80,32 @@ class Mission:
     floor: Floor
     camera: Camera
     height: float
-    speed: float
     area: tuple[float, float, float, float]
     places: np.ndarray
-    radius: float
-    armed_after: float
-    time_limit: float
+    parameters: LandingParameters
     seed: int
     attitude_deg: float = 0.3
+
+
+def mission_over(
+    train: Flight, parameters: LandingParameters, *, seed: int, attitude_deg: float = 0.3
+) -> Mission:
+    """A mission over the floor that a flight carries, seen by its camera.
+
+    Raises
+    ------
+    ParameterError
+        The flight has no floor or camera, or the area is too small for the zone.
+    """
+    low = np.nanmin(train.position, axis=0) + parameters.radius
+    high = np.nanmax(train.position, axis=0) - parameters.radius
+    lent = lent_floor(train)
+    if (low >= high).any():
+        raise ParameterError(
+            f"a zone of radius {parameters.radius} m does not fit into the area that flight "
+            f"{train.name!r} covers: choose a smaller one"
+        )
+    return Mission(*lent, train.area, np.array([low, high]), parameters, seed, attitude_deg)
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,16 +137,12 @@ class Attempt:
 
     Attributes
     ----------
+    wait_s : float
+        From the start to the trigger, or to the time limit.
     velocity : (2,) array
         True velocity at the trigger, metres a second.
     path : (N, 2) array
         True positions at the frames, until touchdown.
-    wait_s : float
-        From the start to the trigger, or to the time limit.
-    frame_s : (M,) array
-        Wall-clock time of rendering and localizing each frame.
-    passed : bool
-        Whether the flight came over the zone while a trigger counts, had nobody landed.
     """
 
     zone: np.ndarray
@@ -133,8 +153,14 @@ class Attempt:
     velocity: np.ndarray
     touchdown: np.ndarray
     path: np.ndarray
-    frame_s: np.ndarray
-    passed: bool = False
+
+
+def distances(attempts: list[Attempt], place: str) -> np.ndarray:
+    """``(N,)`` metres of ``truth`` or ``touchdown`` from the zone's centre; NaN where nothing was
+    triggered.
+    """
+    places = np.array([getattr(attempt, place) for attempt in attempts]).reshape(-1, 2)
+    return euclidean(places, np.array([attempt.zone for attempt in attempts]).reshape(-1, 2))
 
 
 def fly_together(
@@ -155,48 +181,40 @@ def fly_together(
         light=Light.later(),
         start=plan.start,
         height=mission.height,
-        speed=mission.speed,
+        speed=mission.parameters.speed,
         rng=simulator_rng,
     )
-    autopilot = _Autopilot(mission, stream(mission.seed, "autopilot", number))
+    autopilot_rng = stream(mission.seed, "autopilot", number)
     # Each draws the same patches: what differs between them is not chance.
     flying = {
         name: _Flying(lander, center, deepcopy(localizer_rng)) for name, lander in landers.items()
     }
     attempts: dict[str, Attempt] = {}
-    state, path, passed = simulator.state, [], False
-    while state.time < mission.time_limit:
+    state, path = simulator.state, []
+    while flying and state.time < mission.parameters.time_limit:
         state = simulator.step(plan.goal(state.position))
         path.append(state.position[:2])
-        armed = state.time > mission.armed_after
-        passed |= armed and bool(np.hypot(*(path[-1] - center)) < mission.radius)
-        if not flying:
-            continue
-        start = perf_counter()
         imaging = any(each.localizer for each in flying.values())
         frame = simulator.render() if imaging else None
-        measured = autopilot.measure(state)
-        rendered_s = perf_counter() - start
+        measured = _measured(state, mission, autopilot_rng)
         for name, each in list(flying.items()):
-            if each.decides(frame, measured, state, rendered_s) and armed:
+            lands = each.decides(frame, measured, state)
+            if lands and state.time > mission.parameters.armed_after:
                 attempts[name] = each.land(simulator, path)
                 del flying[name]
-    attempts |= {name: each.give_up(state, path) for name, each in flying.items()}
-    return {name: replace(attempts[name], passed=passed) for name in landers}
+    nowhere = (NOWHERE,) * 4
+    attempts |= {
+        name: Attempt(center, False, state.time, *nowhere, np.array(path)) for name in flying
+    }
+    return {name: attempts[name] for name in landers}
 
 
-class _Autopilot:
-    """What is measured beside a frame."""
-
-    def __init__(self, mission: Mission, rng: np.random.Generator):
-        self._rng, self._sigma = rng, np.radians(mission.attitude_deg)
-
-    def measure(self, state: VehicleState) -> Aiding:
-        """Attitude and height."""
-        attitude = state.attitude + self._sigma * self._rng.standard_normal(3)
-        height = float(state.position[2] + HEIGHT_NOISE * self._rng.standard_normal())
-        roll, pitch, yaw = (float(angle) for angle in attitude)
-        return Aiding(roll=roll, pitch=pitch, yaw=yaw, height=height)
+def _measured(state: VehicleState, mission: Mission, rng: np.random.Generator) -> Aiding:
+    """Attitude and height as an autopilot measures them beside a frame."""
+    noise = np.radians(mission.attitude_deg) * rng.standard_normal(3)
+    height = float(state.position[2] + HEIGHT_NOISE * rng.standard_normal())
+    roll, pitch, yaw = (float(angle) for angle in state.attitude + noise)
+    return Aiding(roll=roll, pitch=pitch, yaw=yaw, height=height)
 
 
 class _Flying:
@@ -209,23 +227,14 @@ class _Flying:
             if lander.texton_map is None
             else Localizer(lander.texton_map, rng=rng, **lander.options)
         )
-        self._frame_s: list[float] = []
 
-    def decides(
-        self,
-        frame: np.ndarray | None,
-        measured: Aiding,
-        state: VehicleState,
-        rendered_s: float,
-    ) -> bool:
+    def decides(self, frame: np.ndarray | None, measured: Aiding, state: VehicleState) -> bool:
         """Whether it would land after this frame."""
-        start = perf_counter()
         self._estimate = (
             self.localizer.step(frame, aiding=measured.only(self.aiding), time=state.time)
             if self.localizer
             else _certain(state)
         )
-        self._frame_s.append(rendered_s + perf_counter() - start)
         return self.zone.update(self._estimate, state.time)
 
     def land(self, simulator: Simulator, path: list[np.ndarray]) -> Attempt:
@@ -238,14 +247,8 @@ class _Flying:
             flown.append(landed.position[:2])
         return Attempt(
             self.zone.center, True, state.time, self._estimate.position, state.position[:2],
-            state.velocity[:2], landed.position[:2], np.array(flown), np.array(self._frame_s),
+            state.velocity[:2], landed.position[:2], np.array(flown),
         )  # fmt: skip
-
-    def give_up(self, state: VehicleState, path: list[np.ndarray]) -> Attempt:
-        """The attempt of one that never triggered."""
-        nowhere = (NOWHERE,) * 4
-        flown = np.array(path), np.array(self._frame_s)
-        return Attempt(self.zone.center, False, state.time, *nowhere, *flown)
 
 
 def _certain(state: VehicleState) -> Estimate:
@@ -260,3 +263,36 @@ def fly_all(
     """The attempts of each lander in order, flown wherever there is room for them."""
     flown = spread(partial(fly_together, mission, landers), range(flights), "landings")
     return {name: [attempts[name] for attempts in flown] for name in landers}
+
+
+def zone_ring(axes: Axes, center: Any, radius: float, **style: Any) -> None:
+    """The edge of a landing zone."""
+    axes.add_patch(Circle(center, radius, fill=False, color=COLORS["zone"], lw=2, **style))
+
+
+def landed(
+    axes: Axes, places: np.ndarray, color: str, label: str, inside: bool = True
+) -> PathCollection:
+    """Landings of one outcome: full dots inside their zone, open triangles outside."""
+    return axes.scatter(
+        places[:, 0], places[:, 1], s=26, marker="o" if inside else "^", label=label, zorder=5,
+        facecolors=color if inside else "white", edgecolors="white" if inside else color,
+        linewidths=0.6 if inside else 1.1,
+    )  # fmt: skip
+
+
+def on_target(axes: Axes, places: np.ndarray, radius: float, color: str) -> None:
+    """``(N, 2)`` landings about the centre of their zones, NaN where nobody landed."""
+    axes.add_patch(Circle((0, 0), radius, color=COLORS["zone"], alpha=0.22, lw=0))
+    zone_ring(axes, (0, 0), radius)
+    triggered = np.isfinite(places[:, 0])
+    inside = np.hypot(*places.T) <= radius
+    for within, rows in ((True, inside), (False, triggered & ~inside)):
+        words = f"{'inside' if within else 'outside'}: {rows.sum()} of {triggered.sum()}"
+        landed(axes, places[rows], color, words, inside=within)
+
+
+def target_limits(places: list[np.ndarray], radius: float) -> tuple[float, float]:
+    """Limits of x and y that show all `places`, and the zone."""
+    reach = 1.08 * max(radius, *(np.nanmax(np.abs(each), initial=0) for each in places))
+    return -reach, reach
