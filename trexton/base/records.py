@@ -28,6 +28,7 @@ from trexton.base.files import atomic_file, canonical_json
 __all__ = ["Record", "machine", "plain", "software_versions", "upgraded"]
 
 SCHEMA = 2
+SECTIONS = ("parameters", "values", "series", "timings", "provenance")
 _PACKAGES = ("trexton", "numpy", "scipy", "numba", "opencv-python-headless", "matplotlib", "pandas")
 
 
@@ -135,7 +136,7 @@ class Record:
     schema: int = SCHEMA
 
     def __post_init__(self) -> None:
-        for name in ("parameters", "values", "series", "timings", "provenance"):
+        for name in SECTIONS:
             object.__setattr__(self, name, plain(getattr(self, name)))
 
     def save(self, folder: str | Path) -> Path:
@@ -176,6 +177,8 @@ class Record:
                     "update trexton"
                 )
             content = upgraded(content)
+            if not all(isinstance(content.get(key, {}), dict) for key in SECTIONS):
+                raise ValueError("a section is none")
             pictures = content.pop("images")
             record = cls(**content)
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:

@@ -13,6 +13,7 @@ import math
 import os
 import subprocess
 import sys
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,15 +22,12 @@ from trexton.base.cache import kept_results
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.progress import progress
-from trexton.base.records import software_versions, upgraded
+from trexton.base.records import Record, software_versions, upgraded
 from trexton.companion.executor import THREAD_VARIABLES
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.splits import load_pair
 
-__all__ = [
-    "QUICK", "VARIANTS", "ProcessVariant", "Verdict", "differences", "moved", "precision",
-    "rebuild", "references", "update", "verify",
-]  # fmt: skip
+__all__ = ["QUICK", "VARIANTS", "Verdict", "rebuild", "references", "update", "verify"]
 
 RELATIVE, NEAR_ZERO = 1e-9, 1e-12  # of numbers that are not whole
 SINGLE = {"kidnapping": 1e-6}  # instead, where a method multiplies in single precision
@@ -37,49 +35,23 @@ RESULTS = ("values", "series", "images")
 _PROGRAM = "from trexton.companion.checks.verify import rebuild; rebuild(*sys.argv[1:])"
 
 Content = dict[str, Any]
+Variants = Mapping[str, dict[str, str]]
 
-
-@dataclass(frozen=True)
-class ProcessVariant:
-    """What is different in one process.
-
-    Attributes
-    ----------
-    name, hash_seed : str
-    threads : int
-    warm : bool
-        With the cache that the first process left.
-    blas : str
-        Kernels that OpenBLAS shall take; empty: those of this processor.
-    """
-
-    name: str
-    hash_seed: str = "0"
-    threads: int = 1
-    warm: bool = False
-    blas: str = ""
-
-    @property
-    def exact(self) -> bool:
-        """The last bit must be the same: kernels with and without fused products round apart."""
-        return not self.blas
-
-    def environment(self, cache: Path) -> dict[str, str]:
-        """Of the process."""
-        chosen = dict.fromkeys(THREAD_VARIABLES, str(self.threads))
-        chosen |= {"PYTHONHASHSEED": self.hash_seed, "TREXTON_CACHE": str(cache)}
-        return dict(os.environ) | chosen | ({"OPENBLAS_CORETYPE": self.blas} if self.blas else {})
-
-
-VARIANTS = (
-    ProcessVariant("one thread, cold cache"),
-    ProcessVariant("another hash seed, two threads", hash_seed="1", threads=2),
-    ProcessVariant("warm cache", warm=True),
-    ProcessVariant("BLAS kernels of Haswell", blas="Haswell"),
-    ProcessVariant("BLAS kernels of Nehalem", blas="Nehalem"),  # without fused products
-)
+_ONE = dict.fromkeys(THREAD_VARIABLES, "1") | {"PYTHONHASHSEED": "0"}
+_TWO = dict.fromkeys(THREAD_VARIABLES, "2") | {"PYTHONHASHSEED": "1"}
+_WARM = "warm cache"  # that the first process left
+_BLAS = "OPENBLAS_CORETYPE"
+# What is different in one process: its environment. BLAS kernels with and without fused products
+# round apart; the others must agree to the last bit.
+VARIANTS = {
+    "one thread, cold cache": _ONE,
+    "another hash seed, two threads": _TWO,
+    _WARM: _ONE,
+    "BLAS kernels of Haswell": _ONE | {_BLAS: "Haswell"},
+    "BLAS kernels of Nehalem": _ONE | {_BLAS: "Nehalem"},  # without fused products
+}
 # As far from the process that made the references as the bits allow.
-QUICK = (VARIANTS[1],)
+QUICK = {"another hash seed, two threads": _TWO}
 
 
 @dataclass(frozen=True)
@@ -105,11 +77,6 @@ class Verdict:
     versions: list[str]
     rebuilt: Content
 
-    @property
-    def holds(self) -> bool:
-        """All processes agree, with the record too."""
-        return not self.disagreements and not self.changes
-
 
 def references() -> list[Path]:
     """The committed reference values: records that say how their flights are simulated.
@@ -127,7 +94,7 @@ def references() -> list[Path]:
 
 def verify(
     path: Path, work: Path, flight: str | None = None, test_flight: str | None = None,
-    variants: tuple[ProcessVariant, ...] = VARIANTS,
+    variants: Variants = VARIANTS,
 ) -> Verdict:  # fmt: skip
     """Run the experiment of the record at `path` once for each of the `variants`, and compare.
 
@@ -153,17 +120,16 @@ def verify(
             f"{path}: was made of {', '.join(record['provenance'].get('flights', {})) or 'flights'}"
             ": name their folders with --flight and --test-flight"
         )
-    results = []
-    for number, variant in enumerate(progress(variants, "processes", len(variants))):
-        cache = work / f"cache-{0 if variant.warm else number}"
-        results.append(_run(variant, path, cache, work / f"results-{number}", flights))
-    first, *others = results
-    within = precision(record)
+    made = {}
+    for number, (name, chosen) in enumerate(progress(variants.items(), "processes", len(variants))):
+        cache = work / f"cache-{0 if name == _WARM else number}"
+        environment = os.environ | chosen | {"TREXTON_CACHE": str(cache)}
+        made[name] = _run(name, environment, path, work / f"results-{number}", flights)
+    first, within = next(iter(made.values())), SINGLE.get(record["experiment"], RELATIVE)
     disagreements = [
-        f"{variant.name}: {line}"
-        for variant, other in zip(variants[1:], others, strict=True)
-        if canonical_json(other) != canonical_json(first)
-        for line in differences(first, other, within=0 if variant.exact else within)
+        f"{name}: {line}"
+        for name, other in made.items()
+        for line in differences(first, other, within=within if _BLAS in variants[name] else 0)
     ]
     changes = [
         line
@@ -174,25 +140,21 @@ def verify(
     then, now = record["provenance"], first["provenance"]
     # The last bits of what is simulated here are this processor's; values tell more than they do.
     if given:
-        changes += differences(then.get("flights", {}), now["flights"], "data of flight ")
-    versions = moved(then.get("versions", {}), software_versions())
+        changes += differences(then.get("flights", {}), now["flights"], "data of flight")
+    versions = differences(then.get("versions", {}), software_versions())
     return Verdict(path, disagreements, changes, versions, first)
 
 
 def _run(
-    variant: ProcessVariant, path: Path, cache: Path, out: Path, flights: list[str]
+    name: str, environment: Mapping[str, str], path: Path, out: Path, flights: list[str]
 ) -> Content:  # without what the clock says
-    command = [sys.executable, "-c", f"import sys; {_PROGRAM}", str(path), str(out)]
+    command = [sys.executable, "-c", f"import sys; {_PROGRAM}", str(path), str(out), *flights]
     done = subprocess.run(
-        [*command, *flights],
-        env=variant.environment(cache),
-        capture_output=True,
-        text=True,
-        errors="replace",
+        command, env=environment, capture_output=True, text=True, errors="replace"
     )
     if done.returncode:
         last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise TrextonError(f"{path}: its experiment failed with {variant.name}: {last}")
+        raise TrextonError(f"{path}: its experiment failed with {name}: {last}")
     (made,) = out.glob("*.json")
     return {key: value for key, value in _read(made).items() if key != "timings"}
 
@@ -239,60 +201,34 @@ def update(verdict: Verdict) -> None:
         stream.write(canonical_json(new))
 
 
-def precision(record: Content) -> float:
-    """How far numbers of a record may relatively be apart, the kernels of the BLAS being others."""
-    return SINGLE.get(record["experiment"], RELATIVE)
-
-
 def differences(
     expected: object, actual: object, place: str = "", within: float = RELATIVE
 ) -> list[str]:
-    """Lines that name each entry of nested values that is not as expected.
+    """Lines that name each entry of nested values that is not as expected, as ``a.b: 1 -> 2``.
 
     Whole numbers, words and truth values must be equal; other numbers `within` a share of each
     other, or, for 0, to the last bit.
     """
-    if isinstance(expected, dict) and isinstance(actual, dict):
-        keys = sorted(expected.keys() | actual.keys())
-        pairs = [(key, expected.get(key, _ABSENT), actual.get(key, _ABSENT)) for key in keys]
-    elif isinstance(expected, list) and isinstance(actual, list) and len(expected) == len(actual):
-        pairs = [(str(row), *both) for row, both in enumerate(zip(expected, actual, strict=True))]
-    elif _equal(expected, actual, within):
-        return []
-    else:
-        return [f"{place}: {_shown(expected)} -> {_shown(actual)}"]
-    joint = "." if place and not place.endswith(" ") else ""
+    trees = before, after = dict(_leaves(expected, place)), dict(_leaves(actual, place))
     return [
-        line
-        for key, one, other in pairs
-        for line in differences(one, other, f"{place}{joint}{key}", within)
+        f"{key}: {' -> '.join(repr(each[key]) if key in each else 'absent' for each in trees)}"
+        for key in sorted(before.keys() | after.keys())
+        if not (key in before and key in after and _equal(before[key], after[key], within))
     ]
 
 
-_ABSENT = object()
+def _leaves(tree: Any, place: str) -> Iterator[tuple[str, object]]:
+    if not (isinstance(tree, (dict, list)) and tree):
+        yield place, tree
+        return
+    for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree):
+        yield from _leaves(value, f"{place}.{key}".lstrip("."))
 
 
 def _equal(one: object, other: object, within: float) -> bool:
     if type(one) is float and type(other) is float and within:
         return math.isclose(one, other, rel_tol=within, abs_tol=NEAR_ZERO)
     return type(one) is type(other) and one == other
-
-
-def _shown(value: object) -> str:
-    if value is _ABSENT:
-        return "absent"
-    if isinstance(value, list):
-        return f"{len(value)} entries"
-    return repr(value)
-
-
-def moved(then: dict[str, str], now: dict[str, str]) -> list[str]:
-    """Versions that are not what they were, as ``numpy 2.4.5 -> 2.4.6``."""
-    return [
-        f"{name} {then.get(name, 'absent')} -> {now.get(name, 'absent')}"
-        for name in sorted(then.keys() | now.keys())
-        if then.get(name) != now.get(name)
-    ]
 
 
 def _simulated(record: Content, work: Path) -> list[str]:
@@ -313,13 +249,6 @@ def _simulated(record: Content, work: Path) -> list[str]:
 
 def _read(path: Path) -> Content:
     """A record's file as it would be written today, its pictures by their hashes."""
-    try:
-        content: Content = upgraded(json.loads(path.read_text(encoding="utf-8")))
-        if not all(
-            isinstance(content[key], dict) for key in ("parameters", "provenance", *RESULTS)
-        ):
-            raise ValueError("sections are missing")
-        str(content["experiment"])
-    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise TrextonError(f"{path}: not a readable record ({error}): name another") from None
+    Record.load(path)  # says what is wrong with it
+    content: Content = upgraded(json.loads(path.read_text(encoding="utf-8")))
     return content

@@ -5,12 +5,8 @@ from __future__ import annotations
 import argparse
 import tempfile
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from trexton.base.errors import ParameterError
-
-if TYPE_CHECKING:
-    from trexton.companion.checks.verify import ProcessVariant, Verdict
 
 __all__ = ["add_arguments", "run"]
 
@@ -32,47 +28,34 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.companion.checks.verify import QUICK, VARIANTS, references, verify
+    from trexton.companion.checks.verify import QUICK, VARIANTS, references, update, verify
 
     variants = QUICK if arguments.quick else VARIANTS
     if arguments.quick and arguments.update:
         raise ParameterError("--update needs all processes: leave --quick out")
-    flights = arguments.flight, arguments.test_flight
     status = 0
     with tempfile.TemporaryDirectory() as work:
         for path in [Path(record) for record in arguments.records] or references():
-            verdict = verify(path, Path(work), *flights, variants=variants)
-            status |= _report(verdict, variants, arguments.update)
+            verdict = verify(
+                path, Path(work), arguments.flight, arguments.test_flight, variants=variants
+            )
+            if not verdict.disagreements and not verdict.changes:
+                print(f"{path}: as it was, in processes: {len(variants)}")
+                continue
+            if verdict.disagreements:
+                print(f"{path}: processes disagree with the first")
+                show(verdict.disagreements)
+            if verdict.changes:
+                print(f"{path}: {len(verdict.changes)} entries changed since it was made")
+                show(verdict.changes)
+                versions = ", ".join(verdict.versions) or "no version: look at code and machine"
+                print(f"  what moved: {versions}")
+            if arguments.update:
+                update(verdict)
+                print(f"{path}: updated")
+            else:
+                status = 1
     return status
-
-
-def _report(verdict: Verdict, variants: tuple[ProcessVariant, ...], updating: bool) -> int:
-    """Say what came of one record; 1 if it is not as it was."""
-    from trexton.companion.checks.verify import precision, update
-
-    path = verdict.path
-    exact = sum(variant.exact for variant in variants)
-    if verdict.holds:
-        print(
-            f"{path}: as it was; {exact} processes agree to the byte, "
-            f"{len(variants) - exact} with other BLAS kernels to {precision(verdict.rebuilt):g}"
-            if len(variants) > 1
-            else f"{path}: as it was, in one process ({variants[0].name})"
-        )
-        return 0
-    if verdict.disagreements:
-        print(f"{path}: processes disagree with the first ({variants[0].name})")
-        show(verdict.disagreements)
-    if verdict.changes:
-        print(f"{path}: {len(verdict.changes)} entries changed since it was made")
-        show(verdict.changes)
-        versions = ", ".join(verdict.versions) or "no version: look at the code and the machine"
-        print(f"  what moved: {versions}")
-    if not updating:
-        return 1
-    update(verdict)
-    print(f"{path}: updated")
-    return 0
 
 
 def show(lines: list[str]) -> None:
