@@ -9,8 +9,8 @@ import pytest
 from conftest import small_flight
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from small_room import observations
 
-from trexton.companion.checks.scene import observations
 from trexton.evaluation.metrics import block_rows, bootstrap_interval, summarize, wilson_interval
 from trexton.evaluation.suitability import global_loss, local_losses
 from trexton.flights import read_flight, write_flight

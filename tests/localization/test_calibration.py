@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small_room import histogram_flight
+from small_room import histogram_flight, observations
 
 from trexton.base.errors import MapError, ParameterError
-from trexton.companion.checks.scene import observations
 from trexton.field.integrity import Elsewhere
 from trexton.localization.calibration import Evidence, Replay
 from trexton.localization.cross_validation import leave_neighbors_out

@@ -4,9 +4,9 @@ its parts.
 
 import numpy as np
 import pytest
+from small_room import observations
 
 from trexton.base.errors import ParameterError
-from trexton.companion.checks.scene import observations
 from trexton.localization.estimation import Belief, HighestWeight, MaximumAPosteriori, WeightedMean
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.measurement import RankMixture

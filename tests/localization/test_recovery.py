@@ -2,9 +2,9 @@
 
 import numpy as np
 import pytest
+from small_room import observations
 
 from trexton.base.errors import ParameterError
-from trexton.companion.checks.scene import observations
 from trexton.localization.filters import ParticleFilter
 from trexton.localization.measurement import RankMixture
 from trexton.localization.motion import RandomWalk

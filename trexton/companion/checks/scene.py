@@ -1,127 +1,75 @@
-"""What the stages work on: frames of the virtual room and a map of realistic size, all from one
-seed.
+"""What the bench works on: a flight of the virtual room and maps trained from it, from one seed.
+
+Offers `Scene`, which makes each when a stage asks for it.
 """
 
 from __future__ import annotations
 
-from functools import cached_property, partial
-from typing import Any
+from collections.abc import Callable
+from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
 from trexton.base.streams import stream
-from trexton.localization.localizer import Localizer, TextonMap
-from trexton.localization.measurement import RankMixture
-from trexton.localization.methods import compose
-from trexton.localization.motion import RandomWalk
-from trexton.localization.neighbors import Neighbors
-from trexton.localization.observation import Observation
-from trexton.simulator import Simulator
-from trexton.vision.histograms import texton_histogram
-from trexton.vision.textons import TextonDictionary
+from trexton.companion.checks.timing import Times, interleave
+from trexton.companion.executor import limited_threads
+from trexton.flights.flight import Flight
+from trexton.localization.texton_map import TextonMap
+from trexton.localization.training import train_map
 
-__all__ = ["Scene", "crowd", "observations"]
+__all__ = ["Scene"]
 
-_STORED = 800  # histograms in the paper's training set
-_VIEWS = 48
-_STEP = 0.08  # metres from frame to frame, a metre a second
-_PERIOD = 0.08
-
-
-def crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """``(count, K)`` histograms between neighbours of a sequence, with the noise of counting 2000
-    patches.
-    """
-    rows, share = rng.integers(len(histograms) - 1, size=count), rng.random((count, 1))
-    mixed = histograms[rows] * (1 - share)
-    mixed += histograms[rows + 1] * share
-    mixed += rng.standard_normal(mixed.shape) * np.sqrt(mixed / 2000)
-    np.maximum(mixed, 0, out=mixed)
-    mixed /= mixed.sum(axis=1, keepdims=True)
-    return mixed
-
-
-def observations(positions: np.ndarray) -> list[Observation]:
-    """Observations whose neighbours lie at these ``(N, k, 2)`` positions; as if a search had
-    given them.
-    """
-    nothing = np.zeros(1)
-    made = []
-    for places in positions:
-        index = np.arange(len(places))
-        neighbors = Neighbors(index, index.astype(float), places)
-        made.append(Observation(histogram=nothing.copy, neighbors=partial(_always, neighbors)))
-    return made
-
-
-def _always(neighbors: Neighbors, histogram: np.ndarray) -> Neighbors:
-    return neighbors
+_VIEWS = 48  # frames that are looked at, evenly over the flight
 
 
 class Scene:
-    """Frames along a diagonal of the painted hall, and all that a stage may ask for, made when
-    asked for.
+    """A survey of the painted hall and all that a stage may ask for, made when asked for.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the flight is written.
+    quick : bool
+        200 frames instead of 800, and less of everything that is measured.
+    seed : int
     """
 
-    def __init__(self, seed: int = 1):
-        self.seed = seed
+    def __init__(self, folder: Path, quick: bool = False, seed: int = 1):
+        self.folder, self.quick, self.seed = folder, quick, seed
+        self._maps: dict[str, TextonMap] = {}
 
     def rng(self, name: str) -> np.random.Generator:
         return stream(self.seed, name)
 
-    @cached_property
-    def simulator(self) -> Simulator:
-        """All effects on, at the paper's height and image size."""
-        return Simulator(start=np.array([0.5, 0.5]), rng=self.rng("views"))
+    def times(
+        self, contestants: dict[str, Callable[[], object]], threads: int = 1, seconds: float = 1.0
+    ) -> dict[str, Times]:
+        """Contestants timed on so many threads, in so many seconds each."""
+        with limited_threads(threads):
+            share, rounds = (0.3, 3) if self.quick else (1.0, 9)
+            return interleave(contestants, share * seconds, rounds, pause=threads > 1)
 
     @cached_property
-    def views(self) -> tuple[list[np.ndarray], np.ndarray]:
-        """Frames ``(480, 640, 3)`` and where each was taken, ``(N, 2)`` metres."""
-        frames, positions = [], []
-        for _ in range(_VIEWS):
-            for _ in range(2):
-                state = self.simulator.step(np.array([4.5, 4.5]))
-            frames.append(self.simulator.render())
-            positions.append(state.position[:2])
-        return frames, np.array(positions)
+    def flight(self) -> Flight:
+        from trexton.simulator import record_flight
 
-    @property
-    def frame(self) -> np.ndarray:
-        return self.views[0][len(self.views[0]) // 2]
+        frames = 200 if self.quick else 800
+        return record_flight(self.folder / "flight", frames=frames, seed=self.seed)
 
     @cached_property
-    def dictionary(self) -> TextonDictionary:
-        from trexton.vision.patches import draw_patches
-
-        return TextonDictionary.learn(
-            draw_patches(self.views[0], 6, 1000, self.rng("patches")), rng=self.rng("textons")
-        )
+    def rows(self) -> np.ndarray:
+        return np.linspace(0, len(self.flight) - 1, _VIEWS).astype(int)
 
     @cached_property
-    def histograms(self) -> np.ndarray:
-        """``(N, 20)`` full histograms of the frames."""
-        return np.stack([texton_histogram(frame, self.dictionary) for frame in self.views[0]])
+    def views(self) -> list[np.ndarray]:
+        """``(480, 640, 3)`` frames."""
+        return [self.flight.image(row) for row in self.rows]
 
-    @cached_property
-    def map(self) -> TextonMap:
-        """A map of 800 histograms."""
-        rng = self.rng("map")
-        spread = np.eye(2) * np.linspace(0.3, 0.5, 5)[:, None, None] ** 2
-        return TextonMap(
-            dictionary=self.dictionary,
-            histograms=crowd(self.histograms, _STORED, rng),
-            positions=rng.uniform(0, 5, (_STORED, 2)),
-            time=_PERIOD * np.arange(_STORED),
-            area=(0.0, 5.0, 0.0, 5.0),
-            image_shape=self.frame.shape[:2],
-            period_s=_PERIOD,
-            method="paper",
-            parts=compose("paper")
-            | {
-                "motion": RandomWalk.of(_STEP**2 * np.eye(2), _PERIOD),
-                "measurement": RankMixture.of(spread),
-            },
-        )
+    def map(self, method: str = "paper") -> TextonMap:
+        if method not in self._maps:
+            self._maps[method] = self.train(method)
+        return self._maps[method]
 
-    def localizer(self, **options: Any) -> Localizer:
-        return Localizer(self.map, rng=self.rng("flight"), **options)
+    def train(self, method: str) -> TextonMap:
+        return train_map(self.flight, method=method, rng=self.rng("training"))

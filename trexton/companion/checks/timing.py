@@ -1,11 +1,14 @@
-"""Timing: contestants in turn, round after round, in one process; and the rows that come of it."""
+"""Timing: contestants in turn, round after round, in one process; and the rows that come of it.
+
+Offers `interleave` and its `Times`, and `Row`, a stage beside a yardstick of the same run.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, TypeVar
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +16,6 @@ from trexton.companion.wording import duration
 
 __all__ = ["Row", "Times", "interleave", "table"]
 
-K = TypeVar("K", str, int)
 _PAUSE = 0.05  # seconds; threads of a BLAS spin for about as long after their last product
 
 
@@ -38,47 +40,28 @@ class Row:
     ----------
     stage, size : str
     threads : int
-    ours_s, yardstick_s : float
-        Medians in seconds.
+    ours : Times
     yardstick : str
-    ratio : float
-        Ours over the yardstick.
+    yardstick_s : float
+        Seconds that it took, the median.
     limit : float or None
         What the ratio must not exceed.
-    p99_s : float or None
-        99th percentile of ours.
     note : str
     """
 
     stage: str
     size: str
     threads: int
-    ours_s: float
+    ours: Times
     yardstick: str
     yardstick_s: float
-    ratio: float
     limit: float | None = None
-    p99_s: float | None = None
     note: str = ""
 
-    @classmethod
-    def compare(
-        cls,
-        stage: str,
-        size: object,
-        threads: int,
-        ours: Times,
-        yardstick: str,
-        theirs: Times | float,
-        limit: float | None = None,
-        note: str = "",
-    ) -> Row:
-        """A row from times; a yardstick may be a plain number of seconds of the same run."""
-        seconds = float(theirs.median if isinstance(theirs, Times) else theirs)
-        ratio = ours.median / seconds
-        return cls(
-            stage, str(size), threads, ours.median, yardstick, seconds, ratio, limit, ours.p99, note
-        )
+    @property
+    def ratio(self) -> float:
+        """Ours over the yardstick."""
+        return self.ours.median / self.yardstick_s
 
     @property
     def holds(self) -> bool | None:
@@ -86,15 +69,21 @@ class Row:
         return None if self.limit is None else self.ratio <= self.limit
 
     def as_dict(self) -> dict[str, Any]:
-        return asdict(self) | {"holds": self.holds}
+        """As JSON has it, medians in seconds."""
+        return {
+            "stage": self.stage, "size": self.size, "threads": self.threads,
+            "ours_s": self.ours.median, "p99_s": self.ours.p99, "yardstick": self.yardstick,
+            "yardstick_s": self.yardstick_s, "ratio": self.ratio, "limit": self.limit,
+            "holds": self.holds, "note": self.note,
+        }  # fmt: skip
 
 
 def interleave(
-    contestants: Mapping[K, Callable[[], object]],
+    contestants: Mapping[str, Callable[[], object]],
     seconds: float = 1.0,
     rounds: int = 9,
     pause: bool = False,
-) -> dict[K, Times]:
+) -> dict[str, Times]:
     """Time calls in turn, so that whatever else the machine does falls on all of them alike.
 
     Parameters
@@ -108,8 +97,8 @@ def interleave(
     pause : bool
         Sleep between turns until the threads of a BLAS have gone to sleep too.
     """
-    chunk: dict[K, int] = {}
-    taken: dict[K, list[float]] = {name: [] for name in contestants}
+    chunk: dict[str, int] = {}
+    taken: dict[str, list[float]] = {name: [] for name in contestants}
     for name, call in contestants.items():
         call()
         start = time.perf_counter()
@@ -126,25 +115,15 @@ def interleave(
     return {name: Times.of(seconds) for name, seconds in taken.items()}
 
 
-def table(rows: list[Row]) -> str:
+def table(rows: Sequence[Row]) -> str:
     """Rows as a text table."""
     import pandas as pd
 
-    verdicts = {True: "holds", False: "MISSED", None: ""}
-    cells = [
-        {
-            "stage": row.stage,
-            "size": row.size,
-            "threads": row.threads,
-            "ours": duration(row.ours_s),
-            "p99": "" if row.p99_s is None else duration(row.p99_s),
-            "yardstick": row.yardstick,
-            "takes": duration(row.yardstick_s),
-            "ratio": f"{row.ratio:.3g}",
-            "at most": "" if row.limit is None else f"{row.limit:.2f}",
-            "": verdicts[row.holds],
-            "note": row.note,
-        }
-        for row in rows
-    ]
-    return pd.DataFrame(cells).to_string(index=False)
+    frame = pd.DataFrame([row.as_dict() for row in rows])
+    for name in ("ours_s", "p99_s", "yardstick_s"):
+        frame[name] = frame[name].map(duration)
+    frame["ratio"] = frame["ratio"].map("{:.3g}".format)
+    frame["limit"] = ["" if row.limit is None else f"{row.limit:.2f}" for row in rows]
+    frame["holds"] = frame["holds"].map({True: "holds", False: "MISSED"}).fillna("")
+    frame.columns = frame.columns.str.removesuffix("_s")
+    return frame.to_string(index=False)

@@ -3,27 +3,43 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import dataclass
 
-from trexton.base.files import atomic_file, canonical_json
-from trexton.base.records import machine
-from trexton.companion.checks.bench import STAGES, measure, table
+from trexton.base.arguments import add_options, chosen_options
+from trexton.base.options import Options, option
+
+__all__ = ["add_arguments", "run"]
+
+
+@dataclass(frozen=True)
+class BenchOptions(Options):
+    """What is measured"""
+
+    quick: bool = option(False, "fewer repeats, fewer frames")
+    seed: int = option(1, "of the flight and the maps worked on", low=0)
+    json: str | None = option(None, "write the rows to this file as a JSON list")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--stage", nargs="+", metavar="NAME", help=f"only these: {', '.join(STAGES)}"
-    )
-    parser.add_argument("--quick", action="store_true", help="fewer repeats, smaller sizes")
-    parser.add_argument("--json", metavar="FILE", help="write the rows as a JSON list")
-    parser.add_argument(
-        "--seed", type=int, default=1, help="of the frames worked on (default %(default)s)"
-    )
+    from trexton.companion.checks.bench import STAGES
+
+    words = f"only these: {', '.join(STAGES)}"
+    parser.add_argument("--stage", nargs="+", metavar="NAME", help=words)
+    add_options(parser, BenchOptions)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    rows = list(measure(arguments.stage, quick=arguments.quick, seed=arguments.seed))
-    if arguments.json:
-        with atomic_file(arguments.json) as stream:
+    from trexton.base.files import atomic_file, canonical_json, check_writable
+    from trexton.base.records import machine
+    from trexton.companion.checks.bench import measure
+    from trexton.companion.checks.timing import table
+
+    asked = chosen_options(arguments, BenchOptions)
+    if asked.json:
+        check_writable(asked.json)
+    rows = list(measure(arguments.stage, quick=asked.quick, seed=asked.seed))
+    if asked.json:
+        with atomic_file(asked.json) as stream:
             stream.write(canonical_json([row.as_dict() for row in rows]))
     here = machine()
     busy = "" if here["load"] is None else f", load {here['load']:.1f}"
