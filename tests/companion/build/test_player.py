@@ -5,13 +5,9 @@ from __future__ import annotations
 import base64
 import json
 import re
-import socket
-import threading
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
-from urllib.error import HTTPError
-from urllib.request import urlopen
 
 import cv2
 import numpy as np
@@ -22,7 +18,6 @@ from small_room import picture_flight
 
 from trexton.base.errors import ParameterError
 from trexton.cli.main import main
-from trexton.companion.cli.play import serve
 from trexton.companion.experiments import mocap_training
 from trexton.companion.experiments.replay import replay
 from trexton.companion.experiments.style import COLORS
@@ -145,14 +140,14 @@ def test_it_asks_for_something_to_play(texton_map):
         record_replay({}, small_flight())
 
 
-def test_the_page_is_one_file_with_a_still(texton_map):
+def test_the_page_is_one_file(texton_map):
     recording = record_replay({"a </script>": localizer(texton_map)}, small_flight())
     page = player_html(recording, "A <hall>")
     assert "A &lt;hall&gt;" in page and "http" not in re.sub(r"http://www.w3.org\S*", "", page)
     assert embedded(page)["frames"] == recording.frames
     assert page.count("<script") == page.count("</script>") == 2
-    still = page.partition("<noscript>")[2].partition("</noscript>")[0]
-    assert '<svg class="still"' in still and ".panels" in still
+    bare = page.partition("<noscript>")[2].partition("</noscript>")[0]
+    assert "allow scripts" in bare and ".panels" in bare
 
 
 def test_a_flight_called_as_a_place_of_the_page_is_text(texton_map):
@@ -177,59 +172,25 @@ def test_every_colour_of_the_figures_has_its_shade_in_the_dark():
         assert f"--fig-{COLORS[name][1:].lower()}: #" in book, name
 
 
-def test_play_writes_the_page_or_serves_it(flight_folder, tmp_path, monkeypatch, capsys):
+def test_play_writes_the_page(flight_folder, tmp_path):
     assert main(["train", str(flight_folder), "-o", str(tmp_path / "map.npz")]) == 0
     words = ["play", str(flight_folder), "--map", str(tmp_path / "map.npz")]
     assert main([*words, "--out", str(tmp_path / "player.html")]) == 0
     page = (tmp_path / "player.html").read_text()
     assert len(embedded(page)["frames"]) == 20  # the test split
-    with serve(page) as server:
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        host = f"http://127.0.0.1:{server.server_port}"
-        # Browsers open connections in store, on which they ask for nothing yet.
-        with (
-            socket.create_connection(("127.0.0.1", server.server_port)),
-            urlopen(host + "/", timeout=10) as answer,
-        ):
-            assert answer.read().decode() == page
-        with pytest.raises(ParameterError, match=f"--port {server.server_port}: Address already"):
-            serve(page, server.server_port)
-        monkeypatch.setattr(
-            "trexton.companion.player.playback.record_replay", None
-        )  # refused before it
-        assert main([*words, "--port", str(server.server_port)]) == 1
-        assert "Address already in use" in capsys.readouterr().err
-        with pytest.raises(HTTPError, match="404"):
-            urlopen(host + "/etc/passwd")
-        server.shutdown()
 
 
-def test_a_tab_that_is_closed_while_it_loads_is_not_told_of(capfd):
-    handled = threading.Event()
-    with serve("x" * 50_000_000) as server:
-        finish = server.shutdown_request
-        server.shutdown_request = lambda request: (finish(request), handled.set())
-        threading.Thread(target=server.serve_forever, daemon=True).start()
-        with socket.create_connection(("127.0.0.1", server.server_port)) as tab:
-            tab.sendall(b"GET / HTTP/1.0\r\n\r\n")
-            assert b"Content-Length: 50000000" in tab.recv(500)
-        assert handled.wait(30)
-        server.shutdown()
-    assert capfd.readouterr().err == ""
-
-
-def test_a_port_is_checked_and_no_samples_are_all_patches(tmp_path, capsys):
+def test_no_samples_are_all_patches(tmp_path):
     colourful_flight(tmp_path / "room")
     texton_map = str(tmp_path / "map.npz")
     assert main(["train", str(tmp_path / "room"), "-o", texton_map, "--textons", "4"]) == 0
     words = ["play", str(tmp_path / "room"), "--map", texton_map]
-    assert main([*words, "--port", "99999"]) == 1
-    assert "--port: parameter port is 99999: expected 65535 or less" in capsys.readouterr().err
     assert main([*words, "--samples", "0", "--out", str(tmp_path / "all.html")]) == 0
     frames = embedded((tmp_path / "all.html").read_text())["frames"]
     assert frames[0]["patches"] is None and frames[0]["histogram"]
 
 
 def test_a_map_that_is_not_there_is_said(flight_folder, tmp_path, capsys):
-    assert main(["play", str(flight_folder), "--map", str(tmp_path / "no.npz")]) == 1
+    words = ["play", str(flight_folder), "--map", str(tmp_path / "no.npz")]
+    assert main([*words, "--out", str(tmp_path / "player.html")]) == 1
     assert "no such map" in capsys.readouterr().err

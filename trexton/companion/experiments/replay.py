@@ -5,7 +5,7 @@ from __future__ import annotations
 from trexton.base.errors import MapError
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import MapParameters
-from trexton.companion.experiments.evaluation import floor_picture, map_of
+from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.player.playback import PlayedFlight, record_replay
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer
@@ -47,6 +47,4 @@ def replay(train: Flight, test: Flight, parameters: MapParameters) -> PlayedFlig
             rng=stream(parameters.seed, "flight", 0),
             particles=parameters.particles if method == "paper" else None,
         )
-    extent, pictures = floor_picture(test)
-    floor = (pictures["floor"], tuple(extent["floor"]["extent_m"])) if pictures else None
-    return record_replay(localizers, test, floor=floor)
+    return record_replay(localizers, test)

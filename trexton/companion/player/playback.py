@@ -63,7 +63,6 @@ def record_replay(
     flight: Flight,
     *,
     most_frames: int = 180,
-    floor: tuple[np.ndarray, tuple[float, float, float, float]] | None = None,
 ) -> PlayedFlight:
     """Step every localizer through all frames of `flight`, and keep a part of them evenly.
 
@@ -73,8 +72,6 @@ def record_replay(
         The first one is shown in detail; beside it the plain mean of its neighbours.
     most_frames : int
         Frames to keep at most; the localizers see all of them.
-    floor : (picture, extent), optional
-        BGR, and (left, right, bottom, top) in metres; None takes the flight's own.
 
     Raises
     ------
@@ -123,7 +120,9 @@ def record_replay(
                 else None,
             }
         )
-    return PlayedFlight(flight.name, flight.area, kept, _floor(flight, floor))
+    return PlayedFlight(
+        flight.name, flight.area, kept, None if flight.floor is None else _floor(flight.floor)
+    )
 
 
 def _step(localizer: Localizer, frame: np.ndarray, aiding: Aiding) -> Estimate:
@@ -165,33 +164,20 @@ def _patches(
     return [[int(x), int(y)] for x, y in share]
 
 
-def _floor(flight: Flight, given: Any) -> dict[str, Any] | None:
-    if given is None and flight.floor is not None:
-        given = _north_up(flight.floor)
-    if given is None:
-        return None
-    picture, extent = given
-    return {
-        "image": _uri(_small(picture, _FLOOR_WIDTH)),
-        "extent_m": [round(float(each), 3) for each in extent],
-    }
-
-
-def _north_up(floor: MapImage) -> tuple[np.ndarray, tuple[float, float, float, float]]:
-    """A picture of a floor parallel to the axes, and its left, right, bottom and top."""
+def _floor(floor: MapImage) -> dict[str, Any]:
+    """A picture of a floor turned north up, transparent where it shows nothing."""
     rows, columns = floor.image.shape[:2]
     corners = floor.to_world(np.array([(0, 0), (columns, 0), (columns, rows), (0, rows)]) - 0.5)
     (left, bottom), (right, top) = corners.min(axis=0), corners.max(axis=0)
-    extent = (float(left), float(right), float(bottom), float(top))
-    if np.allclose(corners[[0, 2]], [(left, top), (right, bottom)], atol=1e-3 * (right - left)):
-        return floor.image, extent
     scale = max(rows, columns) / max(right - left, top - bottom)
     size = tuple(max(1, round(scale * each)) for each in (right - left, top - bottom))
     place = np.array([[scale, 0, -scale * left - 0.5], [0, -scale, scale * top - 0.5], [0, 0, 1]])
-    picture_bgra = cv2.cvtColor(
-        floor.image, cv2.COLOR_BGR2BGRA
-    )  # what it does not show is transparent
-    return cv2.warpPerspective(picture_bgra, place @ floor.world_from_pixel, size), extent
+    shown = cv2.cvtColor(floor.image, cv2.COLOR_BGR2BGRA)
+    if floor.mask is not None:
+        shown[..., 3] = 255 * (floor.mask > 0)
+    picture = cv2.warpPerspective(shown, place @ floor.world_from_pixel, size)
+    extent = [round(float(each), 3) for each in (left, right, bottom, top)]
+    return {"image": _uri(_small(picture, _FLOOR_WIDTH)), "extent_m": extent}
 
 
 def _small(picture: np.ndarray, width: int) -> np.ndarray:
