@@ -66,13 +66,6 @@ def test_prediction(record, flights):
         <= prediction["correlation"]["value"]
         <= prediction["correlation"]["high"]
     )
-    alike = cosine_similarity(train.histograms).mean(axis=1)
-    assert prediction["similarity_alone"]["value"] == pytest.approx(
-        spearmanr(alike, errors).statistic
-    )
-    assert prediction["sparseness_alone"]["value"] == pytest.approx(
-        spearmanr(losses - alike, errors).statistic
-    )
 
 
 def test_sigma(record, flights):
@@ -82,16 +75,6 @@ def test_sigma(record, flights):
     assert sigma["rank_correlation"]["value"] == pytest.approx(spearmanr(half, double).statistic)
     assert (sigma["half_sigma_loss"], sigma["double_sigma_loss"]) == pytest.approx(
         (half.mean(), double.mean())
-    )
-    sweep = record.series["sweep"]
-    assert [row["sigma_m"] for row in sweep] == [0.1, 0.2, 0.3, 0.4, 0.6, 0.8, 1.2, 1.6, 2.4, 3.2]
-    for row in sweep:
-        assert row["global_loss"] == pytest.approx(
-            global_loss(train.histograms, train.position, row["sigma_m"])
-        )
-    assert (
-        sigma["best_agreement_m"]
-        == sweep[np.argmax([row["agreement"] for row in sweep])]["sigma_m"]
     )
 
 
@@ -132,8 +115,6 @@ def test_runs_on_images(tmp_path, monkeypatch):
     for draw in (
         map_loss.heat_maps,
         map_loss.errors_by_loss,
-        map_loss.similarity_by_distance,
-        map_loss.sigma_sweep,
     ):
         draw(record)
 
@@ -154,21 +135,11 @@ def test_figures_show_the_record(record, tmp_path):
     for plan, key, scale in ((left, "loss", 1), (right, "error_m", 100)):
         shown = np.ma.filled(plan.images[-1].get_array(), np.nan)
         np.testing.assert_allclose(shown, scale * np.array(heat[key], dtype=float))
-    loss, correlations = map_loss.sigma_sweep(loaded).axes
-    np.testing.assert_allclose(
-        loss.lines[0].get_ydata(), [row["global_loss"] for row in record.series["sweep"]]
-    )
-    np.testing.assert_allclose(
-        correlations.lines[1].get_ydata(),
-        [row["prediction"]["value"] for row in record.series["sweep"]],
-    )
     (plot,) = map_loss.errors_by_loss(loaded).axes
     groups = record.series["groups"]["test_filter"]
     np.testing.assert_allclose(
         plot.lines[2].get_ydata(), [group["error_cm"]["value"] for group in groups]
     )
-    (plot,) = map_loss.similarity_by_distance(loaded).axes
-    np.testing.assert_allclose(plot.lines[1].get_ydata()[0], 1)
 
 
 @pytest.mark.parametrize("count", [18, 30, 75])
@@ -180,7 +151,7 @@ def test_a_short_flight_is_evaluated_and_drawn(count, flights, tmp_path, monkeyp
     train = replace(whole, frame=np.arange(count), time=np.arange(count) * 1.0, **picked)
     half = replace(again.select(np.arange(count // 2)), time=np.arange(count // 2) * 1.0)
     record = map_loss.run(train, half, map_loss.Parameters())
-    for name in ("errors_by_loss", "heat_maps", "sigma_sweep", "similarity_by_distance"):
+    for name in ("errors_by_loss", "heat_maps"):
         assert getattr(map_loss, name)(record).axes
 
 

@@ -41,7 +41,6 @@ def test_the_real_flight_gives_the_known_knn_errors(cyberzoo):
     assert mean_cm(record, "knn", "x") == pytest.approx(18, abs=2)
     assert mean_cm(record, "knn", "y") == pytest.approx(26, abs=2)
     assert record.values["counts"]["train"] == 325 and record.values["counts"]["test"] == 299
-    assert record.values["applies"] == {"sampling": False, "dictionary": False}
     # Both parts are of one flight, so they are exchanged too.
     exchanged = record.values["exchanged"]["knn"]["mean_cm"]["value"]
     back = mocap_training.run(
@@ -94,5 +93,3 @@ def test_figures_draw_the_records_numbers(cyberzoo):
     )
     error = mocap_training.error_over_time(record).axes[1].lines
     np.testing.assert_allclose(error[3].get_ydata()[0], mean_cm(record, "filter", "y"))
-    spread = mocap_training.spread_over_time(record).axes[0].lines[0].get_ydata()
-    np.testing.assert_allclose(spread, 100 * np.array(record.series["spread_m"])[:, 0])

@@ -44,9 +44,7 @@ def test_values(record, flights):
     values = record.values
     assert values["patches"] == 2000 and values["patches_per_image"] == 31 * 43
     assert sum(values["frequency"]) == pytest.approx(1)
-    for method in ("kohonen", "winner-take-all"):
-        summary = values["methods"][method]
-        assert 1 <= summary["effective"] <= 6 and summary["error"] > 0
+    assert 1 <= values["fit"]["effective"] <= 6 and values["fit"]["error"] > 0
     assert np.shape(record.series["place_frequency"]) == (6, 4, 4)
 
 

@@ -1,7 +1,5 @@
 """Speed against accuracy: errors against direct runs, what sweeps hold, the stored histograms."""
 
-import json
-
 import numpy as np
 import pytest
 from small_room import histogram_flight, picture_flight
@@ -9,7 +7,7 @@ from small_room import histogram_flight, picture_flight
 from trexton.base.files import canonical_json
 from trexton.base.records import Record
 from trexton.companion.claims.ledger import judge_all, load_claims
-from trexton.companion.experiments import stored, trade_off, tuned
+from trexton.companion.experiments import sweeps, trade_off
 from trexton.companion.experiments.evaluation import frames_of, trained_map
 from trexton.companion.experiments.track import tracks
 from trexton.evaluation.metrics import absolute_errors
@@ -25,8 +23,8 @@ def small(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("TREXTON_CACHE", str(tmp_path_factory.mktemp("cache")))
         patch.setattr(trade_off, "SWEPT", SWEPT)
-        patch.setattr(tuned, "PARTICLES", (10,))
-        patch.setattr(tuned, "NEIGHBORS", (1, 3))
+        patch.setattr(sweeps, "SWEPT", SWEPT)
+        patch.setattr(sweeps, "GRID", {"particles": (10,), "neighbors": (1, 3)})
         yield
 
 
@@ -72,10 +70,8 @@ def test_errors_are_those_of_direct_runs(record, pair):
     texton_map = trained_map(train, textons=6, neighbors=4)
     runs = tracks(texton_map, frames_of(test), repeats=3, seed=1, samples=80, particles=20)
     direct = [100 * absolute_errors(run.position, test.position)[:, 0].mean() for run in runs]
-    knn = [100 * absolute_errors(run.knn, test.position)[:, 0].mean() for run in runs]
     row = record.series["samples"][2]
     assert row["error_cm_x"]["value"] == pytest.approx(np.median(direct))
-    assert row["knn"]["error_cm_x"]["value"] == pytest.approx(np.median(knn))
 
 
 def test_full_sampling_is_the_localizer_with_all_patches(record, pair):
@@ -130,7 +126,7 @@ def test_histograms_only(without_images):
     assert found["particles-accuracy"].ours is not None
 
 
-def test_best_of_the_grid(record):
+def test_every_setting_of_the_grid_is_flown(record):
     grid = record.series["grid"]
     assert [(row["samples"], row["particles"], row["neighbors"]) for row in grid] == [
         (40, 10, 1),
@@ -138,24 +134,7 @@ def test_best_of_the_grid(record):
         (None, 10, 1),
         (None, 10, 3),
     ]
-    lowest = min(grid, key=lambda row: row["axis_mean_cm"]["value"])
-    assert record.values["best_error_cm"] == lowest["axis_mean_cm"]
-    assert record.values["best_setting"] == {
-        key: lowest[key] for key in ("samples", "particles", "neighbors")
-    }
-    assert record.values["best"]["axis_mean_cm"] == lowest["axis_mean_cm"]
-
-
-def test_other_motion_noise_is_flown_to_look_at(record):
-    grid, explored = record.series["grid"], record.series["explored"]
-    assert [row["noise"] for row in explored] == [1, 2, 4] * len(grid)
-    for row, same in zip(grid, explored[::3], strict=True):
-        assert same["axis_mean_cm"] == row["axis_mean_cm"]
-        assert [same[key] for key in ("samples", "particles", "neighbors")] == [
-            row[key] for key in ("samples", "particles", "neighbors")
-        ]
-    errors = {json.dumps(row["axis_mean_cm"]) for row in explored[:3]}
-    assert len(errors) == 3  # each noise was flown
+    assert len({row["axis_mean_cm"]["value"] for row in grid}) > 1
 
 
 def test_what_the_replay_chooses_is_measured_on_the_test_flight(without_images):
@@ -167,20 +146,26 @@ def test_what_the_replay_chooses_is_measured_on_the_test_flight(without_images):
     ((_, (judged,)),) = judge_all({"f": {"trade_off": without_images}}, claims)
     assert judged.ours.value == values["tuned_error_cm"]["value"]
     assert len({row["replayed_cm"] for row in grid}) > 1
-    assert "chosen by replaying the training flight" in trade_off.finding(without_images)
+    assert (
+        "of 2 settings the one that a replay of the training flight chooses"
+        in trade_off.finding(without_images)
+    )
 
 
-def test_retrained_keeps_what_is_the_same(pair):
-    train, _ = pair
-    texton_map = trained_map(train, textons=6, neighbors=4)
+@pytest.fixture(scope="module")
+def bench(pair):
+    given = trade_off.Parameters(textons=6, samples=40, particles=20, neighbors=4)
+    return sweeps.Bench(*pair, given, 1)
+
+
+def test_maps_of_other_sizes_keep_what_is_the_same(bench):
+    texton_map, wide = bench.map, bench.wide
     ranks = texton_map.parts["measurement"].covariances
-    same = trade_off.retrained(texton_map)
+    same = bench.thinned(48)
     np.testing.assert_array_equal(same.parts["measurement"].covariances, ranks)
-    wide = trade_off.retrained(texton_map, neighbors=7)
-    np.testing.assert_allclose(wide.parts["measurement"].covariances[:4], ranks)
-    assert wide.neighbors == 7
-    rows = np.arange(0, 48, 2)
-    fewer = trade_off.retrained(texton_map, rows=rows)
+    assert wide.neighbors == texton_map.neighbors == 4  # none of those swept is more
+    rows = np.linspace(0, 47, 24).round().astype(int)
+    fewer = bench.thinned(24)
     np.testing.assert_array_equal(fewer.histograms, texton_map.histograms[rows])
     assert fewer.parts["motion"] is texton_map.parts["motion"]
     assert not np.allclose(fewer.parts["measurement"].covariances, ranks)
@@ -188,11 +173,11 @@ def test_retrained_keeps_what_is_the_same(pair):
 
 def test_multiplied_histograms(rng):
     still = np.tile([0.2, 0.3, 0.5], (4, 1))
-    copies, rows = stored.multiplied(still, 50, rng=rng)
+    copies, rows = sweeps.multiplied(still, 50, rng=rng)
     np.testing.assert_allclose(copies, still[rows])  # nothing changes from frame to frame: no noise
     walk = np.abs(np.cumsum(rng.normal(size=(200, 3)), axis=0)) + 40
     walk /= walk.sum(axis=1, keepdims=True)
-    copies, rows = stored.multiplied(walk, 4000, rng=rng)
+    copies, rows = sweeps.multiplied(walk, 4000, rng=rng)
     assert copies.min() >= 0 and set(rows) <= set(range(200))
     np.testing.assert_allclose(copies.sum(axis=1), 1)
     change, noise = np.diff(walk, axis=0).std(axis=0), (copies - walk[rows]).std(axis=0)
@@ -208,7 +193,7 @@ def test_stored_histograms(record):
                 clock[method]["query_ms"]["median"] > 0
                 and clock[method]["frequency_hz"]["median"] > 0
             )
-    assert stored._numbers(1_000_000) == [
+    assert sweeps._numbers(1_000_000) == [
         100,
         300,
         1000,
@@ -219,7 +204,7 @@ def test_stored_histograms(record):
         300_000,
         1_000_000,
     ]
-    assert stored._numbers(50) == [50]
+    assert sweeps._numbers(50) == [50]
 
 
 def test_clock():
@@ -233,43 +218,27 @@ def test_clock():
     }
 
 
-def test_full_histograms_are_those_of_every_patch(pair):
-    train, test = pair
-    texton_map = trained_map(train, textons=6, neighbors=4)
-    defaults = {"samples": 40, "particles": 20, "neighbors": 4, "training": len(train)}
-    bench = trade_off._Bench(texton_map, train, test, defaults, 1, 1)
+def test_full_histograms_are_those_of_every_patch(bench, pair):
     np.testing.assert_array_equal(
-        bench.full[5], texton_histogram(test.image(5), texton_map.dictionary)
+        bench.full[5], texton_histogram(pair[1].image(5), bench.map.dictionary)
     )
 
 
 def test_figures_show_the_record(record, without_images, tmp_path):
     loaded = Record.load(record.save(tmp_path))
-    error, rate = trade_off.samples(loaded).axes
-    medians = [row["error_cm_x"]["value"] for row in record.series["samples"]]
-    np.testing.assert_allclose(error.lines[0].get_ydata(), medians[:-1])
-    np.testing.assert_allclose(
-        error.lines[0].get_xdata(), [20, 40, 80]
-    )  # full sampling stands apart, as a point
-    point = error.containers[0].lines[0]
-    np.testing.assert_allclose(np.ravel(point.get_data()), [31 * 43, medians[-1]])
-    np.testing.assert_allclose(
-        rate.lines[0].get_ydata(),
-        [row["frequency_hz"]["median"] for row in record.timings["samples"][:-1]],
-    )
-    for draw, name in (
-        (trade_off.particles, "particles"),
-        (trade_off.training, "training"),
-        (trade_off.neighbors, "neighbors"),
-    ):
-        medians = [row["error_cm_y"]["value"] for row in record.series[name]]
-        np.testing.assert_allclose(draw(loaded).axes[0].lines[1].get_ydata(), medians)
+    for name in ("samples", "particles", "training", "neighbors"):
+        error, rate = trade_off.error_and_rate(loaded, name).axes
+        rows, clocks = record.series[name], record.timings[name]
+        for line, axis in zip(error.lines, "xy", strict=False):
+            medians = [row[f"error_cm_{axis}"]["value"] for row in rows]
+            np.testing.assert_allclose(line.get_ydata(), medians)
+        rates = [row["frequency_hz"]["median"] for row in clocks]
+        np.testing.assert_allclose(rate.lines[0].get_ydata(), rates)
+        x = [row["patches" if name == "samples" else name] for row in rows]
+        np.testing.assert_allclose(rate.lines[0].get_xdata(), x)
     (plot,) = trade_off.stored(loaded).axes
     tree = [row["tree"]["frequency_hz"]["median"] for row in record.timings["stored"]]
     np.testing.assert_allclose(plot.lines[1].get_ydata(), tree)
-    (plot,) = trade_off.grid(loaded).axes
-    best = record.values["best_error_cm"]["value"]
-    assert best in plot.lines[-1].get_ydata()
     (plot,) = trade_off.error_by_frequency(loaded).axes
     assert len(plot.containers) == 2
     assert len(trade_off.error_by_frequency(without_images).axes[0].containers) == 1

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
-from trexton.base.cache import cached
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import (
@@ -23,13 +22,12 @@ from trexton.companion.experiments.declaration import (
     option,
 )
 from trexton.companion.experiments.evaluation import drawn_histograms, frames_of, trained_map
-from trexton.companion.experiments.style import COLORS, canvas
+from trexton.companion.experiments.style import COLORS, canvas, label_rows, with_intervals
 from trexton.companion.experiments.track import tracks
 from trexton.companion.wording import apart, interval
 from trexton.evaluation.metrics import summarize
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
-from trexton.localization.map_files import from_arrays, to_arrays
 from trexton.localization.training import train_map
 from trexton.vision.textons import TextonDictionary
 
@@ -38,43 +36,28 @@ FLIGHT_CODE = frozenset(
     ("sigma_70", "sigma_200", "motion_8", "motion_25", "particles_140", "particles_1000")
     + ("trace", "winner")
 )
-# key: (group, how it reads in a table, what the localizer is told)
-_CHANGES: dict[str, tuple[str, str, dict[str, Any]]] = {
-    "paper": ("paper", "as the paper says", {}),
-    "sigma_70": (
-        "measurement", "one hand-set sigma of 70 cm for all ranks", {"measurement.sigma": 0.7}
-    ),
-    "sigma_200": (
-        "measurement", "one hand-set sigma of 200 cm for all ranks", {"measurement.sigma": 2.0}
-    ),
+# key: (how it reads in a table, what the localizer is told)
+_CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
+    "paper": ("as the paper says", {}),
+    "sigma_70": ("one hand-set sigma of 70 cm for all ranks", {"measurement.sigma": 0.7}),
+    "sigma_200": ("one hand-set sigma of 200 cm for all ranks", {"measurement.sigma": 2.0}),
     "near_in_time": (
-        "measurement", "ranks learned with all other frames allowed as neighbours",
-        {"measurement.excluded_s": 0.0},
+        "ranks learned with all other frames allowed as neighbours", {"measurement.excluded_s": 0.0}
     ),
-    "motion_8": ("motion", "hand-set motion noise of 8 cm a frame", {"motion.sigma": 0.08}),
-    "motion_25": ("motion", "hand-set motion noise of 25 cm a frame", {"motion.sigma": 0.25}),
-    "particles_140": ("particles", "140 particles", {"particles": 140}),
-    "particles_1000": ("particles", "1000 particles", {"particles": 1000}),
-    "systematic": ("resampling", "systematic resampling", {"resampling": "systematic"}),
-    "mean": ("estimate", "weighted mean as the estimate", {"estimation": "mean"}),
-    "highest_weight": (
-        "estimate", "heaviest particle as the estimate", {"estimation": "highest-weight"}
-    ),
+    "motion_8": ("hand-set motion noise of 8 cm a frame", {"motion.sigma": 0.08}),
+    "motion_25": ("hand-set motion noise of 25 cm a frame", {"motion.sigma": 0.25}),
+    "particles_140": ("140 particles", {"particles": 140}),
+    "particles_1000": ("1000 particles", {"particles": 1000}),
+    "systematic": ("systematic resampling", {"resampling": "systematic"}),
+    "mean": ("weighted mean as the estimate", {"estimation": "mean"}),
+    "highest_weight": ("heaviest particle as the estimate", {"estimation": "highest-weight"}),
 }  # fmt: skip
-_STATISTICS = ("mean_cm", "error_cm_x", "error_cm_y")
 # The published histograms: about so many random patches an image.
 _PUBLISHED_SAMPLES = 5000
 
 
-class _Variant(NamedTuple):
-    """One choice: how it reads in a table, and what it changes."""
-
-    key: str
-    group: str
-    label: str
-    texton_map: TextonMap
-    frames: Sequence[np.ndarray]
-    options: dict[str, Any] = {}
+# a choice: its key, how it reads in a table, the map, the frames, what the localizer is told
+_Variant = tuple[str, str, TextonMap, Sequence[np.ndarray], dict[str, Any]]
 
 
 def with_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
@@ -107,70 +90,53 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     Returns
     -------
     Record
-        ``values["variants"]``: for each variant its label, group, whether the
-        flight code had it, and mean Euclidean and per-axis errors in cm
-        with intervals; ``paper`` is the method as it stands.
+        ``values["variants"]``: for each variant its label, whether the flight code had it, and the
+        mean Euclidean error in cm with its interval; ``paper`` is the method as it stands.
     """
     texton_map = trained_map(train, neighbors=parameters.neighbors, seed=parameters.seed)
-    common = {"samples": parameters.samples, "particles": parameters.particles}
+    common: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
     variants = {}
-    for variant in _variants(texton_map, train, test, parameters):
-        options = common | variant.options
+    for key, label, changed, frames, options in _variants(texton_map, train, test, parameters):
         runs = tracks(
-            variant.texton_map, variant.frames, repeats=parameters.repeats, seed=parameters.seed,
-            **options,
-        )  # fmt: skip
+            changed, frames, repeats=parameters.repeats, seed=parameters.seed, **common | options
+        )
         rng = stream(parameters.seed, "intervals")
         summary = summarize([run.position for run in runs], test.position, test.diagonal, rng=rng)
-        variants[variant.key] = {
-            "label": variant.label,
-            "group": variant.group,
-            "flight_code": variant.key in FLIGHT_CODE,
-        } | {key: summary[key] for key in _STATISTICS}
-    return parameters.record(
-        train,
-        test,
-        values={"variants": variants, "order": list(variants)},
-    )
+        variants[key] = {
+            "label": label,
+            "flight_code": key in FLIGHT_CODE,
+            "mean_cm": summary["mean_cm"],
+        }
+    values = {"variants": variants, "order": list(variants)}
+    return parameters.record(train, test, values=values)
 
 
 def _variants(
     texton_map: TextonMap, train: Flight, test: Flight, parameters: Parameters
 ) -> Iterator[_Variant]:
     frames = frames_of(test)
-    for key, (group, label, options) in _CHANGES.items():
-        yield _Variant(key, group, label, texton_map, frames, options)
+    for key, (label, options) in _CHANGES.items():
+        yield key, label, texton_map, frames, options
     if test.has_images and train.has_images:
         histograms = drawn_histograms(test, texton_map, parameters.samples, parameters.seed)
         traced = list(with_trace(histograms, parameters.samples))
-        label = "counts never cleared between frames"
-        yield _Variant("trace", "histogram", label, texton_map, traced)
+        yield "trace", "counts never cleared between frames", texton_map, traced, {}
         learned = _winner_take_all(train, parameters.neighbors, parameters.seed)
-        yield _Variant("winner", "dictionary", "winner-take-all dictionary", learned, frames)
+        yield "winner", "winner-take-all dictionary", learned, frames, {}
     else:
         cleared = replace(
             texton_map, histograms=without_trace(texton_map.histograms, _PUBLISHED_SAMPLES)
         )
         assert test.histograms is not None  # a flight without images
         frames = list(without_trace(test.histograms, _PUBLISHED_SAMPLES))
-        label = "the trace of the frame before removed"
-        yield _Variant("trace_removed", "histogram", label, cleared, frames)
+        yield "trace_removed", "the trace of the frame before removed", cleared, frames, {}
 
 
 def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:
-    """The map of a dictionary learned as the flight code did, from the cache if it was made
-    before.
-    """
-
-    def compute() -> Any:
-        rng = stream(seed, "training")
-        dictionary = TextonDictionary.learn(train, rng=rng, method="winner-take-all")
-        return to_arrays(train_map(train, neighbors=neighbors, rng=rng, dictionary=dictionary))
-
-    inputs = {"flight": train.data_hash, "neighbors": neighbors, "seed": seed}
-    return from_arrays(
-        cached("map-winner-take-all", "trexton.localization.localizer", inputs, compute)
-    )
+    """The map of a dictionary learned as the flight code did."""
+    rng = stream(seed, "training")
+    dictionary = TextonDictionary.learn(train, rng=rng, method="winner-take-all")
+    return train_map(train, neighbors=neighbors, rng=rng, dictionary=dictionary)
 
 
 def finding(record: Record) -> str:
@@ -192,24 +158,17 @@ def costs(record: Record) -> Figure:
     variants = [record.values["variants"][key] for key in record.values["order"]]
     with canvas(size=(7.2, 0.7 + 0.3 * len(variants))) as (figure, axes):
         plot = axes[0, 0]
-        for row, variant in enumerate(reversed(variants)):
-            error = variant["mean_cm"]
-            color = COLORS["paper" if variant["group"] == "paper" else "zone"]
-            plot.plot(
-                [error["low"], error["high"]], [row, row], color=color, linewidth=2.2, alpha=0.55
-            )
-            code = variant.get("flight_code", False)
-            face = color if code or variant["group"] == "paper" else "white"
-            plot.plot(error["value"], row, "o", color=color, markerfacecolor=face, markersize=5)
-        plot.axvline(
-            variants[0]["mean_cm"]["value"],
-            color=COLORS["paper"],
-            linewidth=0.9,
-            linestyle="--",
-        )
-        plot.set_yticks(range(len(variants)), [variant["label"] for variant in reversed(variants)])
-        plot.set(xlabel="mean distance to the truth (cm)", xlim=(0, None))
-        plot.grid(axis="y", visible=False)
+        for row, (key, variant) in enumerate(zip(record.values["order"], variants, strict=True)):
+            color = COLORS["paper" if key == "paper" else "zone"]
+            filled = key == "paper" or variant["flight_code"]
+            with_intervals(
+                plot, np.array([row]), [variant["mean_cm"]], across=True, fmt="o", color=color,
+                markerfacecolor=color if filled else "white", markersize=5, elinewidth=2,
+            )  # fmt: skip
+        paper = variants[0]["mean_cm"]["value"]
+        plot.axvline(paper, color=COLORS["paper"], linewidth=0.9, linestyle="--")
+        labels = [variant["label"] for variant in variants]
+        label_rows(plot, labels, "mean distance to the truth (cm)")
     return figure
 
 

@@ -23,15 +23,9 @@ from trexton.companion.experiments.mosaic import (
     locate_all,
     stitched_map,
 )
-from trexton.companion.experiments.style import (
-    COLORS,
-    canvas,
-    legend_above,
-    legend_below,
-    plan_canvas,
-)
+from trexton.companion.experiments.style import COLORS, legend_below, plan_canvas
 from trexton.companion.wording import interval, middle, number
-from trexton.evaluation.metrics import euclidean, summarize
+from trexton.evaluation.metrics import summarize
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 
@@ -104,19 +98,10 @@ def finding(record: Record) -> str:
         )
     if "tilt_offset_cm" in values and "map_residual_cm" in mosaic:
         tilt, bent = values["tilt_offset_cm"], mosaic["map_residual_cm"]
-        weighs = "weighs more in that than" if tilt > bent else "weighs less in that than"
-        text += f"; the camera's tilt ({number(tilt)} cm) {weighs} the map ({number(bent)} cm off)"
+        text += f"; the camera's tilt costs {number(tilt)} cm, the map is {number(bent)} cm off"
     if error := values.get("drifting", {}).get("mean_cm"):
         text += f"; on a map that drifts it has an error of {number(middle(error))} cm"
     return text + "."
-
-
-# place in the record: label and stroke
-MAPS = {
-    "mosaic": ("on the stitched map", "-"),
-    "perfect_floor": ("on the true floor", ":"),
-    "drifting": ("on a drifting map", "--"),
-}
 
 
 def fixes(record: Record) -> Figure:
@@ -134,27 +119,6 @@ def fixes(record: Record) -> Figure:
             label = f"no homography ({lost.sum()})"
             plan.plot(*truth[lost].T, "x", color=color, label=label)
         legend_below(plan, 0.11, columns=3)
-    return figure
-
-
-def error_distribution(record: Record) -> Figure:
-    """Share of all frames whose error is at most so large; frames without a fix never count."""
-    truth = np.array(record.series["truth_m"])
-    with canvas(size=(7.2, 3.2)) as (figure, axes):
-        plot = axes[0, 0]
-        for name, (label, stroke) in MAPS.items():
-            if f"{name}_m" not in record.series:
-                continue
-            error = 100 * euclidean(np.array(record.series[f"{name}_m"], dtype=float), truth)
-            error = np.sort(error[np.isfinite(error)])
-            share = 100 * np.arange(1, len(error) + 1) / len(truth)
-            color = COLORS["homography"]
-            plot.step(error, share, where="post", color=color, linestyle=stroke, label=label)
-        plot.set(
-            xscale="log", xlabel="Euclidean error (cm)", ylabel="share of frames (%)", ylim=(0, 102)
-        )
-        plot.xaxis.set_major_formatter("{x:g}")
-        legend_above(plot)
     return figure
 
 

@@ -14,12 +14,12 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import evaluate, frames_of, map_of
+from trexton.companion.experiments.evaluation import map_of
+from trexton.companion.experiments.mocap_training import train_and_fly
 from trexton.companion.experiments.mosaic import MosaicParameters, locate_all, stitched_map
-from trexton.companion.experiments.style import COLORS, canvas, legend_above
-from trexton.companion.experiments.track import tracks
+from trexton.companion.experiments.style import COLORS, errors_over_time
 from trexton.companion.wording import middle, number
-from trexton.evaluation.metrics import absolute_errors, euclidean, summarize
+from trexton.evaluation.metrics import euclidean, summarize
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
@@ -65,7 +65,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     picture = stitched_map(train, parameters.anchors).map
     position, _ = locate_all({"mosaic": picture}, train)["mosaic"]
     sources = {"filter": position, "remedy": filtered_positions(position)}
-    frames = frames_of(test)
     rng = stream(parameters.seed, "intervals")
     values: dict[str, Any] = {
         "remedy_uses": {
@@ -78,32 +77,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     series: dict[str, Any] = {}
     step_s = []
     for name, positions in sources.items():
-        texton_map = map_of(train, parameters, positions=positions)
-        runs = tracks(
-            texton_map,
-            frames,
-            repeats=parameters.repeats,
-            seed=parameters.seed,
-            samples=parameters.samples,
-            particles=parameters.particles,
-        )
-        errors, drawn = evaluate(
-            runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
-        )
+        texton_map, runs, errors, drawn = train_and_fly(train, test, parameters, positions)
         values[name] = errors["filter"]
         values[f"{name}_knn"] = errors["knn"]
         values[f"{name}_process_std_cm"] = _process_std_cm(texton_map)
         values[f"{name}_training"] = summarize([positions], train.position, train.diagonal, rng=rng)
         series = series or drawn
-        series[f"{name}_training_error_m"] = absolute_errors(positions, train.position)
         series[f"{name}_estimate_m"] = drawn["estimate_m"]
         step_s += [run.step_s for run in runs]
-    return parameters.record(
-        train, test,
-        values=values,
-        series=series,
-        timings={"step_s": of_frames(np.concatenate(step_s))},
-    )  # fmt: skip
+    timings = {"step_s": of_frames(np.concatenate(step_s))}
+    return parameters.record(train, test, values=values, series=series, timings=timings)
 
 
 def _process_std_cm(texton_map: TextonMap) -> float:
@@ -133,44 +116,19 @@ def finding(record: Record) -> str:
 # place in the record: label and colour; both train the paper's filter, one as the paper does
 ROWS = {
     "filter": ("homography positions", COLORS["paper"]),
-    "remedy": ("filtered first", COLORS["guarded"]),
+    "remedy": ("filtered ones", COLORS["guarded"]),
 }
-
-
-def training_errors(record: Record) -> Figure:
-    """Error of each training position, as the homography gives it and after filtering, by frame."""
-    with canvas(2, 1, size=(7.2, 4.2), sharex=True) as (figure, axes):
-        for axis, name in enumerate("xy"):
-            plot = axes[axis, 0]
-            for key, (label, color) in ROWS.items():
-                error = (
-                    100 * np.array(record.series[f"{key}_training_error_m"], dtype=float)[:, axis]
-                )
-                plot.plot(np.maximum(error, 0.1), ".", color=color, markersize=4, label=label)
-            plot.set(yscale="log", ylabel=f"error in {name} (cm)")
-            plot.yaxis.set_major_formatter("{x:g}")
-        legend_above(axes[0, 0], 2)
-        axes[1, 0].set_xlabel("training frame")
-    return figure
 
 
 def estimate_errors(record: Record) -> Figure:
     """Absolute error of the localizer over the test flight, trained on either set of positions."""
     series = record.series
-    time, truth = np.array(series["time_s"]), np.array(series["truth_m"])
-    with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
-        for axis, name in enumerate("xy"):
-            plot = axes[axis, 0]
-            for key, (label, color) in ROWS.items():
-                error = 100 * np.abs(
-                    np.array(series[f"{key}_estimate_m"])[:, axis] - truth[:, axis]
-                )
-                plot.plot(time, error, color=color, label=f"trained on {label}", linewidth=1.0)
-            plot.set_ylabel(f"error in {name} (cm)")
-        axes[0, 0].set_ylim(0, None)
-        legend_above(axes[0, 0], 2)
-        axes[1, 0].set_xlabel("time (s)")
-    return figure
+    truth = np.array(series["truth_m"])
+    errors = {
+        f"trained on {label}": (color, np.abs(np.array(series[f"{key}_estimate_m"]) - truth))
+        for key, (label, color) in ROWS.items()
+    }
+    return errors_over_time(np.array(series["time_s"]), errors)
 
 
 EXPERIMENT = Experiment(

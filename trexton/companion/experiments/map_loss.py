@@ -13,12 +13,11 @@ from matplotlib.figure import Figure
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments import style
-from trexton.companion.experiments.correlation import pair_correlation, pearson, rank_correlation
+from trexton.companion.experiments.correlation import pair_correlation, rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import evenly_spread, floor_picture, frames_of, map_of
 from trexton.companion.experiments.style import (
     COLORS,
-    SERIES,
     band,
     canvas,
     floor_axes,
@@ -32,7 +31,6 @@ from trexton.evaluation.metrics import block_rows, bootstrap_interval, euclidean
 from trexton.evaluation.suitability import (
     cosine_similarity,
     heat_map,
-    ideal_similarity,
     local_losses,
     smooth,
     usual_sigma,
@@ -43,7 +41,6 @@ from trexton.localization.training import training_set
 from trexton.localization.training_set import EXCLUDED_SECONDS
 
 AUTHORS = 0.8  # sigma in metres
-SWEPT = (0.125, 0.25, 0.375, 0.5, 0.75, 1, 1.5, 2, 3, 4)  # times the usual sigma
 PAIRED_FRAMES = 1000  # at most so many, evenly spaced, where all pairs are compared
 GROUPS = 10
 
@@ -75,28 +72,31 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """
     texton_map = map_of(train, parameters)
     histograms, positions = texton_map.histograms, texton_map.positions
-    usual = usual_sigma(train.diagonal, AUTHORS)
-    sigma = parameters.sigma or usual
+    sigma = parameters.sigma or usual_sigma(train.diagonal, AUTHORS)
     losses = local_losses(histograms, positions, sigma)
     rows = training_set(texton_map).neighbors(parameters.neighbors, EXCLUDED_SECONDS)
     errors = euclidean(positions[rows].mean(axis=1), positions)
-    similarity, similarity_series = _similarity(histograms, positions, parameters.seed)
-    sigmas = [round(share * usual, 4) for share in SWEPT]
-    sweep, chosen = _sweep(histograms, positions, errors, sigma, sigmas, parameters.seed)
-    prediction, prediction_series = _prediction(positions, losses, errors, sigma, parameters.seed)
+    half, double = (local_losses(histograms, positions, factor * sigma) for factor in (0.5, 2))
+    rng = stream(parameters.seed, "parts")
+    prediction = {"correlation": rank_correlation(losses, errors, rng=rng)}
     options = {"samples": parameters.samples, "particles": parameters.particles}
-    unseen, unseen_series = _unseen(texton_map, test, losses, sigma, options, parameters.seed)
-    heat = heat_map(losses, positions, train.area, sigma)
-    wrong = heat_map(errors, positions, train.area, sigma)
+    in_flight, groups = _in_flight(texton_map, test, losses, sigma, options, parameters.seed)
     floor, pictures = floor_picture(train)
     return parameters.record(
         train,
         test,
         values={
             "global_loss": losses.mean(),
-            "similarity": similarity,
-            "prediction": prediction | unseen,
-            "sigma": chosen | {"used_m": sigma},
+            "similarity": _similarity(histograms, positions, parameters.seed),
+            "prediction": prediction | in_flight,
+            "sigma": {
+                "used_m": sigma,
+                "rank_correlation": rank_correlation(
+                    half, double, rng=stream(parameters.seed, "sigma")
+                ),
+                "half_sigma_loss": half.mean(),
+                "double_sigma_loss": double.mean(),
+            },
             "counts": {"train": len(histograms), "test": len(test), "textons": histograms.shape[1]},
         },
         series={
@@ -105,106 +105,31 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "local_loss": losses,
             "error_m": errors,
             "heat": {
-                "loss": heat.round(5),
-                "error_m": wrong.round(5),
+                "loss": heat_map(losses, positions, train.area, sigma).round(5),
+                "error_m": heat_map(errors, positions, train.area, sigma).round(5),
                 "extent_m": train.area,
             },
-            "sweep": sweep,
-            "similarity": similarity_series,
-            "groups": prediction_series | unseen_series,
+            "groups": {"train_knn": _grouped(losses, errors, parameters.seed)} | groups,
             **floor,
         },
         images=pictures,
     )
 
 
-def _similarity(
-    histograms: np.ndarray, positions: np.ndarray, seed: int
-) -> tuple[dict[str, Any], dict[str, Any]]:
+def _similarity(histograms: np.ndarray, positions: np.ndarray, seed: int) -> dict[str, Any]:
     """Actual similarity of all pairs of frames against their distance."""
     rows = evenly_spread(len(histograms), PAIRED_FRAMES)
     alike, place = cosine_similarity(histograms[rows]), positions[rows]
     distance = euclidean(place[:, None], place)
     rng = stream(seed, "similarity")
-    values = {
+    return {
         "lowest": alike.min(),
         "mean": alike.mean(),
         "distance_correlation": pair_correlation(alike, distance, rng=rng),
     }
-    upper = np.triu_indices(len(rows), 1)
-    edges = np.linspace(0, distance.max(), 25)
-    bins = np.digitize(distance[upper], edges[1:-1])
-    groups = [alike[upper][bins == b] for b in range(24)]
-    quartiles = [
-        np.percentile(group, (25, 50, 75)) if len(group) else [np.nan] * 3 for group in groups
-    ]
-    low, median, high = np.array(quartiles).T
-    return values, {
-        "distance_m": (edges[1:] + edges[:-1]) / 2,
-        "low": low,
-        "median": median,
-        "high": high,
-    }
 
 
-def _sweep(
-    histograms: np.ndarray,
-    positions: np.ndarray,
-    errors: np.ndarray,
-    sigma: float,
-    others: list[float],
-    seed: int,
-) -> tuple[list[Any], dict[str, Any]]:
-    """What another sigma would have given."""
-    frames = evenly_spread(len(histograms), PAIRED_FRAMES)
-    alike, place = cosine_similarity(histograms[frames]), positions[frames]
-    upper = np.triu_indices(len(frames), 1)
-    default = local_losses(histograms, positions, sigma)
-    sweep = []
-    for value in others:
-        losses = local_losses(histograms, positions, value)
-        ideal = ideal_similarity(place, place, value)
-        sweep.append(
-            {
-                "sigma_m": value,
-                "global_loss": losses.mean(),
-                "agreement": pearson(alike[upper], ideal[upper]),
-                "prediction": rank_correlation(losses, errors, rng=stream(seed, "prediction")),
-                "same_order": rank_correlation(losses, default, rng=stream(seed, "same order")),
-            }
-        )
-    half, double = (local_losses(histograms, positions, factor * sigma) for factor in (0.5, 2))
-    return sweep, {
-        "rank_correlation": rank_correlation(half, double, rng=stream(seed, "sigma")),
-        "best_agreement_m": max(sweep, key=lambda row: row["agreement"])["sigma_m"],
-        "half_sigma_loss": half.mean(),
-        "double_sigma_loss": double.mean(),
-    }
-
-
-def _prediction(
-    positions: np.ndarray, losses: np.ndarray, errors: np.ndarray, sigma: float, seed: int
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Does the loss of a training frame tell its error, and which part of the loss does?
-
-    The loss is mean similarity less mean ideal, and the ideal knows nothing of the floor: its mean
-    only counts the frames around each frame, so it is small at the border and wherever few frames
-    were taken.
-    """
-    crowding = ideal_similarity(positions, positions, sigma).mean(axis=1)
-
-    def correlation(a: np.ndarray, b: np.ndarray) -> Any:
-        return rank_correlation(a, b, rng=stream(seed, "parts"))
-
-    values = {
-        "correlation": correlation(losses, errors),
-        "similarity_alone": correlation(losses + crowding, errors),
-        "sparseness_alone": correlation(-crowding, errors),
-    }
-    return values, {"train_knn": _grouped(losses, errors, seed)}
-
-
-def _unseen(
+def _in_flight(
     texton_map: TextonMap,
     test: Flight,
     losses: np.ndarray,
@@ -212,7 +137,7 @@ def _unseen(
     options: dict[str, Any],
     seed: int,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The same on another flight: the smoothed loss of each place against the errors made there."""
+    """Correlations and groups of another flight: the smoothed loss of each place, its errors."""
     expected = smooth(losses, texton_map.positions, test.position, sigma)
     track = fly(Localizer(texton_map, rng=stream(seed, "flight"), **options), frames_of(test))
     errors = {
@@ -260,27 +185,19 @@ def finding(record: Record) -> str:
             "Here the paper's loss cannot be compared with errors: frames lie farther apart than "
             f"sigma reaches, which was {number(record.values['sigma']['used_m'])} m."
         )
-    said = {
-        where: "predicts"
-        if entry["low"] > 0
-        else "misleads on"
-        if entry["high"] < 0
-        else "does not tell"
-        for where, entry in cases.items()
-    }
     parts = [
-        f"{said[where]} the errors {where} (rank correlation {interval(entry)})"
+        f"{_verdict(entry)} the errors {where} (rank correlation {interval(entry)})"
         for where, entry in cases.items()
     ]
-    alone = prediction["sparseness_alone"]
-    predicts = said["on the training flight"] == "predicts"
-    if alone["low"] > 0:
-        does = "does too" if predicts else "does"
-    else:
-        does = "does not" if predicts else "does not either"
-    parts.append(f"on the training flight being far from other frames {does} ({interval(alone)})")
-    joined = "and" if len(set(said.values())) == 1 else "but"
-    return f"The paper's loss {parts[0]} {joined} {parts[1]}; {parts[2]}."
+    joined = "and" if len({_verdict(entry) for entry in cases.values()}) == 1 else "but"
+    return f"The paper's loss {parts[0]} {joined} {parts[1]}."
+
+
+def _verdict(entry: dict[str, Any]) -> str:
+    """What a rank correlation of loss and error says of the loss."""
+    if entry["low"] > 0:
+        return "predicts"
+    return "misleads on" if entry["high"] < 0 else "does not predict"
 
 
 def heat_maps(record: Record) -> Figure:
@@ -327,58 +244,6 @@ def errors_by_loss(record: Record) -> Figure:
             )  # fmt: skip
         plot.set(xlabel="loss of the frame or its place", ylabel=f"Euclidean error ({unit})")
         plot.set_ylim(0, None)
-        legend_below(plot, 0.2)
-    return figure
-
-
-def similarity_by_distance(record: Record) -> Figure:
-    """Similarity of pairs of frames by distance, median and quartiles, and the ideal."""
-    series, sigma = record.series["similarity"], record.values["sigma"]["used_m"]
-    distance = np.array(series["distance_m"])
-    low, median, high = (np.array(series[key], dtype=float) for key in ("low", "median", "high"))
-    with canvas(size=(6.4, 3.2)) as (figure, axes):
-        plot = axes[0, 0]
-        half = "half of all pairs"
-        plot.fill_between(distance, low, high, color=SERIES[0], alpha=0.2, linewidth=0, label=half)
-        plot.plot(distance, median, label="median", color=SERIES[0])
-        curve = np.linspace(0, distance.max(), 200)
-        ideal = np.exp(-(curve**2) / (2 * sigma**2))
-        plot.plot(curve, ideal, color=SERIES[1], linestyle="--", label=f"ideal, σ = {sigma:g} m")
-        plot.set(xlabel="distance (m)", ylabel="cosine similarity", xlim=(0, None), ylim=(0, 1.02))
-        legend_below(plot, 0.2, columns=3)
-    return figure
-
-
-def sigma_sweep(record: Record) -> Figure:
-    """The global loss, and three correlations, against sigma."""
-    sweep, default = record.series["sweep"], record.values["sigma"]["used_m"]
-    sigma = [row["sigma_m"] for row in sweep]
-    lines = (
-        ("agreement", "actual and ideal similarity", SERIES[2], "o"),
-        ("prediction", "loss and k-NN error (ranks)", SERIES[0], "s"),
-        ("same_order", f"loss at σ and at {default:g} m (ranks)", SERIES[1], "^"),
-    )
-    with canvas(2, 1, size=(6.4, 4.8), sharex=True, height_ratios=(1, 2)) as (figure, axes):
-        loss, plot = axes[:, 0]
-        losses = [row["global_loss"] for row in sweep]
-        loss.plot(sigma, losses, color=COLORS["truth"], marker="o", markersize=4)
-        loss.set(ylabel="global loss L")
-        for key, label, color, marker in lines:
-            values = [row[key] for row in sweep]
-            if isinstance(values[0], dict):
-                low, high = (
-                    np.array([row[end] for row in values], dtype=float) for end in ("low", "high")
-                )
-                plot.fill_between(sigma, low, high, color=color, alpha=0.15, linewidth=0)
-                values = [row["value"] for row in values]
-            drawn = np.array(values, dtype=float)
-            plot.plot(sigma, drawn, color=color, marker=marker, markersize=4, label=label)
-        plot.set(xlabel="σ (m)", ylabel="correlation", xscale="log", ylim=(None, 1.05))
-        plot.set_xticks(sigma, labels=[f"{value:.3g}" for value in sigma])
-        plot.minorticks_off()
-        for axis in (loss, plot):
-            axis.axvline(default, color=COLORS["truth"], linestyle=":", linewidth=1.2)
-            axis.axhline(0, color="#999999", linewidth=0.8)
         legend_below(plot, 0.2)
     return figure
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,11 +21,8 @@ from trexton.companion.experiments.evaluation import (
 )
 from trexton.companion.experiments.style import (
     COLORS,
-    canvas,
-    legend_above,
+    errors_over_time,
     legend_below,
-    length_unit,
-    mean_line,
     plan_canvas,
 )
 from trexton.companion.experiments.track import Track, tracks
@@ -52,8 +48,6 @@ class Parameters(MapParameters):
     """What can be chosen."""
 
     repeats: int = option(20, "independent runs of the filter over the test flight", low=1)
-    resampling: str = option("wheel", "how particles are resampled")
-    estimator: str = option("map", "point estimate of the particles")
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -64,25 +58,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms; then `samples` and `textons` do not apply.
     """
-    texton_map = map_of(train, parameters)
-    options: dict[str, Any] = {
-        "samples": parameters.samples,
-        "particles": parameters.particles,
-        "resampling": parameters.resampling,
-        "estimation": parameters.estimator,
-    }
-    frames = frames_of(test)
-    runs = tracks(texton_map, frames, repeats=parameters.repeats, seed=parameters.seed, **options)
-    values, series = evaluate(
-        runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
-    )
-    series |= whereabouts(train)
+    texton_map, runs, values, series = train_and_fly(train, test, parameters)
     floor, pictures = floor_picture(test)
     rank_std_cm = 100 * texton_map.parts["measurement"].deviations
     process = texton_map.parts["motion"].growth(texton_map.period_s)
     values |= {
         "drift_cm_per_min": drift(runs, test, rng=stream(parameters.seed, "drift")),
-        "estimators": _estimators(texton_map, frames, test, runs, parameters.seed, options),
+        "estimators": _estimators(texton_map, test, runs, parameters),
         "counts": {
             "train": len(texton_map.positions),
             "test": len(test),
@@ -92,7 +74,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         },
         "spread": _spread(runs, test, stream(parameters.seed, "spread")),
         "lag": _lag(runs, test),
-        "applies": {"sampling": test.has_images, "dictionary": train.has_images},
         "model": {
             "process_std_cm": 100 * np.sqrt(np.diagonal(process)),
             "rank_std_cm": rank_std_cm,
@@ -100,56 +81,57 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "last_rank_std_cm": rank_std_cm[-1].mean(),
         },
     }
-    if train.name == test.name:
-        values["exchanged"] = _exchanged(train, test, parameters, options)
-    step_s = np.concatenate([run.step_s for run in runs])
+    if train.name == test.name:  # parts of one flight: trained on the later, tested on the earlier
+        _, _, exchanged, _ = train_and_fly(test, train, parameters)
+        values["exchanged"] = {name: exchanged[name] for name in ("filter", "knn")}
     return parameters.record(
         train,
         test,
         values=values,
-        series=series | floor,
+        series=series | whereabouts(train) | floor,
         images=pictures,
-        timings={"step_s": of_frames(step_s)},
+        timings={"step_s": of_frames(np.concatenate([run.step_s for run in runs]))},
     )
 
 
-def _exchanged(
-    train: Flight, test: Flight, parameters: Parameters, options: dict[str, Any]
-) -> dict[str, Any]:
-    """Where both are parts of one flight: trained on the later, tested on the earlier part."""
-    texton_map = map_of(test, parameters)
-    runs = tracks(
-        texton_map, frames_of(train), repeats=parameters.repeats, seed=parameters.seed, **options
+def train_and_fly(
+    train: Flight, test: Flight, parameters: Any, positions: np.ndarray | None = None
+) -> tuple[TextonMap, list[Track], dict[str, Any], dict[str, Any]]:
+    """The map of a flight, its runs over another, and their values and series as of `evaluate`.
+
+    Parameters
+    ----------
+    train, test : Flight
+    parameters : MapParameters
+        With `repeats`, independent runs of the filter.
+    positions : (N, 2) array, optional
+        Train on these in place of motion capture.
+    """
+    texton_map = map_of(train, parameters, positions=positions)
+    runs = _runs(texton_map, test, parameters)
+    values, series = evaluate(
+        runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
     )
-    values, _ = evaluate(
-        runs, texton_map.positions, train, k=parameters.neighbors, seed=parameters.seed
-    )
-    return {name: values[name] for name in ("filter", "knn")}
+    return texton_map, runs, values, series
+
+
+def _runs(texton_map: TextonMap, test: Flight, parameters: Any, **options: Any) -> list[Track]:
+    options |= {"samples": parameters.samples, "particles": parameters.particles}
+    frames, seed = frames_of(test), parameters.seed
+    return tracks(texton_map, frames, repeats=parameters.repeats, seed=seed, **options)
 
 
 def _estimators(
-    texton_map: TextonMap,
-    frames: Sequence[np.ndarray],
-    test: Flight,
-    runs: list[Track],
-    seed: int,
-    options: dict[str, Any],
+    texton_map: TextonMap, test: Flight, runs: list[Track], parameters: Parameters
 ) -> dict[str, Any]:
     """Mean Euclidean error in cm under each point estimate; particles are the same under all."""
     result = {}
     for name in ROLES["estimation"]:
-        same = name == options["estimation"]
-        others = (
-            runs
-            if same
-            else tracks(
-                texton_map, frames, repeats=len(runs), seed=seed, **options | {"estimation": name}
-            )
-        )
-        rng = stream(seed, "estimators")
-        result[name] = summarize(
-            [run.position for run in others], test.position, test.diagonal, rng=rng
-        )["mean_cm"]
+        if name != "map":  # the runs at hand
+            runs = _runs(texton_map, test, parameters, estimation=name)
+        rng = stream(parameters.seed, "estimators")
+        positions = [run.position for run in runs]
+        result[name] = summarize(positions, test.position, test.diagonal, rng=rng)["mean_cm"]
     return result
 
 
@@ -210,9 +192,6 @@ def finding(record: Record) -> str:
     return f"{parts[0]}: {', and '.join(parts[1:])}."
 
 
-_ROWS = (("knn", "k-NN alone", "neighbors"), ("estimate", "particle filter", "paper"))
-
-
 def floor_plan(record: Record) -> Figure:
     """Truth and estimate over the floor."""
     series = record.series
@@ -231,37 +210,12 @@ def floor_plan(record: Record) -> Figure:
 def error_over_time(record: Record) -> Figure:
     """Absolute error in x and y over the flight, of filter and k-NN alone, with their means."""
     series = record.series
-    time, truth = np.array(series["time_s"]), np.array(series["truth_m"])
-    errors = {key: np.abs(np.array(series[f"{key}_m"]) - truth) for key, _, _ in _ROWS}
-    unit, scale = length_unit(min(error.mean() for error in errors.values()))
-    with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
-        for axis, name in enumerate("xy"):
-            plot = axes[axis, 0]
-            for key, label, color in _ROWS:
-                error = scale * errors[key][:, axis]
-                plot.plot(time, error, color=COLORS[color], label=label, linewidth=1.0)
-                mean_line(plot, error, COLORS[color], unit)
-            plot.set_ylabel(f"error in {name} ({unit})")
-        axes[0, 0].set_ylim(0, None)
-        legend_above(axes[0, 0])
-        axes[1, 0].set_xlabel("time (s)")
-    return figure
-
-
-def spread_over_time(record: Record) -> Figure:
-    """Standard deviation of the particles in x and y over the flight."""
-    series = record.series
-    time, spread = np.array(series["time_s"]), np.array(series["spread_m"])
-    unit, scale = length_unit(float(spread.mean()))
-    with canvas(size=(7.2, 2.4)) as (figure, axes):
-        for axis, (name, style) in enumerate((("x", "-"), ("y", ":"))):
-            axes[0, 0].plot(
-                time, scale * spread[:, axis], color=COLORS["particles"], linestyle=style,
-                linewidth=1.2, label=f"spread in {name}",
-            )  # fmt: skip
-        axes[0, 0].set(xlabel="time (s)", ylabel=f"particle spread ({unit})", ylim=(0, None))
-        legend_above(axes[0, 0])
-    return figure
+    truth = np.array(series["truth_m"])
+    rows = (("knn_m", "k-NN alone", "neighbors"), ("estimate_m", "particle filter", "paper"))
+    errors = {
+        label: (COLORS[color], np.abs(np.array(series[key]) - truth)) for key, label, color in rows
+    }
+    return errors_over_time(np.array(series["time_s"]), errors)
 
 
 EXPERIMENT = Experiment(

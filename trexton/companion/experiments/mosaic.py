@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 from trexton.base.cache import cached
 from trexton.base.progress import progress
 from trexton.base.records import Record
-from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import IMAGES, Experiment, SeedParameters, option
 from trexton.companion.experiments.evaluation import map_picture
 from trexton.companion.experiments.style import SERIES, legend_below, plan_canvas
@@ -35,7 +34,6 @@ _PLAIN = ("poses", "used", "anchors", "errors")  # arrays of a mosaic that are s
 # Matches of two pictures of a floor that deviate so much otherwise than so many around them are
 # mismatches.
 _MISMATCH, _AROUND = 0.1, 15  # metres, matches
-_ARROWS = 400  # matched places that the figure of the deviation shows
 
 
 @dataclass(frozen=True)
@@ -81,8 +79,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     if train.floor is not None:
         truth, deviation = floor_residual(mosaic.map, train.floor)
         values["residual_cm"] = _spread(100 * np.hypot(*deviation.T)) | {"matches": len(truth)}
-        rows = stream(parameters.seed, "arrows").permutation(len(truth))[:_ARROWS]
-        series |= {"residual_at_m": truth[rows], "residual_m": deviation[rows]}
     return parameters.record(
         train,
         values=values,
@@ -217,22 +213,6 @@ def stitched(record: Record) -> Figure:
             label="frames that place it",
         )  # fmt: skip
         legend_below(plan, 0.1)
-    return figure
-
-
-def deviation(record: Record, magnified: float = 20.0) -> Figure:
-    """Arrows from true places to where the mosaic shows them, lengthened `magnified` times."""
-    series = record.series
-    places, offsets = np.array(series["residual_at_m"]), np.array(series["residual_m"])
-    with plan_canvas(record, (6.2, 6.2), "map", fade=0.35) as (figure, plan):
-        length = 100 * np.hypot(*offsets.T)
-        as_long: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1, "width": 0.004}
-        as_long["label"] = "deviation (cm)"
-        arrows = plan.quiver(*places.T, *(magnified * offsets.T), length, cmap="viridis", **as_long)
-        # A mismatch or two on a tiled mat must not set the scale.
-        arrows.set_clim(0, np.percentile(length, 98))
-        label = f"deviation (cm); arrows {magnified:.0f} times as long"
-        figure.colorbar(arrows, ax=plan, label=label, shrink=0.7, extend="max")
     return figure
 
 

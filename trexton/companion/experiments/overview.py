@@ -68,7 +68,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         states.append(rng.bit_generator.state)
         estimates.append(localizer.step(image))
     errors = euclidean(np.array([each.position for each in estimates]), test.position)
-    row = _typical(errors) if parameters.frame is None else _row(test, parameters.frame)
+    if parameters.frame is None:
+        row = int(np.argsort(errors, kind="stable")[(len(errors) - 1) // 2])  # the lower median
+    else:
+        row = _row(test, parameters.frame)
     image, estimate = test.image(row), estimates[row]
     rng.bit_generator.state = states[row]  # the patches of this frame are drawn once more
     patch = texton_map.alphabet.patch
@@ -107,11 +110,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _typical(errors: np.ndarray) -> int:
-    """The row of the lower median error."""
-    return int(np.argsort(errors, kind="stable")[(len(errors) - 1) // 2])
-
-
 def _row(flight: Flight, frame: int) -> int:
     rows = np.flatnonzero(flight.frame == frame)
     if not len(rows):
@@ -128,14 +126,9 @@ def finding(record: Record) -> str:
     typical = ", that of the median error," if record.parameters["frame"] is None else ""
     count = len(values["neighbors"]["frame"])
     voted = "its nearest training frame" if count == 1 else f"the mean of its {count} neighbours"
-    off, voted_off = values["error_cm"], values["neighbors_error_cm"]
-    if distance(off) == distance(voted_off):  # no more is told apart than is said
-        than = "as far as"
-    else:
-        than = "farther than" if off > voted_off else "nearer than"
     return (
-        f"At frame {values['frame']}{typical} the filter is {distance(off)} off, {than} {voted} "
-        f"({distance(voted_off)}), and claims a deviation of "
+        f"At frame {values['frame']}{typical} the filter is {distance(values['error_cm'])} off, "
+        f"{voted} {distance(values['neighbors_error_cm'])}, and the filter claims a deviation of "
         f"{distance(np.hypot(*values['spread_cm']))}."
     )
 

@@ -223,3 +223,27 @@ def mean_line(axes: Axes, values: np.ndarray, color: str, unit: str) -> None:
         lower, upper = sorted((label, before[-1]), key=lambda text: text.xy[1])
         lower.set_verticalalignment("top")
         upper.set_verticalalignment("bottom")
+
+
+def errors_over_time(time: np.ndarray, errors: Mapping[str, tuple[str, np.ndarray]]) -> Figure:
+    """Absolute errors in x and in y over a flight, a panel each, with their means.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Seconds.
+    errors : mapping
+        Label to colour and ``(N, 2)`` metres.
+    """
+    unit, scale = length_unit(min(float(error.mean()) for _, error in errors.values()))
+    with canvas(2, 1, size=(7.2, 4.2), sharex=True, sharey=True) as (figure, axes):
+        for axis, (plot, name) in enumerate(zip(axes[:, 0], "xy", strict=True)):
+            for label, (color, error) in errors.items():
+                values = scale * error[:, axis]
+                plot.plot(time, values, color=color, label=label, linewidth=1.0)
+                mean_line(plot, values, color, unit)
+            plot.set_ylabel(f"error in {name} ({unit})")
+        axes[0, 0].set_ylim(0, None)
+        legend_above(axes[0, 0])
+        axes[1, 0].set_xlabel("time (s)")
+    return figure

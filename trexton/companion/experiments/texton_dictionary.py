@@ -21,7 +21,7 @@ from trexton.companion.wording import number
 from trexton.flights.flight import Flight
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.patches import draw_patches, position_grid
-from trexton.vision.textons import METHODS, Learning, TextonDictionary, learn_textons
+from trexton.vision.textons import TextonDictionary, learn_textons
 
 
 @dataclass(frozen=True)
@@ -43,16 +43,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images. The dictionary comes from the first alone.
     """
-    learned = {}
-    for method in METHODS:
-        rng = stream(parameters.seed, "training")  # the stream that maps are trained with
-        patches = draw_patches(
-            islice(train.images(), parameters.images), 6, parameters.patches_per_image, rng
-        )
-        learned[method] = learn_textons(
-            patches, parameters.textons, rng=rng, method=method, first=parameters.patches_per_image
-        )
-    dictionary = learned["kohonen"].dictionary
+    rng = stream(parameters.seed, "training")  # the stream that maps are trained with
+    per_image = parameters.patches_per_image
+    patches = draw_patches(islice(train.images(), parameters.images), 6, per_image, rng)
+    dictionary = learn_textons(patches, parameters.textons, rng=rng, first=per_image).dictionary
     texton_map = trained_map(train, textons=parameters.textons, seed=parameters.seed)
     frequency = texton_map.histograms.mean(axis=0)
     places = place_frequencies(
@@ -65,7 +59,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "patches_per_image": int(np.prod(position_grid(test.image(0).shape, dictionary.patch))),
             "patch": dictionary.patch,
             "frequency": frequency,
-            "methods": {method: _summary(one, patches) for method, one in learned.items()},
+            "fit": _fit(dictionary, patches),
         },
         series={"place_frequency": places, "area_m": train.area},
         images={"textons": texton_strip(dictionary)},
@@ -90,11 +84,13 @@ def place_frequencies(
     return mean.reshape(-1, cells, cells)
 
 
-def _summary(learned: Learning, patches: np.ndarray) -> dict[str, Any]:
-    """How well a dictionary fits the patches it was learned from."""
-    labels = learned.dictionary.label(patches)
-    difference = patches.astype(np.float32) - learned.dictionary.textons[labels]
-    share = np.bincount(labels, minlength=learned.dictionary.n_textons) / len(labels)
+def _fit(dictionary: TextonDictionary, patches: np.ndarray) -> dict[str, float]:
+    """RMS distance of patches to their textons in grey levels; how many textons used equally would
+    be as even as these (the exponential of the entropy).
+    """
+    labels = dictionary.label(patches)
+    difference = patches.astype(np.float32) - dictionary.textons[labels]
+    share = np.bincount(labels, minlength=dictionary.n_textons) / len(labels)
     used = share[share > 0]
     return {
         "error": float(np.sqrt(np.mean(difference**2, dtype=np.float64))),
@@ -109,18 +105,12 @@ def texton_strip(dictionary: TextonDictionary) -> np.ndarray:
 
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
-    kohonen, winner = (record.values["methods"][name] for name in ("kohonen", "winner-take-all"))
-    better = "nearer to" if kohonen["error"] < winner["error"] else "no nearer to"
-    text = (
-        f"The network's textons lie {better} the patches than those of winner-take-all "
-        f"({number(kohonen['error'])} against {number(winner['error'])} grey levels)"
+    fit = record.values["fit"]
+    return (
+        f"The dictionary's {record.parameters['textons']} textons lie {number(fit['error'])} grey "
+        f"levels from the {number(record.values['patches'])} patches they were learned from, and "
+        f"share them as evenly as {number(fit['effective'])} textons used equally."
     )
-    if kohonen["effective"] > winner["effective"]:
-        text += (
-            f" and share the work more evenly, as if {number(kohonen['effective'])} against "
-            f"{number(winner['effective'])} of {record.parameters['textons']} were used equally"
-        )
-    return text + "."
 
 
 def tiles(record: Record) -> list[np.ndarray]:

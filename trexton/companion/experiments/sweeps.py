@@ -1,0 +1,274 @@
+"""What `trade_off` flies: one parameter varied, a grid of settings, ever more stored histograms.
+
+A `Bench` holds the map and the decoded test flight that all of them share.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from itertools import product
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from trexton.base.errors import MapError
+from trexton.base.progress import progress
+from trexton.base.streams import stream
+from trexton.companion.checks.tuning import replayed_errors
+from trexton.companion.executor import spread, working_on
+from trexton.companion.experiments.declaration import MapParameters
+from trexton.companion.experiments.evaluation import frames_of, map_of
+from trexton.companion.experiments.track import Track, fly, tracks
+from trexton.evaluation.metrics import summarize
+from trexton.evaluation.runtime import frequency, milliseconds
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.neighbors import NearestHistograms
+from trexton.localization.training import with_choices, with_parts
+from trexton.vision.histograms import sampled_histogram, texton_histogram
+from trexton.vision.patches import position_grid
+
+SWEPT: dict[str, tuple[Any, ...]] = {
+    "samples": (25, 50, 100, 200, 400, 800, 1600, 3200, 6400, None),  # None: full sampling
+    "particles": (5, 10, 25, 50, 100, 200, 400, 800),
+    "neighbors": (1, 2, 3, 5, 7, 10, 15, 20),
+    "training": (25, 50, 100, 200, 400, 800),
+}
+_TIMED_FULL = 40  # frames are enough to time full sampling
+_SLOW = {"samples": 1600, "particles": 400}  # beyond these a third of the runs will do
+GRID = {"particles": (50, 400), "neighbors": (1, 3, 5, 10)}
+_CHOSEN = ("samples", "particles", "neighbors")
+_TIMED_STORED = 12  # frames timed for each number of stored histograms
+
+
+@dataclass
+class Sweep:
+    """One parameter's rows, its times in the same order, and the runs behind them by value."""
+
+    rows: list[dict[str, Any]] = field(default_factory=list)
+    clocks: list[dict[str, Any]] = field(default_factory=list)
+    runs: dict[int | None, list[Track]] = field(default_factory=dict)
+
+
+class Bench:
+    """A map and a test flight, its images decoded once."""
+
+    def __init__(self, train: Flight, test: Flight, parameters: MapParameters, repeats: int):
+        self.map, self.test = map_of(train, parameters), test
+        self.repeats, self.seed = repeats, parameters.seed
+        named = {name: getattr(parameters, name) for name in _CHOSEN}
+        self.defaults: dict[str, Any] = named | {"training": len(train)}
+        self.frames = frames_of(test)
+        warm = Localizer(self.map, rng=stream(self.seed, "warm-up"))
+        warm.step(self.frames[0])  # the first call loads what later ones need
+
+    @cached_property
+    def full(self) -> list[np.ndarray]:
+        """The test frames' histograms of full sampling."""
+        if not self.test.has_images:
+            return list(self.frames)
+        images = progress(self.frames, "full sampling")
+        return [texton_histogram(image, self.map.alphabet) for image in images]
+
+    @cached_property
+    def wide(self) -> TextonMap:
+        """The map with a measurement model for as many neighbours as are swept."""
+        limit = max(self.map.neighbors, self.defaults["training"] // 4)
+        most = max(k for k in (*SWEPT["neighbors"], self.map.neighbors) if k <= limit)
+        return with_choices(self.map, {"measurement.neighbors": most})
+
+    def thinned(self, count: int) -> TextonMap:
+        """The map of `count` of its training frames, evenly spread; its measurement model is
+        learned from those, its motion model stays: the vehicle moves no faster for them.
+        """
+        rows = np.linspace(0, self.defaults["training"] - 1, count).round().astype(int)
+        measurement = {"measurement": self.map.parts["measurement"]}
+        return with_parts(self.map.select(rows), measurement)
+
+    def sweep(self, name: str) -> Sweep:
+        """Vary `name`, the others at their defaults."""
+        limits = {"neighbors": self.wide.neighbors, "training": self.defaults["training"]}
+        values = {*SWEPT[name], self.defaults[name]}
+        values = {each for each in values if each is None or each <= limits.get(name, np.inf)}
+        # The paper's two figures get all runs.
+        repeats = self.repeats if name in ("samples", "particles") else max(3, self.repeats // 2)
+        result = Sweep()
+        for value in progress(sorted(values, key=lambda value: value or np.inf), f"varying {name}"):
+            setting = self.defaults | {name: value}
+            runs = result.runs[value] = self._runs(setting, repeats)
+            errors = self.summary([run.position for run in runs])
+            full = setting["samples"] is None
+            time_ms = milliseconds(self._full_times() if full else [run.step_s for run in runs])
+            row = setting | {"patches": self._patches(setting), "runs": len(runs)}
+            result.rows.append(row | {key: errors[key] for key in ("error_cm_x", "error_cm_y")})
+            result.clocks.append(
+                setting | {"frame_ms": time_ms, "frequency_hz": frequency(time_ms)}
+            )
+        return result
+
+    def summary(self, estimates: list[np.ndarray], draws: int = 300) -> dict[str, Any]:
+        """Statistics of several runs over the test flight."""
+        rng = stream(self.seed, "intervals")
+        return summarize(estimates, self.test.position, self.test.diagonal, rng=rng, draws=draws)
+
+    def _runs(self, setting: dict[str, Any], repeats: int) -> list[Track]:
+        if any((setting[key] or 0) > most for key, most in _SLOW.items()):
+            repeats = max(3, repeats // 3)
+        whole = setting["training"] == self.defaults["training"]
+        texton_map = self.wide if whole else self.thinned(setting["training"])
+        frames = self.full if setting["samples"] is None else self.frames
+        options = {key: setting[key] for key in _CHOSEN}
+        with working_on():  # timed: nothing runs beside
+            return tracks(texton_map, frames, repeats=repeats, seed=self.seed, **options)
+
+    def _full_times(self) -> list[np.ndarray]:
+        options = {key: self.defaults[key] for key in ("particles", "neighbors")}
+        localizer = Localizer(self.wide, samples=None, rng=stream(self.seed, "warm-up"), **options)
+        return [fly(localizer, self.frames[:_TIMED_FULL]).step_s]
+
+    def _patches(self, setting: dict[str, Any]) -> int | None:
+        """How many patches of an image are looked at; None where the flight came as histograms."""
+        if not self.test.has_images:
+            return None
+        every = math.prod(position_grid(self.frames[0].shape, self.map.alphabet.patch))
+        return setting["samples"] or every
+
+
+def search_settings(bench: Bench) -> tuple[list[dict[str, Any]], dict[str, Any]]:
+    """Try a grid of settings on the test flight, with the default samples and with full sampling.
+
+    Runs of different particles and neighbours share their random samples, drawn once for each run.
+
+    Returns
+    -------
+    grid : list of dict
+        Every setting with its mean absolute error over both axes.
+    tuned : dict
+        Of the setting whose replay has the least error: ``tuned_setting``, ``tuned`` with its
+        statistics and ``tuned_error_cm``, which is None where the training flight is too short to
+        be replayed.
+    """
+    runs, samples = max(3, bench.repeats // 3), bench.defaults["samples"]
+    flights: dict[int | None, list[list[np.ndarray]]] = {None: [bench.full] * runs}
+    if bench.test.has_images:
+        rngs = [stream(bench.seed, "samples", i) for i in range(runs)]
+        sampled = partial(sampled_histogram, dictionary=bench.map.alphabet, n=samples)
+        drawn = [[sampled(image, rng=rng) for image in bench.frames] for rng in rngs]
+        flights = {samples: drawn} | flights
+    counts = [k for k in GRID["neighbors"] if k <= bench.wide.neighbors]
+    settings = [
+        dict(zip(_CHOSEN, chosen, strict=True))
+        for chosen in product(flights, GRID["particles"], counts)
+    ]
+    tried = spread(partial(_tried, bench.wide, flights, bench.seed), settings, "settings")
+    summaries = [bench.summary(estimates, draws=400) for estimates, _ in tried]
+    grid = [
+        setting | {"axis_mean_cm": summary["axis_mean_cm"]}
+        for setting, summary in zip(settings, summaries, strict=True)
+    ]
+    replayed = [error for _, error in tried if error is not None]
+    if len(replayed) < len(grid):
+        return grid, {"tuned_error_cm": None}
+    grid = [row | {"replayed_cm": error} for row, error in zip(grid, replayed, strict=True)]
+    best = int(np.argmin(replayed))
+    return grid, {
+        "tuned": summaries[best],
+        "tuned_error_cm": grid[best]["axis_mean_cm"],
+        "tuned_setting": settings[best],
+    }
+
+
+def _tried(
+    texton_map: TextonMap,
+    flights: Mapping[int | None, list[list[np.ndarray]]],
+    seed: int,
+    setting: dict[str, Any],
+) -> tuple[list[np.ndarray], float | None]:
+    """Estimates of each run over the test flight; the mean absolute error over both axes in the
+    replay of the training flight in cm, None where that is too short.
+    """
+    options = {key: setting[key] for key in ("particles", "neighbors")}
+    estimates = [
+        fly(Localizer(texton_map, rng=stream(seed, "flight", i), **options), frames).position
+        for i, frames in enumerate(flights[setting["samples"]])
+    ]
+    choices = {
+        "measurement.neighbors": setting["neighbors"],
+        "filter.particles": setting["particles"],
+    }
+    try:
+        tuned, rng = with_choices(texton_map, choices), stream(seed, "replay")
+        errors = replayed_errors(tuned, samples=setting["samples"], rng=rng)
+    except MapError:  # too short to leave parts of it out
+        return estimates, None
+    return estimates, 100 * float(np.abs(errors).mean())
+
+
+def multiplied(
+    histograms: np.ndarray, count: int, *, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """``(count, K)`` histograms as if the floor had been flown over again and again, and the rows
+    they copy.
+
+    Each is one of the originals plus noise, in each texton as large as the change from frame to
+    frame.
+    """
+    rows = rng.integers(len(histograms), size=count)
+    deviation = np.diff(histograms, axis=0).std(axis=0)
+    copies = histograms[rows]
+    copies += rng.standard_normal(copies.shape) * deviation
+    np.maximum(copies, 0, out=copies)
+    copies /= np.maximum(copies.sum(axis=1, keepdims=True), 1e-12)
+    return copies, rows
+
+
+def time_stored(bench: Bench, most: int) -> tuple[list[Any], list[Any]]:
+    """Time the search and the whole step on 100, 300, 1000 ... histograms, up to `most`.
+
+    Returns
+    -------
+    rows, clocks : list of dict
+        In one order: the number stored and the share of searches in which brute force and tree
+        found the same neighbours in the same order; the times of both.
+    """
+    crowd, origin = multiplied(bench.map.histograms, most, rng=stream(bench.seed, "stored"))
+    places, rng = bench.map.positions[origin], stream(bench.seed, "queries")
+    frames = bench.frames[:_TIMED_STORED]
+
+    def localizer(**more: Any) -> Localizer:
+        options = {key: bench.defaults[key] for key in ("samples", "particles")}
+        return Localizer(bench.map, rng=rng, **options, **more)
+
+    looking = localizer()
+    asked = [looking.observe(frame) for frame in frames]
+    rows, clocks = [], []
+    for count in progress(_numbers(most), "stored histograms"):
+        clock: dict[str, Any] = {"stored": count}
+        found = []
+        for method in ("brute", "tree"):
+            store = NearestHistograms(
+                crowd[:count], places[:count], k=bench.map.neighbors, method=method
+            )
+            step_ms = milliseconds([fly(localizer(nearest=store), frames).step_s], 4)
+            query_s, neighbors = zip(*(_timed(store, one) for one in asked), strict=True)
+            found.append(np.array(neighbors))
+            query_ms = milliseconds([np.array(query_s)], 4)
+            clock[method] = {"query_ms": query_ms, "frequency_hz": frequency(step_ms)}
+        rows.append({"stored": count, "same": np.mean((found[0] == found[1]).all(axis=1))})
+        clocks.append(clock)
+    return rows, clocks
+
+
+def _numbers(most: int) -> list[int]:
+    """100, 300, 1000, ... and `most`."""
+    return [*(n for power in range(2, 9) for n in (10**power, 3 * 10**power) if n < most), most]
+
+
+def _timed(store: NearestHistograms, histogram: np.ndarray) -> tuple[float, np.ndarray]:
+    start = perf_counter()
+    index = store.query(histogram).index
+    return perf_counter() - start, index
