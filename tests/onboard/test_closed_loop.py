@@ -135,7 +135,7 @@ def test_a_predicted_touchdown_lands_in_the_zone(tmp_path):
 def test_it_dies_and_starts_anew_among_others(tmp_path):
     simulator = room(11, start=(0.8, 3.2))
     autopilot = Autopilot("accepts", simulator.vehicle.land, company=True)
-    flight = Flight(tmp_path, autopilot, simulator, "--system-id", "1", "--origin", "52,4,0")
+    flight = Flight(tmp_path, autopilot, simulator, "--target", "1", "--origin", "52,4,0")
     try:
         assert flight.fly_until(lambda: autopilot.of("SET_GPS_GLOBAL_ORIGIN"))
         autopilot.send(mavlink.MAVLink_gps_global_origin_message(520000000, 40000000, 0))

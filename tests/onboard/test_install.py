@@ -93,7 +93,7 @@ def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
         (["--spread", "1,2,3", "--land", "1,1"], "expected 1 or 2 numbers"),
         (["--pace", "slow"], "--pace"),
         (["--seed", "-1"], "--seed"),
-        (["--system-id", "0"], "--system-id"),
+        (["--target", "0"], "target"),
         (["--origin", "52,4,1e9"], "1e+09"),
         (["--origin", "52,4"], "LAT,LON,ALT"),
         (["--output", "paparazzi:7@nowhere"], "bus"),

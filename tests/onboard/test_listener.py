@@ -12,6 +12,7 @@ pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 from hypothesis import given, settings  # noqa: E402
 from hypothesis import strategies as st  # noqa: E402
 from onboard_autopilot import ATTITUDE, AUTOPILOT_HEARTBEAT  # noqa: E402
+from onboard_autopilot import from_autopilot as said_by  # noqa: E402
 from onboard_tools import make_fix  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
@@ -25,11 +26,6 @@ from trexton.onboard.mavlink.speaker import (
 from trexton.vision.camera import rotation_matrix  # noqa: E402
 
 GIMBAL = mavlink.MAVLink_heartbeat_message(26, 0, 0, 0, 4, 3)
-
-
-def said_by(message, system=1, component=1):
-    packed = message.pack(mavlink.MAVLink(None, srcSystem=system, srcComponent=component))
-    return mavlink.MAVLink(None).parse_buffer(packed)[0]
 
 
 def listener(*systems, **options) -> Listener:
@@ -63,6 +59,30 @@ def test_what_names_an_autopilot_and_is_none_is_no_target(kind):
     assert ear.target == (1, 1)
 
 
+def test_a_component_that_is_named_is_the_target_whatever_it_says_it_is():
+    ear = Listener((1, 5))
+    ear.hear(said_by(AUTOPILOT_HEARTBEAT), 0.0)
+    ear.hear(said_by(AUTOPILOT_HEARTBEAT, 2, 5), 0.0)
+    assert ear.target is None
+    ear.hear(said_by(GIMBAL, component=5), 1.0)
+    assert ear.target == (1, 5) and ear.certain
+
+
+def test_a_clock_that_wraps_is_no_restart():
+    """After 49 days, or on a bench; a restart is one still."""
+    ear = listener(1)
+    for awake, boots in (
+        (2**32 - 9000, 0),
+        (2**32 - 50, 0),
+        (0, 0),
+        (900, 0),
+        (60_000, 0),
+        (800, 1),
+    ):
+        ear.hear(said_by(mavlink.MAVLink_attitude_message(awake, 0, 0, 0, 0, 0, 0)), 1.0)
+        assert ear.boots == boots
+
+
 def test_only_the_target_is_told_the_time():
     ear = listener(1)
     request = mavlink.MAVLink_timesync_message(0, 5)
@@ -77,7 +97,7 @@ def test_two_vehicles_are_told_of_and_neither_is_landed():
     ear = listener(7, 1)
     assert not ear.certain and any(news["event"] == "several vehicles" for news in ear.news)
     assert not speaker(ear).land(0, 0.0)
-    named = listener(7, 1, system_id=1)
+    named = listener(7, 1, named=(1, None))
     talk = speaker(named)
     assert named.target == (1, 1) and talk.land(0, 0.0)
     assert [m.target_system for m in talk.due(0.0) if m.get_type() == "COMMAND_LONG"][0] == 1
@@ -106,6 +126,14 @@ def test_an_answer_counts_only_if_it_is_for_us(target, ours):
     ear = listener(1)
     ear.hear(said_by(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, *target)), 0.0)
     assert bool(ear.answers) == ours
+
+
+def test_a_refusal_to_another_companion_of_the_vehicle_is_none_to_us():
+    ear = listener(1, component=192)
+    ear.hear(said_by(mavlink.MAVLink_command_ack_message(21, 2, 0, 0, 1, 191)), 0.0)
+    assert not ear.answers
+    ear.hear(said_by(mavlink.MAVLink_command_ack_message(21, 0, 0, 0, 1, 192)), 0.0)
+    assert ear.answers
 
 
 def test_aiding_is_in_the_maps_axes_and_of_the_moment():
@@ -183,19 +211,6 @@ def test_a_slow_step_is_not_sent_as_fresh():
     talk = speaker(listener(1))
     talk.tell(make_fix(10.0), 11.2)  # captured 1.2 s ago
     assert not [m for m in talk.due(11.2) if m.get_type() == "VISION_POSITION_ESTIMATE"]
-
-
-@pytest.mark.parametrize("rate", [12.5, 20.0, 60.0])
-def test_the_beat_is_steady_whatever_the_camera_does(rate):
-    talk, sent, told = speaker(listener(1)), [], -1
-    for tick in range(2000):
-        now = 10 + tick / 1000
-        if math.floor(tick / 1000 * rate) != told:
-            told = math.floor(tick / 1000 * rate)
-            talk.tell(make_fix(now), now)
-        sent += [now for m in talk.due(now) if m.get_type() == "VISION_POSITION_ESTIMATE"]
-    assert len(sent) == pytest.approx(60, abs=1)
-    assert np.abs(np.diff(sent) - 1 / 30).max() < 0.0015
 
 
 def test_a_stray_byte_takes_nobodys_place():

@@ -19,10 +19,11 @@ class Autopilot:
 
     def __init__(self):
         self.confirmations, self.queue, self.grounded = [], [], None
-        self.connected = True
+        self.connected, self.flies = True, {"mode": 3}
 
     def land(self, confirmation: int) -> bool:
-        self.confirmations.append(confirmation)
+        if self.connected:
+            self.confirmations.append(confirmation)
         return self.connected
 
     def answers(self) -> list:
@@ -31,6 +32,9 @@ class Autopilot:
 
     def on_ground(self) -> bool | None:
         return self.grounded
+
+    def phase(self) -> dict:
+        return dict(self.flies)
 
     def answer(self, result: int, command: int = NAV_LAND) -> None:
         self.queue.append(type("Answer", (), {"command": command, "result": result}))
@@ -198,23 +202,54 @@ class TestAnswers:
         assert flight.fly() is State.LANDING
 
     @pytest.mark.parametrize(
-        ("result", "connected", "state", "why"),
+        ("result", "state", "why"),
         [
-            (1, True, State.REFUSED, "temporarily rejected, 5 commands sent"),
-            (5, True, State.REFUSED, "in progress, 5 commands sent"),
-            (None, True, State.UNANSWERED, "5 commands sent"),
-            (None, False, State.UNANSWERED, "0 commands sent"),
+            (1, State.REFUSED, "temporarily rejected, 5 commands sent"),
+            (5, State.REFUSED, "in progress, 5 commands sent"),
+            (None, State.UNANSWERED, "5 commands sent"),
         ],
     )
-    def test_what_is_said_at_the_end_is_what_happened(self, result, connected, state, why):
+    def test_what_is_said_at_the_end_is_what_happened(self, result, state, why):
         flight = Flight(answer_within=1.0)
-        flight.autopilot.connected = connected
         for _ in range(100):
             before = len(flight.autopilot.confirmations)
             flight.fly()
             if result is not None and len(flight.autopilot.confirmations) > before:
                 flight.autopilot.answer(result)
         assert (flight.commander.state, flight.commander.why) == (state, why)
+
+    def test_only_commands_that_went_out_count(self):
+        """The link comes up eleven seconds after the landing was due: it still gets all five."""
+        flight = Flight(answer_within=1.0)
+        flight.autopilot.connected = False
+        assert flight.fly(110) is State.ASKED and "no autopilot" in flight.commander.why
+        assert len(flight.states) == 2  # it is said once
+        flight.autopilot.connected = True
+        assert flight.fly(15) is State.ASKED and flight.commander.why == ""
+        assert flight.fly(60) is State.UNANSWERED
+        assert flight.autopilot.confirmations == [0, 1, 2, 3, 4]
+
+    @pytest.mark.parametrize(
+        ("down", "ended"),
+        [
+            ({"mode": 9}, {"mode": 5}),
+            ({"mode": 3, "landing": True}, {"mode": 3, "landing": False}),
+            ({"mode": 9, "landing": True}, {"mode": 3, "landing": True}),
+        ],
+    )
+    def test_a_landing_that_the_pilot_ends_is_over_and_not_asked_for_again(self, down, ended):
+        flight = Flight()
+        flight.autopilot.flies = {"mode": 3, "landing": False}
+        flight.fly(3)
+        flight.autopilot.answer(0)
+        assert flight.fly(5) is State.LANDING
+        flight.autopilot.flies = down
+        assert flight.fly(20) is State.LANDING
+        flight.autopilot.flies = ended
+        assert flight.fly(50) is State.ABORTED
+        assert flight.autopilot.confirmations == [0]
+        flight.fly(35, position=OUTSIDE)
+        assert flight.fly(3) is State.ASKED
 
     def test_no_further_command_once_the_conditions_no_longer_hold(self):
         flight = Flight()
@@ -280,3 +315,14 @@ class TestFaults:
         flight.fly()
         flight.autopilot.grounded = True
         assert flight.fly() is State.LANDED
+
+
+def test_a_visit_ends_by_the_clock_of_the_flight():
+    """Replayed as fast as possible, 40 s of flight take none: what is said must be the same."""
+    events = []
+    commander = Commander(LandingZone(INSIDE, 0.6, 0.6, 3), [], events.append)
+    for number in range(400):
+        place = OUTSIDE if 100 <= number < 200 else INSIDE
+        fix = make_fix(0.1 * number, place, captured=7.0 + 1e-4 * number)
+        commander.update(make_estimate(place), fix, 7.0 + 1e-4 * number)
+    assert [event["state"] for event in events].count(State.WOULD_LAND.value) == 2

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import threading
 import time
+from contextlib import contextmanager
 from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 from onboard_tools import CAMERA, colourful_floor, mavlink, room_map
+
+pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
+
+from onboard_autopilot import AUTOPILOT_HEARTBEAT, Peer
+from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from trexton.cli.main import main
 from trexton.flights import read_flight, write_flight
@@ -200,12 +206,36 @@ class Later:
         return time.monotonic() + self.by
 
 
+@contextmanager
+def alive(*messages):
+    """An autopilot that beats and says these from the first datagram on that it hears."""
+    peer, done = Peer(), threading.Event()
+
+    def beat():
+        while not done.wait(0.1):
+            if peer.address is not None:
+                peer.send(AUTOPILOT_HEARTBEAT, *messages)
+
+    thread = threading.Thread(target=beat, daemon=True)
+    thread.start()
+    try:
+        yield peer
+    finally:
+        done.set()
+        thread.join()
+        peer.close()
+
+
+FUSED = dialect.MAVLink_estimator_status_message(0, 8, *[0.0] * 8)
+ORIGIN = dialect.MAVLink_gps_global_origin_message(520_000_000, 40_000_000, 0)
+
+
 class TestAutopilot:
     """An autopilot over the wire."""
 
-    def links(self, place, port: int, options=None, heading=None) -> dict[str, bool]:
+    def links(self, place, port: int, options=None, heading=None, camera="") -> dict[str, bool]:
         changes = {
-            Flying: Flying(camera=place[1]), MapPlacement: MapPlacement(heading=heading),
+            Flying: Flying(camera=camera or place[1]), MapPlacement: MapPlacement(heading=heading),
             Landing: Landing(land="2,2", arm_landing=True), **(options or {}),
         }  # fmt: skip
         settings = Settings(place[0], (f"udpout:127.0.0.1:{port}",), (), changes)
@@ -213,17 +243,6 @@ class TestAutopilot:
 
     def test_one_that_fuses(self, place, monkeypatch):
         """However long it then takes to look at the frames: a first start compiles kernels."""
-        from onboard_autopilot import AUTOPILOT_HEARTBEAT, Peer
-        from pymavlink.dialects.v20 import ardupilotmega as dialect
-
-        peer, done = Peer(), threading.Event()
-
-        def beat():
-            while not done.wait(0.1):
-                if peer.address is not None:
-                    fused = dialect.MAVLink_estimator_status_message(0, 8, *[0.0] * 8)
-                    peer.send(AUTOPILOT_HEARTBEAT, fused)
-
         look, clock = module._of_map, Later()
 
         def looks_long(*seen):
@@ -232,16 +251,17 @@ class TestAutopilot:
 
         monkeypatch.setattr(module, "_of_map", looks_long)
         monkeypatch.setattr(module, "time", clock)
-        thread = threading.Thread(target=beat, daemon=True)
-        thread.start()
-        try:
+        with alive(FUSED, ORIGIN) as peer:
             found = self.links(place, peer.port, mavlink(origin="52,4,0"), heading=0.0)
-        finally:
-            done.set()
-            thread.join()
-            peer.close()
         assert found["link"] and found["fused"] and found["origin"] and found["heading"]
         assert not [m for m in peer.of("COMMAND_LONG") if m.command == 21]
+
+    def test_without_a_camera_the_link_is_heard_and_no_origin_is_taken_for_set(self, place):
+        with alive(FUSED) as peer:
+            found = self.links(place, peer.port, mavlink(origin="52,4,0"), 84.0, "/dev/video98")
+        assert found["link"] and found["fused"] and found["heading"]
+        assert not found["camera"] and not found["origin"]
+        assert peer.of("SET_GPS_GLOBAL_ORIGIN") and not peer.of("VISION_POSITION_ESTIMATE")
 
     def test_one_that_is_silent(self, place):
         found = self.links(place, 9, mavlink(autopilot="ardupilot"))

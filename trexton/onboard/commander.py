@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from typing import Protocol
 
@@ -22,6 +22,7 @@ REASONS = {
 }  # fmt: skip
 EXIT_RADII = 1.5  # from the centre: nearer, a position that jitters has not left the zone
 EXIT_SECONDS = 3.0  # seconds outside after which a return is another visit
+UNHEARD = "no autopilot is there to be commanded, or which one is in doubt"
 ACK_TIMEOUT = 10.0  # an answer later than this after the latest command belongs to no command
 
 
@@ -44,6 +45,9 @@ class LandingLink(Protocol):
 
     def on_ground(self) -> bool | None: ...
 
+    def phase(self) -> Mapping[str, object]:
+        """What tells a landing from any other flight, as far as it is known."""
+
 
 class State(Enum):
     """Where the landing stands."""
@@ -55,6 +59,7 @@ class State(Enum):
     LANDED = "LANDED"
     REFUSED = "REFUSED"
     UNANSWERED = "NO ANSWER"
+    ABORTED = "ABORTED"
 
 
 class Commander:
@@ -63,7 +68,8 @@ class Commander:
 
     The promise is kept a *visit*: the first trigger begins one, and it ends when the vehicle has
     been well outside the zone for some seconds. Within a visit the command goes out `attempts`
-    times at most, however often the position flickers over the edge, and a refusal is final.
+    times at most, however often the position flickers over the edge; a refusal is final, and so is
+    a landing that was accepted and that the pilot ended.
 
     Parameters
     ----------
@@ -91,21 +97,23 @@ class Commander:
         self._answer_within, self._attempts = answer_within, attempts
         self.state = State.WATCHING
         self.why = ""
-        self._asked = self._sent = 0  # in this visit; what no link could take was not sent
+        self._sent = 0  # commands of this visit that a link took
         self._put_off = ""  # what the autopilot says who neither accepts nor refuses
         self._asked_at = -np.inf
         self._ask_at = -np.inf
-        self._outside_since: float | None = None
+        self._outside_since: float | None = None  # on the clock that stamps the frames
+        self._before: dict[tuple[int, str], object] = {}  # phases of the flight when it was asked
+        self._during: dict[tuple[int, str], object] = {}  # those that came of it
         self._began: float | None = None  # the search, on the clock that stamps the frames
 
     def update(self, estimate: Estimate, fix: Fix, now: float) -> State:
         """Take in the latest estimate and whatever answers have come; `now` in seconds, on the
-        clock that `Fix.captured` is of."""
+        steady clock."""
         fresh = fix.usable and fix.observed and fix.age(now) <= STALE_AFTER
         inside = self._inside(estimate, fix, now)
         self._take_answers(now)
         self._take_landed_state()
-        if self._left(fix, fresh, now):
+        if self._left(fix, fresh):
             self._end_visit()
         elif inside and self.state in (State.WATCHING, State.ASKED):
             self._ask(fix, now)
@@ -130,15 +138,15 @@ class Commander:
         """Whether an autopilot says that it stands: nothing is asked of it then."""
         return any(lander.on_ground() for lander in self._landers)
 
-    def _left(self, fix: Fix, fresh: bool, now: float) -> bool:
+    def _left(self, fix: Fix, fresh: bool) -> bool:
         """Whether the vehicle has been outside long enough for the visit to be over."""
         if fresh:
             distance = float(np.hypot(*(fix.position - self.zone.center)))
             if distance <= EXIT_RADII * self.zone.radius:
                 self._outside_since = None
             elif self._outside_since is None:
-                self._outside_since = now
-        return self._outside_since is not None and now - self._outside_since >= EXIT_SECONDS
+                self._outside_since = fix.time
+        return self._outside_since is not None and fix.time - self._outside_since >= EXIT_SECONDS
 
     def _end_visit(self) -> None:
         if self.state in (State.LANDING, State.LANDED):  # the vehicle has obeyed, wherever it is
@@ -148,8 +156,7 @@ class Commander:
             self._become(State.WATCHING, "the zone was left")
 
     def _forget_visit(self) -> None:
-        self._asked = self._sent = 0
-        self._put_off = ""
+        self._sent, self._put_off = 0, ""
 
     def _ask(self, fix: Fix, now: float) -> None:
         where = {"x_m": float(fix.position[0]), "y_m": float(fix.position[1])}
@@ -160,20 +167,33 @@ class Commander:
             self._become(State.ASKED, "", **where)
         if now < self._ask_at:
             return
-        if self._asked >= self._attempts:
+        if self._sent >= self._attempts:
             if self._put_off:
                 self._become(State.REFUSED, f"{self._put_off}, {self._sent} commands sent")
             else:
                 self._become(State.UNANSWERED, f"{self._sent} commands sent")
             return
-        confirmation = self._asked
-        queued = [lander.land(confirmation) for lander in self._landers]
-        self._asked += 1
         self._ask_at = now + self._answer_within
-        if any(queued):
-            self._asked_at = now
+        self._before, self._during = self._phases(), {}
+        if any([lander.land(self._sent) for lander in self._landers]):
+            self._report({"event": "land", "confirmation": self._sent})
+            self._asked_at, self.why = now, ""
             self._sent += 1
-        self._report({"event": "land", "confirmation": confirmation, "queued": any(queued)})
+        elif self.why != UNHEARD:
+            self._become(State.ASKED, UNHEARD)
+
+    def _phases(self) -> dict[tuple[int, str], object]:
+        phases = ((n, lander.phase()) for n, lander in enumerate(self._landers))
+        return {(n, name): value for n, phase in phases for name, value in phase.items()}
+
+    def _is_aborted(self) -> bool:
+        """Whether the flight is no longer in the phase that the command had brought about."""
+        for name, value in self._phases().items():
+            if name in self._during and value != self._during[name]:
+                return True
+            if value != self._before.setdefault(name, value):
+                self._during[name] = value
+        return False
 
     def _take_answers(self, now: float) -> None:
         results = [
@@ -189,7 +209,7 @@ class Commander:
 
     def _take_answer(self, result: int, now: float) -> None:
         if result == ACCEPTED:  # in whatever state: the vehicle lands
-            if self.state not in (State.LANDING, State.LANDED):
+            if self.state not in (State.LANDING, State.LANDED, State.ABORTED):
                 self._become(State.LANDING, "accepted")
         elif result in (IN_PROGRESS, TEMPORARILY_REJECTED):
             self._ask_at = now + self._answer_within  # it is there: give it time, then ask again
@@ -205,6 +225,8 @@ class Commander:
             self._forget_visit()
             self._asked_at = -np.inf
             self._become(State.WATCHING, "in the air again")
+        elif self.state is State.LANDING and self._is_aborted():
+            self._become(State.ABORTED, "accepted, then ended by the pilot or the autopilot")
 
     def _become(self, state: State, why: str, **more: object) -> None:
         self.state, self.why = state, why

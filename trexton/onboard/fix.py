@@ -96,11 +96,6 @@ class Fix:
         """What autopilots fuse: the measurement, else the filter's position and covariance."""
         return self.measurement or Measurement(self.position, self.covariance)
 
-    @property
-    def clock_ahead(self) -> float:
-        """Seconds by which the clock of `time` is ahead of the steady one: 0 for a live camera."""
-        return 0.0 if self.captured is None else self.time - self.captured
-
     def age(self, now: float) -> float:
         """Seconds from capture to `now` on the steady clock."""
         return now - (self.time if self.captured is None else self.captured)

@@ -96,6 +96,9 @@ class Onboard:
         feed = feed_from(self.source, self.tally)
         began = self._clock()
         self._service.ready()
+        for guard in self.sinks:
+            if guard.sink.autopilot:  # heartbeat, clock and origin do not wait for a frame
+                guard.event({"event": "start"})
         if self.log is not None:
             clocks = {"unix_s": time.time(), "clock_s": self._clock()}
             self.log.event({"event": "start", **clocks, "map": self.localizer.map.provenance})

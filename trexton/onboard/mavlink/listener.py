@@ -1,6 +1,6 @@
 """What is heard on the wire, and which of it counts: an autopilot among others who also speak.
 
-Times are seconds of the clock that stamps fixes.
+Times are seconds of the steady clock.
 """
 
 from __future__ import annotations
@@ -9,19 +9,21 @@ from bisect import bisect_left
 from collections import deque
 from dataclasses import dataclass
 from operator import itemgetter
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from trexton.flights.aiding import Aiding
 from trexton.onboard.local import LocalFrame
-from trexton.onboard.mavlink.messages import COMPONENT, mavlink
+from trexton.onboard.mavlink.messages import mavlink
+from trexton.onboard.mavlink.options import COMPONENT
 
 __all__ = ["CommandAck", "Listener"]
 
 HEARTBEAT_TIMEOUT = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 MAX_STATE_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
 BOOT_CLOCK_STEP_MS = 2000  # milliseconds that messages of one clock never overtake each other by
+WRAP_MS = 60_000  # milliseconds about the last of a clock of 32 bits in which it may wrap
 BUFFER_SIZE = 512  # of each: a second and more of the fastest stream, for a camera that is late
 MAX_SAMPLE_AGE = 0.5  # seconds between a frame and attitude, height or velocity that fit it
 NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
@@ -30,6 +32,7 @@ NO_AUTOPILOTS = (mavlink.MAV_AUTOPILOT_GENERIC, mavlink.MAV_AUTOPILOT_INVALID)
 VEHICLES = {*range(1, 5), *range(7, 18), *range(19, 26), 28, 29, 35}
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
 INVALID_SIGNAL = 1  # of 100; 0 is unknown
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -44,14 +47,17 @@ class Listener:
     """Listens to one autopilot, whoever else is on the wire.
 
     Only an autopilot's heartbeat can make somebody the target: it names an autopilot, and it comes
-    from component 1 or from a type of vehicle. The first vehicle that is heard is ours. After a
-    silence only the same vehicle is taken up again, unless none but another has been heard since.
+    from component 1 or from a type of vehicle, unless a component was named. The first vehicle that
+    is heard is ours. After a silence only the same vehicle is taken up again, unless none but
+    another has been heard since.
 
     Parameters
     ----------
-    system_id : int or None
-        The vehicle's system number; None for the only one that is heard.
+    named : (int or None, int or None)
+        System and component of our autopilot; None for the only one that is heard.
     local : LocalFrame
+    component : int
+        Our own number: answers to another's commands are none to us.
 
     Attributes
     ----------
@@ -60,8 +66,13 @@ class Listener:
         what it was sent.
     """
 
-    def __init__(self, system_id: int | None = None, local: LocalFrame | None = None):
-        self._system_id, self._local = system_id, local or LocalFrame()
+    def __init__(
+        self,
+        named: tuple[int | None, int | None] = (None, None),
+        local: LocalFrame | None = None,
+        component: int = COMPONENT,
+    ):
+        self._named, self._local, self._component = named, local or LocalFrame(), component
         self.target: tuple[int, int] | None = None
         self.systems: set[int] = set()  # every vehicle whose autopilot was ever heard
         self.heard_at = -np.inf
@@ -71,7 +82,8 @@ class Listener:
         self.timesyncs: deque[Any] = deque(maxlen=16)
         self.origin: tuple[float, float] | None = None
         self._fused: tuple[float, bool] | None = None
-        self._grounded: tuple[float, bool] | None = None
+        self._landed: tuple[float, int] | None = None
+        self._mode: int | None = None
         self._attitudes: deque[tuple[float, tuple[float, float, float]]] = deque(maxlen=BUFFER_SIZE)
         self._heights: deque[tuple[float, float]] = deque(maxlen=BUFFER_SIZE)
         self._velocities: deque[tuple[float, tuple[float, float]]] = deque(maxlen=BUFFER_SIZE)
@@ -108,7 +120,7 @@ class Listener:
     @property
     def certain(self) -> bool:
         """Whether the target is beyond doubt: named by its number, or the only vehicle around."""
-        return self.target is not None and (self._system_id is not None or len(self.systems) == 1)
+        return self.target is not None and (self._named[0] is not None or len(self.systems) == 1)
 
     def fused(self, now: float) -> bool | None:
         """Whether the autopilot has a horizontal position; None where it has not said so lately."""
@@ -116,7 +128,20 @@ class Listener:
 
     def on_ground(self, now: float) -> bool | None:
         """Whether the vehicle stands; None where the autopilot has not said so lately."""
-        return _recent(self._grounded, now)
+        landed = _recent(self._landed, now)
+        return None if landed is None else landed == mavlink.MAV_LANDED_STATE_ON_GROUND
+
+    def phase(self, now: float) -> dict[str, object]:
+        """What tells a landing from any other flight, as far as it was said lately."""
+        landed = _recent(self._landed, now)
+        known = {"mode": self._mode if self.present(now) else None,
+                 "landing": landed and landed == mavlink.MAV_LANDED_STATE_LANDING}  # fmt: skip
+        return {name: value for name, value in known.items() if value is not None}
+
+    def confirms(self, origin: tuple[float, float, float]) -> bool:
+        """Whether the autopilot's origin is this one, to within a metre or so."""
+        ours = self.origin
+        return ours is not None and bool(np.allclose(ours, origin[:2], rtol=0, atol=1e-5))
 
     def attitude(self, time: float) -> tuple[float, float, float] | None:
         """The autopilot's own roll, pitch, yaw nearest to that moment, if near enough."""
@@ -149,25 +174,26 @@ class Listener:
     def _on_heartbeat(self, message: Any, now: float) -> None:
         system, component = message.get_srcSystem(), message.get_srcComponent()
         vehicle = message.type in VEHICLES or component == mavlink.MAV_COMP_ID_AUTOPILOT1
-        if (
+        named_system, named_component = self._named
+        if named_component is None and (
             message.autopilot in NO_AUTOPILOTS
             or message.type == mavlink.MAV_TYPE_GCS
             or not vehicle
         ):
             return
-        if self._system_id is not None and system != self._system_id:
+        if named_system not in (None, system) or named_component not in (None, component):
             return
         if system not in self.systems:
             self.systems.add(system)
             if len(self.systems) > 1:
                 heard = ", ".join(map(str, sorted(self.systems)))
-                advice = "name ours with --system-id; no landing until then"
+                advice = "name ours with --target; no landing until then"
                 self.news.append({"event": "several vehicles", "systems": heard, "do": advice})
         gone = self.target is not None and now - self.heard_at > 10 * HEARTBEAT_TIMEOUT
         if self.target is None or (gone and system != self.target[0]):
             self._adopt(system, component)
         if self.target == (system, component):
-            self.heard_at = now
+            self.heard_at, self._mode = now, message.custom_mode
 
     def _adopt(self, system: int, component: int) -> None:
         self.target, self._awake_ms = (system, component), 0
@@ -175,15 +201,17 @@ class Listener:
         self.news.append({"event": "autopilot", "system": system, "component": component})
 
     def _forget(self) -> None:
-        self._fused = self._grounded = self.origin = None
+        self._fused = self._landed = self.origin = None
         for samples in (self._attitudes, self._heights, self._velocities):
             samples.clear()
 
     def _notice_boot(self, awake_ms: int | None) -> None:
-        """An autopilot whose own clock has jumped back by seconds has started anew."""
+        """An autopilot whose own clock has jumped back by seconds has started anew, unless it
+        went on from its last millisecond, after 49 days."""
         if awake_ms is None:
             return
-        if self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS:
+        wrapped = (awake_ms - self._awake_ms) % 2**32 < WRAP_MS
+        if self._awake_ms - awake_ms > BOOT_CLOCK_STEP_MS and not wrapped:
             self.boots += 1
             self._forget()
             self.news.append({"event": "autopilot restarted", "times": self.boots})
@@ -214,7 +242,7 @@ class Listener:
     def _on_command_ack(self, message: Any, now: float) -> None:
         # Target 0 is everybody, or an autopilot of before targets were in the message.
         ours = (0, message.get_srcSystem())
-        if message.target_system in ours and message.target_component in (0, COMPONENT):
+        if message.target_system in ours and message.target_component in (0, self._component):
             self.answers.append(CommandAck(message.command, message.result))
             self.news.append(
                 {"event": "answer", "command": message.command, "result": message.result}
@@ -236,11 +264,10 @@ class Listener:
 
     def _on_landed_state(self, message: Any, now: float) -> None:
         if message.landed_state != mavlink.MAV_LANDED_STATE_UNDEFINED:
-            grounded = message.landed_state == mavlink.MAV_LANDED_STATE_ON_GROUND
-            self._grounded = (now, grounded)
+            self._landed = (now, message.landed_state)
 
 
-def _recent(said: tuple[float, bool] | None, now: float) -> bool | None:
+def _recent(said: tuple[float, T] | None, now: float) -> T | None:
     return said[1] if said is not None and now - said[0] <= MAX_STATE_AGE else None
 
 

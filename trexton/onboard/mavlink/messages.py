@@ -26,7 +26,6 @@ ATTITUDE = mavlink.MAVLINK_MSG_ID_ATTITUDE
 LANDED_STATE = mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
 HEIGHT = mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR
 VELOCITY = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
-COMPONENT = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER  # what we are on the vehicle's network
 UNKNOWN_HEIGHT = (
     100.0  # square metres: a height nobody measured must weigh nothing even if it is fused
 )

@@ -1,6 +1,6 @@
 """What is to be said to an autopilot, when, and how PX4 and ArduPilot want it. No clock, no wire.
 
-Times are seconds of the clock that stamps fixes. All of it is called under the sink's lock.
+Times are seconds of the steady clock. All of it is called under the sink's lock.
 """
 
 from __future__ import annotations
@@ -21,7 +21,8 @@ from trexton.onboard.mavlink.messages import odometry, quality, vision_position
 __all__ = ["PROFILES", "ArduPilot", "Profile", "Px4", "Speaker"]
 
 REQUEST_PAUSE = 2.0
-ORIGIN_ATTEMPTS = 10
+ORIGIN_PAUSE, LATER_ORIGIN_PAUSE = 1.0, 10.0
+ORIGIN_ATTEMPTS = 10  # after which it is said that none was confirmed, and asked less often
 REPEAT_AFTER = 0.15  # seconds without an image: EKF2 does without after 0.2, ArduPilot after 0.25
 REPEAT_TIMEOUT = STALE_AFTER  # seconds from capture for which a position is repeated
 # Seconds by which a repetition's stamp stays behind those of images that arrive with it: one that
@@ -104,8 +105,8 @@ class Speaker:
     listener : Listener
         Knows to whom, and what was answered.
     origin : (latitude, longitude, altitude) or None
-        Set as the autopilot's global origin until it confirms it; after `ORIGIN_ATTEMPTS` in vain
-        it is said, and given up. An autopilot that has started anew gets it again.
+        Set as the autopilot's global origin until it confirms it, which may take it a while after
+        its start. An autopilot that has started anew gets it again.
     aiding : {"tilt", "all", "none"}
         What it is asked for beside its attitude: height, and for all its velocity too.
     """
@@ -120,7 +121,7 @@ class Speaker:
         aiding: str = "none",
     ):
         self.profile, self.listener = profile, listener
-        self._motion_rate, self._wanted_origin, self._origin = motion_rate, origin, origin
+        self._motion_rate, self._origin = motion_rate, origin
         self._boots = listener.boots
         self._asked = {
             "none": {},
@@ -186,10 +187,20 @@ class Speaker:
     def _requests(self, target: tuple[int, int], now: float) -> list[Any]:
         out = []
         if self._boots != self.listener.boots:
-            self._boots, self._due = self.listener.boots, {}
-            self._origin, self._origin_attempts = self._wanted_origin, 0
-        if self._origin is not None and self._is_due("origin", now, REQUEST_PAUSE):
-            out += self._ask_for_origin(target, self._origin, now)
+            self._boots, self._due, self._origin_attempts = self.listener.boots, {}, 0
+        pause = ORIGIN_PAUSE if self._origin_attempts < ORIGIN_ATTEMPTS else LATER_ORIGIN_PAUSE
+        origin = self._origin
+        if (
+            origin is not None
+            and not self.listener.confirms(origin)
+            and self._is_due("origin", now, pause)
+        ):
+            out.append(messages.origin(target[0], *origin, round(1e6 * now)))
+            self._origin_attempts += 1
+            if self._origin_attempts == ORIGIN_ATTEMPTS:
+                self.listener.news.append(
+                    {"event": "origin not confirmed", "attempts": ORIGIN_ATTEMPTS}
+                )
         if self.listener.attitude(now) is None and self._is_due("attitude", now, REQUEST_PAUSE):
             out.append(messages.interval_request(target, messages.ATTITUDE, ATTITUDE_RATE))
         if self.listener.on_ground(now) is None and self._is_due("state", now, REQUEST_PAUSE):
@@ -199,21 +210,6 @@ class Speaker:
             if getattr(aiding, name) is None and self._is_due(name, now, REQUEST_PAUSE):
                 out.append(messages.interval_request(target, message, ATTITUDE_RATE))
         return out
-
-    def _ask_for_origin(
-        self, target: tuple[int, int], origin: tuple[float, float, float], now: float
-    ) -> list[Any]:
-        confirmed = self.listener.origin
-        if confirmed is not None and np.allclose(confirmed, origin[:2], rtol=0, atol=1e-5):
-            self._origin = None  # ours is set: the same to within a metre or so
-            return []
-        self._origin_attempts += 1
-        if self._origin_attempts >= ORIGIN_ATTEMPTS:
-            self._origin = None
-            self.listener.news.append(
-                {"event": "origin not confirmed", "attempts": ORIGIN_ATTEMPTS}
-            )
-        return [messages.origin(target[0], *origin, round(1e6 * now))]
 
     def _is_due(self, what: str, now: float, pause: float) -> bool:
         if now < self._due.get(what, -np.inf):
@@ -227,15 +223,16 @@ class Speaker:
         Each image goes out once, as of its capture. A repetition is the motion model's prediction
         for a later moment, before which no other image can have been taken.
         """
-        if self._fix is not None and now - self._fix.time > REPEAT_TIMEOUT:
+        if self._fix is not None and self._fix.age(now) > REPEAT_TIMEOUT:
             self._fix = None  # old is never taken for fresh
         fix = self._fix or self._failed
         if fix is None or now < self._next_at:
             return None
-        stamp, covariance = fix.time, fix.fusion.covariance
+        captured = now - fix.age(now)
+        stamp, covariance = captured, fix.fusion.covariance
         if np.isfinite(self._next_at):
             stamp += now - self._told_at - REPEAT_LAG
-            covariance = REPEAT_INFLATION * (covariance + self._motion_rate * (stamp - fix.time))
+            covariance = REPEAT_INFLATION * (covariance + self._motion_rate * (stamp - captured))
         attitude = self.listener.attitude(stamp)
         if attitude is None and self.profile.needs_attitude:
             self.withheld += 1

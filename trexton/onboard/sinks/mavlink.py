@@ -8,81 +8,24 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from trexton.base.errors import ParameterError
-from trexton.base.options import Options, option
 from trexton.flights.aiding import Aiding
 from trexton.onboard.fix import Fix
 from trexton.onboard.mavlink.link import Link, make_link
+from trexton.onboard.mavlink.options import MavlinkOptions
 from trexton.onboard.sinks.base import Sink, Surroundings
 from trexton.onboard.tally import Tally
 
 if TYPE_CHECKING:
     from trexton.onboard.mavlink.speaker import Speaker
 
-__all__ = ["MavlinkOptions", "MavlinkSink"]
+__all__ = ["MavlinkSink"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 5.0
 MAX_WAIT = 0.05
-KEY_BYTES = 32
 MIN_MESSAGE_BYTES = 8  # bytes; what the parser waits for before it knows more
-ORIGIN_LIMITS = ((-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees, degrees, metres
-
-
-@dataclass(frozen=True)
-class MavlinkOptions(Options):
-    """Autopilot over MAVLink"""
-
-    autopilot: str = option("px4", "whose messages are sent", choices=("px4", "ardupilot"))
-    system_id: int | None = option(
-        None, "our vehicle's number; needed where more than one is heard", low=1, high=255
-    )
-    origin: str | None = option(
-        None, "LAT,LON,ALT in degrees and metres: set as the autopilot's global origin"
-    )
-    sign_key: str | None = option(
-        None, "file of 32 bytes: sign every message, and believe only what is signed with it"
-    )
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        _ = self.place  # checked now, not in the air
-
-    @property
-    def place(self) -> tuple[float, float, float] | None:
-        """The origin as numbers; raises `ParameterError`."""
-        if self.origin is None:
-            return None
-        try:
-            latitude, longitude, altitude = map(float, self.origin.split(","))
-        except ValueError:
-            raise ParameterError(
-                f"origin {self.origin!r}: expected LAT,LON,ALT, as in 51.9906,4.3768,0"
-            ) from None
-        for value, (low, high) in zip((latitude, longitude, altitude), ORIGIN_LIMITS, strict=True):
-            if not low <= value <= high:
-                raise ParameterError(
-                    f"origin {self.origin}: {value:g} is not within {low:g} to {high:g}: "
-                    "give latitude and longitude in degrees, altitude in metres"
-                )
-        return latitude, longitude, altitude
-
-    def key(self) -> bytes | None:
-        """The key to sign with; raises `ParameterError`."""
-        if self.sign_key is None:
-            return None
-        try:
-            key = Path(self.sign_key).read_bytes()
-        except OSError as error:
-            raise ParameterError(
-                f"{self.sign_key}: the key cannot be read ({error.strerror})"
-            ) from None
-        if len(key) != KEY_BYTES:
-            raise ParameterError(f"{self.sign_key}: {len(key)} bytes: a key has {KEY_BYTES}")
-        return key
 
 
 class MavlinkSink(Sink):
@@ -94,8 +37,7 @@ class MavlinkSink(Sink):
     link : Link
     speaker : Speaker
     tally : Tally
-    key : bytes, optional
-        To sign messages with.
+    options : MavlinkOptions
     clock : callable
         Seconds, the clock that stamps live frames.
     """
@@ -115,20 +57,18 @@ class MavlinkSink(Sink):
         link: Link,
         speaker: Speaker,
         tally: Tally,
-        key: bytes | None = None,
+        options: MavlinkOptions | None = None,
         clock: Callable[[], float] = time.monotonic,
     ):
         self.name = address
         self._link, self.speaker, self._tally, self._clock = link, speaker, tally, clock
-        self._key = key
-        self._options = MavlinkOptions()
+        self._options = options or MavlinkOptions()
         self._codec = self._new_codec()
         self._lock, self._stop = threading.Lock(), threading.Event()
         self._alarm, self._bell = socket.socketpair()  # a new fix ends the thread's wait
         self._alarm.setblocking(False)
         self._bell.setblocking(False)
         self._thread: threading.Thread | None = None
-        self._shift = 0.0  # from our clock to the one that stamps the frames
         self.connected = self._was_present = False
         self._why = ""  # the link failed last, as it was said
 
@@ -144,13 +84,11 @@ class MavlinkSink(Sink):
                 "MAVLink needs the package pymavlink: pip install 'trexton[mavlink]'"
             ) from None
         profile = PROFILES[options.autopilot](around.local, around.area)
-        listener = Listener(options.system_id, around.local)
+        listener = Listener(options.addressee, around.local, options.component_id)
         speaker = Speaker(
             profile, around.motion_rate, listener, options.place, aiding=around.aiding
         )
-        sink = cls(address, link, speaker, around.tally, options.key(), around.clock)
-        sink._options = options
-        return sink
+        return cls(address, link, speaker, around.tally, options, around.clock)
 
     @property
     def lander(self) -> MavlinkSink:
@@ -162,13 +100,16 @@ class MavlinkSink(Sink):
         heard = listener.present(now) and listener.certain
         words = f"autopilot {listener.target[0]} heard" if listener.target else "no autopilot heard"
         words += ", silent since" if listener.target and not listener.present(now) else ""
-        words += "" if listener.certain or not listener.target else ": several, give --system-id"
+        words += "" if listener.certain or not listener.target else ": several, give --target"
         yield "link", heard, f"{self.name}: {words}"
-        place = listener.origin or options.place
+        place, wanted = listener.origin, options.place
         words = f"{place[0]:.7f}, {place[1]:.7f}" if place else "not given: add --origin"
-        needed = options.autopilot == "ardupilot"
-        words += "" if place or needed else " for modes that need a global position"
-        yield "origin", bool(place) or not needed, words
+        holds = place is not None if wanted is None else listener.confirms(wanted)
+        if wanted is not None and not holds:
+            words = f"given, and not confirmed: the autopilot has {words if place else 'none'}"
+        elif not place and options.autopilot != "ardupilot":
+            holds, words = True, words + " for modes that need a global position"
+        yield "origin", holds, words
         fused = listener.fused(now)
         words = {
             True: "the autopilot has a position",
@@ -184,15 +125,14 @@ class MavlinkSink(Sink):
 
     def write(self, fix: Fix) -> None:
         with self._lock:
-            self._shift = fix.clock_ahead  # a replay has its own time
-            self.speaker.tell(fix, self._now())
+            self.speaker.tell(fix, self._clock())
         self._wake()
 
     def land(self, confirmation: int) -> bool:
         """Command a landing; False while no autopilot is there to obey it, or it is in doubt which
         one would."""
         with self._lock:
-            queued = self.connected and self.speaker.land(confirmation, self._now())
+            queued = self.connected and self.speaker.land(confirmation, self._clock())
         self._wake()
         return queued
 
@@ -208,7 +148,12 @@ class MavlinkSink(Sink):
     def on_ground(self) -> bool | None:
         """Whether the autopilot says that the vehicle stands; None where it does not say."""
         with self._lock:
-            return self.speaker.listener.on_ground(self._now())
+            return self.speaker.listener.on_ground(self._clock())
+
+    def phase(self) -> dict[str, object]:
+        """What tells a landing from any other flight: the autopilot's mode, what it says of it."""
+        with self._lock:
+            return self.speaker.listener.phase(self._clock())
 
     def aiding(self, time: float) -> Aiding | None:
         with self._lock:
@@ -216,7 +161,7 @@ class MavlinkSink(Sink):
 
     def status(self) -> str:
         with self._lock:
-            listener, now = self.speaker.listener, self._now()
+            listener, now = self.speaker.listener, self._clock()
             if not self.connected:
                 return "no link"
             if listener.target is None:
@@ -228,7 +173,7 @@ class MavlinkSink(Sink):
             return (
                 f"autopilot {listener.target[0]} heard"
                 + words[listener.fused(now)]
-                + ("" if listener.certain else ", SEVERAL VEHICLES: give --system-id")
+                + ("" if listener.certain else ", SEVERAL VEHICLES: give --target")
                 + (f", {held} withheld for want of attitude" if held else "")
             )
 
@@ -245,16 +190,13 @@ class MavlinkSink(Sink):
         except BlockingIOError:
             pass  # it has been rung often enough
 
-    def _now(self) -> float:
-        return self._clock() + self._shift
-
     def _new_codec(self) -> Any:
-        from trexton.onboard.mavlink.messages import COMPONENT, mavlink
+        from trexton.onboard.mavlink.messages import mavlink
 
-        codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=COMPONENT)
+        codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=self._options.component_id)
         codec.robust_parsing = True  # garbage on the wire is skipped, not raised
-        if self._key is not None:
-            codec.signing.secret_key = self._key
+        if (key := self._options.key()) is not None:
+            codec.signing.secret_key = key
             codec.signing.sign_outgoing = True
             # Tens of microseconds since 2015, as the protocol counts; it must only ever grow.
             codec.signing.timestamp = int((time.time() - 1420070400) * 1e5)
@@ -292,7 +234,7 @@ class MavlinkSink(Sink):
     def _exchange(self) -> None:
         """Say what is due, then listen until the next may be."""
         with self._lock:
-            now = self._now()
+            now = self._clock()
             due = self.speaker.due(now)
             wait = min(self.speaker.next_due(now), MAX_WAIT)
         for message in due:
@@ -303,7 +245,7 @@ class MavlinkSink(Sink):
             self._alarm.recv(4096)
         messages = self._parsed(self._link.receive())
         with self._lock:
-            now, listener = self._now(), self.speaker.listener
+            now, listener = self._clock(), self.speaker.listener
             for message in messages:
                 listener.hear(message, now)
             present, target = listener.present(now), listener.target
