@@ -17,8 +17,8 @@ from trexton.localization.motion import RandomWalk
 from trexton.localization.training import train_map
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
-from trexton.onboard.sinks import Surroundings
 from trexton.onboard.mavlink.options import MavlinkOptions
+from trexton.onboard.sinks import Surroundings
 from trexton.onboard.tally import Tally
 from trexton.simulator import Floor, Simulator, record_flight
 from trexton.vision.camera import Camera, MapImage
