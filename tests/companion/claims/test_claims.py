@@ -201,7 +201,7 @@ def test_faulty_claims_are_refused_when_they_are_loaded(tmp_path):
     with pytest.raises(ParameterError, match="expected EXPERIMENT:PATH"):
         claim("value", ours="moon:q")
     with pytest.raises(ParameterError, match="has 1 references"):
-        Claim("c", "p", "t", "order", "mosaic", less="mosaic:q")
+        Claim("c", "p", "t", "order", less="mosaic:q")
     table = '[[claim]]\nid = "a"\nplace = "p"\ntext = "t"\nexperiment = "mosaic"\n'
     for rest, message in (
         ('kind = "value"\nours = "mosaic:q"\nprinted = "nowhere.at_all"', "expected a number"),

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import atomic_file, canonical_json
+from trexton.base.options import Options, option
 from trexton.base.records import Record, plain
 from trexton.companion.claims import rules
 from trexton.companion.claims.rules import Quantity
@@ -16,15 +17,9 @@ from trexton.companion.experiments.printed import look_up, paper_file, published
 from trexton.companion.experiments.registry import EXPERIMENTS
 
 __all__ = [
-    "Claim",
-    "Finding",
-    "count_verdicts",
-    "judge",
-    "judge_all",
-    "load_claims",
-    "load_records",
+    "Claim", "Finding", "count_verdicts", "judge", "judge_all", "load_claims", "load_records",
     "write_ledger",
-]
+]  # fmt: skip
 
 SCHEMA = 2
 Records = dict[str, Record]
@@ -32,59 +27,34 @@ Rows = list[tuple["Claim", list["Finding"]]]
 
 
 @dataclass(frozen=True)
-class Claim:
-    """One claim of the paper and our test of it.
+class Claim(Options):
+    """One claim of the paper and our test of it: a table of ``claims.toml``."""
 
-    Attributes
-    ----------
-    id, place, text : str
-        What the paper says, in our words, and where.
-    kind : str
-        The rule: a key of `trexton.companion.claims.rules.KINDS`.
-    experiment : str
-        The page that tests it, or "none".
-    printed : float or str, optional
-        The value that the paper prints, or its place in ``published.toml``.
-    measure : str
-        What our test measures.
-    bound, at_most_times : float, optional
-        This project's own thresholds: of "below" and "above", and of the ratio of an "order".
-    better : str
-        "less" or "more", where one side of the printed value is better.
-    ours, less, greater : str, optional
-        ``experiment:path`` into a record's values or timings.
-    needs : str
-        What a flight must have for the test, in words; where it lacks that, it is the reason.
-    by_construction : str
-        Why the claim holds whatever was measured, where it does.
-    reason : str
-        Why it cannot be tested here, where it cannot.
-    """
-
-    id: str
-    place: str
-    text: str
-    kind: str
-    experiment: str
-    printed: str | float | None = None
-    measure: str = ""
-    bound: float | None = None
-    at_most_times: float | None = None
-    better: str = ""
-    unit: str = ""
-    ours: str | None = None
-    less: str | None = None
-    greater: str | None = None
-    needs: str = ""
-    by_construction: str = ""
-    reason: str = ""
+    id: str = option("", "its name")
+    place: str = option("", "where the paper says it")
+    text: str = option("", "what it says, in our words")
+    kind: str = option("", "the rule", choices=(*rules.RULES, "untestable"))
+    experiment: str = option("none", "the page that tests it")
+    printed: str | int | float | None = option(
+        None, "the value that the paper prints, or its place in published.toml"
+    )
+    measure: str = option("", "what our test measures")
+    bound: int | float | None = option(None, "our own threshold, of a bound")
+    at_most_times: int | float | None = option(None, "our own threshold, of the ratio of an order")
+    better: str = option("", "the side of the printed value that is", choices=("", "less", "more"))
+    unit: str = option("", "of the printed value and ours")
+    ours: str | None = option(None, "EXPERIMENT:PATH into a record's values or timings")
+    less: str | None = option(None, "the same, of an order: what is smaller")
+    greater: str | None = option(None, "and what is greater")
+    needs: str = option("", "what a flight must have for the test; where it lacks that, the reason")
+    by_construction: str = option("", "why it holds whatever was measured, where it does")
+    reason: str = option("", "why it cannot be tested here, where it cannot")
 
     def __post_init__(self) -> None:
-        if self.kind not in rules.KINDS:
-            raise ParameterError(
-                f"claim {self.id!r} has kind {self.kind!r}: "
-                f"expected one of {', '.join(rules.KINDS)}"
-            )
+        try:
+            super().__post_init__()
+        except ParameterError as error:
+            raise ParameterError(f"claim {self.id!r}: {error}") from None
         for reference in self.references:
             experiment, _, path = reference.partition(":")
             if experiment not in EXPERIMENTS or not path:
@@ -128,16 +98,13 @@ class Claim:
     @property
     def rule(self) -> str:
         """The rule as a reader may read it."""
-        unit = f" {self.unit}" if self.unit else ""
-        if self.kind in ("below", "above"):
-            side = "at most" if self.kind == "below" else "at least"
-            return f"{side} {self.threshold:g}{unit}, with the whole interval"
-        return {
-            "value": "the printed value in our interval, and within a quarter",
-            "order": "the first is smaller, intervals apart",
-            "exact": "equal",
-            "untestable": "",
-        }[self.kind]
+        if self.kind == "untestable":
+            return ""
+        bound = f"{self.threshold:g} {self.unit}".rstrip() if self.kind in _HELD_AGAINST else ""
+        return rules.RULES[self.kind][0].format(bound)
+
+
+_HELD_AGAINST = ("value", "below", "above", "exact")  # the kinds with a threshold
 
 
 @dataclass(frozen=True)
@@ -166,7 +133,7 @@ def load_claims(path: Path | None = None) -> list[Claim]:
             tables += [{"experiment": name} | table for table in experiment.claims]
     claims = [Claim(**table) for table in tables]
     for claim in claims:
-        if claim.kind in ("value", "below", "above", "exact"):
+        if claim.kind in _HELD_AGAINST:
             claim.threshold  # noqa: B018 - looked up now rather than when a page is made
     return claims
 
@@ -190,31 +157,22 @@ def _quantity(claim: Claim, reference: str, records: Records) -> Quantity | None
     if experiment not in records:
         return None
     record = records[experiment]
-    entry = look_up(record.values, path)
-    if entry is None:
-        entry = look_up(record.timings, path)
-    if isinstance(entry, dict):
-        value = entry.get("value", entry.get("median"))  # the latter of times
-        if value is None:
-            return None
-        low, high = (value if entry.get(end) is None else entry[end] for end in ("low", "high"))
-        return Quantity(float(value), float(low), float(high))
-    if isinstance(entry, (int, float)):
-        return Quantity(entry, entry, entry)
-    if not _present(record, path) and not (claim.needs or claim.reason):
+    above, _, last = path.rpartition(".")
+    parents = [look_up(tree, above) if above else tree for tree in (record.values, record.timings)]
+    entries = [parent[last] for parent in parents if isinstance(parent, dict) and last in parent]
+    if not entries and not (claim.needs or claim.reason):
         raise ParameterError(
             f"claim {claim.id!r} reads {reference!r}, which the record of flight "
             f"{record.flight!r} does not have: correct its path in data/paper/claims.toml"
         )
-    return None
-
-
-def _present(record: Record, path: str) -> bool:
-    """Whether the record has an entry there, be it empty."""
-    above, _, last = path.rpartition(".")
-    trees = (record.values, record.timings)
-    parents = [look_up(tree, above) if above else tree for tree in trees]
-    return any(isinstance(parent, dict) and last in parent for parent in parents)
+    entry = next((entry for entry in entries if entry is not None), None)
+    if not isinstance(entry, dict):
+        return Quantity(entry, entry, entry) if isinstance(entry, (int, float)) else None
+    value = entry.get("value", entry.get("median"))  # the latter of times
+    if value is None:
+        return None
+    low, high = (value if entry.get(end) is None else entry[end] for end in ("low", "high"))
+    return Quantity(float(value), float(low), float(high))
 
 
 def judge(claim: Claim, records: Records, flight: str = "") -> Finding:
@@ -225,7 +183,11 @@ def judge(claim: Claim, records: Records, flight: str = "") -> Finding:
         return Finding(flight, rules.UNTESTABLE, first, second, claim.reason)
     if first is None or (claim.kind == "order" and second is None):
         return Finding(flight, rules.UNTESTABLE, first, second, _absence(claim, records))
-    verdict, reason = _apply(claim, first, second), ""
+    against: dict[str, tuple[object, ...]] = {
+        "value": (claim.printed_value, claim.better), "order": (second, claim.at_most_times)
+    }  # fmt: skip
+    rule = rules.RULES[claim.kind][1]
+    verdict, reason = rule(first, *(against.get(claim.kind) or (claim.threshold,))), ""
     if claim.by_construction and verdict == rules.REPRODUCED:
         verdict, reason = rules.CONSTRUCTED, claim.by_construction
     elif verdict == rules.BETTER:
@@ -235,16 +197,6 @@ def judge(claim: Claim, records: Records, flight: str = "") -> Finding:
             reason = f"{second.value / first.value:.0f} times as much, where at most "
             reason += f"{claim.at_most_times:g} times was claimed"
     return Finding(flight, verdict, first, second, reason)
-
-
-def _apply(claim: Claim, first: Quantity, second: Quantity | None) -> str:
-    if second is not None:
-        return rules.in_order(first, second, claim.at_most_times)
-    if claim.kind == "value":
-        return rules.near(first, claim.threshold, claim.better)
-    if claim.kind == "exact":
-        return rules.equal(first, claim.threshold)
-    return rules.within_bound(first, claim.threshold, claim.kind)
 
 
 def _times(ours: float, printed: float) -> str:
@@ -282,14 +234,12 @@ def judge_all(records: dict[str, Records], claims: list[Claim] | None = None) ->
 
 def count_verdicts(rows: Rows) -> dict[str, dict[str, int]]:
     """How often each verdict was given, by flight."""
-    flights = [finding.flight for finding in rows[0][1]] if rows else []
-    return {
-        flight: {
-            verdict: sum(findings[i].verdict == verdict for _, findings in rows)
-            for verdict in rules.VERDICTS
-        }
-        for i, flight in enumerate(flights)
-    }
+    counts: dict[str, dict[str, int]] = {}
+    for _, findings in rows:
+        for finding in findings:
+            own = counts.setdefault(finding.flight, dict.fromkeys(rules.VERDICTS, 0))
+            own[finding.verdict] += 1
+    return counts
 
 
 def write_ledger(folder: Path) -> Rows:

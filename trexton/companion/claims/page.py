@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from html import escape
 from importlib.resources import files
 
@@ -47,11 +48,10 @@ def _test(claim: Claim) -> str:
 
 
 def _row(claim: Claim, findings: list[Finding]) -> str:
-    printed = claim.printed_value
-    unit = f" {escape(claim.unit)}" if claim.unit else ""
+    printed = "" if claim.printed_value is None else number(claim.printed_value)
     cells = [
         _cell("The paper says", f"{escape(claim.text)}<br><small>{escape(claim.place)}</small>"),
-        _cell("It printed", "" if printed is None else number(printed) + unit),
+        _cell("It printed", f"{printed} {escape(claim.unit)}".rstrip() if printed else ""),
         _cell("Our test", _test(claim)),
     ]
     for finding in findings:
@@ -65,38 +65,33 @@ def _row(claim: Claim, findings: list[Finding]) -> str:
     )
 
 
-def _caption(text: str) -> str:
-    return f"<caption>{escape(text)}</caption>" if text else ""
+def _table(kind: str, caption: str, heads: Iterable[str], rows: Iterable[str]) -> str:
+    said = f"<caption>{escape(caption)}</caption>" if caption else ""
+    head = "".join(f'<th scope="col">{escape(each)}</th>' for each in heads)
+    body = "\n".join(rows)
+    return (
+        f'<table class="table {kind}">{said}<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n'
+        "</tbody></table>"
+    )
 
 
 def claims_html(rows: Rows, caption: str = "") -> str:
     """Claims in three columns that never mix: said, printed, tested; then each flight's verdict."""
-    flights = [flight_title(finding.flight) for finding in rows[0][1]] if rows else []
+    flights = [flight_title(flight) for flight in count_verdicts(rows)]
     heads = ["The paper says", "It printed", "Our test", *flights]
-    head = "".join(f'<th scope="col">{escape(each)}</th>' for each in heads)
-    body = "\n".join(_row(claim, findings) for claim, findings in rows)
-    return (
-        '<table class="table '
-        f'ledger stacked">{_caption(caption)}<thead><tr>{head}</tr></thead>\n<tbody>\n{body}\n'
-        "</tbody></table>"
-    )
+    return _table("ledger stacked", caption, heads, (_row(*row) for row in rows))
 
 
 def counts_html(rows: Rows, caption: str = "") -> str:
     """How often each verdict was given, a column for each flight."""
     counts = count_verdicts(rows)
-    head = "".join(f'<th scope="col">{escape(flight_title(each))}</th>' for each in counts)
-    body = "\n".join(
+    lines = (
         f'<tr><th scope="row"><span class="verdict {name.replace(" ", "-")}">{name}</span></th>'
-        + "".join(f"<td>{counts[flight][name]}</td>" for flight in counts)
+        + "".join(f"<td>{own[name]}</td>" for own in counts.values())
         + "</tr>"
         for name in VERDICTS
     )
-    return (
-        f'<table class="table counts">{_caption(caption)}<thead><tr><th scope="col">Verdict</th>'
-        f"{head}</tr></thead>"
-        f"\n<tbody>\n{body}\n</tbody></table>"
-    )
+    return _table("counts", caption, ["Verdict", *map(flight_title, counts)], lines)
 
 
 def _select(name: str, title: str, options: list[tuple[str, str]]) -> str:
@@ -107,7 +102,7 @@ def _select(name: str, title: str, options: list[tuple[str, str]]) -> str:
 
 def filters_html(rows: Rows) -> str:
     """Controls over the table that follows them; hidden until the script that serves them runs."""
-    flights = [finding.flight for finding in rows[0][1]] if rows else []
+    flights = count_verdicts(rows)
     tested = {claim.experiment for claim, _ in rows}
     experiments = [(n, e.title) for n, e in EXPERIMENTS.items() if n in tested]
     controls = [

@@ -1,34 +1,17 @@
 """The rules of the ledger, one for each kind of claim, the same for every claim and every flight.
 
-An interval is a 95 % interval; a quantity without one counts as exact.
-
-``value``
-    *Reproduced*: the printed value lies in our interval, ours is within a quarter of it, and the
-    interval does not reach beyond half or twice of it. *Reproduced in direction*: within a quarter,
-    but our interval excludes it. *Better than the paper*: our whole interval is on its better side
-    and ours is more than a quarter away. *Inconclusive*: our interval holds it, and values that
-    would contradict it as well. Else *not reproduced*.
-``below``, ``above``
-    *Reproduced* if our whole interval obeys the bound, *not reproduced* if all of it breaks it,
-    else *inconclusive*.
-``order``
-    `less` is smaller than `greater`. *Reproduced* if the intervals do not overlap; *reproduced in
-    direction* if they do, but neither holds the other's middle; *inconclusive* if one does; *not
-    reproduced* where the order is the other way round, or the ratio exceeds `at_most_times`.
-``exact``
-    Equal or not.
-``untestable``
-    *Not testable here*, for the stated reason. All times, rates and shares of time that the paper
-    took on its own computers are of this kind; two times of one machine can be put in order.
-
-What holds whatever was measured is *true by construction* and counted apart.
+Offers `RULES`, which give a verdict on a quantity with its 95 % interval (one without counts as
+exact); the page of the ledger tells them in words. What is *untestable* has no rule: all times,
+rates and shares of time that the paper took on its own computers. What holds whatever was measured
+is *true by construction* and counted apart.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
-__all__ = ["KINDS", "VERDICTS", "Quantity", "equal", "in_order", "near", "within_bound"]
+__all__ = ["RULES", "VERDICTS", "Quantity", "near"]
 
 VERDICTS = (
     "reproduced",
@@ -40,7 +23,6 @@ VERDICTS = (
     "not testable here",
 )
 REPRODUCED, DIRECTION, BETTER, INCONCLUSIVE, FAILED, CONSTRUCTED, UNTESTABLE = VERDICTS
-KINDS = ("value", "below", "above", "order", "exact", "untestable")
 QUARTER, FACTOR = 0.25, 2.0
 
 
@@ -55,9 +37,16 @@ class Quantity:
     def __contains__(self, value: float) -> bool:
         return self.low <= value <= self.high
 
+    def __str__(self) -> str:
+        return f"{self.value:.3g} [{self.low:.3g}, {self.high:.3g}]"
+
 
 def near(ours: Quantity, printed: float, better: str = "") -> str:
-    """The rule of a printed value; `better` is "less" or "more" where one side of it is better."""
+    """The rule of a printed value; `better` is "less" or "more" where one side of it is better.
+
+    *Reproduced* takes both: the value in our interval and ours within a quarter of it. A wide
+    interval, which reaches beyond half or twice the value, reproduces nothing.
+    """
     close = abs(ours.value - printed) <= QUARTER * abs(printed)
     if printed in ours:
         far = max(ours.high - printed, printed - ours.low)
@@ -72,17 +61,22 @@ def near(ours: Quantity, printed: float, better: str = "") -> str:
     return FAILED
 
 
-def within_bound(ours: Quantity, bound: float, side: str) -> str:
-    """The rule of a bound: `side` is "below" (at most) or "above" (at least)."""
-    sign = 1 if side == "below" else -1
-    ends = sorted((sign * ours.low, sign * ours.high))
-    if ends[1] <= sign * bound:
+def below(ours: Quantity, bound: float) -> str:
+    """The rule of a bound: the whole interval obeys it, or breaks it."""
+    if ours.high <= bound:
         return REPRODUCED
-    return FAILED if ends[0] > sign * bound else INCONCLUSIVE
+    return FAILED if ours.low > bound else INCONCLUSIVE
+
+
+def above(ours: Quantity, bound: float) -> str:
+    """The same of a bound from below."""
+    return below(Quantity(-ours.value, -ours.high, -ours.low), -bound)
 
 
 def in_order(less: Quantity, greater: Quantity, at_most_times: float | None = None) -> str:
-    """The rule of a comparison; beyond `at_most_times` the difference is not the one claimed."""
+    """The rule of a comparison: *reproduced* if the intervals do not overlap, *in direction* if
+    neither holds the other's middle; beyond `at_most_times` the difference is not the one claimed.
+    """
     if less.value in greater or greater.value in less:
         return INCONCLUSIVE
     if less.value > greater.value:
@@ -95,3 +89,13 @@ def in_order(less: Quantity, greater: Quantity, at_most_times: float | None = No
 def equal(ours: Quantity, printed: float) -> str:
     """The rule of a count."""
     return REPRODUCED if ours.value == printed else FAILED
+
+
+# By kind: the rule in a reader's words, and how it judges ours (and what ours is compared with).
+RULES: dict[str, tuple[str, Callable[..., str]]] = {
+    "value": ("the printed value in our interval, and within a quarter", near),
+    "below": ("at most {}, with the whole interval", below),
+    "above": ("at least {}, with the whole interval", above),
+    "order": ("the first is smaller, intervals apart", in_order),
+    "exact": ("equal", equal),
+}

@@ -26,15 +26,9 @@ def run(arguments: argparse.Namespace) -> int:
         if claim.measure:
             print(f"    tested: {claim.measure}" + (f": {claim.rule}" if claim.rule else ""))
         for finding in findings:
-            ours = [
-                f"{q.value:.3g} [{q.low:.3g}, {q.high:.3g}]"
-                for q in (finding.ours, finding.other)
-                if q is not None
-            ]
+            ours = " against ".join(str(q) for q in (finding.ours, finding.other) if q) or "-"
             reason = f" ({finding.reason})" if finding.reason else ""
-            print(
-                f"    {finding.flight}: {' against '.join(ours) or '-'}: {finding.verdict}{reason}"
-            )
+            print(f"    {finding.flight}: {ours}: {finding.verdict}{reason}")
     for flight, counts in count_verdicts(rows).items():
         print(f"{flight}: " + ", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
     print(f"written to {Path(arguments.results) / 'claims.json'}")
