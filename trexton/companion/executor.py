@@ -13,9 +13,9 @@ import pickle
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from multiprocessing import get_context
 from typing import Any, TypeVar
 
@@ -23,16 +23,9 @@ from trexton.base.errors import ParameterError
 from trexton.base.progress import progress
 
 __all__ = [
-    "CLUSTER",
-    "PROCESSES",
-    "THREAD_VARIABLES",
-    "connect",
-    "end_with_parent",
-    "limited",
-    "limited_threads",
-    "spread",
-    "working_on",
-]
+    "CLUSTER", "PROCESSES", "THREAD_VARIABLES", "connect", "end_with_parent", "limited",
+    "limited_threads", "spread", "working_on",
+]  # fmt: skip
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -48,10 +41,10 @@ _task: Callable[[Any], Any] | None = None
 
 
 @contextmanager
-def working_on(cluster: str | None = None, processes: int = 1) -> Iterator[None]:
-    """Within the block, `spread` uses a Dask cluster, so many processes, or (default) neither."""
-    before = {name: os.environ.get(name) for name in (CLUSTER, PROCESSES)}
-    os.environ |= {CLUSTER: cluster or "", PROCESSES: str(processes)}
+def _environment(chosen: Mapping[str, str]) -> Iterator[None]:
+    """Within the block these variables hold, in started processes too."""
+    before = {name: os.environ.get(name) for name in chosen}
+    os.environ |= chosen
     try:
         yield
     finally:
@@ -62,18 +55,14 @@ def working_on(cluster: str | None = None, processes: int = 1) -> Iterator[None]
                 os.environ[name] = value
 
 
-@contextmanager
-def limited(threads: int | None) -> Iterator[None]:
+def working_on(cluster: str | None = None, processes: int = 1) -> AbstractContextManager[None]:
+    """Within the block, `spread` uses a Dask cluster, so many processes, or (default) neither."""
+    return _environment({CLUSTER: cluster or "", PROCESSES: str(processes)})
+
+
+def limited(threads: int | None) -> AbstractContextManager[None]:
     """Within the block, started processes give their libraries so many threads (None: all)."""
-    before = dict(os.environ)
-    if threads is not None:
-        os.environ |= dict.fromkeys(THREAD_VARIABLES, str(threads))
-    try:
-        yield
-    finally:
-        for name in THREAD_VARIABLES:
-            os.environ.pop(name, None)
-        os.environ |= {name: before[name] for name in THREAD_VARIABLES if name in before}
+    return _environment({} if threads is None else dict.fromkeys(THREAD_VARIABLES, str(threads)))
 
 
 @contextmanager
@@ -82,17 +71,13 @@ def limited_threads(count: int) -> Iterator[None]:
     import cv2
     from threadpoolctl import threadpool_limits
 
-    before, cv_before = os.environ.get("OMP_NUM_THREADS"), cv2.getNumThreads()
-    os.environ["OMP_NUM_THREADS"] = str(count)
+    before = cv2.getNumThreads()
     cv2.setNumThreads(count)
     try:
-        with threadpool_limits(count):
+        with _environment({"OMP_NUM_THREADS": str(count)}), threadpool_limits(count):
             yield
     finally:
-        cv2.setNumThreads(cv_before)
-        os.environ.pop("OMP_NUM_THREADS")
-        if before is not None:
-            os.environ["OMP_NUM_THREADS"] = before
+        cv2.setNumThreads(before)
 
 
 def end_with_parent() -> None:
@@ -141,12 +126,11 @@ def _keep(function: Callable[[Any], Any]) -> None:
     global _task
     end_with_parent()
     _task = function
-    os.environ |= {CLUSTER: "", PROCESSES: "1"}  # whatever is inside is done in place
 
 
 def _apply(item: Any) -> Any:
     assert _task is not None
-    return _task(item)
+    return _call(_task, item)
 
 
 def connect(address: str) -> Any:
@@ -185,6 +169,6 @@ def _on_cluster(address: str, function: Callable[[T], R], items: list[T]) -> lis
 
 
 def _call(function: Callable[[T], R], item: T) -> R:
-    """Run one item in a worker; whatever is spread inside it is done in place."""
+    """Run one item away from here; whatever is spread inside it is done in place."""
     with working_on():
         return function(item)

@@ -11,23 +11,9 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 __all__ = [
-    "METRES_FROM",
-    "Tree",
-    "apart",
-    "as_html",
-    "beside",
-    "distance",
-    "duration",
-    "fixed",
-    "interval",
-    "middle",
-    "number",
-    "percent",
-    "span",
-    "template_environment",
-    "text",
-    "times",
-]
+    "METRES_FROM", "Tree", "apart", "as_html", "beside", "distance", "duration", "fixed",
+    "interval", "middle", "number", "percent", "span", "template_environment", "text", "times",
+]  # fmt: skip
 
 METRES_FROM = 200  # centimetres: longer distances are told in metres
 UNKNOWN = "–"  # what a record holds no number for, as a correlation with what is constant
@@ -59,8 +45,7 @@ def distance(entry: Mapping[str, Any] | float) -> str:
     unit, scale = ("m", 0.01) if metres else ("cm", 1.0)
     if not isinstance(entry, Mapping):
         return f"{number(scale * entry)} {unit}"
-    scaled = {key: scale * entry[key] for key in ("low", "high")} | {"value": scale * middle(entry)}
-    return interval(scaled, unit)
+    return interval({key: scale * entry[key] for key in ("value", "low", "high")}, unit)
 
 
 def percent(share: Mapping[str, Any] | float | None) -> str:
