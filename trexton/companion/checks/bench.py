@@ -18,7 +18,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.progress import say
 from trexton.companion.checks.processes import onboard, start
 from trexton.companion.checks.scene import Scene
-from trexton.companion.checks.timing import Row
+from trexton.companion.checks.timing import Row, row
 from trexton.companion.wording import duration
 from trexton.localization.localizer import Localizer
 from trexton.vision.histograms import sampled_histogram, texton_histogram
@@ -37,15 +37,11 @@ def train(scene: Scene) -> Iterator[Row]:
     """A map of the flight, on two threads, against decoding its images once on one."""
     flight = scene.flight
 
-    def decode() -> None:
-        for row in range(len(flight)):
-            flight.image(row)
-
-    decoding = scene.times({"decoding": decode}, seconds=0)["decoding"].median
+    decoding = scene.times({"decoding": lambda: list(flight.images())}, seconds=0)["decoding"]
     for method, limit in (("paper", 4.0), ("field", 5.0)):
         ours = scene.times({method: lambda: scene.train(method)}, threads=2, seconds=0)[method]
         size = f"{len(flight)} frames"
-        yield Row(f"train {method}", size, 2, ours, "decoding the images", decoding, limit)
+        yield row(f"train {method}", size, 2, ours, "decoding the images", decoding, limit)
 
 
 def histogram(scene: Scene) -> Iterator[Row]:
@@ -63,11 +59,11 @@ def histogram(scene: Scene) -> Iterator[Row]:
     }
     for threads, limit in ((1, 1 / 1.15), (2, 1 / 0.9)):
         times = scene.times(contestants, threads, seconds=2.0)
-        rate = "sgemm's rate", times["sgemm"].median * operations / (2.0 * _GEMM**3)
-        yield Row("full histogram", _SIZE, threads, times["full"], *rate, limit)
+        rate = "sgemm's rate", times["sgemm"] * operations / (2.0 * _GEMM**3)
+        yield row("full histogram", _SIZE, threads, times["full"], *rate, limit)
         if threads == 1:
-            full = "full histogram", times["full"].median
-            yield Row("sampled histogram", "400", 1, times["sampled"], *full)
+            full = "full histogram", times["full"]
+            yield row("sampled histogram", "400", 1, times["sampled"], *full)
 
 
 def neighbors(scene: Scene) -> Iterator[Row]:
@@ -78,14 +74,13 @@ def neighbors(scene: Scene) -> Iterator[Row]:
 
     rng = scene.rng("stored")
     for count in (800, 10_000, 100_000):
-        rows, queries = (_crowd(scene.map().histograms, number, rng) for number in (count, 200))
-        nearest, tree = NearestHistograms(rows, np.zeros((count, 2)), 5), cKDTree(rows)
+        stored, queries = (_crowd(scene.map().histograms, number, rng) for number in (count, 200))
+        nearest, tree = NearestHistograms(stored, np.zeros((count, 2)), 5), cKDTree(stored)
         turn = cycle(queries)
         times = scene.times({
             "ours": lambda: nearest.query(next(turn)), "tree": lambda: tree.query(next(turn), 5)
         })  # fmt: skip
-        tree_s = times["tree"].median
-        yield Row("neighbours", str(count), 1, times["ours"], "SciPy cKDTree", tree_s, limit=1.2)
+        yield row("neighbours", count, 1, times["ours"], "SciPy cKDTree", times["tree"], 1.2)
 
 
 def _crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -104,7 +99,7 @@ def filter_step(scene: Scene) -> Iterator[Row]:
     precision = np.linalg.inv(motion.growth(scene.map().period_s))
     for count, limit, threads in _PARTICLES:
         localizer = Localizer(scene.map(), particles=count, rng=scene.rng("filter"))
-        seen = [localizer.observation(row) for row in scene.map().histograms[:100]]
+        seen = [localizer.observation(each) for each in scene.map().histograms[:100]]
         for each in seen:
             each.neighbors  # noqa: B018 - found now, not while the filter is timed
             localizer.advance(each)
@@ -116,8 +111,8 @@ def filter_step(scene: Scene) -> Iterator[Row]:
             "einsum": lambda: _map_by_einsum(*inputs),
         }
         times = scene.times(contestants, threads)
-        yardstick = "einsum, MAP alone", times["einsum"].median
-        yield Row("filter step", str(count), threads, times["ours"], *yardstick, limit)
+        yardstick = "einsum, MAP alone", times["einsum"]
+        yield row("filter step", count, threads, times["ours"], *yardstick, limit)
 
 
 def _map_by_einsum(
@@ -148,7 +143,7 @@ def frame(scene: Scene) -> Iterator[Row]:
     sift = cv2.SIFT.create(nfeatures=located["homography"].keypoints)
     stages = StageTimer(scene.map(), rng=scene.rng("flight"))
     flown = {name: Localizer(scene.map(name), rng=scene.rng("flight")) for name in _METHODS}
-    turn = cycle(zip(scene.views, (scene.flight.aiding(row) for row in scene.rows), strict=True))
+    turn = cycle(zip(scene.views, map(scene.flight.aiding, scene.rows), strict=True))
     contestants: dict[str, Callable[[], object]] = {
         "SIFT of the frame": lambda: sift.detectAndCompute(
             np.ascontiguousarray(next(turn)[0][..., 0]), None
@@ -163,18 +158,18 @@ def frame(scene: Scene) -> Iterator[Row]:
     medians = stages.medians()
     shares = ", ".join(f"{part} {duration(seconds)}" for part, seconds in medians.items())
     total = sum(medians.values())
-    yield Row("frame, paper", _SIZE, 1, times["paper"], "sum of its stages", total, 1.15, shares)
-    yardstick = "SIFT of the frame", times["SIFT of the frame"].median
+    yield row("frame, paper", _SIZE, 1, times["paper"], "sum of its stages", total, 1.15, shares)
+    yardstick = "SIFT of the frame", times["SIFT of the frame"]
     for name in _METHODS[1:]:
-        yield Row(f"frame, {name}", _SIZE, 1, times[name], *yardstick)
-    whole = "homography", times["homography"].median
+        yield row(f"frame, {name}", _SIZE, 1, times[name], *yardstick)
+    whole = "homography", times["homography"]
     for name, against, limit in (
         ("homography", yardstick, 1.4), ("homography, half size", whole, 1 / 3),
     ):  # fmt: skip
         found = np.array([located[name].locate(view).position for view in scene.views])
         apart = np.hypot(*(found - scene.flight.position[scene.rows]).T)
         note = f"right within {_CORRECT_M} m: {np.mean(apart < _CORRECT_M):.0%}"
-        yield Row(f"frame, {name}", _SIZE, 1, times[name], *against, limit, note)
+        yield row(f"frame, {name}", _SIZE, 1, times[name], *against, limit, note)
 
 
 def _step(localizer: Localizer, turn: Iterator[Any]) -> object:

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from trexton.companion.checks.scene import Scene
-from trexton.companion.checks.timing import Row, Times
+from trexton.companion.checks.timing import Row, row
 from trexton.localization.map_files import save_map
 
 __all__ = ["onboard", "start"]
@@ -72,9 +72,9 @@ def start(scene: Scene) -> Iterator[Row]:
             _python(scene, program)
             if turn:  # the first warms the caches
                 seconds[name].append(time.perf_counter() - began)
-    bare = "import NumPy and OpenCV", Times.of(seconds["bare"]).median
+    bare = "import NumPy and OpenCV", seconds["bare"]
     for name, limit in (("trexton --help", 1.0), ("first frame", 1.2)):
-        yield Row(f"start, {name}", "process", 1, Times.of(seconds[name]), *bare, limit)
+        yield row(f"start, {name}", "process", 1, seconds[name], *bare, limit)
 
 
 def onboard(scene: Scene) -> Iterator[Row]:
@@ -83,8 +83,7 @@ def onboard(scene: Scene) -> Iterator[Row]:
     frames = 500 if scene.quick else 5000
     cpu, wall, resident = map(float, _python(scene, _LOOP, frames).split()[-3:])
     note = f"{1e3 * cpu:.2f} ms CPU, {resident / 2**20:.0f} MiB resident"
-    ours = Times(cpu, cpu, 1)
-    yield Row("onboard loop, CPU", f"{frames} frames", 1, ours, "time passed", wall, None, note)
+    yield row("onboard loop, CPU", f"{frames} frames", 1, cpu, "time passed", wall, None, note)
 
 
 def _python(scene: Scene, program: str, *words: object) -> str:

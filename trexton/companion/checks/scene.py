@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.streams import stream
-from trexton.companion.checks.timing import Times, interleave
+from trexton.companion.checks.timing import interleave
 from trexton.companion.executor import limited_threads
 from trexton.flights.flight import Flight
 from trexton.localization.texton_map import TextonMap
@@ -44,8 +44,8 @@ class Scene:
 
     def times(
         self, contestants: dict[str, Callable[[], object]], threads: int = 1, seconds: float = 1.0
-    ) -> dict[str, Times]:
-        """Contestants timed on so many threads, in so many seconds each."""
+    ) -> dict[str, np.ndarray]:
+        """Seconds of contestants on so many threads, in so many seconds each."""
         with limited_threads(threads):
             share, rounds = (0.3, 3) if self.quick else (1.0, 9)
             return interleave(contestants, share * seconds, rounds, pause=threads > 1)

@@ -40,7 +40,7 @@ def run(arguments: argparse.Namespace) -> int:
     rows = list(measure(arguments.stage, quick=asked.quick, seed=asked.seed))
     if asked.json:
         with atomic_file(asked.json) as stream:
-            stream.write(canonical_json([row.as_dict() for row in rows]))
+            stream.write(canonical_json(rows))
     here = machine()
     busy = "" if here["load"] is None else f", load {here['load']:.1f}"
     print(f"{here['processor']}, {here['processors']} processors{busy}")

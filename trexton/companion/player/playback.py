@@ -87,8 +87,7 @@ def record_replay(
     first, *others = localizers.items()
     every = -(-len(flight) // most_frames)
     kept = []
-    for row in range(len(flight)):
-        frame = flight.image(row) if flight.has_images else _histograms(flight)[row]
+    for row, frame in enumerate(flight.images() if flight.has_images else _histograms(flight)):
         aiding = flight.aiding(row)
         before = deepcopy(first[1].rng)
         estimate = _step(first[1], frame, aiding)
