@@ -47,7 +47,7 @@ def rng_centers() -> np.ndarray:
     ],
 )
 def test_found_means_so_many_in_a_row(errors, expected):
-    assert kidnapping.found_after(np.array(errors[2:]) < 1.0, 3) == expected
+    assert kidnapping.recovered_after(np.array(errors[2:]) < 1.0, 3) == expected
 
 
 @pytest.fixture(scope="module")

@@ -36,7 +36,7 @@ FLIGHT_CODE = frozenset(
     ("sigma_70", "sigma_200", "motion_8", "motion_25", "particles_140", "particles_1000")
     + ("trace", "winner")
 )
-# key: (how it reads in a table, what the localizer is told)
+# key: (how it reads in a table, options of the localizer)
 _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
     "paper": ("as the paper says", {}),
     "sigma_70": ("one hand-set sigma of 70 cm for all ranks", {"measurement.sigma": 0.7}),
@@ -56,7 +56,7 @@ _CHANGES: dict[str, tuple[str, dict[str, Any]]] = {
 _PUBLISHED_SAMPLES = 5000
 
 
-# a choice: its key, how it reads in a table, the map, the frames, what the localizer is told
+# a choice: its key, how it reads in a table, the map, the frames, options of the localizer
 _Variant = tuple[str, str, TextonMap, Sequence[np.ndarray], dict[str, Any]]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import SeedParameters, option
 from trexton.companion.experiments.floors import painted_floor
-from trexton.companion.experiments.kidnapping import found_after
+from trexton.companion.experiments.kidnapping import recovered_after
 from trexton.companion.experiments.peers import PEERS, make_peer
 from trexton.evaluation.metrics import euclidean
 from trexton.registration import FloorFix, FloorTracker, Trust
@@ -201,7 +201,7 @@ def kidnapped(parameters: FollowedParameters, index: int) -> dict[str, Any]:
     right = np.array(error) < GROSS
     return {
         "floor": number,
-        "found": found_after(right[SETTLED:], FOUND),
+        "found": recovered_after(right[SETTLED:], FOUND),
         "right": right,
         "lost": np.array(lost),
     }

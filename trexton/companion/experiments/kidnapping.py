@@ -60,7 +60,7 @@ class Trial:
         return slice(min(SETTLED, self.cut // 2), self.cut)
 
 
-def found_after(right: np.ndarray, consecutive: int) -> int | None:
+def recovered_after(right: np.ndarray, consecutive: int) -> int | None:
     """Frames to the first of `consecutive` in a row that are right, or None."""
     for frame in range(len(right) - consecutive + 1):
         if right[frame : frame + consecutive].all():
@@ -161,8 +161,10 @@ def _outcome(
 ) -> tuple[dict[str, Any], list[float]]:
     """Values of the trials of one filter, and the seconds to each recovery, sorted."""
     consecutive, tolerance = parameters.consecutive, parameters.tolerance
-    found = [found_after(trial.error[trial.cut :] < tolerance, consecutive) for trial in trials]
-    after = np.array([np.inf if frames is None else period * frames for frames in found])
+    recovered = [
+        recovered_after(trial.error[trial.cut :] < tolerance, consecutive) for trial in trials
+    ]
+    after = np.array([np.inf if frames is None else period * frames for frames in recovered])
     times = np.sort(after[after < np.inf])
     stretches = [trial.carried for trial in trials]
 
@@ -179,16 +181,16 @@ def _outcome(
         if len(times)
         else None,
         "undisturbed_error_cm": 100 * calm.mean(),
-        "lost": _lost(trials, found, tolerance),
+        "lost": _lost(trials, recovered, tolerance),
     }, list(times)
 
 
-def _lost(trials: list[Trial], found: list[int | None], tolerance: float) -> dict[str, Any]:
+def _lost(trials: list[Trial], recovered: list[int | None], tolerance: float) -> dict[str, Any]:
     """Shares of frames called lost: of wrong ones until the vehicle is localized again, of
     undisturbed ones, and of those of them that are right.
     """
     wrong, calm, right = [], [], []
-    for trial, frames in zip(trials, found, strict=True):
+    for trial, frames in zip(trials, recovered, strict=True):
         until = slice(trial.cut, None if frames is None else trial.cut + frames)
         wrong.append(trial.lost[until][trial.error[until] >= tolerance])
         calm.append(trial.lost[trial.calm])

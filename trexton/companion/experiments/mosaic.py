@@ -169,18 +169,18 @@ def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.n
     truth, deviation : (K, 2) arrays
         True places, and how far from them the map shows them, in metres.
     """
-    found = []
+    keypoints = []
     for each in (picture, floor):
         mask = None if each.mask is None else each.mask.astype(np.uint8)
-        found.append(
+        keypoints.append(
             detect_keypoints(cv2.cvtColor(each.image, cv2.COLOR_BGR2GRAY), limit=20_000, mask=mask)
         )
     cv2.setRNGSeed(0)
-    index = cv2.flann.Index(found[1].descriptors, {"algorithm": 1, "trees": 4})
-    nearest, squared = index.knnSearch(found[0].descriptors, 2, params={"checks": 64})
+    index = cv2.flann.Index(keypoints[1].descriptors, {"algorithm": 1, "trees": 4})
+    nearest, squared = index.knnSearch(keypoints[0].descriptors, 2, params={"checks": 64})
     good = squared[:, 0] < 0.75**2 * squared[:, 1]
-    truth = floor.to_world(found[1].points[nearest[good, 0]])
-    deviation = picture.to_world(found[0].points[good]) - truth
+    truth = floor.to_world(keypoints[1].points[nearest[good, 0]])
+    deviation = picture.to_world(keypoints[0].points[good]) - truth
     around = cKDTree(truth).query(truth, k=min(_AROUND, len(truth)))[1].reshape(len(truth), -1)
     usual = np.median(deviation[around], axis=1)
     alike = np.hypot(*(deviation - usual).T) < _MISMATCH
