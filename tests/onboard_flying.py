@@ -99,6 +99,8 @@ class Live(Source):
             step = self.steps.pop(0)
             if isinstance(step, Exception):
                 raise step
+            if isinstance(step, Frame):
+                return step
             if not callable(step):
                 return Frame(self._clock(), step)
             step()

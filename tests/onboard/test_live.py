@@ -13,7 +13,7 @@ from patience import eventually
 
 from trexton.onboard import Onboard
 from trexton.onboard.sinks import Guard, Sink
-from trexton.onboard.sources import CameraLost
+from trexton.onboard.sources import CameraLost, Frame
 from trexton.onboard.sources.wrapped import Paced
 from trexton.onboard.tally import Tally
 
@@ -159,6 +159,18 @@ class TestLive:
         assert (np.diff(stamps) > 0).all()
         assert abs(stamps - time.monotonic()).max() < 600
         assert tally["clock"] == 3
+
+    def test_time_never_runs_backwards_after_a_stall(self, film):
+        """A frame that was held up comes after predictions for later moments: what is written goes
+        on, what an autopilot is told is the moment of the capture."""
+        flight = Script()
+        held_up = Frame(flight.clock() + 0.24, film[2])
+        steps = [*flight.seen(film[0]), *flight.seen(film[1]), *[flight.blind] * 3, held_up]
+        _, fixes, *_ = flight.run(steps)
+        assert (np.diff([fix.time for fix in fixes]) > 0).all() and not fixes[-2].observed
+        late = fixes[-1]
+        assert late.observed and late.time - late.captured > 0.2
+        assert late.captured == pytest.approx(held_up.time)
 
     def test_a_sink_that_fails_leaves_the_others_alone(self, film):
         class Broken(Sink):

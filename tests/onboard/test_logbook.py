@@ -32,7 +32,7 @@ def log(tmp_path) -> Path:
     sink.event({"time_s": 1.1, "event": "status", "line": "not repeated"})
     sink.write(make_fix(2.0, (9.0, 9.0), lost=True))
     sink.write(make_fix(3.0, (1.0, 1.0), fault="dark", observed=False))
-    sink.write(make_fix(4.0, (3.0, 3.5)))
+    sink.write(make_fix(4.0, (3.0, 3.5), resets=1))
     sink.close()
     return tmp_path / "log"
 
@@ -42,7 +42,8 @@ def test_what_was_sent_stands_beside_what_was_answered(log, capsys):
     lines = capsys.readouterr().out.splitlines()
     assert "sent x 1.50 y 2.50" in lines[0] and "answer: command 21, result 2" in lines[0]
     assert "silence: lost" in lines[1] and "sent x 3.00 y 3.50" in lines[2]
-    assert lines[3] == "fixes 4, sent 2, event answer 1, event status 1, fault dark 1"
+    assert "reset 1: the position jumped" in lines[3]
+    assert lines[4] == "fixes 4, sent 2, event answer 1, event status 1, fault dark 1"
 
 
 def test_a_log_may_come_through_a_pipe(log, tmp_path, capsys):

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 
 import cv2
 import numpy as np
@@ -26,11 +27,12 @@ from trexton.onboard.sources import (
     Playback,
     Source,
     open_source,
+    video,
 )
 from trexton.onboard.sources.flight import FlightSource
 from trexton.onboard.sources.simulator import SimulatorSource
 from trexton.onboard.sources.v4l2 import V4l2Source
-from trexton.onboard.sources.video import StreamSource, VideoFile
+from trexton.onboard.sources.video import JPEG, StreamSource, VideoFile
 from trexton.onboard.sources.wrapped import Paced
 from trexton.onboard.tally import Tally
 from trexton.vision.images import yuv_from_bgr, yuv_from_uyvy
@@ -38,7 +40,7 @@ from trexton.vision.images import yuv_from_bgr, yuv_from_uyvy
 
 def everything(source: Source) -> list[Frame]:
     source.open()
-    frames = list(iter(source.read, None))
+    frames = list(map(source.decoded, iter(source.read, None)))
     source.close()
     return frames
 
@@ -175,7 +177,7 @@ class TestVideo:
         shades, stamps = zip(
             *(
                 (frame.picture[..., 0].mean(), frame.time)
-                for frame in (source.read() for _ in range(3))
+                for frame in (source.decoded(source.read()) for _ in range(3))
             ),
             strict=False,
         )
@@ -225,7 +227,7 @@ class TestV4l2:
         capture = FakeCapture([raw])
         source = self.source(capture, shape=(4, 6))
         source.open()
-        frame = source.read()
+        frame = source.decoded(source.read())
         np.testing.assert_array_equal(frame.picture, yuv_from_uyvy(raw))
         assert frame.time == 5.0
         assert capture.settings[cv2.CAP_PROP_CONVERT_RGB] == 0
@@ -241,8 +243,10 @@ class TestV4l2:
         yuyv = np.array([[[10, 90], [20, 160]]], np.uint8)  # Y0 U, Y1 V
         source = self.source(FakeCapture([yuyv], code="YUYV"))
         source.open()
+        picture = source.decoded(source.read()).picture
         np.testing.assert_array_equal(
-            source.read().picture, yuv_from_uyvy(np.array([[[90, 10], [160, 20]]], np.uint8))
+            picture,
+            yuv_from_uyvy(np.array([[[90, 10], [160, 20]]], np.uint8)),
         )
 
     @pytest.mark.parametrize(
@@ -257,7 +261,7 @@ class TestV4l2:
     def test_bytes_of_another_form_are_a_frame_without_picture(self, raw):
         source = self.source(FakeCapture([raw]))
         source.open()
-        assert source.read().picture is None
+        assert source.decoded(source.read()).picture is None
 
     def test_unplugged_absent_or_compressed(self):
         source = self.source(FakeCapture([]))
@@ -356,6 +360,47 @@ class TestGrabber:
         recording = Playthrough(FlightSource(small_flight(5)))
         assert [recording.next(0).time for _ in range(5)] == pytest.approx(0.08 * np.arange(5))
         assert recording.next(0) is None and recording.ended
+
+
+class Stream:
+    """A camera of 60 frames a second behind a buffer that holds whatever is not read: each frame is
+    its own number."""
+
+    def __init__(self):
+        self.began, self.read = time.monotonic(), 0
+
+    def __call__(self, address):
+        return self
+
+    isOpened = release = set = lambda self, *value: True  # noqa: N815
+
+    def get(self, name):
+        return cv2.VideoWriter_fourcc(*"MJPG")
+
+    def grab(self):
+        self.read += 1
+        time.sleep(max(0.0, self.began + self.read / 60 - time.monotonic()))
+        return True
+
+    def retrieve(self):
+        return True, np.frombuffer(JPEG + self.read.to_bytes(4, "little"), np.uint8)
+
+
+def test_a_stream_that_is_decoded_too_slowly_costs_frames_and_not_age(monkeypatch):
+    """Decoded as they came, frames were older by the second, and claimed to be fresh."""
+    camera = Stream()
+
+    def slow(data):
+        time.sleep(8 / 60)
+        return np.full((2, 2, 3), camera.began + int.from_bytes(data[2:], "little") / 60)
+
+    monkeypatch.setattr(video, "decode_image", slow)
+    tally = Tally()
+    grabber = Grabber(StreamSource("tcp://camera", camera), tally)
+    seen = [grabber.next(10) for _ in range(12)]
+    grabber.close()
+    off = [frame.time - frame.picture.max() for frame in seen]  # the stamp, less the true moment
+    assert max(off) < 0.1 and tally["dropped"] > 50
 
 
 def test_unknown_faults_cannot_be_counted():

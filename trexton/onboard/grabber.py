@@ -25,7 +25,7 @@ class Playthrough:
         """The next frame; None after the last."""
         frame = self._source.read()
         self.ended = frame is None
-        return frame
+        return frame and self._source.decoded(frame)
 
     def reopen(self) -> None:
         """A recording does not get better by being opened again."""
@@ -35,7 +35,7 @@ class Playthrough:
 
 
 class Grabber:
-    """Reads a live source in a thread of its own and keeps its newest frame.
+    """Reads a live source in a thread of its own, and decodes the newest frame when asked for it.
 
     A frame that a newer one replaced before it was asked for counts as dropped. A source that fails
     is closed and opened again after a pause that doubles up to `LONGEST_PAUSE`.
@@ -64,7 +64,7 @@ class Grabber:
             if self._failure is not None:
                 raise self._failure
             frame, self._newest = self._newest, None
-            return frame
+        return frame and self._source.decoded(frame)
 
     def reopen(self) -> None:
         """Have the source closed and opened again, if that may help."""

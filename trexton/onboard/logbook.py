@@ -42,8 +42,9 @@ def rows(path: str | Path) -> Iterator[dict[str, Any]]:
 
 
 def replayed(path: str | Path) -> Iterator[str]:
-    """A line for each thing that happened, with the position that was sent last before it; and one
-    that counts fixes, those that were fit to be sent, faults and each kind of event.
+    """A line for each thing that happened, jumps of the position among them, with the position that
+    was sent last before it; and one that counts fixes, those that were fit to be sent, faults and
+    each kind of event.
 
     Status lines are left out: they repeat what the rest tells. The log is read once: it may come
     through a pipe.
@@ -53,7 +54,7 @@ def replayed(path: str | Path) -> Iterator[str]:
     DataError
         It cannot be read, is no log, or is empty.
     """
-    sent, usable = "nothing sent yet", True
+    sent, usable, resets = "nothing sent yet", True, 0
     counts: Counter[str] = Counter()
     for row in rows(path):
         counts.update(_counted(row))
@@ -65,6 +66,9 @@ def replayed(path: str | Path) -> Iterator[str]:
             if fit != usable:
                 word = "positions are sent again" if fit else f"silence: {_why(row)}"
                 yield f"{_time(row)}  {sent:28}  {word}"
+            if row.get("resets", 0) > resets:
+                resets = row["resets"]
+                yield f"{_time(row)}  {sent:28}  reset {resets}: the position jumped"
             usable = fit
         elif row["event"] != "status":
             rest = {key: value for key, value in row.items() if key not in ("event", "time_s")}

@@ -17,7 +17,7 @@ from trexton.localization.localizer import Localizer
 from trexton.onboard.commander import Commander, LandingLink
 from trexton.onboard.fix import STALE_AFTER, Fix, JumpCounter
 from trexton.onboard.grabber import Grabber, Playthrough, feed_from
-from trexton.onboard.intake import MAX_FRAME_AGE, Aids, Inspector, StampKeeper
+from trexton.onboard.intake import MAX_FRAME_AGE, MIN_STAMP_STEP, Aids, Inspector, StampKeeper
 from trexton.onboard.sinks.base import Guard
 from trexton.onboard.sources.base import CameraLost, Frame, Source
 from trexton.onboard.status import Service, Status
@@ -151,6 +151,8 @@ class Onboard:
         """Localize one frame."""
         arrived = self._clock()
         stamp = self._stamps.keep(frame.time) if self.source.live else frame.time
+        if self.source.live and self._fix is not None:  # what was predicted may reach beyond it
+            stamp = max(stamp, self._fix.time + MIN_STAMP_STEP)
         age = arrived - frame.time if self.source.live else 0.0
         age = age if 0.0 <= age <= MAX_FRAME_AGE else 0.0  # of another clock: nobody knows
         captured = arrived - age
@@ -158,7 +160,8 @@ class Onboard:
         self.tally.count("frames")
         fault = "corrupt" if frame.picture is None else self._inspector.check(frame.picture)
         self._catch_up(stamp)
-        estimate, fault = self._step(frame.picture, fault, self.aids.of(frame, stamp), stamp)
+        aiding = self.aids.of(frame, captured if self.source.live else stamp)
+        estimate, fault = self._step(frame.picture, fault, aiding, stamp)
         if estimate.observed:
             self._observed_at = stamp
             self.tally.count("observed")
@@ -266,8 +269,8 @@ class Onboard:
                 self.log.event({"event": "status", "time_s": self._time(), "line": line})
 
     def _time(self) -> float | None:
-        """Now, on the clock that stamps the frames."""
-        return self._clock() if self.source.live else self._model_time
+        """Of the latest position, for what is logged with it; None before the first."""
+        return None if self._fix is None else self._fix.time
 
     def report(self, event: dict[str, Any]) -> None:
         """Remember an event, and say it."""

@@ -77,8 +77,8 @@ class Expected:
 class Source(Edge, ABC):
     """A camera, or something that stands for one.
 
-    A live source makes its own time: it is read in a thread, and only its newest frame counts. Any
-    other is read frame by frame by whoever works on them, so that nothing is left out.
+    A live source makes its own time: it is read in a thread, and only its newest frame is decoded.
+    Any other is read frame by frame by whoever works on them, so that nothing is left out.
     """
 
     live = True
@@ -103,6 +103,14 @@ class Source(Edge, ABC):
     def read(self) -> Frame | None:
         """The next frame, or None after the last; raises `CameraLost` where opening again
         may help."""
+
+    def decoded(self, frame: Frame) -> Frame:
+        """A frame that was read, with its picture as it is localized.
+
+        What takes long belongs here: a live source is read to its end without it, so that nothing
+        waits in the device, driver or network, and only the newest frame is worked on.
+        """
+        return frame
 
     def close(self) -> None:
         """Let go of the device or file."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -82,12 +83,17 @@ class V4l2Source(Source):
             raise CameraLost(f"{self.device}: gives no frames any more")
         stamp = self._clock()  # at the grab: what follows takes time
         arrived, raw = self._capture.retrieve()
+        return Frame(stamp, raw if arrived else None)
+
+    def decoded(self, frame: Frame) -> Frame:
+        raw = frame.picture
         try:
-            if not arrived or raw is None:
-                raise ImageError(f"{self.device}: an empty frame")
-            return Frame(stamp, yuv_from_uyvy(raw[..., ::-1] if self._reversed else raw))
+            picture = (
+                raw if raw is None else yuv_from_uyvy(raw[..., ::-1] if self._reversed else raw)
+            )
         except (ImageError, IndexError):
-            return Frame(stamp, None)
+            picture = None
+        return replace(frame, picture=picture)
 
     def close(self) -> None:
         if self._capture is not None:

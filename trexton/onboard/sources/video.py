@@ -7,6 +7,7 @@ import re
 import stat
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,9 +50,9 @@ class _Pictures:
         raw = code.to_bytes(4, "little") in (b"MJPG", b"mjpg", b"JPEG", b"jpeg")
         self._raw = bool(raw and capture.set(cv2.CAP_PROP_FORMAT, -1))
 
-    def picture(self, arrived: bool, image: np.ndarray | None) -> np.ndarray | None:
+    def picture(self, image: np.ndarray | None) -> np.ndarray | None:
         """Y, U, V of what the capture retrieved; None where it cannot be decoded."""
-        if not arrived or image is None:
+        if image is None:
             return None
         try:
             if self._raw and bytes(image.reshape(-1)[:2]) == JPEG:
@@ -62,8 +63,8 @@ class _Pictures:
 
 
 class StreamSource(Source):
-    """A live stream (RTSP, HTTP, TCP, a named pipe, GStreamer where OpenCV has it), stamped at the
-    grab."""
+    """A live stream (RTSP, HTTP, TCP, a named pipe, GStreamer where OpenCV has it), read to its end
+    and stamped as it arrives."""
 
     addresses = {
         "rtsp://…, http://…, tcp://…": "a stream, whatever the installed OpenCV opens, live",
@@ -105,7 +106,11 @@ class StreamSource(Source):
         if not self._capture.grab():
             raise CameraLost(f"{self.address}: the stream has ended or broken off")
         stamp = self._clock()
-        return Frame(stamp, self._pictures.picture(*self._capture.retrieve()))
+        arrived, image = self._capture.retrieve()
+        return Frame(stamp, image if arrived else None)
+
+    def decoded(self, frame: Frame) -> Frame:
+        return replace(frame, picture=self._pictures.picture(frame.picture))
 
     def close(self) -> None:
         if self._capture is not None:
@@ -162,7 +167,7 @@ class VideoFile(Source):
             self.open()
             arrived, image = self._capture.read()
         self._index += 1
-        return Frame((self._index - 1) * self.period_s, self._pictures.picture(arrived, image))
+        return Frame((self._index - 1) * self.period_s, self._pictures.picture(image))
 
     def close(self) -> None:
         if self._capture is not None:

@@ -29,8 +29,10 @@ class Wrapped(Source):
         self.source.open()
 
     def read(self) -> Frame | None:
-        frame = self.source.read()
-        return None if frame is None else self.changed(frame)
+        return self.source.read()
+
+    def decoded(self, frame: Frame) -> Frame:
+        return self.changed(self.source.decoded(frame))
 
     def changed(self, frame: Frame) -> Frame:
         """The frame as it is handed on."""
@@ -105,7 +107,10 @@ class Paced(Wrapped):
         self._clock, self._sleep = clock, sleep
         self._offset: float | None = None
 
-    def changed(self, frame: Frame) -> Frame:
+    def read(self) -> Frame | None:
+        frame = self.source.read()
+        if frame is None:
+            return None
         if self._offset is None:
             self._offset = self._clock() - frame.time
         due = frame.time + self._offset
