@@ -28,18 +28,15 @@ def plain_histogram(image: np.ndarray, textons: np.ndarray) -> np.ndarray:
 
 def plain_kohonen_steps(
     patches: np.ndarray, textons: np.ndarray, gains: np.ndarray, grain: float
-) -> np.ndarray:
+) -> None:
     """The compiled kernel of the same name, in NumPy."""
-    errors = np.empty(len(patches))
     chain = np.arange(len(textons))
     for n, patch in enumerate(patches):
         difference = patch - textons
         distances = np.einsum("ij,ij->i", difference, difference)
         winner = distances.argmin()
-        errors[n] = distances[winner]
         gain = gains[n * len(gains) // len(patches), np.abs(chain - winner)]
         moved = np.flatnonzero(gain)
         textons[moved] = (
             np.rint((textons[moved] + gain[moved, None] * difference[moved]) * grain) / grain
         )
-    return errors

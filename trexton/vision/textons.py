@@ -32,7 +32,7 @@ from trexton.base.options import whole
 from trexton.base.streams import generator
 from trexton.vision.patches import draw_patches
 
-__all__ = ["TextonDictionary", "Learning", "learn_textons", "METHODS"]
+__all__ = ["TextonDictionary", "learn_textons", "METHODS"]
 
 METHODS = ("kohonen", "winner-take-all")
 MAX_TEXTONS = 256  # a label is a byte
@@ -196,23 +196,7 @@ class TextonDictionary:
                 )
             patch = whole(patch, "patch", 1, MAX_PATCH)
             patches = draw_patches(islice(source.images(), images), patch, patches_per_image, rng)
-        return learn_textons(patches, n_textons, rng=rng, method=method, **options).dictionary
-
-
-@dataclass(frozen=True, eq=False)
-class Learning:
-    """What `learn_textons` did.
-
-    Attributes
-    ----------
-    dictionary : TextonDictionary
-    errors : (N,) float64 array
-        Distance of each patch to its nearest texton at the moment it was seen, in grey levels per
-        value (RMS over the patch).
-    """
-
-    dictionary: TextonDictionary
-    errors: np.ndarray
+        return learn_textons(patches, n_textons, rng=rng, method=method, **options)
 
 
 def learn_textons(
@@ -225,7 +209,7 @@ def learn_textons(
     radius: tuple[float, float] | None = None,
     alpha: float = 10.0,
     first: int = 1000,
-) -> Learning:
+) -> TextonDictionary:
     """Cluster patches with a Kohonen network, or with the authors' winner-take-all.
 
     Kohonen: patches in random order, start at random patches. At progress s in [0, 1) a texton j
@@ -270,7 +254,7 @@ def learn_textons(
     flat = patches.reshape(len(patches), -1)
     if method == "kohonen":
         flat = flat[rng.permutation(len(flat))]
-        start = flat[-n_textons:]  # seen last, so that the first errors are not zero
+        start = flat[-n_textons:]  # those that are seen last
         gains = _kohonen_gains(n_textons, len(flat), rate, radius or (max(n_textons / 4, 0.3), 0.3))
     else:
         if not 0 < alpha <= 255:
@@ -280,9 +264,9 @@ def learn_textons(
     textons = np.resize(start, (n_textons, flat.shape[1])).astype(np.float64)
     from trexton.vision.kernels.kohonen_steps import kohonen_steps  # numba takes a while to load
 
-    errors = np.sqrt(kohonen_steps(flat, textons, gains, GRAIN) / flat.shape[1])
+    kohonen_steps(flat, textons, gains, GRAIN)
     rounded = np.rint(textons).astype(np.uint8).reshape(n_textons, *patches.shape[1:])
-    return Learning(TextonDictionary(rounded), errors)
+    return TextonDictionary(rounded)
 
 
 def _kohonen_gains(

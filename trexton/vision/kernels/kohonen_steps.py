@@ -30,14 +30,8 @@ def kohonen_steps(patches, textons, gains, grain):
         Multiples of 1 / `grain`, and they stay so.
     gains : (S, K) float64 array
         Gain by distance on the chain; row s serves the s-th of S equal parts of the patches.
-
-    Returns
-    -------
-    (N,) float64 array
-        Squared distance of each patch to its nearest texton before the move.
     """
     n_patches, n_textons = len(patches), len(textons)
-    errors = np.empty(n_patches)
     patch = np.empty(patches.shape[1])
     for n in range(n_patches):
         for i in range(patch.size):
@@ -47,7 +41,6 @@ def kohonen_steps(patches, textons, gains, grain):
             distance = _squared_distance(textons[j], patch)
             if distance < best:
                 winner, best = j, distance
-        errors[n] = best
         gain = gains[n * len(gains) // n_patches]
         for j in range(n_textons):
             g = gain[abs(j - winner)]
@@ -55,4 +48,3 @@ def kohonen_steps(patches, textons, gains, grain):
                 texton = textons[j]
                 for i in range(patch.size):
                     texton[i] = np.rint((texton[i] + g * (patch[i] - texton[i])) * grain) / grain
-    return errors
