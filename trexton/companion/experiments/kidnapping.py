@@ -21,7 +21,7 @@ from trexton.base.streams import stream
 from trexton.companion.executor import spread
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
-from trexton.companion.experiments.style import COLORS, canvas, legend_above, share_over_time
+from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import euclidean, success_rate
@@ -233,14 +233,15 @@ _FILTERS = {
 
 def time_to_recover(record: Record) -> Figure:
     """Share of the kidnappings that the filter has recovered from, over time."""
-    counts, patience = record.values["counts"], record.values["patience_s"]
+    count, patience = record.values["counts"]["kidnappings"], record.values["patience_s"]
     with canvas(size=(6.4, 3.4)) as (figure, axes):
         plot = axes[0, 0]
         for name, (label, color, style) in _FILTERS.items():
-            share_over_time(
-                plot, record.series[name]["recovery_s"], counts["kidnappings"], patience,
-                color=color, linestyle=style, label=label,
-            )  # fmt: skip
+            times = record.series[name]["recovery_s"]
+            shares = 100 * np.array([*range(len(times) + 1), len(times)]) / count
+            line = {"color": color, "linestyle": style, "label": label}
+            plot.step([0, *times, patience], shares, where="post", **line)
+        plot.set(xlim=(0, patience), ylim=(0, 102))
         plot.set(xlabel="time since the kidnapping (s)", ylabel="recovered (%)")
         legend_above(plot)
     return figure

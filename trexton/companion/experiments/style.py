@@ -128,18 +128,6 @@ def band(
     axes.plot(x, middle, color=color, **line)
 
 
-def share_over_time(
-    axes: Axes, times: Iterable[float], count: int, until: float, **line: Any
-) -> None:
-    """Percent of `count` trials that have ended by a time, from 0 to `until`; `times` of those that
-    ended.
-    """
-    times = np.sort(np.array(list(times), dtype=float))
-    shares = 100 * np.array([*range(len(times) + 1), len(times)]) / count
-    axes.step([0, *times, until], shares, where="post", **line)
-    axes.set(xlim=(0, until), ylim=(0, 102))
-
-
 def length_unit(metres: float) -> tuple[str, float]:
     """What lengths of this size are told in, and how many of it a metre has; as in words."""
     return ("m", 1.0) if 100 * metres >= METRES_FROM else ("cm", 100.0)
