@@ -64,7 +64,7 @@ fuzz: env  ## damaged and hostile files for ten minutes; what breaks a reader is
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)
 
-verify: env  ## run the committed reference values again in several kinds of process, and compare
+verify: env  ## run the experiments of the committed reference values again, and compare
 	@$(BIN)/trexton verify $(ARGS)
 
 full: env  ## the long sweeps of data/sweeps, coarse to fine, landings, aiding and survey density over many floors, results to data/reference

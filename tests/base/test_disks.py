@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ctypes
 import hashlib
+import json
 import os
 from dataclasses import replace
 
@@ -150,10 +151,11 @@ def test_one_sentence_and_the_old_result_stays(
 
 def test_reference_values_are_kept(disk):
     path = disk.place / "verify-x.json"
-    path.write_text('{"provenance": {"simulated": {}}, "experiment": "x", "parameters": {},'
-                    ' "values": {}, "series": {}, "images": {}}')  # fmt: skip
+    content = {"schema": 2, "experiment": "x", "flight": "x", "provenance": {"simulated": {}}}
+    content |= {name: {} for name in ("parameters", "values", "series", "images")}
+    path.write_text(json.dumps(content))
     before = disk.state()
-    verdict = Verdict(path, [], ["values.a: 1 -> 2"], [], {"provenance": {}, "values": {"a": 2}})
+    verdict = Verdict(path, ["values.a: 1 -> 2"], [], {"provenance": {}, "values": {"a": 2}})
     for spoil in (disk.fill, disk.read_only):
         spoil()
         with pytest.raises((TrextonError, OSError), match="verify-x.json"):
