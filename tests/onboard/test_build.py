@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from conftest import small_flight
@@ -10,7 +12,7 @@ from onboard_tools import colourful_flight, room_map
 from trexton.cli.main import main
 from trexton.flights import write_flight
 from trexton.localization.localizer import Localizer
-from trexton.localization.map_files import save_map
+from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
 from trexton.onboard import Settings, build
 from trexton.onboard.settings import Flying
@@ -82,6 +84,33 @@ def test_a_predicted_touchdown_needs_a_method_that_knows_its_velocity(flight, ca
     assert main([*words, "--trigger", "touchdown"]) == 1
     said = capsys.readouterr().err
     assert "needs a velocity, which method 'paper' does not estimate" in said
+
+
+@pytest.mark.parametrize(
+    ("coverage", "warned"), [(None, True), (0.5, True), (0.79, True), (0.8, False), (0.93, False)]
+)
+def test_a_map_that_claims_too_much_is_said_and_not_landed_by(coverage, warned, flight, capsys):
+    """What left-out parts of its flight said against it was known, and nobody was told."""
+    folder, path = flight
+    found = {"assessment": {"coverage_90": coverage, "lost_share": 0.0 if coverage else 1.0}}
+    texton_map = load_map(path)
+    save_map(replace(texton_map, provenance=texton_map.provenance | found), path)
+    onboard = build(Settings(str(path), (), (), {Flying: Flying(camera=str(folder))}))
+    line = onboard.status.line(None, 0.0)
+    assert ("WARNING: the map's 90 % region held" in line) == warned
+    words = ["onboard", str(path), "--camera", str(folder), "--output", "udpout:127.0.0.1:9"]
+    words += ["--land", "0,0", "--arm-landing", "--heading", "0"]
+    assert main(words) == int(warned)
+    assert ("add --allow-overconfident" in capsys.readouterr().err) == warned
+    assert main([*words, "--allow-overconfident"]) == 0
+
+
+def test_without_a_heading_an_autopilot_is_warned_of(flight, capsys):
+    folder, path = flight
+    words = ["onboard", str(path), "--camera", str(folder), "--output", "udpout:127.0.0.1:9"]
+    for more, warned in (([], True), (["--heading", "0"], False)):
+        assert main([*words, *more]) == 0
+        assert ("no --heading" in capsys.readouterr().err) == warned
 
 
 def test_the_log_neither(flight, tmp_path, capsys):

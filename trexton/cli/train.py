@@ -3,19 +3,31 @@
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from typing import Any
+
+import numpy as np
 
 from trexton.base.arguments import add_assignments, add_options, chosen_options
 from trexton.base.defaults import NEIGHBORS, PATCH, TEXTONS, USUAL_CELLS
+from trexton.base.errors import MapError, ParameterError
 from trexton.base.options import Options, option
 from trexton.base.progress import say
+from trexton.base.streams import stream
+from trexton.evaluation.held_out import LEAST_COVERAGE, Assessment, assess
+from trexton.flights.flight import Flight
 from trexton.localization.map_files import save_map
+from trexton.localization.methods import compose, parse_choices
+from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import train_map
 
 __all__ = ["add_arguments", "run"]
 
 _USUAL = ", ".join(f"{cells} of method {method}" for method, cells in USUAL_CELLS.items())
+
+
+MOST_LOST = 0.5  # share of frames from which on a map is no use in the air
 
 
 @dataclass(frozen=True)
@@ -27,7 +39,10 @@ class TrainOptions(Options):
     cells: int | None = option(
         None, f"parts of the image a side, each with a histogram (default 1; {_USUAL})"
     )
-    method: str = option("paper", "the set of parts to train")
+    method: str | None = option(
+        None, "the set of parts to train; unless given, field or fine, by what left-out parts of "
+        "the flight show; the paper's is paper"
+    )  # fmt: skip
     neighbors: int | None = option(
         None, f"short for --set measurement.neighbors (default {NEIGHBORS})"
     )
@@ -46,18 +61,54 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.base.files import check_not_read, check_writable
-    from trexton.base.streams import stream
     from trexton.flights import read_flight
-    from trexton.localization.methods import parse_choices
 
     options = chosen_options(arguments, TrainOptions)
     check_not_read(arguments.output, arguments.flight)
     check_writable(arguments.output)
     flight = read_flight(arguments.flight).part_or_all("train")
     choices: dict[str, Any] = {**parse_choices(arguments.settings)}
+    methods = [options.method] if options.method else _candidates(flight, options, choices)
+    tried = []
+    for method in methods:
+        try:
+            tried.append(_trained(flight, options, method, choices))
+        except MapError as error:
+            if len(methods) == 1:
+                raise
+            say(f"method {method} is left out: {error}")
+    texton_map, assessment = min(tried, key=lambda each: each[1].error_m if each[1] else np.inf)
+    path = save_map(texton_map, arguments.output)
+    say(f"{len(texton_map.positions)} frames of {flight.name} became {path}")
+    others = [
+        f"{each.method} {100 * found.error_m:.0f} cm"
+        for each, found in tried
+        if each is not texton_map and found
+    ]
+    why = "" if options.method else ", chosen for flying" + "".join(f" ({o})" for o in others)
+    say(f"method {texton_map.method}{why}: {_verdict(assessment)}")
+    return 0
+
+
+def _candidates(flight: Flight, options: TrainOptions, choices: dict[str, Any]) -> list[str]:
+    """Methods one may fly that can read the flight and all choices; the paper's where none can."""
+    methods = ["field", "fine"] if flight.has_images and flight.camera else ["field"]
+    chosen = choices | ({} if options.neighbors is None else {"measurement.neighbors": 1})
+    fit = []
+    for method in methods:
+        with suppress(ParameterError):
+            compose(method, chosen)
+            fit.append(method)
+    return fit or ["paper"]
+
+
+def _trained(
+    flight: Flight, options: TrainOptions, method: str, choices: dict[str, Any]
+) -> tuple[TextonMap, Assessment | None]:
+    """A map, and what the method showed on left-out parts of the flight; None of a short one."""
     texton_map = train_map(
         flight,
-        method=options.method,
+        method=method,
         n_textons=options.textons,
         patch=options.patch,
         cells=options.cells,
@@ -66,6 +117,24 @@ def run(arguments: argparse.Namespace) -> int:
         rng=stream(options.seed, "training"),
         **choices,
     )
-    path = save_map(texton_map, arguments.output)
-    say(f"{len(texton_map.positions)} frames of {flight.name} became {path}")
-    return 0
+    frames = flight.select(np.isfinite(np.ma.filled(flight.position, np.nan)).all(axis=1))
+    looks = frames if method == "fine" else None
+    try:
+        found = assess(texton_map, looks, rng=stream(options.seed, "assessment"))
+    except MapError:
+        return texton_map, None
+    provenance = texton_map.provenance | {"assessment": found.as_dict()}
+    return replace(texton_map, provenance=provenance), found
+
+
+def _verdict(found: Assessment | None) -> str:
+    """What to expect of a map, and how honest its covariances are."""
+    if found is None:
+        return "the flight is too short to tell what to expect of it"
+    words = f"{100 * found.error_m:.0f} cm mean error on left-out parts of this flight"
+    if found.coverage_90 is None or found.lost_share > MOST_LOST:
+        return f"{words}. LOST in {found.lost_share:.0%} of frames: record a longer, closer survey"
+    words += f", lost in {found.lost_share:.0%} of frames.\nThe 90 % region held the true position "
+    words += f"in {found.coverage_90:.0%} of the others: "
+    honest = found.coverage_90 >= LEAST_COVERAGE
+    return words + ("honest" if honest else "OVERCONFIDENT, do not steer by it")

@@ -12,6 +12,7 @@ import numpy as np
 from trexton.base.errors import MapError, ParameterError, TrextonError
 from trexton.base.files import check_not_read
 from trexton.base.streams import stream
+from trexton.evaluation.held_out import LEAST_COVERAGE
 from trexton.localization.landing import TouchdownZone
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map
@@ -81,6 +82,16 @@ def build(settings: Settings) -> Onboard:
         flying.aiding,
     )
     sinks = [open_sink(address, around, settings.options) for address in settings.outputs]
+    own = flying.method in (None, texton_map.method) and not settings.choices
+    overconfident = _overconfidence(texton_map) if own else ""
+    if overconfident and landing.arm_landing and not landing.allow_overconfident:
+        raise MapError(
+            f"{settings.map}: {overconfident}, and --arm-landing would land by it: record a closer "
+            "survey, train for method field or fine, or add --allow-overconfident"
+        )
+    warnings = [overconfident] if overconfident else []
+    if any(sink.autopilot for sink in sinks) and settings.of(MapPlacement).heading is None:
+        warnings.append("no --heading: the map's +y is taken for north")
     log = None
     if flying.log:
         most = round(1e6 * flying.log_megabytes)
@@ -96,7 +107,18 @@ def build(settings: Settings) -> Onboard:
         aiding=flying.aiding,
         zone=zone,
         landers=_landers(sinks) if landing.arm_landing else (),
+        warnings=warnings,
     )
+
+
+def _overconfidence(texton_map: TextonMap) -> str:
+    """What left-out parts of the training flight said against the map's covariances, if it did."""
+    found = texton_map.provenance.get("assessment", {})
+    coverage = found.get("coverage_90", 1.0)
+    if found.get("lost_share", 0.0) < 1.0 and coverage >= LEAST_COVERAGE:
+        return ""
+    held = "no" if coverage is None else f"{coverage:.0%} of"
+    return f"the map's 90 % region held {held} positions of its own flight"
 
 
 def _warm_up(localizer: Localizer) -> None:

@@ -59,7 +59,9 @@ class Onboard:
     frames : int, optional
         Stop after so many.
     aiding : {"tilt", "all", "none"}
-        What the recording and the sinks may tell of the vehicle; see `trexton.onboard.aids`.
+        What the recording and the sinks may tell of the vehicle; see `trexton.onboard.intake`.
+    warnings : sequence of str
+        Said at the start, and in every status line.
     clock : callable
         Steady clock in seconds, the one that stamps live frames.
     """
@@ -68,7 +70,7 @@ class Onboard:
         self, localizer: Localizer, source: Source, sinks: list[Guard], *, tally: Tally,
         rate: float | None = None, zone: LandingZone | None = None,
         landers: Sequence[LandingLink] = (), log: Guard | None = None,
-        frames: int | None = None, aiding: str = "tilt",
+        frames: int | None = None, aiding: str = "tilt", warnings: Sequence[str] = (),
         clock: Callable[[], float] = time.monotonic,
     ):  # fmt: skip
         self.localizer, self.source, self.sinks, self.log = localizer, source, sinks, log
@@ -81,7 +83,7 @@ class Onboard:
         self._stamps = StampKeeper(tally, clock)
         self._jumps = JumpCounter(localizer.growth)
         self._latencies = Latencies()
-        self.status = Status(tally, self._latencies, sinks, self.commander)
+        self.status = Status(tally, self._latencies, sinks, self.commander, warnings)
         self._model_time: float | None = None  # up to here the filter has been advanced
         self._observed_at = -np.inf
         self._fix: Fix | None = None
@@ -102,6 +104,8 @@ class Onboard:
         if self.log is not None:
             clocks = {"unix_s": time.time(), "clock_s": self._clock()}
             self.log.event({"event": "start", **clocks, "map": self.localizer.map.provenance})
+        for warning in self.status.warnings:
+            self.report({"event": "warning", "what": warning})
         try:
             while not stop.is_set() and (
                 self._frames is None or self.tally["frames"] < self._frames

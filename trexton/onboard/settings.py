@@ -86,6 +86,9 @@ class Landing(Options):
         None, "estimates in a row that must agree: 3, for a touchdown 1", low=1
     )
     arm_landing: bool = option(False, "command the landing; without it, it is only said")
+    allow_overconfident: bool = option(
+        False, "land though the map's 90 % region held too few of its own flight's positions"
+    )
 
     def zone(self, area: tuple[float, float, float, float]) -> LandingZone | None:
         """The zone on a map of this area; raises `ParameterError` where it lies outside."""

@@ -7,7 +7,7 @@ import os
 import resource
 import socket
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -41,17 +41,16 @@ class Status:
     latencies : Latencies
     sinks : list of Guard
     commander : Commander or None
+    warnings : sequence of str
+        Said in every line.
     """
 
     def __init__(
-        self, tally: Tally, latencies: Latencies, sinks: list[Guard], commander: Commander | None
-    ):
-        self._tally, self._latencies, self._sinks, self.commander = (
-            tally,
-            latencies,
-            sinks,
-            commander,
-        )
+        self, tally: Tally, latencies: Latencies, sinks: list[Guard], commander: Commander | None,
+        warnings: Sequence[str] = (),
+    ):  # fmt: skip
+        self._tally, self._latencies, self._sinks = tally, latencies, sinks
+        self.commander, self.warnings = commander, warnings
         self._next = self._frames = 0
         self._last_at: float | None = None
         self._settled_bytes: int | None = None
@@ -80,6 +79,8 @@ class Status:
         if self.commander is not None:
             why = f" ({self.commander.why})" if self.commander.why else ""
             parts.append(f"landing: {self.commander.state.value}{why}")
+        if self.warnings:
+            parts.append("WARNING: " + "; ".join(self.warnings))
         if faults := self._tally.faults:
             parts.append(
                 "faults: " + ", ".join(f"{name} {count}" for name, count in faults.items())

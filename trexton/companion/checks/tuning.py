@@ -1,7 +1,7 @@
 """Settings for a flight and a computer: the error of each, and what a frame of it costs here.
 
 Errors are those of a replay of the training flight by maps that did not see what is flown
-(`trexton.companion.checks.held_out`), so no test flight has a say. Costs are measured here.
+(`trexton.evaluation.held_out`), so no test flight has a say. Costs are measured here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from trexton.base import defaults
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import digest
 from trexton.base.streams import stream
-from trexton.companion.checks.held_out import replay, stretches
+from trexton.evaluation.held_out import replay, stretches
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap

@@ -1,20 +1,23 @@
 """Blocked cross-validation of a training flight: stretches of it are flown by maps that did not see
-them, so that settings can be compared before there is a test flight.
+them, so that methods and settings can be compared before there is a test flight.
 
 Stretches are left out in pairs, the method is trained on the rest, and the stretches are flown,
 forwards and backwards. Histograms of full sampling are drawn anew, as a flight that samples sees
-them; the dictionary stays.
+them, unless the images are given; the dictionary stays. `assess` says what that amounts to.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from trexton.base.defaults import SAMPLES
 from trexton.base.errors import MapError
 from trexton.flights.aiding import Aiding
+from trexton.flights.flight import Flight
 from trexton.localization.cross_validation import WARM_S
 from trexton.localization.estimate import Flown
 from trexton.localization.localizer import Localizer
@@ -22,10 +25,70 @@ from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import with_parts
 from trexton.localization.training_set import EXCLUDED_SECONDS
 
-__all__ = ["replay", "stretches"]
+__all__ = ["LEAST_COVERAGE", "Assessment", "assess", "replay", "stretches"]
 
 STRETCH_S = 5.0
 MOST_STRETCHES = 8
+CHI2_90 = -2 * np.log(0.1)  # of two degrees of freedom
+LEAST_COVERAGE = 0.8  # of the 90 % region, for a covariance that others may believe
+APART = ("calibration", "integrity", "odometry")  # they change no error, or ask for images
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What a method showed on stretches of its training flight that its map had not seen.
+
+    Attributes
+    ----------
+    frames : int
+    error_m : float
+        Mean, of all frames.
+    lost_share : float
+        Of frames that were called lost.
+    coverage_90 : float or None
+        Empirical coverage of the 90 % region: the share of the other frames whose true position lay
+        in it; None where all were called lost.
+    """
+
+    frames: int
+    error_m: float
+    lost_share: float
+    coverage_90: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """For the provenance of a map."""
+        return asdict(self)
+
+
+def assess(
+    texton_map: TextonMap, flight: Flight | None = None, *, rng: np.random.Generator
+) -> Assessment:
+    """Fly the left-out stretches with everything that judges the method too.
+
+    Parameters
+    ----------
+    texton_map : TextonMap
+    flight : Flight, optional
+        The frames behind the map, for a method that looks at images.
+    rng : numpy.random.Generator
+
+    Raises
+    ------
+    MapError
+        The flight is too short.
+    """
+    flown = list(replay(texton_map, samples=SAMPLES, rng=rng, apart=APART[-1:], flight=flight))
+    sure = [each for each in flown if not each.estimate.lost_in(texton_map.area)]
+    inside = [
+        each.error @ np.linalg.solve(each.estimate.about_position, each.error) <= CHI2_90
+        for each in sure
+    ]
+    return Assessment(
+        len(flown),
+        float(np.mean([np.hypot(*each.error) for each in flown])),
+        1 - len(sure) / len(flown),
+        float(np.mean(inside)) if sure else None,
+    )
 
 
 def stretches(time: np.ndarray) -> list[np.ndarray]:
@@ -56,6 +119,8 @@ def replay(
     samples: int | None,
     rng: np.random.Generator,
     aidings: Sequence[Aiding | None] | None = None,
+    apart: Sequence[str] = APART,
+    flight: Flight | None = None,
 ) -> Iterator[Flown]:
     """Fly the left-out stretches of a map's own training flight, without the frames in which the
     filter settles.
@@ -63,47 +128,56 @@ def replay(
     Parameters
     ----------
     texton_map : TextonMap
-        Whose parts say which method; calibration, integrity and odometry do not fly.
+        Whose parts say which method.
     samples : int or None
         Patches a frame, where the map has a dictionary; None looks at every one.
     rng : numpy.random.Generator
     aidings : sequence of Aiding, optional
         What came beside each frame of the training flight; of it velocities alone are used.
+    apart : sequence of str
+        Roles whose parts do not fly.
+    flight : Flight, optional
+        The frames behind the map: then its images are flown, with roll, pitch and height.
 
     Raises
     ------
     MapError
         The flight is too short.
     """
-    apart = ("calibration", "integrity", "odometry")
     parts = {role: part for role, part in texton_map.parts.items() if role not in apart}
     drawn = samples if texton_map.dictionary is not None else None
     every = stretches(texton_map.time)
     half = len(every) // 2
     for pair in zip(every[:half], every[half:], strict=False):
-        rest = _without(replace(texton_map, parts={}), np.concatenate(pair))
+        kept = _others(texton_map.time, np.concatenate(pair))
+        rest = replace(texton_map, parts={}).select(kept)
         untrained = {role: part.untrained() for role, part in parts.items()}
-        method = with_parts(rest, untrained, rng=rng)
+        frames = None if flight is None else flight.select(kept)
+        method = with_parts(rest, untrained, flight=frames, rng=rng)
         for order in (pair, [rows[::-1] for rows in pair[::-1]]):
             localizer = Localizer(method, rng=rng)
             for rows in order:
                 localizer.reset()
                 for since, row in enumerate(rows):
-                    histogram = texton_map.histograms[row]
-                    if drawn is not None:
-                        histogram = rng.multinomial(drawn, histogram / histogram.sum()) / drawn
-                    aiding = _on_the_way(aidings, rows[since - 1], row) if since else None
-                    observation = localizer.observation(histogram, aiding=aiding, samples=drawn)
+                    if flight is not None:
+                        frame = flight.image(row)
+                        aiding: Aiding | None = flight.aiding(row).without_heading()
+                    else:
+                        frame = texton_map.histograms[row]
+                        if drawn is not None:
+                            frame = rng.multinomial(drawn, frame / frame.sum()) / drawn
+                        aiding = _on_the_way(aidings, rows[since - 1], row) if since else None
+                    observation = localizer.observation(frame, aiding=aiding, samples=drawn)
                     estimate = localizer.advance(observation)
                     if since * texton_map.period_s >= WARM_S:
                         place = texton_map.positions[row]
                         yield Flown(row, place, estimate, observation.neighbors)
 
 
-def _without(texton_map: TextonMap, rows: np.ndarray) -> TextonMap:
-    time = texton_map.time
+def _others(time: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """The rows of frames that are not, and do not look like, these."""
     near = np.searchsorted(time[np.sort(rows)], [time - EXCLUDED_SECONDS, time + EXCLUDED_SECONDS])
-    return texton_map.select(np.flatnonzero(near[0] == near[1]))
+    return np.flatnonzero(near[0] == near[1])
 
 
 def _on_the_way(aidings: Sequence[Aiding | None] | None, last: int, row: int) -> Aiding | None:

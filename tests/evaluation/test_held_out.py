@@ -1,0 +1,82 @@
+"""Stretches of a training flight, flown by maps that did not see them."""
+
+import numpy as np
+import pytest
+from onboard_tools import colourful_flight
+from small_room import histogram_flight
+
+from trexton.base.errors import MapError
+from trexton.cli.main import main
+from trexton.evaluation.held_out import STRETCH_S, assess, replay, stretches
+from trexton.flights import write_flight
+from trexton.localization.cross_validation import WARM_S
+from trexton.localization.map_files import load_map
+from trexton.localization.training import train_map
+
+
+@pytest.fixture(scope="module")
+def plain():
+    flight = histogram_flight("hall", frames=160, turns=6.0)
+    return train_map(flight, rng=np.random.default_rng(1))
+
+
+def test_replay_flies_what_its_map_did_not_see(plain):
+    flown = list(replay(plain, samples=50, rng=np.random.default_rng(2)))
+    every = stretches(plain.time)
+    half = len(every) // 2
+    settled = int(np.ceil(WARM_S / plain.period_s))
+    assert len(flown) == 2 * sum(len(rows) - settled for rows in every[: 2 * half])
+    first = every[0][settled:]
+    np.testing.assert_array_equal([each.row for each in flown[: len(first)]], first)
+    gaps = [np.hypot(*(each.neighbors.position - each.truth).T).min() for each in flown]
+    assert min(gaps) > 0  # the frame itself is never its neighbour
+    assert len(every[0]) * plain.period_s == pytest.approx(STRETCH_S + WARM_S, abs=0.3)
+    short = np.arange(130) * 0.1  # two stretches of a short flight leave half of it
+    every = stretches(short)
+    left_out = {row for rows in (every[0], every[len(every) // 2]) for row in rows}
+    assert len(left_out) < 70 and all(rows[-1] * 0.1 > WARM_S for rows in every)
+    with pytest.raises(MapError, match="longer one"):
+        stretches(np.arange(20) * 0.25)
+
+
+def test_an_assessment_is_of_all_frames_and_of_what_is_claimed(plain):
+    found = assess(plain, rng=np.random.default_rng(2))
+    flown = list(replay(plain, samples=400, rng=np.random.default_rng(2), apart=("odometry",)))
+    assert found.frames == len(flown)
+    assert found.error_m == pytest.approx(np.mean([np.hypot(*each.error) for each in flown]))
+    assert 0 <= found.lost_share <= 1 and 0 <= found.coverage_90 <= 1
+
+
+class TestTrain:
+    """What is trained for flying unless a method is named."""
+
+    def trained(self, folder, tmp_path, *words):
+        assert main(["train", str(folder), "-o", str(tmp_path / "map.npz"), *words]) == 0
+        return load_map(tmp_path / "map.npz")
+
+    def test_histograms_are_trained_for_the_field(self, tmp_path, capsys):
+        write_flight(histogram_flight("hall", frames=160, turns=6.0), tmp_path / "hall")
+        made = self.trained(tmp_path / "hall", tmp_path)
+        said = capsys.readouterr().err
+        assert made.method == "field" and "method field, chosen for flying: " in said
+        found = made.provenance["assessment"]
+        assert f"{found['coverage_90']:.0%} of the others" in said
+        assert (found["coverage_90"] < 0.8) == ("OVERCONFIDENT" in said)
+
+    def test_the_papers_by_name_or_by_what_only_it_reads(self, tmp_path):
+        write_flight(histogram_flight("hall", frames=160, turns=6.0), tmp_path / "hall")
+        for words in (["--method", "paper"], ["--neighbors", "3"], ["--set", "motion=random-walk"]):
+            assert self.trained(tmp_path / "hall", tmp_path, *words).method == "paper"
+
+    def test_images_and_a_camera_are_trained_for_what_errs_less(self, tmp_path, capsys):
+        colourful_flight(tmp_path / "room", frames=300)
+        made = self.trained(tmp_path / "room", tmp_path)
+        said = capsys.readouterr().err
+        other = {"field": "fine", "fine": "field"}[made.method]
+        assert f"({other} " in said and made.provenance["assessment"]["frames"] > 50
+
+    def test_a_flight_too_short_to_tell_is_trained_all_the_same(self, tmp_path, capsys):
+        write_flight(histogram_flight("hall", frames=40), tmp_path / "hall")
+        made = self.trained(tmp_path / "hall", tmp_path)
+        assert "too short to tell" in capsys.readouterr().err
+        assert made.method == "field" and "assessment" not in made.provenance
