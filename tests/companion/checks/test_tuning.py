@@ -157,10 +157,9 @@ def test_a_search_sees_what_odometry_brings_where_a_flight_shows_how_it_moves(su
     assert train == "--method field --textons 20 --cells 2 --set odometry=visual"
 
 
-def test_without_a_camera_no_odometry_is_tried(survey):
-    bare = Bench(replace(survey, camera=None))
-    assert not bare.sees_motion and Bench(survey).sees_motion
-    assert not Bench(told_apart()).sees_motion
+def test_without_a_camera_no_odometry_is_flown(survey):
+    (one,) = search(replace(survey, camera=None), methods=["field"], trials=2)
+    assert "odometry" not in one.setting
 
 
 def test_bad_input_is_one_clear_error():

@@ -21,6 +21,8 @@ from trexton.base import defaults
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import digest
 from trexton.base.streams import stream
+from trexton.companion.checks.timing import interleave
+from trexton.companion.experiments.evaluation import evenly_spread, frames_of
 from trexton.evaluation.held_out import replay, stretches
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
@@ -38,7 +40,7 @@ OF_IMAGES = {
     "samples": (50, 100, 200, 400, 800, 0),
 }
 OF_NEIGHBORS = {"neighbors": (1, 2, 3, 5, 8, 12), "particles": (50, 100, 200, 400)}
-TIMED = 30  # frames whose median counts, after a few that warm up
+TIMED = 30  # frames whose median counts
 _TOLERANCE = 0.02  # differences in error below this are not worth any time
 
 # What is chosen, as on the command line (samples 0: every patch), without what a method or a flight
@@ -115,23 +117,19 @@ class Bench:
     def attempt(self, setting: Setting) -> Tried:
         """Replay the flight with a setting and time its frames; raises `TrextonError` where the
         flight does not do for it."""
-        texton_map = self._map(setting)
-        return Tried(
-            setting, self._error_m(setting, texton_map), self._frame_s(setting, texton_map)
-        )
+        flown = self._map(setting)
+        return Tried(setting, self._error_m(setting, flown), self._frame_s(setting, flown))
 
     def _map(self, setting: Setting) -> TextonMap:
         """The map of the whole flight with this setting."""
         key = setting.get("textons", defaults.TEXTONS), setting.get("cells", 1)
         if key not in self._maps:
+            chosen = dict(zip(("n_textons", "cells"), key, strict=True))
             rng = stream(self.seed, "training")
-            n_textons, cells = key
-            self._maps[key] = train_map(
-                self.flight, rng=rng, neighbors=1, n_textons=n_textons, cells=cells
-            )
+            self._maps[key] = train_map(self.flight, rng=rng, neighbors=1, **chosen)
         roles = {"neighbors": "measurement.neighbors", "particles": "filter.particles"}
-        chosen = {role: setting[name] for name, role in roles.items() if name in setting}
-        texton_map = with_choices(for_method(self._maps[key], setting["method"]), chosen)
+        choices = {role: setting[name] for name, role in roles.items() if name in setting}
+        texton_map = with_choices(for_method(self._maps[key], setting["method"]), choices)
         if not setting.get("odometry"):
             return texton_map
         odometry = {"odometry": self._moving.parts["odometry"]}
@@ -150,20 +148,9 @@ class Bench:
         """Median seconds of a frame here."""
         rng = stream(self.seed, "timed frames")
         localizer = Localizer(texton_map, samples=setting.get("samples") or None, rng=rng)
-        taken = []
-        for _, frame in zip(range(TIMED + 3), cycle(self._frames), strict=False):
-            start = perf_counter()
-            localizer.step(frame)
-            taken.append(perf_counter() - start)
-        return float(np.median(taken[3:]))
-
-    @cached_property
-    def sees_motion(self) -> bool:
-        """Whether the flight has what visual odometry takes: images, their camera and heights."""
-        try:
-            return self.flight.has_images and self._moving is not None
-        except TrextonError:
-            return False
+        frames = cycle(self._frames)
+        step = {"step": lambda: localizer.step(next(frames))}
+        return float(np.median(interleave(step, seconds=0, rounds=TIMED)["step"]))
 
     @cached_property
     def _moving(self) -> TextonMap:
@@ -182,11 +169,7 @@ class Bench:
 
     @cached_property
     def _frames(self) -> Sequence[np.ndarray]:
-        rows = np.unique(np.linspace(0, len(self.flight) - 1, 12).astype(int))
-        if self.flight.has_images:
-            return [self.flight.image(row) for row in rows]
-        assert self.flight.histograms is not None  # a flight has one or the other
-        return list(self.flight.histograms[rows])
+        return frames_of(self.flight.select(evenly_spread(len(self.flight), 12)))
 
 
 def search(
@@ -251,7 +234,7 @@ def _one_at_a_time(method: str, bench: Bench) -> Generator[Setting, Tried, None]
     choices: dict[str, tuple[Any, ...]] = OF_IMAGES if bench.flight.has_images else {}
     if method != "field":
         choices = OF_NEIGHBORS | choices
-    elif bench.sees_motion:
+    elif choices:  # a flight that does not show how it moves is passed over
         choices = {"odometry": (True, False)} | choices
     before = None
     while best is not before:

@@ -10,7 +10,7 @@ from typing import Any
 
 from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
-from trexton.base.files import check_not_read, check_writable
+from trexton.base.files import atomic_file, canonical_json, check_not_read, check_writable
 from trexton.base.progress import say
 
 __all__ = ["add_arguments", "run"]
@@ -37,19 +37,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
+    from trexton.base.records import plain
     from trexton.companion.experiments.floors import (
         METHOD,
         VirtualFlights,
         helpful_changes,
         judge_floor,
     )
+    from trexton.companion.experiments.suitability import predicted_errors
 
     flights = chosen_options(arguments, VirtualFlights)
     if arguments.length is not None and not arguments.corners:
         raise ParameterError("--length needs --corners too: without them a picture keeps its shape")
     floors = {name: _floor(name, arguments) for name in arguments.images}
-    if arguments.out:
-        _check_out(Path(arguments.out), floors)
+    files = _files(Path(arguments.out), floors) if arguments.out else {}
     judged = {name: judge_floor(floor, flights=flights) for name, floor in floors.items()}
     ranked = sorted(judged, key=lambda name: judged[name]["predicted_cm"])
     for place, name in enumerate(ranked, start=1):
@@ -71,8 +72,12 @@ def run(arguments: argparse.Namespace) -> int:
             entry["changes"] = helpful_changes(floors[name], entry, flights=flights)
             for change in entry["changes"]:
                 print(f"   {change['gain_cm']:+.0f} cm: {change['change']}")
-    if arguments.out:
-        _write(Path(arguments.out), floors, judged)
+    for name, file in files.items():
+        with atomic_file(f"{file}.json") as stream:
+            stream.write(canonical_json(plain(judged[name])))
+        with atomic_file(f"{file}.png", "wb") as stream:
+            predicted_errors(floors[name], judged[name]).savefig(stream, format="png", dpi=150)
+        say(f"{file}.png, {file.name}.json")
     return 0
 
 
@@ -98,39 +103,21 @@ def _floor(name: str, arguments: argparse.Namespace) -> Any:
     return Floor.from_file(name, arguments.width)
 
 
-def _stem(name: str) -> str:
-    """What the files of a floor are called."""
-    return re.sub(r"\W+", "-", Path(name).stem if Path(name).exists() else name)
-
-
-def _check_out(folder: Path, floors: Iterable[str]) -> None:
-    """Refuse what cannot be written, and to write over a picture or one floor's files over
-    another's, before any flight.
+def _files(folder: Path, floors: Iterable[str]) -> dict[str, Path]:
+    """Where the files of each floor go, without their endings. What cannot be written is refused
+    before any flight, and to write over a picture or one floor's files over another's.
     """
     pictures = [name for name in floors if Path(name).is_file()]
-    written: dict[str, str] = {}
+    files: dict[str, Path] = {}
     for name in floors:
-        stem = _stem(name)
-        if stem in written:
+        place = folder / re.sub(r"\W+", "-", Path(name).stem if Path(name).exists() else name)
+        if place in files.values():
             raise ParameterError(
-                f"{name} and {written[stem]} would both be written to {folder / stem}.png: "
+                f"{name} and another would both be written to {place}.png: "
                 "give one of them another name, or judge them one by one"
             )
-        written[stem] = name
+        files[name] = place
         for suffix in ("json", "png"):
-            check_not_read(folder / f"{stem}.{suffix}", *pictures)
-            check_writable(folder / f"{stem}.{suffix}")
-
-
-def _write(folder: Path, floors: dict[str, Any], judged: dict[str, dict[str, Any]]) -> None:
-    from trexton.base.files import atomic_file, canonical_json
-    from trexton.base.records import plain
-    from trexton.companion.experiments.suitability import predicted_errors
-
-    for name, floor in floors.items():
-        stem = _stem(name)
-        with atomic_file(folder / f"{stem}.json") as stream:
-            stream.write(canonical_json(plain(judged[name])))
-        with atomic_file(folder / f"{stem}.png", "wb") as stream:
-            predicted_errors(floor, judged[name]).savefig(stream, format="png", dpi=150)
-        say(f"{folder / stem}.png, {stem}.json")
+            check_not_read(f"{place}.{suffix}", *pictures)
+            check_writable(f"{place}.{suffix}")
+    return files

@@ -52,11 +52,6 @@ class PlayedFlight:
     frames: list[dict[str, Any]] = field(default_factory=list)
     floor: dict[str, Any] | None = None
 
-    @property
-    def names(self) -> list[str]:
-        """Of the estimates, in their order."""
-        return list(self.frames[0]["estimates_cm"]) if self.frames else []
-
 
 def record_replay(
     localizers: Mapping[str, Localizer],
