@@ -186,15 +186,15 @@ def test_the_command_records_a_flight_over_a_picture(tmp_path, capsys):
 @pytest.mark.parametrize(
     "arguments, message",
     [
-        (["--off", "fog"], "unknown effect 'fog'"),
-        (["--set", "fog=1"], "unknown effect 'fog'"),
-        (["--set", "noise=much"], "expected a number"),
+        (["--off", "fog"], "no parameter 'fog'"),
+        (["--set", "fog=1"], "no parameter 'fog'"),
+        (["--set", "noise=much"], "noise is 'much': expected float"),
         (["--set", "noise"], "expected effect=value"),
         (["--set", "noise=1", "--set", "noise=2"], "--set has noise twice"),
-        (["--set", "jpeg=101"], "expected 0 (off) to 100"),
+        (["--set", "jpeg=101"], "jpeg is 101.0: expected 100 or less"),
         (["--floor-width", "5"], "without --floor"),
         (["--floor", "missing.png"], "missing.png"),
-        (["--frames", "0"], "0 frames"),
+        (["--frames", "0"], "number of frames is 0: expected a whole number of at least 1"),
     ],
 )
 def test_the_command_says_in_one_sentence_what_is_wrong(tmp_path, capsys, arguments, message):

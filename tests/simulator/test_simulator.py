@@ -333,7 +333,7 @@ def test_bad_floors_and_effects_are_refused(tmp_path):
         cv2.imwrite(str(tmp_path / "strip.png"), np.zeros(shape, np.uint8))
         with pytest.raises(ParameterError, match="length, by the shape of its picture, is"):
             Floor.from_file(tmp_path / "strip.png", 5.0)
-    with pytest.raises(ParameterError, match="unknown effect 'fog'"):
+    with pytest.raises(ParameterError, match="no parameter 'fog'"):
         Effects().without("fog")
     for name in Effects.names():
         with pytest.raises(ParameterError, match=name):

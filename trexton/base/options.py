@@ -19,21 +19,13 @@ import operator
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, is_dataclass
 from types import NoneType
-from typing import (
-    Any,
-    ClassVar,
-    Self,
-    SupportsIndex,
-    TypeVar,
-    get_args,
-    get_type_hints,
-)
+from typing import Any, ClassVar, Self, SupportsIndex, TypeVar, get_args, get_type_hints
 
 import numpy as np
 
 from trexton.base.errors import ParameterError
 
-__all__ = ["Option", "Options", "option", "whole"]
+__all__ = ["Option", "Options", "number", "option", "whole"]
 
 T = TypeVar("T")
 _WORDS = {"true": True, "false": False, "none": None}
@@ -95,6 +87,23 @@ def whole(value: object, what: str, low: int = 1, high: int | None = None) -> in
     raise ParameterError(f"{what} is {value!r}: expected a whole number {span}")
 
 
+def number(
+    value: object,
+    what: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    above: float | None = None,
+    below: float | None = None,
+) -> float:
+    """A finite float in a range as of `option`; raises `ParameterError`, which says `what`."""
+    try:
+        found: Any = Option(what, (float,), 1.0, "", low, high, above, below).check(value)
+    except ParameterError as error:
+        raise ParameterError(str(error).removeprefix("parameter ")) from None
+    return float(found)
+
+
 @dataclass(frozen=True)
 class Option:
     """One declared option: its name, the types it may have, its default, its meaning and range."""
@@ -150,14 +159,6 @@ class Option:
         if self.choices and value is not None and value not in self.choices:
             raise self._refusal(value, f"one of {', '.join(self.choices)}")
         return value
-
-    def describe(self) -> str:
-        """Meaning, type and range in a line for people."""
-        kinds = " or ".join("none" if kind is NoneType else kind.__name__ for kind in self.types)
-        limits = {">=": self.low, "<=": self.high, ">": self.above, "<": self.below}
-        span = [f"{sign} {limit:g}" for sign, limit in limits.items() if limit is not None]
-        words = ", ".join([kinds, *span, *(["|".join(self.choices)] if self.choices else [])])
-        return f"{self.meaning} ({words})" if self.meaning else f"({words})"
 
     def _refusal(self, value: object, expected: str) -> ParameterError:
         return ParameterError(f"parameter {self.name} is {value!r}: expected {expected}")

@@ -60,31 +60,18 @@ def run(arguments: argparse.Namespace) -> int:
         check_not_read(arguments.out, options.floor)
         width = 5.0 if options.floor_width is None else options.floor_width
         floor = Floor.from_file(options.floor, width)
+    effects = Effects.none() if "all" in arguments.off else Effects().without(*arguments.off)
+    strengths = Effects.checked(assignments(arguments.settings, "effect=value"), "a camera")
     flight = record_flight(
         arguments.out,
         pattern=options.pattern,
         frames=options.frames,
         seed=options.seed,
         floor=floor,
-        effects=_effects(arguments.settings, arguments.off),
+        effects=replace(effects, **strengths),
         height=options.height,
         every=options.every,
         replace=arguments.replace,
     )
     say(f"{arguments.out}: {len(flight)} frames, {flight.time[-1] - flight.time[0]:.1f} s")
     return 0
-
-
-def _effects(settings: list[str], off: list[str]) -> Effects:
-    effects = Effects.none() if "all" in off else Effects().without(*off)
-    for name, value in assignments(settings, "effect=value").items():
-        if name not in Effects.names():
-            raise ParameterError(
-                f"unknown effect {name!r}: the effects are {', '.join(Effects.names())}"
-            )
-        try:
-            strength = float(value)
-        except ValueError:
-            raise ParameterError(f"effect {name} is {value!r}: expected a number") from None
-        effects = replace(effects, **{name: strength})
-    return effects

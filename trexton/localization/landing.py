@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from trexton.base.errors import ParameterError
+from trexton.base.options import number, whole
 from trexton.localization.estimate import Estimate
 
 __all__ = ["LandingZone", "TouchdownZone"]
@@ -43,28 +44,17 @@ class LandingZone:
         consecutive: int = 1,
     ):
         self.center = np.array(center, dtype=float)
-        self.radius = float(radius)
-        self.spread = (
-            np.broadcast_to(np.asarray(spread, dtype=float), 2).copy()
-            if np.size(spread) in (1, 2)
-            else np.full(2, np.nan)
-        )
-        self.consecutive = consecutive
         if self.center.shape != (2,) or not np.isfinite(self.center).all():
             raise ParameterError(
                 f"the landing zone's centre is {center!r}: expected finite x and y in metres"
             )
-        if not (
-            0 < self.radius < np.inf and (self.spread > 0).all() and np.isfinite(self.spread).all()
-        ):
-            raise ParameterError(
-                f"the landing zone has radius {radius} m and spread {spread!r} m: "
-                "expected positive numbers"
-            )
-        if consecutive < 1:
-            raise ParameterError(
-                f"{consecutive} consecutive estimates were asked for: expected at least 1"
-            )
+        self.radius = number(radius, "the landing zone's radius in metres", above=0)
+        sides = np.ravel(spread).tolist()
+        if len(sides) not in (1, 2):
+            raise ParameterError(f"the spread is {spread!r}: expected one number, or of x and y")
+        sides = [number(each, "the spread in metres", above=0) for each in sides]
+        self.spread = np.resize(sides, 2)
+        self.consecutive = whole(consecutive, "the number of consecutive estimates")
         self._row = 0
 
     def contains(self, position: np.ndarray) -> bool:
@@ -148,26 +138,13 @@ class TouchdownZone(LandingZone):
         consecutive: int = 1,
     ):
         super().__init__(center, radius, consecutive=consecutive)
-        if not (
-            0 <= drift_s < np.inf
-            and 0 < gust < np.inf
-            and 0 < time_limit < np.inf
-            and 0 <= later_s < np.inf
-            and 0 <= settled_s < np.inf
-        ):
-            raise ParameterError(
-                f"a drift of {drift_s} s, gusts of {gust} m, {time_limit} s of time, a look "
-                f"{later_s} s ahead and {settled_s} s to settle were given: expected none or some "
-                "to drift, look ahead and settle, and positive gusts and time"
-            )
-        if not 0 < least <= confidence < 1:
-            raise ParameterError(
-                f"a chance of {confidence} at first and {least} at last was asked for: "
-                "expected 0 < last <= first < 1"
-            )
-        self.drift_s, self.gust, self.time_limit = float(drift_s), float(gust), float(time_limit)
-        self.confidence, self.least = float(confidence), float(least)
-        self.later_s, self.settled_s = float(later_s), float(settled_s)
+        self.drift_s = number(drift_s, "the drift in seconds", low=0)
+        self.gust = number(gust, "the gusts' deviation in metres", above=0)
+        self.confidence = number(confidence, "the chance at first", above=0, below=1)
+        self.least = number(least, "the chance at last", above=0, high=self.confidence)
+        self.time_limit = number(time_limit, "the time limit in seconds", above=0)
+        self.later_s = number(later_s, "the look ahead in seconds", low=0)
+        self.settled_s = number(settled_s, "the time to settle in seconds", low=0)
         self._before: tuple[float, Estimate] | None = None
         self._unsettled_s = 0.0
 

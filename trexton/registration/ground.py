@@ -45,17 +45,7 @@ class Ground:
         MapError
             Nothing of the picture is mapped, or it is of another order than the cells.
         """
-        rows, columns = picture.image.shape[:2]
-        corners = picture.to_world(
-            np.array(
-                [
-                    [-0.5, -0.5],
-                    [columns - 0.5, -0.5],
-                    [columns - 0.5, rows - 0.5],
-                    [-0.5, rows - 0.5],
-                ]
-            )
-        )
+        corners = picture.corners
         low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
         sides = np.maximum(np.ceil((high - low) / cell), 1)
         largest = (high - low).max() - 2 * margin
@@ -72,24 +62,18 @@ class Ground:
         luma = grey.astype(np.float32)
         known = np.ones_like(luma) if picture.mask is None else picture.mask.astype(np.float32)
         corner = np.array([low[0] + cell / 2, high[1] - cell / 2])
-        to_cell = np.array(
-            [[1 / cell, 0, -corner[0] / cell], [0, -1 / cell, corner[1] / cell], [0, 0, 1.0]]
-        )
-        source = to_cell @ picture.world_from_pixel
+        source = _from_world(cell, corner) @ picture.world_from_pixel
         # What a cell averages must be averaged first: a warp alone would alias.
         factor = max(1, round(1 / np.sqrt(abs(np.linalg.det(source[:2, :2])))))
         weighted, known = shrink(luma * known, factor), shrink(known, factor)
         source = source @ np.array(
             [[factor, 0, (factor - 1) / 2], [0, factor, (factor - 1) / 2], [0, 0, 1]]
         )
-        weighted, weight = (
-            cv2.warpPerspective(each, source, (width, height)) for each in (weighted, known)
-        )
+        weighted = cv2.warpPerspective(weighted, source, (width, height))
+        weight = cv2.warpPerspective(known, source, (width, height))
         mask = (weight > 0.5).astype(np.float32)
         if not mask.any():
-            raise MapError(
-                "nothing of the map image is mapped: give one with a mask that is not empty"
-            )
+            raise MapError("nothing of the map image is mapped: give one whose mask is not empty")
         filled = np.where(mask > 0, weighted / np.maximum(weight, 1e-6), 0).astype(np.float32)
         filled[mask == 0] = filled[mask > 0].mean()
         return cls(filled, mask, cell, corner)
@@ -97,8 +81,7 @@ class Ground:
     @property
     def from_world(self) -> np.ndarray:
         """``(3, 3)`` homography from metres to (column, row)."""
-        x, y = self.corner / self.cell
-        return np.array([[1 / self.cell, 0, -x], [0, -1 / self.cell, y], [0, 0, 1.0]])
+        return _from_world(self.cell, self.corner)
 
     def to_world(self, cells: np.ndarray) -> np.ndarray:
         """``(N, 2)`` (column, row) to metres."""
@@ -107,3 +90,8 @@ class Ground:
     def to_cells(self, world: np.ndarray) -> np.ndarray:
         """``(N, 2)`` metres to (column, row)."""
         return (np.asarray(world, dtype=float) - self.corner) / self.cell * (1, -1)
+
+
+def _from_world(cell: float, corner: np.ndarray) -> np.ndarray:
+    x, y = corner / cell
+    return np.array([[1 / cell, 0, -x], [0, -1 / cell, y], [0, 0, 1.0]])

@@ -1,5 +1,4 @@
-"""A frame's position by keypoints: match it to a map image, find the homography, project the
-frame's centre.
+"""A frame's position by keypoints: match it to a map image, project its centre by a homography.
 
 The baseline of the paper (Sec. "Dataset Generation" and "Baseline: Homography-based Approach"),
 unfiltered: the fix is whatever the homography says. A tilted camera sees the floor at about height
@@ -14,7 +13,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.errors import MapError
+from trexton.base.options import number, whole
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.images import check_image
 
@@ -151,25 +151,13 @@ class HomographyLocalizer:
         threshold: float = 5.0,
         checks: int = 16,
     ):
-        for name, value, top in (
-            ("scale", scale, 1),
-            ("ratio", ratio, 1),
-            ("threshold", threshold, np.inf),
-        ):
-            if not 0 < value <= top:
-                raise ParameterError(
-                    f"{name} is {value}: expected a number above 0 and up to {top}"
-                )
-        for name, value, least in (
-            ("keypoints", keypoints, 4),
-            ("map_keypoints", map_keypoints, 4),
-            ("checks", checks, 1),
-        ):
-            if value < least:
-                raise ParameterError(f"{name} is {value}: expected at least {least}")
-        self.map_image, self.scale, self.ratio, self.threshold = map_image, scale, ratio, threshold
-        self.keypoints = keypoints
-        self._search: dict[str, bool | int | float | str] = {"checks": checks}
+        self.scale = number(scale, "scale", above=0, high=1)
+        self.ratio = number(ratio, "ratio", above=0, high=1)
+        self.threshold = number(threshold, "threshold", above=0)
+        self.keypoints = whole(keypoints, "keypoints", 4)
+        map_keypoints = whole(map_keypoints, "map_keypoints", 4)
+        self.map_image = map_image
+        self._search: dict[str, bool | int | float | str] = {"checks": whole(checks, "checks")}
         mask = None if map_image.mask is None else map_image.mask.astype(np.uint8)
         luma = cv2.cvtColor(map_image.image, cv2.COLOR_BGR2GRAY)
         self._map = detect_keypoints(luma, limit=map_keypoints, mask=mask)

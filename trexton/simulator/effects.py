@@ -1,81 +1,57 @@
-"""What stands between a perfect picture of the floor and a camera's frame: each a number, 0 for
-off.
+"""What stands between a perfect picture of the floor and a camera's frame: `Effects`, each a
+number, 0 for off, and the hall's `Light`.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from trexton.base.errors import ParameterError
+from trexton.base.options import Options, option
 
 __all__ = ["Effects", "Light"]
 
 
 @dataclass(frozen=True)
-class Effects:
+class Effects(Options):
     """Strength of each effect; the defaults are those of a small quadrotor indoors, 0 switches one
     off.
-
-    Attributes
-    ----------
-    roll_pitch : float
-        Share of the vehicle's tilt that the camera sees; 0 is a camera that is kept level.
-    yaw : float
-        Standard deviation of the heading in radians.
-    height_ripple : float
-        Standard deviation of the height in metres.
-    motion_blur : float
-        Exposure time in seconds, over which the true motion smears the frame.
-    rolling_shutter : float
-        Seconds between the readout of the first and of the last row.
-    exposure : float
-        Standard deviation of the slow changes of the camera's gain, as a share.
-    vignetting : float
-        Share of the light that is lost in the corners.
-    noise : float
-        Standard deviation of the sensor's noise at mid grey, in grey levels.
-    chroma_subsampling : float
-        1: two pixels in a row share U and V (4:2:2), as the camera delivers them.
-    jpeg : float
-        Quality of the JPEG files, 1 to 100; off, files are lossless PNG.
     """
 
-    roll_pitch: float = 1.0
-    yaw: float = 0.03
-    height_ripple: float = 0.03
-    motion_blur: float = 0.010
-    rolling_shutter: float = 0.025
-    exposure: float = 0.02
-    vignetting: float = 0.25
-    noise: float = 2.5
-    chroma_subsampling: float = 1.0
-    jpeg: float = 92
-
-    _LIMITS = {
-        "roll_pitch": 1.0,
-        "yaw": 0.5,
-        "height_ripple": 0.2,
-        "motion_blur": 0.04,
-        "rolling_shutter": 0.08,
-        "exposure": 0.3,
-        "vignetting": 0.9,
-        "noise": 25.0,
-        "chroma_subsampling": 1.0,
-        "jpeg": 100.0,
-    }
-
-    def __post_init__(self) -> None:
-        for name, limit in self._LIMITS.items():
-            value = getattr(self, name)
-            if not 0 <= value <= limit:
-                raise ParameterError(f"effect {name} is {value}: expected 0 (off) to {limit:g}")
+    roll_pitch: float = option(
+        1.0, "share of the vehicle's tilt that the camera sees; 0 is kept level", low=0, high=1
+    )
+    yaw: float = option(0.03, "standard deviation of the heading in radians", low=0, high=0.5)
+    height_ripple: float = option(
+        0.03, "standard deviation of the height in metres", low=0, high=0.2
+    )
+    motion_blur: float = option(
+        0.010, "exposure time in seconds, over which the true motion smears", low=0, high=0.04
+    )
+    rolling_shutter: float = option(
+        0.025, "seconds between the readout of the first and of the last row", low=0, high=0.08
+    )
+    exposure: float = option(
+        0.02, "deviation of the slow changes of the camera's gain, as a share", low=0, high=0.3
+    )
+    vignetting: float = option(
+        0.25, "share of the light that is lost in the corners", low=0, high=0.9
+    )
+    noise: float = option(
+        2.5, "deviation of the sensor's noise at mid grey, in grey levels", low=0, high=25
+    )
+    chroma_subsampling: float = option(
+        1.0, "1: two pixels in a row share U and V (4:2:2), as a camera delivers", low=0, high=1
+    )
+    jpeg: float = option(
+        92.0, "quality of the JPEG files, 1 to 100; off, files are lossless PNG", low=0, high=100
+    )
 
     @classmethod
     def names(cls) -> tuple[str, ...]:
         """The names of all effects."""
-        return tuple(field.name for field in fields(cls))
+        return tuple(each.name for each in cls.declared())
 
     @classmethod
     def none(cls) -> Effects:
@@ -84,11 +60,7 @@ class Effects:
 
     def without(self, *names: str) -> Effects:
         """These effects switched off, the others as they are."""
-        if unknown := [name for name in names if name not in self.names()]:
-            raise ParameterError(
-                f"unknown effect {unknown[0]!r}: the effects are {', '.join(self.names())}"
-            )
-        return replace(self, **dict.fromkeys(names, 0.0))
+        return replace(self, **self.checked(dict.fromkeys(names, 0.0), "a camera"))
 
 
 @dataclass(frozen=True)

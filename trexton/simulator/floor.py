@@ -1,6 +1,4 @@
-"""The floor of the virtual room: a picture with a place, plain ground around it, and light on
-both.
-"""
+"""The floor of the virtual room: a picture with a place, plain ground and light (`Floor`)."""
 
 from __future__ import annotations
 
@@ -13,18 +11,17 @@ import cv2
 import numpy as np
 
 from trexton.base.errors import ImageError, ParameterError
+from trexton.base.options import number
 from trexton.simulator.effects import Light
 from trexton.simulator.hall import paint_hall
 from trexton.simulator.layouts import layout
 from trexton.simulator.mats import PIXELS_PER_METRE
-from trexton.vision.camera import MapImage
+from trexton.vision.camera import MapImage, outline
 from trexton.vision.images import read_picture
 
 __all__ = ["Floor", "Texture"]
 
-MARGIN = (
-    1.25  # metres of ground around the floor, so that a camera above its edge still sees something
-)
+MARGIN = 1.25  # metres of ground around it: a camera above its edge still sees something
 GROUND = (140, 147, 150)  # BGR of bare concrete
 
 
@@ -44,9 +41,7 @@ class Texture:
     from_world: np.ndarray
 
     def level(self, pixels_per_metre: float) -> tuple[np.ndarray, np.ndarray]:
-        """The level for a camera of this resolution, and the homography from metres to its
-        pixels.
-        """
+        """The level for a camera of this resolution, and the homography from metres to it."""
         wanted = np.log2(PIXELS_PER_METRE / pixels_per_metre)
         number = int(np.clip(np.floor(wanted + 0.25), 0, 5))
         while len(self.levels) <= number:
@@ -97,8 +92,7 @@ class Floor:
         ImageError, ParameterError
             See `from_file`; or the corners are no convex quadrilateral in that order.
         """
-        _check_side("width", width)
-        _check_side("length", length)
+        width, length = _side("width", width), _side("length", length)
         photograph, _ = _picture(path)
         source = np.array(corners, dtype=np.float32)
         sides = np.roll(source, -1, axis=0) - source if source.shape == (4, 2) else np.zeros((4, 2))
@@ -111,11 +105,7 @@ class Floor:
             )
         scale = min(PIXELS_PER_METRE, float(np.hypot(*sides.T).max()) / min(width, length))
         columns, rows = round(width * scale), round(length * scale)
-        right, bottom = columns - 0.5, rows - 0.5
-        target = np.array(
-            [[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]], np.float32
-        )
-        matrix = cv2.getPerspectiveTransform(source, target)
+        matrix = cv2.getPerspectiveTransform(source, outline(columns, rows).astype(np.float32))
         image = cv2.warpPerspective(photograph, matrix, (columns, rows), flags=cv2.INTER_AREA)
         return cls(MapImage.from_extent(image, 0.0, length, columns / width))
 
@@ -132,21 +122,16 @@ class Floor:
         ParameterError
             A side, `width` or the one that the picture's shape gives, is not 0.5 to 50 m.
         """
-        _check_side("width", width)
+        width = _side("width", width)
         image, mask = _picture(path)
         scale = image.shape[1] / width
-        length = image.shape[0] / scale
-        _check_side("length, by the shape of its picture,", length)
+        length = _side("length, by the shape of its picture,", image.shape[0] / scale)
         return cls(MapImage.from_extent(image, 0.0, length, scale, mask))
 
     @property
     def area(self) -> tuple[float, float, float, float]:
         """x_min, x_max, y_min, y_max of the picture in metres."""
-        height, width = self.picture.image.shape[:2]
-        corners = np.array(
-            [[-0.5, -0.5], [width - 0.5, -0.5], [width - 0.5, height - 0.5], [-0.5, height - 0.5]]
-        )
-        x, y = np.round(self.picture.to_world(corners), 6).T
+        x, y = np.round(self.picture.corners, 6).T
         return (float(x.min()), float(x.max()), float(y.min()), float(y.max()))
 
     def png(self) -> bytes:
@@ -185,12 +170,9 @@ class Floor:
             image = cv2.GaussianBlur(image, (0, 0), 0.5 * coarser)
         if self.picture.mask is None:
             target[:] = cv2.warpPerspective(
-                image,
-                target_from_pixel,
-                extent,
-                flags=cv2.INTER_CUBIC,
+                image, target_from_pixel, extent, flags=cv2.INTER_CUBIC,
                 borderMode=cv2.BORDER_REPLICATE,
-            )
+            )  # fmt: skip
             return
         mask = self.picture.mask[..., None].astype(np.float32)
         known = cv2.warpPerspective(image * mask, target_from_pixel, extent)
@@ -198,9 +180,8 @@ class Floor:
         target[:] = np.rint(known + (1 - alpha) * target)
 
 
-def _check_side(side: str, metres: float) -> None:
-    if not 0.5 <= metres <= 50:
-        raise ParameterError(f"the floor's {side} is {metres:g} m: expected 0.5 to 50")
+def _side(side: str, metres: float) -> float:
+    return number(metres, f"the floor's {side}", low=0.5, high=50)
 
 
 def _picture(path: str | os.PathLike[str]) -> tuple[np.ndarray, np.ndarray | None]:
@@ -219,16 +200,12 @@ def _painted(name: str, seed: int) -> Floor:
 
 
 def _illuminate(canvas: np.ndarray, light: Light) -> None:
-    """Multiply by brightness, colour and gradient in place, in strips that keep the memory
-    small.
-    """
+    """Multiply by brightness, colour and gradient in place, in strips that spare memory."""
     if light == Light():
         return
     height, width = canvas.shape[:2]
-    right, far = (
-        np.linspace(-1, 1, width, dtype=np.float32),
-        np.linspace(1, -1, height, dtype=np.float32),
-    )
+    right = np.linspace(-1, 1, width, dtype=np.float32)
+    far = np.linspace(1, -1, height, dtype=np.float32)
     gains = light.channel_gains().astype(np.float32)
     for top in range(0, height, 256):
         strip = canvas[top : top + 256]

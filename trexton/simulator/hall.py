@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from trexton.simulator.layouts import HALL, Placement
-from trexton.simulator.mats import MATS, PIXELS_PER_METRE, bgr, grain, polygon
-from trexton.vision.camera import MapImage
+from trexton.simulator.mats import MATS, PIXELS_PER_METRE, bgr, grain, polygon, turning
+from trexton.vision.camera import MapImage, outline
 
 __all__ = ["SIDE", "LANDING_CIRCLE", "paint_hall"]
 
@@ -18,9 +18,7 @@ LANDING_CIRCLE = (2.5, 2.42, 0.42)  # x, y, radius in metres
 
 
 def paint_hall(rng: np.random.Generator, placements: Sequence[Placement] = HALL) -> MapImage:
-    """Paint boards, mats, tags, tape, a landing circle, lost things; equal generators, equal
-    floors.
-    """
+    """Paint boards, mats, tags, tape, a landing circle, lost things, all by the generator."""
     hall = _Hall(rng, placements)
     for draw in (
         hall.lay_boards,
@@ -85,10 +83,8 @@ class _Hall:
         for place in self.placements:
             size = (round(place.height * PIXELS_PER_METRE), round(place.width * PIXELS_PER_METRE))
             seed = place.print_seed
-            print_ = MATS[place.mat](
-                size, self.rng if seed is None else np.random.default_rng(seed)
-            )
-            self._lay(print_, (place.x, place.y), self.rng.normal(0, 0.035))
+            rng = self.rng if seed is None else np.random.default_rng(seed)
+            self._lay(MATS[place.mat](size, rng), (place.x, place.y), self.rng.normal(0, 0.035))
 
     def mark_landing_circle(self) -> None:
         """A target in the middle of the hall."""
@@ -98,12 +94,8 @@ class _Hall:
         ):
             self._disc((x, y), radius * reach, color)
         white = bgr("f8f9fa")[0]
-        for dx, dy, width, height in (
-            (-0.105, 0, 0.05, 0.27),
-            (0.105, 0, 0.05, 0.27),
-            (0, 0, 0.2, 0.05),
-        ):
-            polygon(self.picture, self._rectangle((x + dx, y + dy), (width, height), 0.0), white)
+        for dx, size in ((-0.105, (0.05, 0.27)), (0.105, (0.05, 0.27)), (0, (0.2, 0.05))):
+            polygon(self.picture, self._rectangle((x + dx, y), size, 0.0), white)
         cv2.circle(self.taken, *self._pixel_disc((x, y), radius + 0.05), 1, -1)
 
     def stick_tags(self) -> None:
@@ -151,39 +143,32 @@ class _Hall:
         ):
             self._box(center, size, bgr(code)[0])
 
-    # -- brushes
-    # ------------------------------------------------------------------------------------
+    # -- brushes -----------------------------------------------------------------------------------
 
     def _rectangle(self, center: Pair, size: Pair, turn: float) -> np.ndarray:
         """``(4, 2)`` pixel corners: top left, top right, bottom right, bottom left."""
         corners = np.array([[-0.5, 0.5], [0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]]) * size
-        axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
-        return self.map.to_pixels(corners @ axes + center)
+        return self.map.to_pixels(corners @ turning(turn) + center)
 
     def _pixel_disc(self, center: Pair, radius: float) -> tuple[list[int], int]:
-        return self.map.to_pixels(np.array([center]))[0].round().astype(int).tolist(), round(
-            radius * PIXELS_PER_METRE
-        )
+        pixel = self.map.to_pixels(np.array([center]))[0].round().astype(int).tolist()
+        return pixel, round(radius * PIXELS_PER_METRE)
+
+    def _circle(self, center: Pair, radius: float, count: int) -> np.ndarray:
+        """``(count, 2)`` pixels on a circle."""
+        angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
+        on_circle = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+        return self.map.to_pixels(np.asarray(center) + on_circle)
 
     def _disc(self, center: Pair, radius: float, color: np.ndarray) -> None:
-        angle = np.linspace(0, 2 * np.pi, 90, endpoint=False)
-        polygon(
-            self.picture,
-            self.map.to_pixels(
-                np.asarray(center) + radius * np.column_stack([np.cos(angle), np.sin(angle)])
-            ),
-            color,
-        )
+        polygon(self.picture, self._circle(center, radius, 90), color)
 
     def _paste(self, picture: np.ndarray, corners: np.ndarray) -> None:
         """Warp `picture` onto the quadrilateral `corners`, touching only its bounding box."""
         low = np.maximum(np.floor(corners.min(axis=0)).astype(int) - 2, 0)
         high = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + 3, self.size)
         height, width = picture.shape[:2]
-        right, bottom = width - 0.5, height - 0.5
-        source = np.array(
-            [[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]], np.float32
-        )
+        source = outline(width, height).astype(np.float32)
         matrix = cv2.getPerspectiveTransform(source, (corners - low).astype(np.float32))
         extent = tuple((high - low).tolist())
         alpha = cv2.warpPerspective(np.ones((height, width), np.float32), matrix, extent)[..., None]
@@ -192,9 +177,7 @@ class _Hall:
         target[:] = np.rint(alpha * warped + (1 - alpha) * target)
 
     def _shade(self, corners: np.ndarray, depth: float, softness: float) -> None:
-        """Darken the polygon `corners` by the share `depth`, its edge blurred over `softness`
-        pixels.
-        """
+        """Darken a polygon by the share `depth`, its edge blurred over `softness` pixels."""
         low = np.maximum(np.floor(corners.min(axis=0) - 3 * softness).astype(int), 0)
         high = np.minimum(np.ceil(corners.max(axis=0) + 3 * softness).astype(int), self.size)
         shadow = np.zeros((*(high - low)[::-1],), np.float32)
@@ -208,30 +191,24 @@ class _Hall:
         corners = self._rectangle(center, size, turn)
         self._shade(corners + 5, 0.45, 6)
         self._paste(picture, corners)
-        cv2.fillConvexPoly(
-            self.taken, self._rectangle(center, size + 0.03, turn).round().astype(np.int32), 1
-        )
+        around = self._rectangle(center, size + 0.03, turn)
+        cv2.fillConvexPoly(self.taken, around.round().astype(np.int32), 1)
 
     def _hazard_tape(self, start: np.ndarray, end: np.ndarray) -> None:
         length = round(np.linalg.norm(end - start) * PIXELS_PER_METRE)
         y, x = np.mgrid[:27, :length]
         tape = bgr("ffc300", "1c1c1c")[((x + y) // 34) % 2].astype(np.uint8)
         turn = np.arctan2(*(end - start)[::-1])
-        self._paste(
-            tape,
-            self._rectangle((start + end) / 2, np.array([length, 27]) / PIXELS_PER_METRE, turn),
-        )
+        size = np.array([length, 27]) / PIXELS_PER_METRE
+        self._paste(tape, self._rectangle((start + end) / 2, size, turn))
 
     def _tube(self, start: np.ndarray, end: np.ndarray, width: float, color: np.ndarray) -> None:
         length = np.linalg.norm(end - start)
         turn = np.arctan2(*(end - start)[::-1])
         rows, columns = round(width * PIXELS_PER_METRE), round(length * PIXELS_PER_METRE)
         across = np.linspace(-1, 1, rows)[:, None, None]
-        shine = (
-            0.45
-            + 0.55 * np.sqrt(1 - 0.9 * across**2)
-            + 0.35 * np.exp(-(((across + 0.35) / 0.16) ** 2))
-        )
+        gloss = 0.35 * np.exp(-(((across + 0.35) / 0.16) ** 2))
+        shine = 0.45 + 0.55 * np.sqrt(1 - 0.9 * across**2) + gloss
         tube = np.clip(color * shine * np.ones((1, columns, 1)), 0, 255)
         cap = max(3, columns // 9)
         tube[:, :cap] *= 0.25
@@ -240,11 +217,7 @@ class _Hall:
         self._paste(tube.astype(np.uint8), corners)
 
     def _ball(self, center: np.ndarray, radius: float, color: np.ndarray) -> None:
-        angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
-        outline = self.map.to_pixels(
-            center + radius * np.column_stack([np.cos(angle), np.sin(angle)])
-        )
-        self._shade(outline + 14, 0.5, 12)
+        self._shade(self._circle(center, radius, 40) + 14, 0.5, 12)
         for reach, shift, light in (
             (1.0, 0.0, 0.72),
             (0.9, 0.05, 0.88),
@@ -252,11 +225,8 @@ class _Hall:
             (0.25, 0.3, 1.35),
         ):
             offset = np.array([-shift, shift]) * radius
-            self._disc(
-                center + offset,
-                radius * reach,
-                np.clip(color * light + (60 if light > 1 else 0), 0, 255),
-            )
+            lit = np.clip(color * light + (60 if light > 1 else 0), 0, 255)
+            self._disc(center + offset, radius * reach, lit)
 
     def _cable(self, start: np.ndarray) -> None:
         steps = np.cumsum(self.rng.normal(0, 0.16, 70))
@@ -274,6 +244,5 @@ class _Hall:
         self._shade(corners + 14, 0.5, 10)
         polygon(self.picture, corners, color * 0.7)
         polygon(self.picture, self._rectangle(center, np.array(size) * 0.9, turn), color)
-        polygon(
-            self.picture, self._rectangle(center, (size[0] * 0.9, 0.035), turn), color * 0.45 + 120
-        )
+        flap = self._rectangle(center, (size[0] * 0.9, 0.035), turn)
+        polygon(self.picture, flap, color * 0.45 + 120)

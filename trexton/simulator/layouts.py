@@ -94,9 +94,6 @@ def layout(name: str, rng: np.random.Generator) -> tuple[Placement, ...]:
     ParameterError
         There is no such layout.
     """
-    try:
-        return LAYOUTS[name](rng)
-    except KeyError:
-        raise ParameterError(
-            f"layout {name!r} is unknown: choose one of {', '.join(LAYOUTS)}"
-        ) from None
+    if name not in LAYOUTS:
+        raise ParameterError(f"layout {name!r} is unknown: choose one of {', '.join(LAYOUTS)}")
+    return LAYOUTS[name](rng)

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike
 
-__all__ = ["MATS", "bgr", "grain", "polygon", "PIXELS_PER_METRE"]
+__all__ = ["MATS", "PIXELS_PER_METRE", "bgr", "grain", "polygon", "turning"]
 
 PIXELS_PER_METRE = 512  # a camera of 520 px focal length at 1 m sees 520 px/m
 _SUBPIXEL = 4  # fractional bits of OpenCV's drawing coordinates
@@ -18,9 +18,7 @@ _SUBPIXEL = 4  # fractional bits of OpenCV's drawing coordinates
 
 def bgr(*codes: str) -> np.ndarray:
     """``(N, 3) float32`` BGR from hexadecimal RGB codes."""
-    return np.array(
-        [[int(code[i : i + 2], 16) for i in (4, 2, 0)] for code in codes], dtype=np.float32
-    )
+    return np.array([[*bytes.fromhex(code)][::-1] for code in codes], dtype=np.float32)
 
 
 def grain(
@@ -29,9 +27,7 @@ def grain(
     scales: tuple[float, ...],
     stretch: float = 1.0,
 ) -> np.ndarray:
-    """``shape float32`` noise of deviation near 1, a layer for each scale in pixels, stretched
-    along x.
-    """
+    """``shape float32`` noise of deviation near 1, a layer a scale in pixels, stretched along x."""
     total = np.zeros(shape, np.float32)
     for scale in scales:
         coarse = (max(2, int(shape[0] / scale) + 1), max(2, int(shape[1] / (scale * stretch)) + 1))
@@ -46,22 +42,25 @@ def polygon(image: np.ndarray, points: ArrayLike, color: np.ndarray) -> None:
     cv2.fillPoly(image, [fixed], [float(c) for c in color], cv2.LINE_AA, _SUBPIXEL)
 
 
+def turning(turn: float) -> np.ndarray:
+    """``(2, 2)``: rows of (x, y) times this are turned by so many radians."""
+    return np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+
+
 def _disc(
     image: np.ndarray, center: ArrayLike, radius: float, color: np.ndarray, thickness: int = -1
 ) -> None:
     fixed = [int(round(value * 2**_SUBPIXEL)) for value in (*np.asarray(center), radius)]
-    cv2.circle(
-        image, fixed[:2], fixed[2], [float(c) for c in color], thickness, cv2.LINE_AA, _SUBPIXEL
-    )
+    ink = [float(c) for c in color]
+    cv2.circle(image, fixed[:2], fixed[2], ink, thickness, cv2.LINE_AA, _SUBPIXEL)
 
 
 def _line(
     image: np.ndarray, points: ArrayLike, color: np.ndarray, thickness: int, closed: bool = False
 ) -> None:
     fixed = np.round(np.asarray(points) * 2**_SUBPIXEL).astype(np.int32)
-    cv2.polylines(
-        image, [fixed], closed, [float(c) for c in color], thickness, cv2.LINE_AA, _SUBPIXEL
-    )
+    ink = [float(c) for c in color]
+    cv2.polylines(image, [fixed], closed, ink, thickness, cv2.LINE_AA, _SUBPIXEL)
 
 
 def _plain(size: tuple[int, int], color: np.ndarray) -> np.ndarray:
@@ -81,11 +80,8 @@ def _ring_of(
 def _scatter(size: tuple[int, int], spacing: float, rng: np.random.Generator) -> np.ndarray:
     """``(N, 2)`` pixel positions (x, y) in random order, about `spacing` apart: a shaken grid."""
     rows, columns = np.mgrid[0 : size[0] + spacing : spacing, 0 : size[1] + spacing : spacing]
-    points = (
-        np.column_stack([columns.ravel(), rows.ravel()])
-        + rng.uniform(-0.45, 0.45, (columns.size, 2)) * spacing
-    )
-    return rng.permutation(points)
+    shaken = rng.uniform(-0.45, 0.45, (columns.size, 2)) * spacing
+    return rng.permutation(np.column_stack([columns.ravel(), rows.ravel()]) + shaken)
 
 
 def waves(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
@@ -108,13 +104,8 @@ def tiles(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     middle = (side / 2, side / 2)
     polygon(tile, _ring_of(middle, 36, 8, np.pi / 8, 0.55), brick)
     polygon(tile, _ring_of(middle, 17, 4, 0, 0.6), white)
-    _line(
-        tile,
-        np.array([[0, 0], [side, 0], [side, side], [0, side]]),
-        bgr("b8b0a2")[0],
-        2,
-        closed=True,
-    )
+    corners = [[0, 0], [side, 0], [side, side], [0, side]]
+    _line(tile, corners, bgr("b8b0a2")[0], 2, closed=True)
     repeats = [-(-length // side) for length in size]
     return np.tile(tile, (*repeats, 1))[: size[0], : size[1]].copy()
 
@@ -126,25 +117,18 @@ def rug(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     quarter = _plain((height, width), bgr("8c1c2b")[0])
     for x, y in _scatter((height, width), 44, rng):
         outer, inner = rng.permutation(len(inks))[:2]
-        radius = rng.uniform(10, 24)
-        polygon(
-            quarter,
-            _ring_of(
-                (x, y), radius, int(rng.integers(3, 9)), rng.uniform(0, 3), rng.uniform(0.4, 0.9)
-            ),
-            inks[outer],
-        )
+        radius, corners = rng.uniform(10, 24), int(rng.integers(3, 9))
+        star = _ring_of((x, y), radius, corners, rng.uniform(0, 3), rng.uniform(0.4, 0.9))
+        polygon(quarter, star, inks[outer])
         _disc(quarter, (x, y), radius * 0.4, inks[inner])
     medallion = 0.55 * min(height, width)
     for reach, ink in ((1.0, 1), (0.92, 0), (0.7, 5), (0.55, 2), (0.3, 3), (0.15, 1)):
         polygon(quarter, _ring_of((width, height), medallion * reach, 8, 0, 0.8), inks[ink])
     for depth, ink in ((58, 6), (50, 1), (44, 0)):
         quarter[:depth], quarter[:, :depth] = inks[ink], inks[ink]
-    for step in np.arange(22, max(height, width), 40):
+    for step in range(22, max(height, width), 40):
         for center in ((step, 22), (22, step)):
-            polygon(
-                quarter, _ring_of(np.array(center), 16, 4, 0, 0.5), inks[2 if step % 80 < 40 else 5]
-            )
+            polygon(quarter, _ring_of(center, 16, 4, 0, 0.5), inks[2 if step % 80 < 40 else 5])
     half = np.concatenate([quarter, quarter[:, ::-1]], axis=1)
     whole = np.concatenate([half, half[::-1]], axis=0)[: size[0], : size[1]]
     knots = grain(size, rng, (2.0, 5.0))[..., None] * 9
@@ -157,30 +141,20 @@ def town(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
     meadow = grain(size, rng, (60.0, 140.0))
     mat[meadow > 0.7] = bgr("a3cf62")[0]
     mat[meadow < -1.0] = bgr("4fa3d1")[0]
-    roofs, crowns = (
-        bgr("d1495b", "edae49", "9b5de5", "00798c", "f28482", "ffffff"),
-        bgr("2d6a4f", "40916c", "1b4332", "f4845f"),
-    )
+    roofs = bgr("d1495b", "edae49", "9b5de5", "00798c", "f28482", "ffffff")
+    crowns = bgr("2d6a4f", "40916c", "1b4332", "f4845f")
     for x, y in _scatter(size, 62, rng):
         if rng.random() < 0.5:
             for _ in range(3):
-                _disc(
-                    mat,
-                    (x, y) + rng.normal(0, 9, 2),
-                    rng.uniform(8, 15),
-                    crowns[rng.integers(len(crowns))],
-                )
+                place, radius = (x, y) + rng.normal(0, 9, 2), rng.uniform(8, 15)
+                _disc(mat, place, radius, crowns[rng.integers(len(crowns))])
         else:
             _house(mat, (x, y), roofs[rng.integers(len(roofs))], rng)
     for number in range(5):
         along = np.linspace(-0.1, 1.1, 60)
-        across = rng.uniform(0.1, 0.9) + 0.13 * np.sin(
-            along * rng.uniform(4, 9) + rng.uniform(0, 6)
-        )
-        path = np.column_stack([along, across] if number % 2 else [across, along]) * (
-            size[1],
-            size[0],
-        )
+        middle = rng.uniform(0.1, 0.9)
+        across = middle + 0.13 * np.sin(along * rng.uniform(4, 9) + rng.uniform(0, 6))
+        path = np.column_stack([along, across] if number % 2 else [across, along]) * size[::-1]
         _line(mat, path, bgr("f2e9dc")[0], 40)
         _line(mat, path, bgr("5c6378")[0], 33)
         for start in range(0, 59, 3):
@@ -190,16 +164,12 @@ def town(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
 
 def _house(mat: np.ndarray, center: ArrayLike, roof: np.ndarray, rng: np.random.Generator) -> None:
     half = rng.uniform(11, 22, 2)
-    turn = rng.uniform(0, np.pi)
-    axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+    axes = turning(rng.uniform(0, np.pi))
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * half @ axes + center
+    a, b, c, d = corners
     polygon(mat, corners + 4, bgr("31572c")[0])
     polygon(mat, corners, roof)
-    polygon(
-        mat,
-        [corners[0], corners[1], (corners[1] + corners[2]) / 2, (corners[0] + corners[3]) / 2],
-        roof * 0.75,
-    )
+    polygon(mat, [a, b, (b + c) / 2, (a + d) / 2], roof * 0.75)
     _line(mat, corners, bgr("3d2c2e")[0], 2, closed=True)
 
 
@@ -211,11 +181,8 @@ def leaves(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         length, width, turn = rng.uniform(17, 34), rng.uniform(0.25, 0.5), rng.uniform(0, 2 * np.pi)
         along = np.linspace(-1, 1, 15)
         side = width * (1 - along**2) * (1 - 0.3 * along)
-        outline = (
-            np.concatenate([np.column_stack([along, side]), np.column_stack([along, -side])[::-1]])
-            * length
-        )
-        axes = np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+        upper, lower = np.column_stack([along, side]), np.column_stack([along, -side])
+        outline, axes = np.concatenate([upper, lower[::-1]]) * length, turning(turn)
         ink = inks[rng.integers(len(inks))]
         polygon(mat, outline @ axes + (x, y), ink)
         _line(mat, np.array([[-1.35 * length, 0], [0.9 * length, 0]]) @ axes + (x, y), ink * 0.6, 2)
@@ -239,12 +206,8 @@ def bauhaus(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
             for offset in range(-2, 3):
                 direction = np.array([np.cos(turn), np.sin(turn)])
                 middle = np.array([x, y]) + offset * 13 * direction[::-1] * (1, -1)
-                _line(
-                    mat,
-                    [middle - radius * direction, middle + radius * direction],
-                    first if offset % 2 else second,
-                    6,
-                )
+                ends = [middle - radius * direction, middle + radius * direction]
+                _line(mat, ends, first if offset % 2 else second, 6)
         else:
             _disc(mat, (x, y), radius, first, 11)
             _disc(mat, (x, y), radius * 0.55, second, 6)
@@ -262,23 +225,13 @@ def puzzle(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         free = [ink for ink in inks if not any((ink == other).all() for other in used)]
         color[row, column] = free[rng.integers(len(free))]
     mat = np.repeat(np.repeat(color, side, axis=0), side, axis=1).astype(np.uint8)
-    for row in range(rows):
-        for column in range(columns):
-            x, y = column * side, row * side
-            for third in (0.3, 0.7):
-                shift = 9 if (row + column + (third > 0.5)) % 2 else -9
-                _disc(
-                    mat,
-                    (x + shift, y + third * side),
-                    17,
-                    color[row, column if shift < 0 else column - 1],
-                )
-                _disc(
-                    mat,
-                    (x + third * side, y + shift),
-                    17,
-                    color[row if shift < 0 else row - 1, column],
-                )
+    for row, column in np.ndindex(rows, columns):
+        x, y = column * side, row * side
+        for third in (0.3, 0.7):
+            shift = 9 if (row + column + (third > 0.5)) % 2 else -9
+            left, above = (column, row) if shift < 0 else (column - 1, row - 1)
+            _disc(mat, (x + shift, y + third * side), 17, color[row, left])
+            _disc(mat, (x + third * side, y + shift), 17, color[above, column])
     foam = grain(mat.shape[:2], rng, (1.5, 3.0))[..., None] * 7
     return np.clip(mat + foam, 0, 255).astype(np.uint8)[: size[0], : size[1]]
 
@@ -291,11 +244,8 @@ def terrazzo(size: tuple[int, int], rng: np.random.Generator) -> np.ndarray:
         corners = int(rng.integers(4, 7))
         angle = np.sort(rng.uniform(0, 2 * np.pi, corners))
         reach = rng.uniform(4, 15, corners)
-        polygon(
-            mat,
-            np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)]),
-            inks[rng.integers(len(inks))],
-        )
+        chip = np.column_stack([x + reach * np.cos(angle), y + reach * np.sin(angle)])
+        polygon(mat, chip, inks[rng.integers(len(inks))])
     return mat
 
 

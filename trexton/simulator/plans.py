@@ -25,9 +25,7 @@ class Plan:
         self._next = next(waypoints)
 
     def goal(self, position: np.ndarray) -> np.ndarray:
-        """The ``(2,)`` goal for a vehicle at `position`: a point of the line, ahead of the
-        vehicle.
-        """
+        """The ``(2,)`` goal for a vehicle at `position`: a point of the line, ahead of it."""
         leg = self._next - self._last
         # Two rows of lanes may share a corner.
         while np.hypot(*(self._next - position[:2])) < REACHED or not leg.any():
@@ -35,10 +33,8 @@ class Plan:
             leg = self._next - self._last
         length = np.hypot(*leg)
         direction = leg / length
-        return (
-            self._last
-            + np.clip((position[:2] - self._last) @ direction + AHEAD, 0, length) * direction
-        )
+        along = np.clip((position[:2] - self._last) @ direction + AHEAD, 0, length)
+        return self._last + along * direction
 
 
 def _inside(area: Area) -> tuple[np.ndarray, np.ndarray]:

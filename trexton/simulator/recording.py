@@ -9,6 +9,7 @@ import numpy as np
 
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_folder
+from trexton.base.options import whole
 from trexton.base.progress import progress
 from trexton.flights import Flight, read_flight
 from trexton.flights.frames import ImageFiles
@@ -73,18 +74,14 @@ def record_flight(
     frames = usual_frames if frames is None else frames
     seed = usual_seed if seed is None else seed
     speed = usual_speed if speed is None else speed
-    if frames < 1 or every < 1 or seed < 0:
-        raise ParameterError(
-            f"{frames} frames, every {every}, seed {seed}: expected 1 or more, 1 or more, 0 or more"
-        )
+    frames, every = whole(frames, "the number of frames"), whole(every, "every")
+    seed = whole(seed, "the seed", 0)
     floor = Floor.hall() if floor is None else floor
     plan_rng, simulator_rng = np.random.default_rng(seed).spawn(2)
-    goals = (
-        survey(floor.area, frames * every * PERIOD, speed)
-        if pattern == "survey"
-        else random_waypoints(floor.area, plan_rng)
-    )
-    plan = Plan(goals)
+    if pattern == "survey":
+        plan = Plan(survey(floor.area, frames * every * PERIOD, speed))
+    else:
+        plan = Plan(random_waypoints(floor.area, plan_rng))
     simulator = Simulator(
         floor, camera=camera, effects=effects, light=usual_light if light is None else light,
         start=plan.start, height=height, speed=speed, rng=simulator_rng,

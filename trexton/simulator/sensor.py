@@ -1,4 +1,4 @@
-"""The image sensor: light to bytes, in integers, so that equal scenes give equal frames
+"""The image sensor (`Sensor`): light to bytes, in integers, so that equal scenes give equal frames
 everywhere.
 """
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from trexton.simulator.effects import Effects
 from trexton.vision.camera import Camera
+from trexton.vision.images import decode_image, yuv_from_bgr
 
 __all__ = ["Sensor"]
 
@@ -97,26 +98,16 @@ class Sensor:
 
     @staticmethod
     def draw_offset(rng: np.random.Generator) -> tuple[int, int]:
-        """Which part of the noise the next frame sees; even columns, as two pixels may share
-        chroma.
-        """
+        """Which part of the noise a frame sees; even columns, as two pixels may share chroma."""
         return int(rng.integers(_SPARE)), 2 * int(rng.integers(_SPARE // 2))
 
     def develop(self, scene: np.ndarray, gain: float, offset: tuple[int, int]) -> np.ndarray:
         """``(H, W, 3) uint8`` Y, Cr, Cb as the sensor delivers it."""
         planes = np.empty((3, *scene.shape[:2]), np.uint8)
         cv2.split(scene, list(planes))
-        share = self._effects.chroma_subsampling > 0
-        _develop(
-            planes,
-            round(gain * 2**_ONE),
-            self._vignette,
-            self._noise,
-            *offset,
-            self._base,
-            self._slope,
-            share,
-        )
+        gain, share = round(gain * 2**_ONE), self._effects.chroma_subsampling > 0
+        strengths = (self._base, self._slope, share)
+        _develop(planes, gain, self._vignette, self._noise, *offset, *strengths)
         return cv2.merge(list(planes))
 
     @property
@@ -130,26 +121,13 @@ class Sensor:
         if not self._effects.jpeg:
             return cv2.imencode(".png", image, [cv2.IMWRITE_PNG_COMPRESSION, 1])[1].tobytes()
         shared = self._effects.chroma_subsampling > 0
-        factor = (
-            cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422 if shared else cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444
-        )
-        options = [
-            cv2.IMWRITE_JPEG_QUALITY,
-            round(self._effects.jpeg),
-            cv2.IMWRITE_JPEG_SAMPLING_FACTOR,
-            factor,
-        ]
+        factors = cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_422
+        quality = [cv2.IMWRITE_JPEG_QUALITY, round(self._effects.jpeg)]
+        options = [*quality, cv2.IMWRITE_JPEG_SAMPLING_FACTOR, factors[shared]]
         return cv2.imencode(".jpg", image, options)[1].tobytes()
 
     def deliver(self, frame: np.ndarray) -> np.ndarray:
-        """A developed frame as Y, U, V, exactly as it would be read back from the file of
-        `encode`.
-        """
+        """A developed frame as Y, U, V, exactly as it is read back from the file of `encode`."""
         if self._effects.jpeg:
-            image = cv2.imdecode(np.frombuffer(self.encode(frame), np.uint8), cv2.IMREAD_COLOR)
-            assert image is not None  # encoded a moment ago
-        else:
-            image = cv2.cvtColor(frame, cv2.COLOR_YCrCb2BGR)
-        swapped, ordered = cv2.cvtColor(image, cv2.COLOR_BGR2YCrCb), np.empty_like(image)
-        cv2.mixChannels([swapped], [ordered], [0, 0, 2, 1, 1, 2])
-        return ordered
+            return decode_image(self.encode(frame))
+        return yuv_from_bgr(cv2.cvtColor(frame, cv2.COLOR_YCrCb2BGR))

@@ -1,4 +1,4 @@
-"""The virtual room, live: a vehicle over a floor, and what its camera sees."""
+"""The virtual room, live (`Simulator`): a vehicle over a floor, and what its camera sees."""
 
 from __future__ import annotations
 
@@ -54,13 +54,8 @@ class Simulator:
         speed: float = 0.5,
         rng: np.random.Generator,
     ):
-        self.floor = (
-            Floor.hall()
-            if floor is None
-            else Floor(floor)
-            if isinstance(floor, MapImage)
-            else floor
-        )
+        floor = Floor.hall() if floor is None else floor
+        self.floor = Floor(floor) if isinstance(floor, MapImage) else floor
         self.camera, self.effects = camera, effects
         flight_rng, sensor_rng, self._camera_rng, self._truth_rng = rng.spawn(4)
         x_min, x_max, y_min, y_max = self.floor.area
@@ -81,19 +76,13 @@ class Simulator:
 
     @property
     def state(self) -> VehicleState:
-        """The camera's true state: the vehicle's, or level where the effects keep the camera
-        level.
-        """
-        state, share = (
-            self.vehicle.state,
-            np.array([self.effects.roll_pitch, self.effects.roll_pitch, 1.0]),
-        )
+        """The camera's true state: the vehicle's, or level where the effects keep it level."""
+        state, tilt = self.vehicle.state, self.effects.roll_pitch
+        share = np.array([tilt, tilt, 1.0])
         return replace(state, attitude=state.attitude * share, rates=state.rates * share)
 
     def step(self, goal: np.ndarray | None = None) -> VehicleState:
-        """Fly towards `goal` for one frame period (None: brake and hover) and return the true
-        state.
-        """
+        """The true state after a frame period towards `goal` (None: brake and hover)."""
         self.vehicle.advance(PERIOD, goal)
         fading = np.exp(-PERIOD / _EXPOSURE_TIME)
         kick = self.effects.exposure * np.sqrt(1 - fading**2) * self._camera_rng.standard_normal()
@@ -102,18 +91,12 @@ class Simulator:
         return self.state
 
     def measure(self) -> np.ndarray:
-        """``(6,)`` what motion capture reports now: x, y, z, roll, pitch, yaw with millimetre
-        noise.
-        """
-        state = self.state
-        return np.concatenate(
-            [state.position, state.attitude]
-        ) + TRUTH_NOISE * self._truth_rng.standard_normal(6)
+        """``(6,)``: x, y, z, roll, pitch, yaw as motion capture reports them, noise included."""
+        noise = TRUTH_NOISE * self._truth_rng.standard_normal(6)
+        return np.concatenate(self.state.pose()) + noise
 
     def render(self) -> np.ndarray:
-        """The frame at this moment, ``(H, W, 3) uint8`` Y, U, V; the same as `capture` would
-        write.
-        """
+        """The frame at this moment, ``(H, W, 3) uint8`` Y, U, V, as `capture` would write it."""
         return self._sensor.deliver(self._frame())
 
     def capture(self) -> tuple[bytes, str]:
@@ -129,9 +112,7 @@ class Simulator:
         return self.camera.world_from_pixel(*state.pose(delay))
 
     def _project(self, state: VehicleState) -> np.ndarray:
-        """The floor as the camera sees it, row after row while it moves: ``(H, W, 3) uint8`` Y, Cr,
-        Cb.
-        """
+        """``(H, W, 3) uint8`` Y, Cr, Cb: the floor as seen row after row while the camera moves."""
         texture, from_world = self._texture.level(self.camera.focal / state.position[2])
         readout = self.effects.rolling_shutter
         first, last = (
@@ -155,22 +136,15 @@ class Simulator:
         half = self.effects.motion_blur / 2
         center = np.array([self.camera.principal_point])
         seen = transform_points(self._world_from_pixel(state, -half), center)
-        path = (
-            transform_points(np.linalg.inv(self._world_from_pixel(state, half)), seen)[0]
-            - center[0]
-        )
-        kernel = _line_kernel(path)
-        return (
-            scene
-            if kernel is None
-            else cv2.filter2D(scene, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
-        )
+        back = np.linalg.inv(self._world_from_pixel(state, half))
+        kernel = _line_kernel((transform_points(back, seen) - center)[0])
+        if kernel is None:
+            return scene
+        return cv2.filter2D(scene, -1, kernel, borderType=cv2.BORDER_REFLECT_101)
 
 
 def _node_grid(camera: Camera) -> np.ndarray:
-    """``(rows, columns, 3)`` homogeneous pixels of nodes amid their cells, one cell beyond each
-    side.
-    """
+    """``(rows, columns, 3)`` homogeneous pixels of nodes amid their cells, one beyond each side."""
     x, y = (
         np.arange(-1, -(-size // _NODE) + 1) * _NODE + (_NODE - 1) / 2
         for size in (camera.width, camera.height)
@@ -179,17 +153,14 @@ def _node_grid(camera: Camera) -> np.ndarray:
 
 
 def _line_kernel(path: np.ndarray, longest: float = 41.0) -> np.ndarray | None:
-    """Kernel that averages along a straight path of (x, y) pixels; None where it would change
-    nothing.
-    """
+    """Kernel that averages along a path of (x, y) pixels; None where it would change nothing."""
     length = float(np.hypot(*path))
     if length < 0.1:
         return None
     path = path * min(1.0, longest / length)
     radius = int(np.ceil(np.abs(path).max() / 2))
-    points = (
-        np.linspace(-0.5, 0.5, 4 * int(np.ceil(min(length, longest))) + 1)[:, None] * path + radius
-    )
+    count = 4 * int(np.ceil(min(length, longest))) + 1
+    points = np.linspace(-0.5, 0.5, count)[:, None] * path + radius
     kernel = np.zeros((2 * radius + 2, 2 * radius + 2), np.float32)
     whole = np.floor(points).astype(int)
     part = points - whole

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from trexton.base.errors import ParameterError
+from trexton.base.options import number
 
 __all__ = ["Vehicle", "VehicleState"]
 
@@ -53,9 +53,7 @@ class VehicleState:
     landed: bool = False
 
     def pose(self, delay: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        """Position and attitude `delay` seconds later (or earlier), extrapolated from velocity and
-        rates.
-        """
+        """Position and attitude `delay` seconds later (or earlier), by velocity and rates."""
         return self.position + delay * self.velocity, self.attitude + delay * self.rates
 
 
@@ -91,13 +89,9 @@ class Vehicle:
         yaw: float = 0.03,
         rng: np.random.Generator,
     ):
-        if not (0.2 <= height <= 10 and 0 < speed <= 3):
-            raise ParameterError(
-                f"height {height} m and speed {speed} m/s: expected 0.2 to 10 m, and up to 3 m/s"
-            )
-        self.speed = speed
+        self.speed = number(speed, "the vehicle's speed in m/s", above=0, high=3)
         self._rng = rng
-        self._height = height
+        self._height = number(height, "the vehicle's height in metres", low=0.2, high=10)
         self._ripple = np.array([height_ripple, yaw])
         self._wander = rng.standard_normal(2) * self._ripple
         self._wander_rate = rng.standard_normal(2) * self._ripple * WANDER_FREQUENCY
@@ -138,9 +132,8 @@ class Vehicle:
         for _ in range(round(seconds / STEP)):
             self._steps += 1
             if not self._landed:
-                self._integrate(
-                    None if goal is None or self._landing else np.asarray(goal, dtype=float)
-                )
+                brakes = goal is None or self._landing
+                self._integrate(None if brakes else np.asarray(goal, dtype=float))
         return self.state
 
     def _integrate(self, goal: np.ndarray | None) -> None:
@@ -178,9 +171,7 @@ class Vehicle:
             self._landed = self._height + self._wander[0] <= TOUCHDOWN
 
     def _wander_step(self, noise: np.ndarray) -> None:
-        """Damped oscillators driven by white noise: smooth, with the standard deviations asked
-        for.
-        """
+        """Damped oscillators driven by white noise: smooth, of the deviations asked for."""
         frequency, damping = WANDER_FREQUENCY, 0.7
         kick = self._ripple * np.sqrt(4 * damping * frequency**3 * STEP) * noise
         pull = -(frequency**2) * self._wander - 2 * damping * frequency * self._wander_rate

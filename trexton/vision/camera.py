@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from trexton.base.errors import ParameterError
 
-__all__ = ["Camera", "MapImage", "rotation_matrix", "transform_points", "wrapped"]
+__all__ = ["Camera", "MapImage", "outline", "rotation_matrix", "transform_points", "wrapped"]
 
 
 def rotation_matrix(roll: float, pitch: float, yaw: float) -> np.ndarray:
@@ -38,6 +38,12 @@ def transform_points(homography: np.ndarray, points: ArrayLike) -> np.ndarray:
     points = np.asarray(points, dtype=float)
     projected = points @ homography[:, :2].T + homography[:, 2]
     return projected[..., :2] / projected[..., 2:]
+
+
+def outline(width: int, height: int) -> np.ndarray:
+    """``(4, 2)`` outer corners of an image, from the top left one clockwise, in pixels."""
+    right, bottom = width - 0.5, height - 0.5
+    return np.array([[-0.5, -0.5], [right, -0.5], [right, bottom], [-0.5, bottom]])
 
 
 @dataclass(frozen=True)
@@ -78,13 +84,8 @@ class Camera:
             Roll, pitch, yaw in radians.
         """
         cx, cy = self.principal_point
-        rays = np.array(
-            [
-                [1 / self.focal, 0, -cx / self.focal],
-                [0, -1 / self.focal, cy / self.focal],
-                [0, 0, -1],
-            ]
-        )
+        f = self.focal
+        rays = np.array([[1 / f, 0, -cx / f], [0, -1 / f, cy / f], [0, 0, -1]])
         x, y, z = position
         # A ray R d meets the floor at position + s R d with s = z / -(R d)_z; multiplied out this
         # is linear in d.
@@ -123,6 +124,11 @@ class MapImage:
         step = 1 / pixels_per_metre
         matrix = np.array([[step, 0, x_min + step / 2], [0, -step, y_max - step / 2], [0, 0, 1]])
         return cls(image, matrix, mask)
+
+    @property
+    def corners(self) -> np.ndarray:
+        """``(4, 2)`` metres, the outer corners of the image."""
+        return self.to_world(outline(*self.image.shape[1::-1]))
 
     def to_world(self, pixels: np.ndarray) -> np.ndarray:
         """``(N, 2)`` pixel coordinates to metres."""

@@ -234,7 +234,7 @@ def stored(record: Record) -> Figure:
         plot = axes[0, 0]
         for method, label, color in (
             ("brute", "every histogram in turn", SERIES[1]),
-            ("tree", "tree of boxes", SERIES[0]),
+            ("tree", "k-d tree", SERIES[0]),
         ):
             spans = _spans([row[method] for row in clocks], "frequency_hz")
             band(plot, count, *spans, color=color, marker="o", markersize=4.5, label=label)
