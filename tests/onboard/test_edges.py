@@ -15,15 +15,14 @@ from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
 from trexton.companion.build.pages import page_names
 from trexton.onboard import sinks
-from trexton.onboard.edges import classes_of_options, edge_classes, markdown_table
+from trexton.onboard.edges import classes_of_options, edge_classes
 
 STRANGER = '''
 """One line of text a fix, in any unit."""
 
 from dataclasses import dataclass
 
-from trexton.onboard.sinks.base import Sink
-from trexton.onboard.sinks.lines import LineFile, named_file
+from trexton.onboard.sinks.lines import FileSink
 from trexton.base.options import Options, option
 
 
@@ -36,24 +35,19 @@ class PlainOptions(Options):
     prefix = "plain"
 
 
-class Plain(Sink):
+class Plain(FileSink):
     addresses = {"plain:FILE": "a line of text a position"}
     options = PlainOptions
 
-    def __init__(self, path, options):
-        self.name = self.file = path
-        self.lines, self.chosen = LineFile(path), options
-
     @classmethod
     def make(cls, address, options, around):
-        return cls(named_file(address, around.kind), options)
-
-    def open(self):
-        self.lines.open()
+        made = super().make(address, options, around)
+        made.chosen = options
+        return made
 
     def write(self, fix):
         x, y = fix.position * {"m": 1, "cm": 100}[self.chosen.unit]
-        self.lines.write(f"{x:.{self.chosen.digits}f} {y:.{self.chosen.digits}f}")
+        self.add(f"{x:.{self.chosen.digits}f} {y:.{self.chosen.digits}f}")
 '''
 
 
@@ -84,7 +78,7 @@ def test_a_strangers_sink_in_one_file_of_forty_lines(plain, tmp_path):
     sink.write(make_fix(1.0, (1.25, 2.0)))
     sink.close()
     assert (tmp_path / "out").read_text() == "125.0 200.0\n"
-    table = markdown_table(edge_classes("sinks", sinks.SINKS), "--output")
+    table = page_names(tmp_path, {})["sinks"]
     assert "| `plain:FILE` | a line of text a position |" in table
     assert "| `--plain-digits` | `2` | digits after the point |" in table
 

@@ -19,9 +19,10 @@ from onboard_autopilot import (  # noqa: E402
 from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 
 from trexton.base.errors import ParameterError  # noqa: E402
+from trexton.onboard.commander import CommandAck
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
-from trexton.onboard.mavlink.listener import CommandAck, Listener  # noqa: E402
+from trexton.onboard.mavlink.listener import Listener  # noqa: E402
 from trexton.onboard.mavlink.options import MavlinkOptions  # noqa: E402
 from trexton.onboard.mavlink.speaker import (  # noqa: E402
     PROFILES,  # noqa: E402

@@ -17,7 +17,6 @@ from trexton.base.errors import ParameterError
 from trexton.onboard.sinks import Guard, open_sink
 from trexton.onboard.sinks.base import Sink
 from trexton.onboard.sinks.files import JsonLines
-from trexton.onboard.sinks.lines import LineFile
 from trexton.onboard.tally import Tally
 
 FIXES = [
@@ -152,18 +151,18 @@ def test_a_disk_that_fills_up_in_the_middle_of_a_line_leaves_whole_lines_once_th
 ):
     code = f"""
 import resource, signal
-from trexton.onboard.sinks.lines import LineFile
+from trexton.onboard.sinks.files import JsonLines
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-file = LineFile({str(tmp_path / "log")!r})
+file = JsonLines({str(tmp_path / "log")!r})
 file.open()
 resource.setrlimit(resource.RLIMIT_FSIZE, (25, {resource.RLIM_INFINITY}))
-file.write("first line")
+file.add("first line")
 try:
-    file.write("a second line that does not fit")
+    file.add("a second line that does not fit")
 except OSError:
     pass
 resource.setrlimit(resource.RLIMIT_FSIZE, ({resource.RLIM_INFINITY}, {resource.RLIM_INFINITY}))
-file.write("third line")
+file.add("third line")
 """
     subprocess.run([sys.executable, "-c", code], check=True)
     assert (tmp_path / "log").read_text().splitlines() == [
@@ -192,15 +191,15 @@ def test_a_reader_that_went_away_or_does_not_read_is_an_error_and_no_wait(monkey
             return writer
 
     monkeypatch.setattr(sys, "stdout", Out())
-    file = LineFile("-")
+    file = JsonLines("-")
     file.open()
     with pytest.raises(BlockingIOError):
         for _ in range(100_000):
-            file.write("x" * 100)
+            file.add("x" * 100)
     os.close(reader)
     with pytest.raises(OSError):
         for _ in range(3):
-            file.write("x")
+            file.add("x")
     file.close()
     os.close(writer)
 

@@ -18,10 +18,9 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import load_map
 from trexton.localization.methods import parse_choices
 from trexton.onboard.commander import LandingLink
-from trexton.onboard.edges import edge_at
 from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
-from trexton.onboard.sinks import SINKS, Guard, Sink, Surroundings, open_sink
+from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.files import JsonLines
 from trexton.onboard.sources import Delayed, Expected, Rectified, Source, open_source
 from trexton.onboard.tally import Tally
@@ -73,7 +72,6 @@ def build(settings: Settings) -> Onboard:
         source = Rectified(source, rectification)
     if source.live and flying.camera_delay:
         source = Delayed(source, flying.camera_delay)
-    _check_files([settings.map, *source.files], settings.outputs, flying.log)
     around = Surroundings(
         settings.of(MapPlacement).local,
         texton_map.area,
@@ -82,6 +80,7 @@ def build(settings: Settings) -> Onboard:
         flying.aiding,
     )
     sinks = [open_sink(address, around, settings.options) for address in settings.outputs]
+    _check_files([settings.map, *source.files], [sink.file for sink in sinks], flying.log)
     own = flying.method in (None, texton_map.method) and not settings.choices
     overconfident = _overconfidence(texton_map) if own else ""
     if overconfident and landing.arm_landing and not landing.allow_overconfident:
@@ -158,10 +157,9 @@ def _check_fit(camera: str, source: Source, texton_map: TextonMap) -> None:
 def _check_files(read: Sequence[str], outputs: Iterable[str], log: str | None) -> None:
     """Refuse to write over what is read, and to write one file twice, or standard output."""
     written: set[str] = set()
-    files = [address.partition(":")[2] for address in outputs if _writes_lines(address)]
-    for path in files + ([log] if log else []):
-        standard = path in ("", "-")
-        real = "-" if standard else os.path.realpath(path)
+    for path in filter(None, [*outputs, log]):
+        standard = path == "-"
+        real = path if standard else os.path.realpath(path)
         if not standard:
             check_not_read(path, *read)
         if real in written and not real.startswith("/dev/"):
@@ -170,8 +168,3 @@ def _check_files(read: Sequence[str], outputs: Iterable[str], log: str | None) -
                 "give each a file of its own"
             )
         written.add(real)
-
-
-def _writes_lines(address: str) -> bool:
-    addressed = edge_at("sinks", address, SINKS)
-    return addressed is not None and f"{addressed[1]}:FILE" in addressed[0].addresses

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from typing import Protocol
 
@@ -12,7 +13,7 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone
 from trexton.onboard.fix import STALE_AFTER, Fix
 
-__all__ = ["CommandResult", "Commander", "LandingLink", "State"]
+__all__ = ["CommandAck", "Commander", "LandingLink", "State"]
 
 NAV_LAND = 21
 ACCEPTED, TEMPORARILY_REJECTED, IN_PROGRESS = 0, 1, 5
@@ -26,14 +27,12 @@ UNHEARD = "no autopilot is there to be commanded, or which one is in doubt"
 ACK_TIMEOUT = 10.0  # an answer later than this after the latest command belongs to no command
 
 
-class CommandResult(Protocol):
-    """What became of a command."""
+@dataclass(frozen=True)
+class CommandAck:
+    """A COMMAND_ACK: the command, and what became of it."""
 
-    @property
-    def command(self) -> int: ...
-
-    @property
-    def result(self) -> int: ...
+    command: int
+    result: int
 
 
 class LandingLink(Protocol):
@@ -41,7 +40,7 @@ class LandingLink(Protocol):
 
     def land(self, confirmation: int) -> bool: ...
 
-    def answers(self) -> Sequence[CommandResult]: ...
+    def answers(self) -> Sequence[CommandAck]: ...
 
     def on_ground(self) -> bool | None: ...
 

@@ -1,7 +1,7 @@
 """Edges that declare themselves: a sink or a source is one class that says what it is called, what
 its address looks like, and which options it has.
 
-From the declaration come the command line's group, the checks and the table of the documentation.
+From the declaration come the command line's group, the checks and the table of the book.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.base.plugins import is_there, names, resolve
 
-__all__ = ["Edge", "classes_of_options", "edge_at", "edge_classes", "markdown_table"]
+__all__ = ["Edge", "classes_of_options", "edge_at", "edge_classes"]
 
 _OWN = re.compile(r"([A-Za-z_][\w.]*:[A-Za-z_]\w*)(?::(.*))?", re.S)  # module:Class[:REST]
 
@@ -83,18 +83,3 @@ def edge_classes(kind: str, table: Mapping[str, str], typed: Iterable[str] = ())
 def classes_of_options(edges: Iterable[type[Edge]]) -> list[type[Options]]:
     """Each class of options that has any, once."""
     return list(dict.fromkeys(each.options for each in edges if any(each.options.declared())))
-
-
-def markdown_table(edges: Iterable[type[Edge]], flag: str) -> str:
-    """The table of the documentation: addresses and what they mean, then the options."""
-    edges = list(dict.fromkeys(edges))
-    rows = [f"| `{flag}` | |", "|---|---|"]
-    rows += [f"| `{address}` | {meaning} |" for edge in edges
-             for address, meaning in edge.addresses.items()]  # fmt: skip
-    options = [(kind, each) for kind in classes_of_options(edges) for each in kind.declared()]
-    if options:
-        rows += ["", "| option | default | |", "|---|---|---|"]
-    for kind, each in options:
-        default = "" if each.default in (None, "", False) else f"`{each.default}`"
-        rows.append(f"| `{kind.flag(each.name)}` | {default} | {each.meaning} |")
-    return "\n".join(rows) + "\n"

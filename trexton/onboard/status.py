@@ -51,7 +51,7 @@ class Status:
     ):  # fmt: skip
         self._tally, self._latencies, self._sinks = tally, latencies, sinks
         self.commander, self.warnings = commander, warnings
-        self._next = self._frames = 0
+        self._frames = 0
         self._last_at: float | None = None
         self._settled_bytes: int | None = None
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from html import unescape
 from importlib.metadata import version
 from pathlib import Path
@@ -15,7 +15,7 @@ from trexton.companion.build.paper_map import map_table
 from trexton.companion.claims.ledger import load_records
 from trexton.flights.registry import flight_title
 from trexton.localization.training_set import EXCLUDED_SECONDS
-from trexton.onboard.edges import edge_classes, markdown_table
+from trexton.onboard.edges import Edge, classes_of_options, edge_classes
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import SOURCES
 
@@ -57,9 +57,24 @@ def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[s
         "paper_map": paper_map,
         "version": version("trexton"),
         "excluded_s": EXCLUDED_SECONDS,
-        "sinks": markdown_table(edge_classes("sinks", SINKS), "--output"),
-        "sources": markdown_table(edge_classes("sources", SOURCES), "--camera"),
+        "sinks": _table(edge_classes("sinks", SINKS), "--output"),
+        "sources": _table(edge_classes("sources", SOURCES), "--camera"),
     }
+
+
+def _table(edges: Iterable[type[Edge]], flag: str) -> str:
+    """A table of sinks or sources: addresses and what they mean, then the options."""
+    edges = list(dict.fromkeys(edges))
+    rows = [f"| `{flag}` | |", "|---|---|"]
+    rows += [f"| `{address}` | {meaning} |" for edge in edges
+             for address, meaning in edge.addresses.items()]  # fmt: skip
+    options = [(kind, each) for kind in classes_of_options(edges) for each in kind.declared()]
+    if options:
+        rows += ["", "| option | default | |", "|---|---|---|"]
+    for kind, each in options:
+        default = "" if each.default in (None, "", False) else f"`{each.default}`"
+        rows.append(f"| `{kind.flag(each.name)}` | {default} | {each.meaning} |")
+    return "\n".join(rows) + "\n"
 
 
 def name_figures(notebook: nbformat.NotebookNode, page: str) -> list[str]:

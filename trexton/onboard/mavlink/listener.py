@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from dataclasses import dataclass
 from operator import itemgetter
 from typing import Any, TypeVar
 
 import numpy as np
 
 from trexton.flights.aiding import Aiding
+from trexton.onboard.commander import CommandAck
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.mavlink.messages import mavlink
 from trexton.onboard.mavlink.options import COMPONENT
 
-__all__ = ["CommandAck", "Listener"]
+__all__ = ["Listener"]
 
 HEARTBEAT_TIMEOUT = 3.0  # seconds without a heartbeat after which the autopilot counts as gone
 MAX_STATE_AGE = 5.0  # seconds for which "has a position" and "on the ground" are believed
@@ -33,14 +33,6 @@ VEHICLES = {*range(1, 5), *range(7, 18), *range(19, 26), 28, 29, 35}
 DOWNWARD = mavlink.MAV_SENSOR_ROTATION_PITCH_270
 INVALID_SIGNAL = 1  # of 100; 0 is unknown
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class CommandAck:
-    """A COMMAND_ACK: the command, and what became of it."""
-
-    command: int
-    result: int
 
 
 class Listener:

@@ -177,16 +177,7 @@ def land(target: tuple[int, int], confirmation: int, unset: float) -> Any:
 def interval_request(target: tuple[int, int], message: int, rate: float) -> Any:
     """COMMAND_LONG that asks for a message, by its number, `rate` times a second."""
     return mavlink.MAVLink_command_long_message(
-        *target,
-        mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
-        0,
-        message,
-        1e6 / rate,
-        0,
-        0,
-        0,
-        0,
-        0,
+        *target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, message, 1e6 / rate, *[0] * 5
     )
 
 

@@ -7,20 +7,18 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
 from trexton.base.errors import TrextonError
 from trexton.flights.aiding import Aiding
+from trexton.onboard.commander import LandingLink
 from trexton.onboard.edges import Edge
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
-
-if TYPE_CHECKING:
-    from trexton.onboard.commander import LandingLink
 
 __all__ = ["Guard", "Sink", "Surroundings"]
 

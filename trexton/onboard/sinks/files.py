@@ -10,13 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base.options import Options
 from trexton.base.records import plain
 from trexton.onboard.fix import Fix
-from trexton.onboard.sinks.base import Sink, Surroundings
-from trexton.onboard.sinks.lines import LineFile, named_file
+from trexton.onboard.sinks.base import Surroundings
+from trexton.onboard.sinks.lines import FileSink
 
-__all__ = ["COLUMNS", "CsvTable", "FileSink", "JsonLines", "TumTrajectory", "row"]
+__all__ = ["COLUMNS", "CsvTable", "JsonLines", "TumTrajectory", "row"]
 
 COLUMNS = (
     "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m",
@@ -54,56 +53,34 @@ def _upper(covariance: np.ndarray) -> list[float]:
     return [covariance[0, 0], covariance[0, 1], covariance[1, 1]]
 
 
-class FileSink(Sink):
-    """A sink that writes lines into a file, ``-`` for standard output; `more` as for `LineFile`."""
-
-    kind = ""  # the word before the file's name in an address
-
-    def __init__(self, path: str, header: str = "", **more: Any):
-        self.name, self.file = f"{self.kind}:{path or '-'}", path
-        self._file = LineFile(path, header, **more)
-
-    @classmethod
-    def make(cls, address: str, options: Options, around: Surroundings) -> FileSink:
-        return cls(named_file(address, cls.kind))
-
-    def open(self) -> None:
-        self._file.open()
-
-    def close(self) -> None:
-        self._file.close()
-
-
 class JsonLines(FileSink):
     """Fixes as JSON lines; with `events` it is a log: events are lines as well, and an old file
     is kept."""
 
-    kind = "json"
     addresses = {
         "json": "one object a line on standard output; the default",
         "json:FILE": "the same in a file",
     }
 
     def __init__(self, path: str, events: bool = False, most_bytes: int | None = None):
-        super().__init__(path, keep=events, most_bytes=most_bytes)
+        super().__init__(path or "-", keep=events, most_bytes=most_bytes)
         self._events = events
 
     @classmethod
-    def make(cls, address: str, options: Options, around: Surroundings) -> JsonLines:
-        return cls(address)
+    def make(cls, address: str, options: Any, around: Surroundings) -> FileSink:
+        return super().make(address or "-", options, around)
 
     def write(self, fix: Fix) -> None:
-        self._file.write(json.dumps(row(fix), allow_nan=False))
+        self.add(json.dumps(row(fix), allow_nan=False))
 
     def event(self, event: dict[str, Any]) -> None:
         if self._events:
-            self._file.write(json.dumps(plain(event), allow_nan=False))
+            self.add(json.dumps(plain(event), allow_nan=False))
 
 
 class CsvTable(FileSink):
     """Fixes as rows under `COLUMNS`; flags are 0 or 1, cells of what is not finite stay empty."""
 
-    kind = "csv"
     addresses = {"csv:FILE": "a table, a row a frame, numbered as the flight numbers it"}
 
     def __init__(self, path: str):
@@ -114,7 +91,7 @@ class CsvTable(FileSink):
         cells = [
             int(value) if isinstance(value, bool) else value for value in map(values.get, COLUMNS)
         ]
-        self._file.write(",".join("" if cell is None else str(cell) for cell in cells))
+        self.add(",".join("" if cell is None else str(cell) for cell in cells))
 
 
 class TumTrajectory(FileSink):
@@ -123,10 +100,9 @@ class TumTrajectory(FileSink):
     Nothing measures height or attitude, which are 0.
     """
 
-    kind = "tum"
     addresses = {"tum:FILE": "a trajectory for `evo` and its like, of positions fit to steer by"}
 
     def write(self, fix: Fix) -> None:
         if fix.usable and fix.observed:
             x, y = fix.position
-            self._file.write(f"{fix.time:.6f} {x:.6f} {y:.6f} 0 0 0 0 1")
+            self.add(f"{fix.time:.6f} {x:.6f} {y:.6f} 0 0 0 0 1")

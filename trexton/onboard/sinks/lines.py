@@ -1,4 +1,7 @@
-"""Whole lines into a file that grows while the vehicle flies."""
+"""Whole lines into a file that grows while the vehicle flies: the base of every sink that is one.
+
+Whoever derives from `FileSink` says in `write` which line a fix is.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,12 @@ import os
 import select
 import stat
 import sys
+from typing import Any
 
 from trexton.base.errors import ParameterError
+from trexton.onboard.sinks.base import Sink, Surroundings
 
-__all__ = ["LineFile", "named_file"]
-
-
-def named_file(path: str, kind: str) -> str:
-    """The file of an address ``KIND:FILE``; raises `ParameterError` where it names none."""
-    if not path:
-        raise ParameterError(
-            f"output {kind!r} names no file: give {kind}:FILE, or {kind}:- for standard output"
-        )
-    return path
+__all__ = ["FileSink"]
 
 
 def _holds_something(path: str) -> bool:
@@ -53,14 +49,14 @@ def _move_aside(path: str) -> None:
     os.rename(path, f"{path}.{number}")
 
 
-class LineFile:
+class FileSink(Sink):
     """A file that takes whole lines, each with one system call, so that neither a crash nor a full
     disk leaves half a line behind.
 
     Parameters
     ----------
     path : str
-        Empty or ``-`` for standard output.
+        ``-`` for standard output.
     header : str
         First line of a new file; empty for none.
     keep : bool
@@ -79,7 +75,8 @@ class LineFile:
     def __init__(
         self, path: str, header: str = "", keep: bool = False, most_bytes: int | None = None
     ):
-        self.path, self._header, self._most_bytes = path, header, most_bytes
+        self.name = self.file = path
+        self._header, self._most_bytes = header, most_bytes
         self._opened: int | None = None
         self._fresh = not keep
         if not self._standard:
@@ -91,9 +88,21 @@ class LineFile:
                     "give a file in a folder that exists"
                 ) from None
 
+    @classmethod
+    def make(cls, address: str, options: Any, around: Surroundings) -> FileSink:
+        """The sink of an address ``KIND:FILE``; raises `ParameterError` where it names no file."""
+        if not address:
+            raise ParameterError(
+                f"output {around.kind!r} names no file: give {around.kind}:FILE, or "
+                f"{around.kind}:- for standard output"
+            )
+        made = cls(address)
+        made.name = f"{around.kind}:{address}"
+        return made
+
     @property
     def _standard(self) -> bool:
-        return self.path in ("", "-")
+        return self.file == "-"
 
     @property
     def _descriptor(self) -> int:
@@ -108,17 +117,17 @@ class LineFile:
                 raise OSError(errno.EBADF, "there is no standard output")
             self._opened = os.dup(sys.stdout.fileno())
         else:
-            if self._fresh and _holds_something(self.path):
-                _move_aside(self.path)
+            if self._fresh and _holds_something(self.file):
+                _move_aside(self.file)
             self._fresh = False
-            self._opened = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+            self._opened = os.open(self.file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
         self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
-        if self._regular and not self._standard and _ends_in_half_a_line(self.path):
+        if self._regular and not self._standard and _ends_in_half_a_line(self.file):
             self._add("")
         if self._header and (self._standard or os.fstat(self._descriptor).st_size == 0):
             self._add(self._header)
 
-    def write(self, line: str) -> None:
+    def add(self, line: str) -> None:
         """Add one line.
 
         Raises
@@ -134,13 +143,13 @@ class LineFile:
     def _check_place(self, coming: int) -> None:
         facts = os.fstat(self._descriptor)
         try:
-            there = os.stat(self.path)
+            there = os.stat(self.file)
         except FileNotFoundError:
             raise OSError(errno.ENOENT, "the file was deleted; a new one is begun") from None
         if (there.st_dev, there.st_ino) != (facts.st_dev, facts.st_ino):
             raise OSError(errno.ENOENT, "another file was put in its place; that one goes on")
         if self._most_bytes is not None and facts.st_size + coming > self._most_bytes:
-            os.replace(self.path, self.path + ".1")
+            os.replace(self.file, self.file + ".1")
             self.close()
             self.open()
 

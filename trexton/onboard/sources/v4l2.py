@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-import time
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,23 +10,22 @@ import cv2
 
 from trexton.base.errors import ImageError
 from trexton.base.options import Options
-from trexton.onboard.sources.base import CameraLost, Expected, Frame, Source
+from trexton.onboard.sources.base import CameraLost, Expected, Frame
+from trexton.onboard.sources.video import StreamSource
 from trexton.vision.images import yuv_from_uyvy
 
 __all__ = ["V4l2Source"]
 
 
-class V4l2Source(Source):
+class V4l2Source(StreamSource):
     """Packed 4:2:2 frames of a V4L2 device; YUYV is the same pairs of bytes turned round.
 
     Parameters
     ----------
     device : str
     around : Expected
-    capture : callable
-        Opens the device as `cv2.VideoCapture` does.
-    clock : callable
-        Seconds.
+    more
+        As for `StreamSource`.
     """
 
     addresses = {
@@ -40,26 +37,18 @@ class V4l2Source(Source):
         return re.fullmatch(r"/dev/video\d+", address) is not None
 
     @classmethod
-    def make(cls, address: str, options: Options, around: Expected) -> Source:
+    def make(cls, address: str, options: Options, around: Expected) -> V4l2Source:
         return cls(address, around)
 
-    def __init__(
-        self,
-        device: str,
-        around: Expected,
-        capture: Callable[..., Any] = cv2.VideoCapture,
-        clock: Callable[[], float] = time.monotonic,
-    ):
-        self.device, self.around, self._make_capture, self._clock = device, around, capture, clock
-        self.gives = "images"
-        self._capture: Any = None
-        self._reversed = False
+    def __init__(self, device: str, around: Expected, *more: Any):
+        super().__init__(device, *more)
+        self.around, self._reversed = around, False
 
     def open(self) -> None:
-        capture = self._make_capture(self.device, cv2.CAP_V4L2)
+        capture = self._make_capture(self.address, cv2.CAP_V4L2)
         if not capture.isOpened():
             raise CameraLost(
-                f"{self.device}: cannot be opened: "
+                f"{self.address}: cannot be opened: "
                 "check cable, permissions, and that nobody else uses it"
             )
         capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"UYVY"))
@@ -73,17 +62,10 @@ class V4l2Source(Source):
         if code not in ("UYVY", "YUYV"):
             capture.release()
             raise CameraLost(
-                f"{self.device}: gives {code!r} frames: UYVY or YUYV expected; "
-                f"open it as stream:{self.device}"
+                f"{self.address}: gives {code!r} frames: UYVY or YUYV expected; "
+                f"open it as stream:{self.address}"
             )
         self._capture, self._reversed = capture, code == "YUYV"
-
-    def read(self) -> Frame | None:
-        if not self._capture.grab():
-            raise CameraLost(f"{self.device}: gives no frames any more")
-        stamp = self._clock()  # at the grab: what follows takes time
-        arrived, raw = self._capture.retrieve()
-        return Frame(stamp, raw if arrived else None)
 
     def decoded(self, frame: Frame) -> Frame:
         raw = frame.picture
@@ -94,8 +76,3 @@ class V4l2Source(Source):
         except (ImageError, IndexError):
             picture = None
         return replace(frame, picture=picture)
-
-    def close(self) -> None:
-        if self._capture is not None:
-            self._capture.release()
-            self._capture = None

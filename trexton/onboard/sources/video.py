@@ -21,7 +21,7 @@ from trexton.vision.images import decode_image, yuv_from_bgr
 
 __all__ = ["StreamSource", "VideoFile"]
 
-Capture = Callable[[str], Any]
+Capture = Callable[..., Any]
 JPEG = b"\xff\xd8"
 
 
@@ -104,8 +104,8 @@ class StreamSource(Source):
 
     def read(self) -> Frame | None:
         if not self._capture.grab():
-            raise CameraLost(f"{self.address}: the stream has ended or broken off")
-        stamp = self._clock()
+            raise CameraLost(f"{self.address}: gives no frames any more")
+        stamp = self._clock()  # at the grab: what follows takes time
         arrived, image = self._capture.retrieve()
         return Frame(stamp, image if arrived else None)
 
