@@ -144,16 +144,15 @@ def frame(scene: Scene) -> Iterator[Row]:
     stages = StageTimer(scene.map(), rng=scene.rng("flight"))
     flown = {name: Localizer(scene.map(name), rng=scene.rng("flight")) for name in _METHODS}
     turn = cycle(zip(scene.views, map(scene.flight.aiding, scene.rows), strict=True))
-    contestants: dict[str, Callable[[], object]] = {
-        "SIFT of the frame": lambda: sift.detectAndCompute(
-            np.ascontiguousarray(next(turn)[0][..., 0]), None
-        ),
-        "stages": lambda: stages.step(next(turn)[0]),
+    calls: dict[str, Callable[..., object]] = {
+        "SIFT of the frame": lambda view, _: sift.detectAndCompute(view[..., 0].copy(), None),
+        "stages": lambda view, _: stages.step(view),
     }
     for name, one in flown.items():
-        contestants[name] = partial(_step, one, turn)
+        calls[name] = lambda view, aiding, one=one: one.step(view, aiding=aiding)
     for name, each in located.items():
-        contestants[name] = partial(_locate, each, turn)
+        calls[name] = lambda view, _, each=each: each.locate(view)
+    contestants = {name: partial(_on_next, call, turn) for name, call in calls.items()}
     times = scene.times(contestants, seconds=3.0)
     medians = stages.medians()
     shares = ", ".join(f"{part} {duration(seconds)}" for part, seconds in medians.items())
@@ -172,13 +171,8 @@ def frame(scene: Scene) -> Iterator[Row]:
         yield row(f"frame, {name}", _SIZE, 1, times[name], *against, limit, note)
 
 
-def _step(localizer: Localizer, turn: Iterator[Any]) -> object:
-    frame, aiding = next(turn)
-    return localizer.step(frame, aiding=aiding)
-
-
-def _locate(localizer: Any, turn: Iterator[Any]) -> object:
-    return localizer.locate(next(turn)[0])
+def _on_next(call: Callable[..., object], turn: Iterator[Any]) -> object:
+    return call(*next(turn))
 
 
 STAGES: dict[str, Callable[[Scene], Iterator[Row]]] = {

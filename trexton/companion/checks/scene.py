@@ -5,7 +5,7 @@ Offers `Scene`, which makes each when a stage asks for it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from pathlib import Path
 
@@ -43,12 +43,15 @@ class Scene:
         return stream(self.seed, name)
 
     def times(
-        self, contestants: dict[str, Callable[[], object]], threads: int = 1, seconds: float = 1.0
+        self,
+        contestants: Mapping[str, Callable[[], object]],
+        threads: int = 1,
+        seconds: float = 1.0,
     ) -> dict[str, np.ndarray]:
         """Seconds of contestants on so many threads, in so many seconds each."""
         with limited_threads(threads):
             share, rounds = (0.3, 3) if self.quick else (1.0, 9)
-            return interleave(contestants, share * seconds, rounds, pause=threads > 1)
+            return interleave(contestants, share * seconds, rounds)
 
     @cached_property
     def flight(self) -> Flight:

@@ -53,7 +53,6 @@ def interleave(
     contestants: Mapping[str, Callable[[], object]],
     seconds: float = 1.0,
     rounds: int = 9,
-    pause: bool = False,
 ) -> dict[str, np.ndarray]:
     """Seconds of each call, in turn, so that whatever else the machine does falls on all alike.
 
@@ -65,8 +64,6 @@ def interleave(
         For each of them, about.
     rounds : int
         At least so many turns, fewer calls in each.
-    pause : bool
-        Sleep between turns until the threads of a BLAS have gone to sleep too.
     """
     chunk: dict[str, int] = {}
     taken: dict[str, list[float]] = {name: [] for name in contestants}
@@ -77,8 +74,7 @@ def interleave(
         chunk[name] = int(np.clip(seconds / rounds / (time.perf_counter() - start), 1, 3000))
     for _ in range(rounds):
         for name, call in contestants.items():
-            if pause:
-                time.sleep(_PAUSE)
+            time.sleep(_PAUSE)
             for _ in range(chunk[name]):
                 start = time.perf_counter()
                 call()
@@ -91,10 +87,6 @@ def table(rows: Sequence[Row]) -> str:
     import pandas as pd
 
     frame = pd.DataFrame(rows)
-    for name in ("ours_s", "p99_s", "yardstick_s"):
-        frame[name] = frame[name].map(duration)
-    frame["ratio"] = frame["ratio"].map("{:.3g}".format)
-    frame["limit"] = ["" if one["limit"] is None else f"{one['limit']:.2f}" for one in rows]
-    frame["holds"] = frame["holds"].map({True: "holds", False: "MISSED"}).fillna("")
-    frame.columns = frame.columns.str.removesuffix("_s")
-    return frame.to_string(index=False)
+    frame["holds"] = frame["holds"].map({True: "holds", False: "MISSED"})
+    seconds = dict.fromkeys(("ours_s", "p99_s", "yardstick_s"), duration)
+    return frame.to_string(index=False, na_rep="", float_format="{:.3g}".format, formatters=seconds)

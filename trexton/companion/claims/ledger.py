@@ -183,11 +183,11 @@ def judge(claim: Claim, records: Records, flight: str = "") -> Finding:
         return Finding(flight, rules.UNTESTABLE, first, second, claim.reason)
     if first is None or (claim.kind == "order" and second is None):
         return Finding(flight, rules.UNTESTABLE, first, second, _absence(claim, records))
-    against: dict[str, tuple[object, ...]] = {
-        "value": (claim.printed_value, claim.better), "order": (second, claim.at_most_times)
-    }  # fmt: skip
-    rule = rules.RULES[claim.kind][1]
-    verdict, reason = rule(first, *(against.get(claim.kind) or (claim.threshold,))), ""
+    if claim.kind == "order":
+        against: tuple[object, ...] = second, claim.at_most_times
+    else:
+        against = claim.threshold, *([claim.better] if claim.kind == "value" else [])
+    verdict, reason = rules.RULES[claim.kind][1](first, *against), ""
     if claim.by_construction and verdict == rules.REPRODUCED:
         verdict, reason = rules.CONSTRUCTED, claim.by_construction
     elif verdict == rules.BETTER:
