@@ -69,7 +69,8 @@ verify: env  ## run the experiments of the committed reference values again, and
 
 full: env  ## the long sweeps of data/sweeps, coarse to fine, landings, aiding and survey density over many floors, results to data/reference
 	@for plan in data/sweeps/*.toml; do name=$$(basename $$plan .toml); \
-	  $(BIN)/trexton sweep --plan $$plan --out results/sweeps/$$name --keep data/reference/sweep-$$name.json $(ARGS) || exit 1; done
+	  $(BIN)/trexton sweep --plan $$plan --out results/sweeps/$$name $(ARGS) \
+	    && cp results/sweeps/$$name/sweep.json data/reference/sweep-$$name.json || exit 1; done
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only fine --out results/full \
 	  --set floors=10 frames=2525 training=250 kidnappings=200 drifts=3 peer_frames=10
 	cp results/full/sim-survey/fine.json data/reference/fine.json

@@ -143,7 +143,6 @@ def test_no_command_writes_over_what_it_reads(words, tmp_path, monkeypatch, caps
         ("play room --map map.npz --out taken", "taken: is a folder"),
         ("play room --map map.npz --out file/page.html", "file is no folder"),
         ("train room -o taken", "taken: is a folder"),
-        ("sweep room --experiment mocap_training --out o --keep taken", "taken: is a folder"),
         ("suitability moved:3 --out file/maps", "file is no folder"),
     ],
 )

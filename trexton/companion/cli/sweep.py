@@ -5,50 +5,50 @@ from __future__ import annotations
 import argparse
 import sys
 import tomllib
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from trexton.base.arguments import add_assignments, assignments
+from trexton.base.arguments import add_assignments, add_options, assignments
 from trexton.base.errors import ParameterError
-from trexton.base.files import atomic_file, check_not_read, check_writable
+from trexton.base.options import Options, option
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.sweep import Floors, SweepPlan, sweep
 
-_TEXT, _TEXTS, _WHOLE = "text in quotes", "a list of texts", "a whole number"
-# What a plan may have, and what each of it is.
-_KEYS = {
-    "experiment": _TEXT, "set": "a table", "flights": _TEXTS, "test_flight": _TEXT,
-    "floors": _WHOLE, "layouts": _TEXTS, "every": _WHOLE, "frames": _WHOLE, "values": _TEXTS,
-}  # fmt: skip
+__all__ = ["add_arguments", "run"]
+
+
+@dataclass(frozen=True)
+class SweepOptions(Options):
+    """What is swept, here or in a plan"""
+
+    experiment: str | None = option(None, "what is run in every cell")
+    test_flight: str | None = option(None, "test on this flight instead of the split")
+    floors: int = option(0, "simulate so many floors of each layout", low=0)
+    every: int = option(1, "keep every N-th simulated frame", low=1)
+    frames: int | None = option(None, "frames of a simulated flight", low=1)
+
+
+_LISTS = ("flights", "layouts", "values")  # of texts, beside the options and the table `set`
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flights", nargs="*", metavar="FLIGHT", help="flights with a [split]")
-    parser.add_argument("--test-flight", metavar="FLIGHT", help="test on this one instead")
-    parser.add_argument("--plan", metavar="TOML", help=f"a file with any of {', '.join(_KEYS)}")
-    parser.add_argument("--experiment", metavar="NAME", help="what is run in every cell")
-    add_assignments(parser, "KEY=A,B,C", "values of a parameter; all combinations are run")
-    parser.add_argument("--floors", type=int, metavar="N", help="simulate so many floors")
     parser.add_argument("--layouts", nargs="+", metavar="NAME", help="layouts of the floors (hall)")
-    parser.add_argument("--every", type=int, metavar="N", help="keep every N-th simulated frame")
-    parser.add_argument("--frames", type=int, metavar="N", help="frames of a simulated flight")
     parser.add_argument("--values", nargs="+", metavar="PATH", help="columns (all single numbers)")
+    add_assignments(parser, "KEY=A,B,C", "values of a parameter; all combinations are run")
+    add_options(parser, SweepOptions)
+    parser.add_argument(
+        "--plan", metavar="TOML", help="a file with any of these; what is typed takes its place"
+    )
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
-    parser.add_argument("--keep", metavar="FILE", help="copy the table (JSON) to this file too")
     parser.add_argument("--jobs", type=int, metavar="N", help="cells at once")
     parser.add_argument("--cluster", metavar="ADDRESS", help="run on a Dask cluster")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    out, plan = Path(arguments.out), _plan(arguments)
-    if arguments.keep:
-        flights = [path for pair in plan.pairs for path in (pair.flight, pair.test_flight)]
-        check_not_read(arguments.keep, *filter(None, [arguments.plan, *flights]))
-        check_writable(arguments.keep)
-    swept = sweep(plan, out, jobs=arguments.jobs, cluster=arguments.cluster)
-    if arguments.keep and not swept.failed:
-        with atomic_file(Path(arguments.keep), "wb") as stream:
-            stream.write((out / "sweep.json").read_bytes())
+    out = Path(arguments.out)
+    swept = sweep(_plan(arguments), out, jobs=arguments.jobs, cluster=arguments.cluster)
     for name, reason in swept.failed.items():
         print(f"failed  {name}: {reason}", file=sys.stderr)
     print(", ".join(f"{count} {status}" for status, count in swept.counts.items() if count))
@@ -60,26 +60,27 @@ def run(arguments: argparse.Namespace) -> int:
 def _plan(arguments: argparse.Namespace) -> SweepPlan:
     """What the file says, with the words of the command line in its place."""
     said: dict[str, Any] = _read(Path(arguments.plan)) if arguments.plan else {}
-    for name in ("experiment", "test_flight", "floors", "layouts", "every", "frames", "values"):
-        if (word := getattr(arguments, name)) is not None:
-            said[name] = word
-    typed = assignments(arguments.settings, "key=a,b,c")
-    settings = said.get("set", {}) | {key: text.split(",") for key, text in typed.items()}
-    if "experiment" not in said:
+    place = f"{SweepOptions.__name__}."
+    typed = {
+        name.removeprefix(place): value
+        for name, value in vars(arguments).items()
+        if name in _LISTS or name.startswith(place)
+    }
+    said |= {name: value for name, value in typed.items() if value}
+    listed = {name: said.pop(name, []) for name in _LISTS}
+    settings = said.pop("set", {}) | {
+        key: text.split(",") for key, text in assignments(arguments.settings, "key=a,b,c").items()
+    }
+    asked = SweepOptions.parse(said, "a plan")
+    if asked.experiment is None:
         raise ParameterError("which experiment? Name one with --experiment, or in the plan")
-    floors = None
-    if said.get("floors"):
-        chosen = {name: said[name] for name in ("every", "frames") if name in said}
-        floors = Floors(said["floors"], tuple(said.get("layouts", ("hall",))), **chosen)
+    layouts = tuple(listed["layouts"] or ["hall"])
     return SweepPlan(
-        experiment=said["experiment"],
+        experiment=asked.experiment,
         settings={k: v if isinstance(v, list) else [v] for k, v in settings.items()},
-        pairs=[
-            FlightPair(flight, said.get("test_flight"))
-            for flight in arguments.flights or said.get("flights", [])
-        ],
-        floors=floors,
-        values=said.get("values", ()),
+        pairs=[FlightPair(flight, asked.test_flight) for flight in listed["flights"]],
+        floors=Floors(asked.floors, layouts, asked.every, asked.frames) if asked.floors else None,
+        values=listed["values"],
     )
 
 
@@ -88,16 +89,9 @@ def _read(path: Path) -> dict[str, Any]:
         said = tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except (OSError, ValueError) as error:
         raise ParameterError(f"{path}: no readable plan ({error})") from None
-    if unknown := sorted(said.keys() - _KEYS):
-        raise ParameterError(f"{path}: {unknown[0]!r} is unknown: a plan has {', '.join(_KEYS)}")
-    for name, value in said.items():
-        if not _is(_KEYS[name], value):
-            raise ParameterError(f"{path}: {name} is {value!r}: expected {_KEYS[name]}")
+    for name in said.keys() & _LISTS:
+        if not (isinstance(said[name], list) and all(isinstance(one, str) for one in said[name])):
+            raise ParameterError(f"{path}: {name} is {said[name]!r}: expected a list of texts")
+    if not isinstance(said.get("set", {}), dict):
+        raise ParameterError(f"{path}: set is {said['set']!r}: expected a table")
     return said
-
-
-def _is(kind: str, value: object) -> bool:
-    """Whether a value of a plan is what it should be; a bool is no number."""
-    if kind == _TEXTS:
-        return isinstance(value, list) and all(isinstance(each, str) for each in value)
-    return type(value) is {_TEXT: str, _WHOLE: int}.get(kind, dict)
