@@ -2,7 +2,7 @@
 
 A name is an entry of the library's own table, an entry point of an installed package in the group
 ``trexton.<kind>`` (say ``trexton.motion`` or ``trexton.sinks``), or ``module:name``. Offers
-`resolve`, `names`, and `import_plugins` for modules that are not installed.
+`addresses`, `resolve`, and `import_plugins` for modules that are not installed.
 """
 
 from __future__ import annotations
@@ -18,15 +18,7 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 
-__all__ = [
-    "PLUGINS",
-    "address_of",
-    "addresses",
-    "import_plugins",
-    "is_there",
-    "names",
-    "resolve",
-]
+__all__ = ["PLUGINS", "addresses", "import_plugins", "is_there", "resolve"]
 
 PLUGINS = "TREXTON_PLUGINS"  # environment variable: modules to import first, with commas between
 
@@ -41,16 +33,6 @@ def addresses(kind: str, table: Mapping[str, str]) -> dict[str, str]:
     `table`, which come first and win.
     """
     return {**table, **{key: at for key, at in _installed(kind).items() if key not in table}}
-
-
-def names(kind: str, table: Mapping[str, str]) -> list[str]:
-    """The names of a kind: those of the library's `table`, then those of installed packages."""
-    return list(addresses(kind, table))
-
-
-def address_of(kind: str, name: str, table: Mapping[str, str]) -> str:
-    """``module:name`` (or ``module``) behind a name; the name itself where nobody declares it."""
-    return addresses(kind, table).get(name, name)
 
 
 def resolve(kind: str, name: str, table: Mapping[str, str], *, imports: bool = True) -> Any:
@@ -77,7 +59,7 @@ def resolve(kind: str, name: str, table: Mapping[str, str], *, imports: bool = T
     declared = addresses(kind, table).get(name)
     module, colon, attribute = (declared or name).partition(":")
     if not declared and not colon:
-        offered = ", ".join(names(kind, table))
+        offered = ", ".join(addresses(kind, table))
         raise ParameterError(f"{kind} {name!r} is unknown: choose one of {offered}, or module:name")
     if not (declared or imports) and module not in sys.modules:
         raise ParameterError(

@@ -18,7 +18,7 @@ PLACE = "setting."  # what the attributes of settings begin with
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.base.plugins import names
+    from trexton.base.plugins import addresses
     from trexton.flights.importers import IMPORTERS, importer
     from trexton.flights.importing import Common
 
@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         add_option(common, Common.flag(each.name), each, words, PLACE + each.name)
     options: dict[str, Option] = {}  # several kinds may have one of a name
     meanings: dict[str, list[str]] = {}
-    for kind in names("importers", IMPORTERS):
+    for kind in addresses("importers", IMPORTERS):
         for each in importer(kind).Settings.declared():
             options[each.name] = each
             meanings.setdefault(each.name, []).append(f"{kind}: {each.meaning}")

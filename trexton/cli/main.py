@@ -15,7 +15,7 @@ from pathlib import Path
 
 from trexton import __version__
 from trexton.base.errors import TrextonError
-from trexton.base.plugins import address_of, import_plugins, names, resolve
+from trexton.base.plugins import addresses, import_plugins, resolve
 from trexton.base.progress import set_quiet
 
 __all__ = ["COMMANDS", "build_parser", "main", "sentence", "verbs"]
@@ -36,7 +36,7 @@ COMMANDS = {
 
 def verbs() -> list[str]:
     """The names of all verbs, those of installed packages among them."""
-    return names("commands", COMMANDS)
+    return list(addresses("commands", COMMANDS))
 
 
 def help_line(module: str) -> str:
@@ -61,7 +61,7 @@ def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argpar
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
     for name in [chosen] if chosen in COMMANDS else verbs():
         assert name is not None
-        said = help_line(address_of("commands", name, COMMANDS)).replace("%", "%%")
+        said = help_line(addresses("commands", COMMANDS).get(name, name)).replace("%", "%%")
         command = commands.add_parser(
             name, help=said.rstrip("."), description=said[:1].upper() + said[1:]
         )

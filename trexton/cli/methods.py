@@ -7,7 +7,7 @@ import inspect
 from collections.abc import Iterator
 
 from trexton.base.errors import ParameterError
-from trexton.base.plugins import names
+from trexton.base.plugins import addresses
 from trexton.localization.base import Part
 from trexton.localization.methods import METHODS
 from trexton.localization.roles import ROLES, part_class
@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace) -> int:
             print(f"method {name}: {' '.join(f'{key}={value}' for key, value in parts.items())}")
     for each, table in ROLES.items():
         if role in ("", each) or each in METHODS.get(role, {}):
-            listed = [part] if equals else names(each, table)
+            listed = [part] if equals else addresses(each, table)
             chosen = METHODS.get(role, {}).get(each)
             for name in [chosen] if chosen else listed:
                 print("\n".join(_lines(f"{each}={name}", part_class(each, name))))

@@ -12,7 +12,7 @@ __all__ = ["add_arguments", "run"]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    from trexton.base.plugins import names
+    from trexton.base.plugins import addresses
     from trexton.onboard.sinks import SINKS
     from trexton.onboard.sources import SOURCES
 
@@ -24,11 +24,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="SINK",
         help="KIND, KIND:ADDRESS or module:Class:ADDRESS, repeatable; kinds: "
-        f"{', '.join(names('sinks', SINKS))} (default json)",
+        f"{', '.join(addresses('sinks', SINKS))} (default json)",
     )
     words = "another part, or an option of one that trexton methods lists, repeatable"
     add_assignments(parser, "ROLE[.OPTION]=VALUE", words)
-    parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {', '.join(names('sources', SOURCES))}."
+    cameras = ", ".join(addresses("sources", SOURCES))
+    parser.epilog = f"Kinds of camera, as in KIND:ADDRESS: {cameras}."
     parser.add_argument(
         "--preflight", action="store_true",
         help="check camera, map and autopilot for some seconds, a line each, and command nothing",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from typing import Self
 
 import numpy as np
 
@@ -19,19 +19,20 @@ from trexton.localization.observation import Observation
 from trexton.localization.scale import ErrorScale, independent_after
 from trexton.localization.training_set import Training
 
-__all__ = ["Calibration", "Evidence", "Judge", "NoCalibration", "Passing", "Replay"]
+__all__ = ["Calibration", "Evidence", "Judge", "NoCalibration", "Replay"]
 
 _CM = 0.01  # metres: regularizes logarithms of lengths
 
 
-class Judge(Protocol):
-    """What calibration and integrity are in flight."""
+class Judge:
+    """What calibration and integrity are in flight; this one passes the filter's own word on."""
 
     def reset(self) -> None:
         """Forget what was seen."""
 
     def judge(self, estimate: Estimate, observation: Observation | None) -> Estimate:
         """The estimate with what may be claimed of it."""
+        return estimate
 
 
 @dataclass(eq=False)
@@ -40,25 +41,12 @@ class Calibration(Part):
 
     def open(self) -> Judge:
         """A judge for one flight."""
-        raise NotImplementedError
+        return Judge()
 
 
 @dataclass(eq=False)
 class NoCalibration(Calibration):
     """The filter's own word is passed on (the paper's)."""
-
-    def open(self) -> Judge:
-        return Passing()
-
-
-class Passing:
-    """The judge that says nothing."""
-
-    def reset(self) -> None:
-        """Nothing to forget."""
-
-    def judge(self, estimate: Estimate, observation: Observation | None) -> Estimate:
-        return estimate
 
 
 @dataclass(eq=False)
@@ -70,7 +58,6 @@ class Replay(Calibration):
     single frame measures, its neighbours' mean, gets a covariance of its own, learned from the
     frames as the measurement model learns, and the time after which its errors are as good as
     independent.
-
     """
 
     needs = {"measurement": RankMixture, "distance": Distance}
@@ -103,11 +90,9 @@ class Replay(Calibration):
         flown = list(training.fly(self.samples))
         seen = [Evidence.of(each.estimate, each.neighbors) for each in flown]
         features = np.array([each.about_estimate for each in seen])
-        scale = ErrorScale.fit(
-            features,
-            np.array([each.error for each in flown]),
-            np.array([each.estimate.about_position for each in flown]),
-        )
+        errors = np.array([each.error for each in flown])
+        claimed = np.array([each.estimate.about_position for each in flown])
+        scale = ErrorScale.fit(features, errors, claimed)
         return scale, scale.deviation(features)
 
     def prepare(self) -> None:
@@ -198,7 +183,7 @@ class SingleFrames:
         return found
 
 
-class _Calibrated:
+class _Calibrated(Judge):
     def __init__(self, estimate: ErrorScale | None, measurement: ErrorScale, independent_s: float):
         self._estimate, self._measurement = estimate, measurement
         self._independent_s = independent_s
@@ -219,12 +204,8 @@ class _Calibrated:
         self._ratio = float(np.exp(2 * (_log_size(honest) - _log_size(claimed))))
         measured = evidence.measured
         sure = self._measurement.covariance(evidence.about_measurement, measured.covariance)
-        return replace(
-            estimate,
-            covariance=honest,
-            mean=None,
-            measurement=Measurement(measured.position, sure, self._independent_s),
-        )
+        fusible = Measurement(measured.position, sure, self._independent_s)
+        return replace(estimate, covariance=honest, mean=None, measurement=fusible)
 
 
 def _log_size(covariance: np.ndarray) -> float:

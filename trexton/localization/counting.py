@@ -6,17 +6,15 @@ So a training that was stopped goes on where it was, and holds no more than a fr
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from itertools import islice
 
 import numpy as np
 
 from trexton.base.errors import MapError
 from trexton.base.progress import progress, say
+from trexton.flights.flight import Flight
 from trexton.vision.histograms import texton_histogram
 from trexton.vision.textons import TextonDictionary
-
-if TYPE_CHECKING:
-    from trexton.flights.flight import Flight
 
 __all__ = ["CHUNK", "full_histograms"]
 
@@ -42,15 +40,11 @@ def full_histograms(
     bar = progress(range(len(flight)), "histograms", total=len(flight))
     if len(flight) <= CHUNK:
         return _counted(flight, dictionary, cells, bar)
-    kept, found = [], 0
-    for first in range(0, len(flight), CHUNK):
-        part = flight.select(slice(first, first + CHUNK))
-        histograms, fresh = _kept(part, dictionary, cells, bar)
-        found += 0 if fresh else len(part)
-        kept.append(histograms)
-    if found:
+    parts = [flight.select(slice(first, first + CHUNK)) for first in range(0, len(flight), CHUNK)]
+    kept = [_kept(part, dictionary, cells, bar) for part in parts]
+    if found := sum(len(histograms) for histograms, fresh in kept if not fresh):
         say(f"{found} of {len(flight)} frames had been counted before")
-    return np.concatenate(kept)
+    return np.concatenate([histograms for histograms, _ in kept])
 
 
 def _kept(
@@ -59,12 +53,11 @@ def _kept(
     """The histograms of a chunk, and whether they were counted just now."""
     from trexton.base.cache import cached  # which an onboard computer never needs
 
-    fresh = False
+    counted: list[np.ndarray] = []
 
     def compute() -> dict[str, np.ndarray]:
-        nonlocal fresh
-        fresh = True
-        return {"histograms": _counted(part, dictionary, cells, bar)}
+        counted.append(_counted(part, dictionary, cells, bar))
+        return {"histograms": counted[0]}
 
     assert part.frames is not None  # only images are counted
     inputs = {
@@ -73,17 +66,13 @@ def _kept(
         "cells": cells,
     }
     histograms = cached("histograms", "trexton.vision.histograms", inputs, compute)["histograms"]
-    if not fresh:
-        for _ in range(len(part)):
-            next(bar, None)
-    return histograms, fresh
+    if not counted:
+        list(islice(bar, len(part)))
+    return histograms, bool(counted)
 
 
 def _counted(
     part: Flight, dictionary: TextonDictionary, cells: int, bar: Iterator[int]
 ) -> np.ndarray:
-    counted = [
-        texton_histogram(image, dictionary, cells=cells)
-        for image, _ in zip(part.images(), bar, strict=False)
-    ]
-    return np.stack(counted)
+    seen = zip(part.images(), bar, strict=False)
+    return np.stack([texton_histogram(image, dictionary, cells=cells) for image, _ in seen])

@@ -6,10 +6,11 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import os
 import tokenize
 import zipfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO, Any
 
@@ -30,20 +31,9 @@ SCHEMA = 2
 MOST_BYTES = 2**32
 # What a damaged file makes NumPy, zip and JSON raise.
 DAMAGE = (
-    OSError,
-    ValueError,
-    KeyError,
-    IndexError,
-    EOFError,
-    TypeError,
-    AttributeError,
-    OverflowError,
-    MemoryError,
-    RuntimeError,
-    SyntaxError,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-)
+    OSError, ValueError, LookupError, EOFError, TypeError, AttributeError, OverflowError,
+    MemoryError, RuntimeError, SyntaxError, tokenize.TokenError, zipfile.BadZipFile,
+)  # fmt: skip
 
 
 def save_map(texton_map: TextonMap, path: str | os.PathLike[str]) -> Path:
@@ -68,13 +58,11 @@ def load_map(path: str | os.PathLike[str]) -> TextonMap:
     except (MapError, ParameterError) as error:
         raise MapError(f"{path}: {error}") from None
     except FileNotFoundError:
-        raise MapError(
-            f"{path}: no such map: make one with trexton train FLIGHT -o {path}"
-        ) from None
+        words = f"{path}: no such map: make one with trexton train FLIGHT -o {path}"
+        raise MapError(words) from None
     except DAMAGE as error:
-        raise MapError(
-            f"{path}: not a whole texton map ({error}): copy or train it again"
-        ) from None
+        words = f"{path}: not a whole texton map ({error}): copy or train it again"
+        raise MapError(words) from None
 
 
 def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
@@ -119,9 +107,7 @@ def _check_header(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
     if version not in read:
         raise MapError(f"{member.filename} has the array format {version}: expected 1.0 or 2.0")
     shape, _, kind = read[version](stream)
-    count = 1
-    for length in shape:
-        count *= int(length)
+    count = math.prod(shape)
     if kind.hasobject or count * kind.itemsize > member.file_size:
         raise MapError(
             f"{member.filename} promises {shape} of {kind} in {member.file_size} bytes: "
@@ -177,9 +163,8 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
         )
     if schema < SCHEMA:
         raise MapError(
-            f"map schema {schema} was written by an older version, "
-            "whose maps lack the training stamps: "
-            "train it again with trexton train"
+            f"map schema {schema} was written by an older version, whose maps lack the training "
+            "stamps: train it again with trexton train"
         )
     header = json.loads(arrays["header"].tobytes())
     whole = TextonMap(
@@ -201,11 +186,8 @@ def from_arrays(arrays: Mapping[str, np.ndarray]) -> TextonMap:
 
 
 def _part(role: str, entry: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Part:
-    mine = {
-        name.partition(".")[2]: array
-        for name, array in arrays.items()
-        if name.startswith(f"{role}.")
-    }
+    own = f"{role}."
+    mine = {name.removeprefix(own): each for name, each in arrays.items() if name.startswith(own)}
     kind = part_class(role, entry["name"], imports=False)
     return kind.from_arrays(mine, **entry["options"])
 
@@ -218,66 +200,48 @@ def check_map(texton_map: TextonMap) -> None:
     MapError
         The first thing that is wrong.
     """
-    histograms, positions, time = texton_map.histograms, texton_map.positions, texton_map.time
-    _expect(
-        _real(histograms) and histograms.ndim == 2 and histograms.shape[0] > 0,
-        "histograms are finite (N, K) numbers",
-        histograms,
-    )
-    if texton_map.dictionary is not None:  # other features may be negative
-        _expect(bool((histograms >= 0).all()), "histograms are not negative", histograms)
+    for holds, what, found in _demands(texton_map):
+        if not holds:
+            if isinstance(found, np.ndarray):
+                found = f"{found.dtype} of shape {found.shape}"
+            raise MapError(f"in a map {what}, found {found}: copy or train it again")
+
+
+def _demands(whole: TextonMap) -> Iterator[tuple[bool, str, object]]:
+    """What must hold, in words, and what is found; later ones rely on those before."""
+    histograms, positions, time, shape = (
+        whole.histograms, whole.positions, whole.time, whole.image_shape
+    )  # fmt: skip
+    table = _real(histograms) and histograms.ndim == 2 and histograms.shape[0] > 0
+    yield table, "histograms are finite (N, K) numbers", histograms
     count, width = histograms.shape
-    _expect(
-        _real(positions) and positions.shape == (count, 2),
-        f"positions are finite ({count}, 2) metres",
-        positions,
-    )
-    _expect(
-        _real(time) and time.shape == (count,) and bool((np.diff(time) > 0).all()),
-        f"stamps are {count} rising seconds",
-        time,
-    )
-    x_min, x_max, y_min, y_max = (float(value) for value in texton_map.area)
-    _expect(
-        bool(np.isfinite(texton_map.area).all()) and x_min < x_max and y_min < y_max,
-        "the area is x_min < x_max, y_min < y_max in metres",
-        texton_map.area,
-    )
-    _expect(0 < texton_map.period_s < np.inf, "the period is positive", texton_map.period_s)
-    if texton_map.image_shape is not None:
-        shape = texton_map.image_shape
-        _expect(
-            len(shape) == 2 and all(isinstance(n, int) and 0 < n < 2**16 for n in shape),
-            "the images have (rows, columns)",
-            shape,
-        )
-    if texton_map.rectification is not None:
-        size = texton_map.rectification.size
-        _expect(size[::-1] == texton_map.image_shape, "images are rectified to their size", size)
-    if texton_map.dictionary is not None:
-        textons = len(texton_map.dictionary.textons)
-        cells = texton_map.cells
-        _expect(
-            textons * cells**2 == width,
-            f"histograms have one column a texton and part of the image, here {width}",
-            textons,
-        )
-        _expect(texton_map.image_shape is not None, "images have a shape", None)
-    _expect(isinstance(texton_map.method, str), "a method has a name", texton_map.method)
-    neighbors = texton_map.neighbors
-    if "measurement" in texton_map.parts:
-        _expect(neighbors <= count, f"neighbours are at most {count}", neighbors)
-    for role, part in texton_map.parts.items():
+    placed = _real(positions) and positions.shape == (count, 2)
+    yield placed, f"positions are finite ({count}, 2) metres", positions
+    rising = _real(time) and time.shape == (count,) and bool((np.diff(time) > 0).all())
+    yield rising, f"stamps are {count} rising seconds", time
+    x_min, x_max, y_min, y_max = (float(value) for value in whole.area)
+    real = bool(np.isfinite(whole.area).all()) and x_min < x_max and y_min < y_max
+    yield real, "the area is x_min < x_max, y_min < y_max in metres", whole.area
+    yield 0 < whole.period_s < np.inf, "the period is positive", whole.period_s
+    if shape is not None:
+        sizes = len(shape) == 2 and all(isinstance(n, int) and 0 < n < 2**16 for n in shape)
+        yield sizes, "the images have (rows, columns)", shape
+    if whole.rectification is not None:
+        size = whole.rectification.size
+        yield size[::-1] == shape, "images are rectified to their size", size
+    if whole.dictionary is not None:  # other features may be negative
+        yield bool((histograms >= 0).all()), "histograms are not negative", histograms
+        textons = len(whole.dictionary.textons)
+        what = f"histograms have one column a texton and part of the image, here {width}"
+        yield textons * whole.cells**2 == width, what, textons
+        yield shape is not None, "images have a shape", None
+    yield isinstance(whole.method, str), "a method has a name", whole.method
+    if "measurement" in whole.parts:
+        yield whole.neighbors <= count, f"neighbours are at most {count}", whole.neighbors
+    for role, part in whole.parts.items():
         fits = part.width in (None, width)
-        _expect(fits, f"a {role}'s axes are those of {width} features", part.width)
+        yield fits, f"a {role}'s axes are those of {width} features", part.width
 
 
 def _real(array: np.ndarray) -> bool:
     return array.dtype.kind == "f" and bool(np.isfinite(array).all())
-
-
-def _expect(true: bool, what: str, found: object) -> None:
-    if not true:
-        if isinstance(found, np.ndarray):
-            found = f"{found.dtype} of shape {found.shape}"
-        raise MapError(f"in a map {what}, found {found}: copy or train it again")

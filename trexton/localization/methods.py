@@ -9,7 +9,7 @@ from typing import Any
 
 from trexton.base.arguments import assignments
 from trexton.base.errors import ParameterError
-from trexton.base.plugins import names
+from trexton.base.plugins import addresses
 from trexton.localization.base import Part
 from trexton.localization.roles import ROLES, check_known, check_role, make, name_of, part_class
 
@@ -158,7 +158,7 @@ def _check_needs(role: str, parts: Mapping[str, Part]) -> None:
     for other, base in parts[role].needs.items():
         if isinstance(parts.get(other), base):
             continue
-        kinds = {name: part_class(other, name) for name in names(other, ROLES[other])}
+        kinds = {name: part_class(other, name) for name in addresses(other, ROLES[other])}
         fit = [name for name, kind in kinds.items() if issubclass(kind, base)]
         offered = ", ".join(fit) or f"a subclass of {base.__module__}:{base.__qualname__}"
         if other not in parts:

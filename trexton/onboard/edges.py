@@ -12,7 +12,7 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
-from trexton.base.plugins import is_there, names, resolve
+from trexton.base.plugins import addresses, is_there, resolve
 
 __all__ = ["Edge", "classes_of_options", "edge_at", "edge_classes"]
 
@@ -61,7 +61,7 @@ def edge_at(kind: str, address: str, table: Mapping[str, str]) -> tuple[Any, str
         The library's own.
     """
     name, _, rest = address.partition(":")
-    if name in names(kind, table):
+    if name in addresses(kind, table):
         return resolve(kind, name, table), name, rest
     own = _OWN.fullmatch(address)
     if own is None or not is_there(own[1].partition(":")[0]):
@@ -77,7 +77,9 @@ def edge_classes(kind: str, table: Mapping[str, str], typed: Iterable[str] = ())
     words of a command line name as ``module:Class``.
     """
     own = [found[0] for word in typed if _OWN.match(word) and (found := edge_at(kind, word, table))]
-    return list(dict.fromkeys([resolve(kind, name, table) for name in names(kind, table)] + own))
+    return list(
+        dict.fromkeys([resolve(kind, name, table) for name in addresses(kind, table)] + own)
+    )
 
 
 def classes_of_options(edges: Iterable[type[Edge]]) -> list[type[Options]]:

@@ -1,5 +1,4 @@
-"""Sparse global adjustment: the poses of all frames at once, from their links and a few known
-positions.
+"""Sparse global adjustment: all frames' poses at once, from their links and a few positions.
 
 Levenberg-Marquardt on the poses of `trexton.registration.poses`, with a robust loss, so that a
 wrong link does not bend the map.
@@ -10,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy import sparse
 
 from trexton.registration.links import Anchors, Links
 from trexton.registration.poses import PARAMETERS, TYPICAL, floor_jacobian, floor_points
-from trexton.registration.sparse import Sparse, assemble, diagonal, differences, pick, solve
+from trexton.registration.sparse import Sparse, assemble, differences, pick, solve
 
 __all__ = ["adjust", "link_errors"]
 
@@ -35,8 +35,7 @@ def adjust(
     *,
     widths: Sequence[float] = (32.0, 8.0, 4.0, 2.0),
 ) -> np.ndarray:
-    """Refine ``(N, 8)`` poses until links, anchors and level flight agree best, under a Cauchy
-    loss.
+    """Refine ``(N, 8)`` poses until links, anchors and level flight agree best (Cauchy loss).
 
     The loss is as wide as each of `widths` in turn, in pixels: wide first, so that a poor start is
     not taken for wrong links.
@@ -48,9 +47,8 @@ def adjust(
         damping, cost = 1e-6, problem.cost(poses, width)
         for _ in range(_ITERATIONS):
             normal, gradient = problem.linearized(poses, width)
-            step = solve(normal + diagonal(damping * normal.diagonal()), -gradient).reshape(
-                poses.shape
-            )
+            damped = normal + sparse.diags_array(damping * normal.diagonal())
+            step = solve(damped, -gradient).reshape(poses.shape)
             trial = problem.cost(poses + step, width)
             if not trial < cost:
                 damping *= 100
@@ -64,9 +62,7 @@ def adjust(
 
 
 def link_errors(poses: np.ndarray, links: Links, focal: float) -> np.ndarray:
-    """``(L, K)`` distances in pixels between the points of a link as its frames place them on the
-    floor.
-    """
+    """``(L, K)`` pixels between the points of a link as its two frames place them on the floor."""
     return np.hypot(*np.moveaxis(_residuals(poses, links, focal), -1, 0))
 
 
@@ -88,9 +84,7 @@ class _Problem:
         self.hold, self.expected = _holds(count, anchors)
 
     def cost(self, poses: np.ndarray, width: float) -> float:
-        """Cauchy loss of the links in square pixels plus the squared holds; infinite below the
-        floor.
-        """
+        """Cauchy loss of the links, square pixels, plus the holds; infinite below the floor."""
         if not (poses[:, _HEIGHT] > 0).all():
             return np.inf
         squared = (_residuals(poses, self.links, self.focal) ** 2).sum(axis=-1)
@@ -103,10 +97,8 @@ class _Problem:
         residual = _residuals(poses, links, self.focal)
         weight = 1 / (1 + (residual**2).sum(axis=-1) / width**2)
         unit = _pixels_per_unit(poses, links, self.focal)[..., None]
-        first, second = (
-            floor_jacobian(poses[rows], points, self.focal) for rows, points in links.sides()
-        )
-        jacobian = np.concatenate([first, -second], axis=-1) * unit
+        sides = [floor_jacobian(poses[rows], at, self.focal) for rows, at in links.sides()]
+        jacobian = np.concatenate([sides[0], -sides[1]], axis=-1) * unit
         # The residual is in pixels of the pair's height; without this term the map would shrink to
         # reduce it.
         heights = poses[links.pairs, _HEIGHT].sum(axis=1)[:, None, None, None]
@@ -114,18 +106,15 @@ class _Problem:
         jacobian = jacobian.reshape(len(links), -1, 2 * _SIZE)
         weighted = jacobian.transpose(0, 2, 1) * np.repeat(weight, 2, axis=1)[:, None, :]
         normal = assemble(np.matmul(weighted, jacobian), links.pairs, _SIZE, len(poses))
-        pulls = np.matmul(weighted, residual.reshape(len(links), -1, 1)).reshape(
-            len(links), 2, _SIZE
-        )
+        pulls = np.matmul(weighted, residual.reshape(len(links), -1, 1))
         gradient = np.zeros_like(poses)
-        np.add.at(gradient, links.pairs, pulls)
+        np.add.at(gradient, links.pairs, pulls.reshape(len(links), 2, _SIZE))
         held = self.hold.T @ (self.hold @ poses.ravel() - self.expected)
         return normal + self.hold.T @ self.hold, gradient.ravel() + held
 
 
 def _holds(count: int, anchors: Anchors) -> tuple[Sparse, np.ndarray]:
     """A sparse matrix and a target: ``matrix @ poses.ravel() - target`` in standard deviations."""
-    from scipy import sparse
 
     def taken(rows: np.ndarray, name: str, deviation: float) -> Sparse:
         return pick(rows * _SIZE + PARAMETERS.index(name), count * _SIZE, 1 / deviation)

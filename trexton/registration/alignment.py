@@ -72,14 +72,9 @@ class Aligner:
     def view(self, world_from_pixel: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What the camera sees from there, ``(h, w) uint8``, and a mask of what of it is mapped."""
         matrix = self.ground.from_world @ world_from_pixel
-        size, flags = (
-            (self.camera.width, self.camera.height),
-            cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
-        )
-        picture = cv2.warpPerspective(self._luma, matrix, size, flags=flags)
-        mask = cv2.warpPerspective(
-            self._mask, matrix, size, flags=cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
-        )
+        size, inverse = (self.camera.width, self.camera.height), cv2.WARP_INVERSE_MAP
+        picture = cv2.warpPerspective(self._luma, matrix, size, flags=cv2.INTER_LINEAR | inverse)
+        mask = cv2.warpPerspective(self._mask, matrix, size, flags=cv2.INTER_NEAREST | inverse)
         return picture, mask
 
     def align(
@@ -106,6 +101,11 @@ class Aligner:
             found = replace(found, score=_score(seen, flattened(picture, mask), mask))
         return found
 
+    def center(self, pose: np.ndarray) -> np.ndarray:
+        """``(2,)`` metres: the floor point that the image centre shows."""
+        at_center = transform_points(self._world(pose), [self.camera.principal_point])
+        return np.asarray(at_center[0])
+
     def _world(self, pose: np.ndarray) -> np.ndarray:
         return self.camera.world_from_pixel(pose[:3], pose[3:])
 
@@ -117,14 +117,9 @@ class Aligner:
         picture, mask = self.view(world)
         known = flattened(picture, mask)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
-            seen,
-            known,
-            self._points,
-            self._points.copy(),
-            winSize=_WINDOW,
-            maxLevel=_LEVELS,
-            criteria=_STOP,
-        )
+            seen, known, self._points, self._points.copy(),
+            winSize=_WINDOW, maxLevel=_LEVELS, criteria=_STOP,
+        )  # fmt: skip
         moved = np.asarray(moved, np.float32)
         inside = np.clip(np.rint(moved).astype(int), 0, np.array(mask.shape[::-1]) - 1)
         good = (np.asarray(status).ravel() > 0) & (mask[inside[:, 1], inside[:, 0]] > 0)

@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-_ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is ever ruled out for good
-_NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
 __all__ = ["CellBelief", "Window"]
 
+_ANYWHERE = 1e-5  # of all belief is spread evenly at each step: no place is ever ruled out for good
+_NEGLIGIBLE = 1e-5  # of the largest belief: a cell below is not searched
 _SHARP = 0.4  # cells: how well a place is known once a frame was aligned there
 Window = tuple[slice, slice]
 Array = NDArray[Any]
@@ -64,6 +64,16 @@ class CellBelief:
             return slice(max(0, int(first) - margin), min(len(profile), int(last) + margin + 1))
 
         return spanned(peak.max(axis=1)), spanned(peak.max(axis=0))
+
+    def around_all(self, places: Array, margin: int) -> Window | None:
+        """The window that holds ``(k, 2)`` places (column, row) and `margin` cells around, as far
+        as it lies on the floor; None where it does not.
+        """
+        low, high = np.floor(places.min(axis=0)) - margin, np.ceil(places.max(axis=0)) + margin
+        (left, top), (right, bottom) = np.maximum(low, 0).astype(int), high.astype(int) + 1
+        rows, columns = self.allowed.shape
+        window = slice(int(top), min(rows, int(bottom))), slice(int(left), min(columns, int(right)))
+        return None if any(each.stop <= each.start for each in window) else window
 
     def weigh(self, log_likelihood: np.ndarray, window: Window) -> None:
         """Multiply by ``(K, rows, columns)`` likelihoods in `window`; nothing remains outside."""

@@ -1,6 +1,4 @@
-"""One picture from many frames whose places are known: a mean that favours the middle of sharp
-frames.
-"""
+"""One picture of many frames in known places: a mean that favours the middle of sharp frames."""
 
 from __future__ import annotations
 
@@ -32,9 +30,8 @@ def blend(
     corners = [[0, 0], [width, 0], [width, height], [0, height]]
     outlines = [transform_points(matrix, corners) for matrix in matrices]
     (x_min, y_min), (x_max, y_max) = np.min(outlines, axis=(0, 1)), np.max(outlines, axis=(0, 1))
-    columns, lines = (
-        int(np.ceil(extent * pixels_per_metre)) for extent in (x_max - x_min, y_max - y_min)
-    )
+    columns = int(np.ceil((x_max - x_min) * pixels_per_metre))
+    lines = int(np.ceil((y_max - y_min) * pixels_per_metre))
     if columns * lines > _LARGEST:
         raise MapError(
             f"the mosaic would have {columns} x {lines} pixels, at most {_LARGEST:.0e} are made: "
@@ -51,13 +48,10 @@ def blend(
     ) -> tuple[tuple[int, int], tuple[int, int], np.ndarray, np.ndarray]:
         row, matrix, outline = job
         corner, size = _window(transform_points(map_from_world, outline), (columns, lines))
-        local = (
-            np.array([[1, 0, -corner[0]], [0, 1, -corner[1]], [0, 0, 1]]) @ map_from_world @ matrix
-        )
-        image = flight.image(row)
-        weight = cv2.warpPerspective(
-            feather * _sharpness(image), local, size, flags=cv2.INTER_LINEAR
-        )
+        shift = np.array([[1, 0, -corner[0]], [0, 1, -corner[1]], [0, 0, 1]])
+        local, image = shift @ map_from_world @ matrix, flight.image(row)
+        sharp = feather * _sharpness(image)
+        weight = cv2.warpPerspective(sharp, local, size, flags=cv2.INTER_LINEAR)
         return corner, size, cv2.warpPerspective(image, local, size, flags=cv2.INTER_LINEAR), weight
 
     total = np.zeros((lines, columns, 3), np.float32)
@@ -70,10 +64,8 @@ def blend(
         while batch := list(islice(jobs, 16)):
             for corner, size, image, weight in pool.map(place, batch):
                 next(bar)
-                window = (
-                    slice(corner[1], corner[1] + size[1]),
-                    slice(corner[0], corner[0] + size[0]),
-                )
+                down, across = (slice(corner[i], corner[i] + size[i]) for i in (1, 0))
+                window = down, across
                 total[window] += image * weight[..., None]
                 weights[window] += weight
     mask = weights > 0

@@ -67,30 +67,18 @@ class CoarseMatcher:
         world = self.camera.world_from_pixel(np.array([0.0, 0.0, pose[2]]), pose[3:])
         center = transform_points(world, [self.camera.principal_point])[0]
         cell = self.ground.cell
-        place = np.array(
-            [
-                [1 / cell, 0, half - center[0] / cell],
-                [0, -1 / cell, half + center[1] / cell],
-                [0, 0, 1],
-            ]
-        )
-        pixels = cell * self.camera.focal / pose[2]
+        x, y = half - center[0] / cell, half + center[1] / cell
+        place = np.array([[1 / cell, 0, x], [0, -1 / cell, y], [0, 0, 1]])
+        banded = _band(frame.astype(np.float32), None, cell * self.camera.focal / pose[2])
         template = cv2.warpPerspective(
-            _band(frame.astype(np.float32), None, pixels),
-            place @ world,
-            shape.shape[::-1],
-            borderMode=cv2.BORDER_REPLICATE,
+            banded, place @ world, shape.shape[::-1], borderMode=cv2.BORDER_REPLICATE
         )
         template = (template - template[shape > 0].mean()) * shape
-        rows, columns = window
-        around = (
-            slice(rows.start, rows.stop + 2 * half),
-            slice(columns.start, columns.stop + 2 * half),
-        )
+        rows, columns = (slice(each.start, each.stop + 2 * half) for each in window)
 
         def padded(image: np.ndarray) -> np.ndarray:
             border = cv2.copyMakeBorder(image, half, half, half, half, cv2.BORDER_CONSTANT)
-            return np.ascontiguousarray(border[around])
+            return np.ascontiguousarray(border[rows, columns])
 
         n, map_sum, map_squares = count[window], total[window], squares[window]
         crossed = cv2.matchTemplate(padded(self._luma), template, cv2.TM_CCORR)
@@ -111,10 +99,8 @@ class CoarseMatcher:
 
     def _footprint(self, height: float, yaw: float) -> tuple[np.ndarray, ...]:
         """The footprint's shape in cells; the map's count, sum and squares under it, by cell."""
-        key = (
-            round(yaw % (2 * np.pi) / _TURN) % round(2 * np.pi / _TURN),
-            round(np.log(height) / _GROWTH),
-        )
+        turn = round(yaw % (2 * np.pi) / _TURN) % round(2 * np.pi / _TURN)
+        key = turn, round(np.log(height) / _GROWTH)
         if key not in self._footprints:
             scale = np.exp(key[1] * _GROWTH) / self.camera.focal / self.ground.cell
             extent = _INSET * scale * np.array([self.camera.width, self.camera.height])
@@ -123,13 +109,11 @@ class CoarseMatcher:
             sine, cosine = np.sin(key[0] * _TURN), np.cos(key[0] * _TURN)
             right, up = cosine * x - sine * y, sine * x + cosine * y  # rows count downwards
             shape = ((abs(right) <= extent[0] / 2) & (abs(up) <= extent[1] / 2)).astype(np.float32)
-            self._footprints[key] = (
-                shape,
-                *(
-                    cv2.filter2D(each, -1, shape, borderType=cv2.BORDER_CONSTANT)
-                    for each in (self._mask, self._luma, self._squared)
-                ),
-            )
+            under = [
+                cv2.filter2D(each, -1, shape, borderType=cv2.BORDER_CONSTANT)
+                for each in (self._mask, self._luma, self._squared)
+            ]
+            self._footprints[key] = shape, *under
         return self._footprints[key]
 
 
@@ -138,14 +122,9 @@ def _band(image: np.ndarray, mask: np.ndarray | None, cell: float) -> np.ndarray
 
     Slower changes are the light's as often as the floor's, faster ones fall between the cells.
     """
+    size = (2 * round(_BAND * cell / 2) + 1,) * 2
     if mask is None:
-        slow = cv2.blur(image, (_odd(_BAND * cell),) * 2)
-        return cv2.GaussianBlur(image - slow, (0, 0), _SOFT * cell)
-    size = (_odd(_BAND * cell),) * 2
+        return cv2.GaussianBlur(image - cv2.blur(image, size), (0, 0), _SOFT * cell)
     slow = cv2.blur(image * mask, size) / np.maximum(cv2.blur(mask, size), 1e-3)
     soft = cv2.GaussianBlur((image - slow) * mask, (0, 0), _SOFT * cell)
     return soft * mask
-
-
-def _odd(length: float) -> int:
-    return 2 * round(length / 2) + 1

@@ -20,8 +20,8 @@ from trexton.localization.measurement import RankMixture
 from trexton.localization.motion import MotionModel
 from trexton.localization.observation import Observation
 from trexton.localization.training_set import Training
-from trexton.registration.ground import Ground
-from trexton.registration.tracker import FloorTracker, fine_cell
+from trexton.registration.ground import Ground, fine_cell
+from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import FloorFix, Trust, learn_trust
 from trexton.vision.camera import Camera, MapImage
 

@@ -8,11 +8,18 @@ import cv2
 import numpy as np
 
 from trexton.base.errors import MapError
-from trexton.vision.camera import MapImage
+from trexton.vision.camera import Camera, MapImage
 from trexton.vision.images import MOST_PIXELS
 from trexton.vision.visual_odometry import shrink
 
-__all__ = ["Ground"]
+__all__ = ["FRAME", "Ground", "fine_cell"]
+
+FRAME = 80  # pixels that a shrunken frame is wide
+
+
+def fine_cell(camera: Camera, height: float) -> float:
+    """Side in metres of the cells of the fine picture: what a pixel of a shrunken frame sees."""
+    return height * camera.width / camera.focal / min(FRAME, camera.width)
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +89,11 @@ class Ground:
     def from_world(self) -> np.ndarray:
         """``(3, 3)`` homography from metres to (column, row)."""
         return _from_world(self.cell, self.corner)
+
+    def near(self, reach: float) -> np.ndarray:
+        """``(H, W) bool``: cells that are mapped, or within `reach` metres of one that is."""
+        side = 2 * int(np.ceil(reach / self.cell)) + 1
+        return cv2.dilate(self.mask, np.ones((side, side), np.uint8)) > 0
 
     def to_world(self, cells: np.ndarray) -> np.ndarray:
         """``(N, 2)`` (column, row) to metres."""

@@ -1,15 +1,14 @@
-"""A first layout of the frames, from similarities between linked ones: linear, so it needs no first
-guess.
-"""
+"""A first layout of the frames, from similarities between linked ones: linear, without a guess."""
 
 from __future__ import annotations
 
 import numpy as np
+from scipy import sparse
 
 from trexton.base.errors import MapError
 from trexton.registration.links import Anchors, Links
 from trexton.registration.poses import PARAMETERS
-from trexton.registration.sparse import Sparse, connected, diagonal, differences, solve, steps
+from trexton.registration.sparse import Sparse, connected, differences, solve, steps
 
 __all__ = ["layout"]
 
@@ -37,6 +36,7 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
     step = steps(count, links.pairs)
     second = differences(count, 2)
     equal, steady = _EQUAL * _square(differences(count, 1)), _STEADY * _square(second)
+    diagonal = sparse.diags_array
     common, pin = diagonal(np.full(count, _COMMON)), diagonal(np.eye(1, count)[0])
     weight = np.ones(len(links))
     for _ in range(_REWEIGHTED):
@@ -53,9 +53,8 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
     # into place.
     goal = anchors.position @ [1, 1j]
     piece = connected(count, links.pairs)[anchors.rows]
-    unit, origin = _fit(
-        place[anchors.rows], goal, piece, least=_LEAST_SPREAD * np.abs(links.points).max()
-    )
+    least = _LEAST_SPREAD * np.abs(links.points).max()
+    unit, origin = _fit(place[anchors.rows], goal, piece, least)
     known, held = np.zeros(count, complex), np.zeros(count)
     known[anchors.rows], held[anchors.rows] = (goal - origin) / unit, 1.0
     place = solve(graph + steady + diagonal(held), pull @ move + known)
@@ -63,25 +62,20 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
 
 
 def _similarities(links: Links) -> tuple[np.ndarray, np.ndarray]:
-    """``(L,)`` complex a and b of each link: ``first = a second + b``, least squares over its
-    points.
-    """
-    first, second = (
-        links.points[:, side, :, 0] - 1j * links.points[:, side, :, 1] for side in (0, 1)
-    )
+    """``(L,)`` complex a and b of each link: ``first = a second + b``, by least squares."""
+    points = links.points[..., 0] - 1j * links.points[..., 1]
+    first, second = points[:, 0], points[:, 1]
     first_mean, second_mean = first.mean(axis=1), second.mean(axis=1)
     spread = second - second_mean[:, None]
-    turn = (spread.conj() * (first - first_mean[:, None])).sum(axis=1) / (np.abs(spread) ** 2).sum(
-        axis=1
-    )
+    turn = (spread.conj() * (first - first_mean[:, None])).sum(axis=1)
+    turn = turn / (np.abs(spread) ** 2).sum(axis=1)
     return turn, first_mean - turn * second_mean
 
 
 def _fit(
     source: np.ndarray, target: np.ndarray, piece: np.ndarray, least: float
 ) -> tuple[complex, complex]:
-    """The similarity ``target = a source + b`` of complex points, which must spread at least so
-    far.
+    """The similarity ``target = a source + b`` of complex points that spread at least so far.
 
     Only what lies on the same `piece` of linked frames says how large and how turned the map is.
     """

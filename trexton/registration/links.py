@@ -1,5 +1,4 @@
-"""Which frames see the same floor: successive ones first, then those that a layout puts over the
-same place.
+"""Which frames see the same floor: successive ones, then those that a layout puts over one place.
 
 A keypoint is looked for only near where it should be. A tiled floor looks the same every few
 decimetres, and a match that is good but one tile off is the one error that no robust loss can undo.
@@ -28,9 +27,7 @@ Matched = tuple[np.ndarray, np.ndarray]  # a homography and the points that agre
 Linked = tuple[tuple[int, int], np.ndarray, np.ndarray]  # the same with its pair of frames
 
 _LEAST_OVERLAP = 0.08  # of a frame's area
-_APART = (
-    0.2  # of a frame's width: spatial neighbours nearer to one another along the path say the same
-)
+_APART = 0.2  # of a frame's width along the path: nearer spatial neighbours say the same
 _STEPS = (2, 5, 12)  # between frames of the same pass that are linked beside successive ones
 # Of a frame's width: how far a keypoint may be from where it should be if nothing moved, if the
 # motion is steady over some frames before and after, and if a chain of links predicts it.
@@ -78,9 +75,7 @@ class Anchors:
 
 
 def threads() -> ThreadPoolExecutor:
-    """A pool as large as the machine, within reason; OpenCV and NumPy work outside Python's
-    lock.
-    """
+    """A pool as large as the machine, within reason: OpenCV and NumPy release Python's lock."""
     return ThreadPoolExecutor(min(4, os.cpu_count() or 1))
 
 
@@ -119,9 +114,7 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
 
 
 def _steadied(found: list[Linked], keypoints: list[Keypoints], camera: Camera) -> list[Linked]:
-    """The links again, those that jump: looked for where the motion before and after says they
-    should be.
-    """
+    """The links; those that jump looked for again where the motion before and after says."""
     center = np.array([camera.principal_point])
     moved = [transform_points(homography, center)[0] for _, homography, _ in found]
     shift = np.array(moved).reshape(-1, 2) - center
@@ -178,9 +171,8 @@ def _spatial_pairs(
     for row in range(len(poses)):
         x, y = (poses[:, :2] - poses[row, :2]).T
         right, up = cos[row] * x + sin[row] * y, cos[row] * y - sin[row] * x
-        overlap = np.maximum(1 - np.abs(right) / seen[0], 0) * np.maximum(
-            1 - np.abs(up) / seen[1], 0
-        )
+        overlap = np.maximum(1 - np.abs(right) / seen[0], 0)
+        overlap *= np.maximum(1 - np.abs(up) / seen[1], 0)
         overlap[np.abs(path - path[row]) < seen.max()] = 0
         taken: list[int] = []
         for other in np.argsort(-overlap, kind="stable"):

@@ -1,6 +1,4 @@
-"""Do two frames show the same floor? Mutual SIFT matches near where they should be, under one
-homography.
-"""
+"""Do two frames show the same floor? Mutual SIFT matches within reach, under one homography."""
 
 from __future__ import annotations
 
@@ -28,11 +26,9 @@ def match_frames(
     predicted: np.ndarray | None = None,
     reach: float = np.inf,
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """A homography and ``(2, POINTS, 2)`` matched points, or None if the frames do not show the
-    same floor.
+    """A homography and ``(2, POINTS, 2)`` matched points; None if the frames show other floors.
 
-    `predicted` is where the first frame's pixels should be in the second, give or take `reach`
-    pixels.
+    `predicted` takes the first frame's pixels to the second, give or take `reach` pixels.
     """
     if min(len(first), len(second)) < _LEAST_INLIERS:
         return None
@@ -55,8 +51,7 @@ def _mutual_matches(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Matches within reach that are nearest in both directions and pass the ratio test.
 
-    SIFT descriptors are whole numbers up to 255, so that these float32 products are exact in any
-    order.
+    SIFT descriptors are whole numbers up to 255: these float32 products are exact in any order.
     """
     a, b = first.descriptors, second.descriptors
     squared = (a * a).sum(axis=1)[:, None] + (b * b).sum(axis=1) - 2 * (a @ b.T)
@@ -65,9 +60,8 @@ def _mutual_matches(
         for axis in (0, 1):
             squared[np.abs(places[:, None, axis] - second.points[:, axis]) > reach] = np.inf
     forward, backward = squared.argmin(axis=1), squared.argmin(axis=0)
-    rows = np.flatnonzero(
-        (backward[forward] == np.arange(len(a))) & np.isfinite(squared.min(axis=1))
-    )
+    mutual = backward[forward] == np.arange(len(a))
+    rows = np.flatnonzero(mutual & np.isfinite(squared.min(axis=1)))
     columns = forward[rows]
     nearest = squared[rows, columns]
     squared[rows, columns] = np.inf
@@ -85,9 +79,7 @@ def _plausible(homography: np.ndarray, camera: Camera) -> bool:
 
 
 def _spread(points: np.ndarray, count: int) -> np.ndarray:
-    """`count` points far from one another (farthest-point sampling; some repeat if there are
-    few).
-    """
+    """`count` points far from one another (farthest-point sampling; of few, some repeat)."""
     chosen = [int(np.argmax(((points - points.mean(axis=0)) ** 2).sum(axis=1)))]
     distance = np.full(len(points), np.inf)
     while len(chosen) < count:

@@ -1,5 +1,4 @@
-"""The hyperspatial image: one picture of the floor from a flight's own frames (Sec. "Dataset
-Generation").
+"""The hyperspatial image: one picture of the floor from a flight (Sec. "Dataset Generation").
 
 The paper used a closed program for this. Here frames are linked by keypoints, all their poses are
 adjusted at once over a plane, and the frames are blended; a handful of motion-capture positions
@@ -12,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from trexton.base.errors import FlightError, MapError, ParameterError
+from trexton.base.errors import FlightError, MapError
+from trexton.base.options import number, whole
 from trexton.flights.flight import Flight
 from trexton.registration.adjust import adjust, link_errors
 from trexton.registration.blend import blend
@@ -29,8 +29,7 @@ from trexton.vision.camera import Camera, MapImage
 
 __all__ = ["Mosaic", "flight_camera", "map_from_links", "stitch"]
 
-# Of a frame's width: how far off the layout may still be, each time spatial neighbours are looked
-# for.
+# Of a frame's width: how far off the layout may be each time spatial neighbours are looked for.
 _REACHES = (0.2, 0.05)
 # Scale and most keypoints; the second where the first leaves out too many frames.
 _SEARCHES: tuple[tuple[float, int], ...] = ((0.5, 600), (1.0, 2000))
@@ -117,9 +116,9 @@ def stitch(
         searches = ((size if scale is None else scale, most if keypoints is None else keypoints),)
     if anchors is None:
         anchors = _FEW if flight.origin is None else len(flight)
-    _check_least(anchors=(anchors, 3), neighbors=(neighbors, 0), keypoints=(searches[0][1], 12))
-    if not 0 < searches[0][0] <= 1:
-        raise ParameterError(f"scale is {scale}: expected a number above 0 and up to 1")
+    neighbors = whole(neighbors, "neighbors", 0)
+    whole(searches[0][1], "keypoints", 12)
+    number(searches[0][0], "scale", above=0, high=1)
     camera = flight_camera(flight, camera)
     found: list[Mosaic] = []
     for search in searches:
@@ -168,7 +167,6 @@ def map_from_links(
     With links along the path only and few anchors it drifts, as a map does that never notices a
     place again.
     """
-    _check_least(anchors=(anchors, 3))
     camera = flight_camera(flight, camera)
     known = _choose_anchors(flight, links, anchors)
     poses = adjust(layout(len(flight), links, known, camera.focal), links, known, camera.focal)
@@ -196,20 +194,12 @@ def _finished(
     )
 
 
-def _check_least(**limits: tuple[int, int]) -> None:
-    for name, (value, lowest) in limits.items():
-        if value < lowest:
-            raise ParameterError(f"{name} is {value}: expected at least {lowest}")
-
-
 def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarray:
     return np.median(link_errors(poses, links, camera.focal), axis=1)
 
 
 def flight_camera(flight: Flight, camera: Camera | None = None) -> Camera:
-    """The camera of a flight, or one of usual focal length; `FlightError` if it takes other
-    images.
-    """
+    """The camera of a flight, or a usual one; `FlightError` if it takes other images."""
     height, width = flight.image(0).shape[:2]
     camera = camera or flight.camera or Camera(width, height, _FOCAL * width)
     if (camera.width, camera.height) != (width, height):
@@ -222,6 +212,7 @@ def flight_camera(flight: Flight, camera: Camera | None = None) -> Camera:
 
 def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
     """`count` frames evenly spread in time among those that have a position and a link."""
+    count = whole(count, "anchors", 3)
     linked = np.zeros(len(flight), bool)
     linked[links.pairs.ravel()] = True
     rows = np.flatnonzero(linked & flight.located)
@@ -240,9 +231,7 @@ def _choose_anchors(flight: Flight, links: Links, count: int) -> Anchors:
 
 
 def _placed(count: int, links: Links, anchors: np.ndarray) -> np.ndarray:
-    """``(N,) bool``: frames on the largest piece of linked frames, or on one with two anchors or
-    more.
-    """
+    """``(N,) bool``: frames on the largest piece of linked ones, or on one with two anchors."""
     piece = connected(count, links.pairs)
     placed = np.bincount(piece[anchors], minlength=piece.max() + 1) >= 2
     placed[np.argmax(np.bincount(piece))] = True

@@ -44,9 +44,7 @@ def floor_points(poses: np.ndarray, offsets: np.ndarray, focal: float) -> np.nda
 
 
 def floor_jacobian(poses: np.ndarray, offsets: np.ndarray, focal: float) -> np.ndarray:
-    """``(L, K, 2, 8)`` derivatives of `floor_points` by the poses, exact to rounding (complex
-    step).
-    """
+    """``(L, K, 2, 8)`` derivatives of `floor_points` by the poses, exact (complex step)."""
     step = 1e-30
     columns = []
     for parameter in range(len(PARAMETERS)):

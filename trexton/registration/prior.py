@@ -17,16 +17,17 @@ from trexton.vision.camera import wrapped
 
 Array = NDArray[Any]
 
-__all__ = ["Prior", "PosePrior"]
+__all__ = ["ALL_HEADINGS", "PosePrior", "Prior"]
 
+ALL_HEADINGS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
+ALL_HEADINGS.setflags(write=False)
+_TURN = np.radians(10.0)  # that a vehicle turns at most from frame to frame
 _TILT, _HEIGHT, _HEADING = 0.07, 0.1, np.pi / 36  # known of them unmeasured: rad, share, rad
 _BETWEEN = np.array([0.03, 0.03])  # from frame to frame: height, a share of it; heading, rad
 _LITTLE = 0.02  # share of a tilt that was found which the frame, not the prior, must have said
 _MEMORY = 20.0  # frames over which the change of the tilt is taken
 _FARTHEST = 10.0  # times the usual height, or a part of it: beyond, the sensor errs
-_MOST_FAILURES = (
-    25  # frames lost, after which a told heading and height are left aside, or tried again
-)
+_MOST_FAILURES = 25  # frames lost, after which measured heading and height are left, or tried again
 _AGREES, _ABOUT = np.radians(5.0), 0.1  # heading and height, a share, as found and as told
 
 
@@ -58,6 +59,15 @@ class Prior:
     height: float | None
     last: Array | None
     steps: int
+
+    @property
+    def headings(self) -> Array:
+        """Headings to search: the measured one, those near the last one, or all; radians."""
+        if self.turned:
+            return self.mean[5:].copy()
+        if self.last is not None:
+            return np.asarray(self.last[5] + _TURN * np.arange(-self.steps, self.steps + 1))
+        return ALL_HEADINGS
 
 
 class PosePrior:

@@ -16,10 +16,7 @@ _DRIFT = np.radians(0.03)  # of its change from frame to frame
 _ALIKE = 20.0  # frames whose errors are alike: each counts so much less
 _MEMORY = 50.0  # frames over which the noise is taken
 _UNINFORMATIVE = 50.0  # times as uncertain as what is told: such a frame says nothing
-_LEAST_BIAS, _BIAS_SIGMA = (
-    np.radians(2.0),
-    5.0,
-)  # worth telling a person: so much, and so many deviations
+_LEAST_BIAS, _BIAS_SIGMA = np.radians(2.0), 5.0  # worth a warning: so much, so many deviations
 # Roll and pitch as they are told, and every other way to give them signs and order.
 _ORDERS = (np.eye(2), np.eye(2)[::-1])
 _CONVENTIONS = np.array(

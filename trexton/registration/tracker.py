@@ -6,48 +6,34 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from trexton.base.errors import ParameterError
+from trexton.base.options import number
 from trexton.registration.alignment import Aligner, Alignment
 from trexton.registration.belief import CellBelief, Window
 from trexton.registration.correlation import CoarseMatcher
-from trexton.registration.ground import Ground
-from trexton.registration.prior import PosePrior, Prior
+from trexton.registration.ground import FRAME, Ground, fine_cell
+from trexton.registration.prior import ALL_HEADINGS, PosePrior, Prior
 from trexton.registration.trust import FloorFix, Trust
-from trexton.vision.camera import Camera, MapImage, transform_points, wrapped
+from trexton.registration.view_motion import KNOWN, ViewMotion
+from trexton.vision.camera import Camera, MapImage, wrapped
 from trexton.vision.visual_odometry import VisualOdometry
 
 Array = NDArray[Any]
 
-__all__ = ["FloorTracker", "fine_cell"]
+__all__ = ["FloorTracker"]
 
-_FRAME = 80  # pixels that a shrunken frame is wide
 _COARSE = 24  # cells that a frame's footprint is wide
 _LARGE = 60_000  # cells of a floor that is searched at once
-_ALL_HEADINGS = np.linspace(-np.pi, np.pi, 36, endpoint=False)
-_ALL_HEADINGS.setflags(write=False)
 _MARGIN = 3  # cells searched around what is believed
-_SURE = 0.15  # certainty of the odometry from which it is believed
-_CERTAIN = 0.3  # from which it alone may carry the position on
-_PLAIN = 0.5  # from which it is heard against the motion before; prints that repeat reach less
-_JUMP = 2.0  # cells a frame by which a motion may differ from the one before
-_KNOWN, _ROUGH, _UNKNOWN = 0.4, 0.5, 2.0  # cells: what a step adds to the belief's width
+_CERTAIN = 0.3  # certainty from which odometry alone may carry the position on
 _MODE = 2  # cells around a peak that count as one place
 _PLACES, _SHARE = 6, 0.02  # at most so many places of at least this belief is a frame aligned at
 _HELD = 0.9  # belief from which a place is the place
-_TURN = np.radians(10.0)  # that a vehicle turns at most from frame to frame
 _PATIENCE = 12  # frames without a sight of the floor after which the last pose is forgotten
-_DRIFT, _STRAYS = 0.15, 0.6  # cells a frame: errors of odometry, and of going on as before
-_MEMORY = 10.0  # frames over which it is taken how far the view moves
+_DRIFT = 0.15  # cells a frame: the error of odometry
 _KEPT = 0.9  # of the belief, when the floor is not where it should be
-
-
-def fine_cell(camera: Camera, height: float) -> float:
-    """Side in metres of the cells of the fine picture: what a pixel of a shrunken frame sees."""
-    return height * camera.width / camera.focal / min(_FRAME, camera.width)
 
 
 class FloorTracker:
@@ -79,18 +65,16 @@ class FloorTracker:
         attitude_sigma: float = 0.007,
         height_sigma: float = 0.02,
     ):
-        if not (np.isfinite(height) and height > 0):
-            raise ParameterError(f"the usual height is {height} m: expected a number above 0")
-        self.height, self.trust = float(height), trust or Trust()
+        self.height = number(height, "the usual height in metres", above=0)
+        self.trust = trust or Trust()
         self.attitude_sigma, self.height_sigma = attitude_sigma, height_sigma
-        self.odometry = VisualOdometry(camera, width=min(_FRAME, camera.width))
+        self.odometry = VisualOdometry(camera, width=min(FRAME, camera.width))
         self.camera = self.odometry.camera
-        cell = fine_cell(camera, self.height)
-        footprint = cell * self.camera.width
+        footprint = (cell := fine_cell(camera, self.height)) * self.camera.width
         ground = Ground.from_map(picture, footprint / _COARSE, 0.6 * footprint)
         self.coarse = CoarseMatcher(ground, self.camera)
         self.aligner = Aligner(Ground.from_map(picture, cell), self.camera)
-        self.belief = CellBelief(_near(ground, 0.3 * footprint))
+        self.belief = CellBelief(ground.near(0.3 * footprint))
         self.reset()
 
     def reset(self) -> None:
@@ -99,9 +83,7 @@ class FloorTracker:
         self.pose_prior = PosePrior(self.height, self.attitude_sigma, self.height_sigma)
         self.tilt_bias: Array | None = None  # of the last frame's attitude; see `TiltError`
         self._pose: Array | None = None  # of the last frame, if it was found
-        self._aimed = self._before = np.zeros(2)  # floor points in the image centre, and before
-        self._velocity: Array | None = None  # cells a frame (column, row), of the image centre
-        self._reach = 0.0  # cells: how far it moves from frame to frame
+        self._view = ViewMotion(self.coarse.ground.cell, _COARSE)
         self._missed = _PATIENCE  # frames since the floor was last seen where it should be
         self._gone = 0  # frames that did not come since the last that did
         self._last: FloorFix | None = None
@@ -119,11 +101,10 @@ class FloorTracker:
         Parameters
         ----------
         image : (H, W, 3) or (H, W) uint8 array or None
-            Y, U, V, or luma alone; None for a frame that did not come. Up to `_PATIENCE` of them in
-            a row leave a tracker where it was: the next frame is held against the last that came.
+            Y, U, V, or luma; None for a frame that did not come: the next is held against the last
+            that came, unless more than `_PATIENCE` are missing.
         attitude : (3,) array, optional
-            Roll, pitch, yaw in radians as the autopilot measured them; NaN for what it cannot. Roll
-            and pitch count together only.
+            Roll, pitch, yaw in radians, NaN where not measured; roll and pitch count together only.
         height : float, optional
             Metres above the floor, measured; one of another order than usual is not believed.
         places : callable, optional
@@ -141,19 +122,19 @@ class FloorTracker:
         late = self._gone >= _PATIENCE
         if late:
             self.odometry.reset()
-            self._pose, self._velocity, self._missed = None, None, _PATIENCE
+            self._pose, self._view.velocity, self._missed = None, None, _PATIENCE
         steps = min(self._gone, _PATIENCE) + 1
         prior = self.pose_prior.prior(attitude, height, self._pose, steps)
         seen = _Seen(frame, prior, *self.odometry.shift(frame))
         if self._last is None or late:
-            self.belief.reset(self._headings(prior), kept=_KEPT if late else 0.0)
+            self.belief.reset(prior.headings, kept=_KEPT if late else 0.0)
         elif prior.turned:
             self.belief.headings[:] = prior.mean[5]
         moved = self._predict(seen)
         self._weigh(seen, self._region(places) if self._missed else self.belief.support(_MARGIN))
         fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least and self._missed == 0:
-            self.belief.reset(self._headings(prior), kept=_KEPT)
+            self.belief.reset(prior.headings, kept=_KEPT)
             self._weigh(seen, self._region(places))
             fix, best = self._settle(seen, self._candidates(seen, moved))
         if fix.score < self.trust.least:
@@ -165,38 +146,23 @@ class FloorTracker:
         self._gone = 0
         self.tilt_bias = None if prior.tilt is None else self.pose_prior.tilt.tilt_bias
         if self.pose_prior.reject(prior, fix, fix.score >= self.trust.least):
-            self._begin_again(prior.heading if self.pose_prior.uses_heading else None)
+            again = self.pose_prior.uses_heading and prior.heading is not None
+            self.belief.reset(np.array([prior.heading]) if again else ALL_HEADINGS)
+            self._pose = self._view.velocity = None
         return fix
-
-    # -- parts of a step ---------------------------------------------------------------------------
-
-    def _headings(self, prior: Prior) -> Array:
-        """Headings to search: the measured one, those near the last one, or all."""
-        if prior.turned:
-            return prior.mean[5:].copy()
-        if self._pose is not None:
-            return np.asarray(self._pose[5] + _TURN * np.arange(-prior.steps, prior.steps + 1))
-        return _ALL_HEADINGS
 
     def _predict(self, seen: _Seen) -> Array:
         """Move the belief; returns the ``(2,)`` cells (column, row) that the last pose moved by."""
-        cell = self.coarse.ground.cell
-        right, up = seen.moved * seen.prior.mean[2] / self.camera.focal / cell
+        height, cell = seen.prior.mean[2], self.coarse.ground.cell
+        right, up = seen.moved * height / self.camera.focal / cell
 
         def turned(heading: Array) -> Array:
             sine, cosine = np.sin(heading), np.cos(heading)
             return np.stack([cosine * right - sine * up, -sine * right - cosine * up], axis=-1)
 
-        shift, sigma, steps = turned(self.belief.headings), _KNOWN, seen.prior.steps
-        if self._velocity is not None and self._pose is not None:
-            going = steps * self._velocity
-            jump = float(np.hypot(*(turned(self._pose[5]) - going)))
-            if seen.sure < (_PLAIN if jump > _JUMP else _SURE):
-                shift, sigma = np.tile(going, (len(shift), 1)), _ROUGH * steps**1.5
-            elif jump > _JUMP:
-                sigma = jump  # one of the two is wrong: the floor says which
-        elif seen.sure < _SURE:
-            shift, sigma = np.zeros_like(shift), max(_UNKNOWN, self._reach) * steps
+        shift = turned(self.belief.headings)
+        last = None if self._pose is None else turned(self._pose[5])
+        shift, sigma = self._view.predicted(shift, last, seen.sure, seen.prior.steps)
         self.belief.move(shift, sigma)
         return np.asarray(shift[0])
 
@@ -205,16 +171,11 @@ class FloorTracker:
 
         Every other frame all of it is searched nevertheless, as the places may be wrong.
         """
-        rows, columns = self.belief.allowed.shape
-        whole = (slice(0, rows), slice(0, columns))
-        if places is None or rows * columns <= _LARGE or self._missed % 2 == 0:
+        allowed = self.belief.allowed
+        whole = (slice(0, allowed.shape[0]), slice(0, allowed.shape[1]))
+        if places is None or allowed.size <= _LARGE or self._missed % 2 == 0:
             return whole
-        cells = self.coarse.ground.to_cells(places())
-        low, high = np.floor(cells.min(axis=0)) - _COARSE, np.ceil(cells.max(axis=0)) + _COARSE
-        (left, top), (right, bottom) = np.maximum(low, 0).astype(int), high.astype(int) + 1
-        window = slice(int(top), min(rows, int(bottom))), slice(int(left), min(columns, int(right)))
-        empty = window[0].stop <= window[0].start or window[1].stop <= window[1].start
-        return whole if empty else window
+        return self.belief.around_all(self.coarse.ground.to_cells(places()), _COARSE) or whole
 
     def _weigh(self, seen: _Seen, window: Window) -> None:
         """Multiply the belief by how well the frame fits inside a window."""
@@ -234,25 +195,22 @@ class FloorTracker:
         for heading, row, column, held in self.belief.modes(_PLACES, _MODE, share):
             starts.append((np.array([column, row]), self.belief.headings[heading], held))
         if self._pose is not None:
-            followed = self.coarse.ground.to_cells(self._aimed) + moved
+            followed = self.coarse.ground.to_cells(self._view.aimed) + moved
             apart = [np.hypot(*(place - followed)) for place, _, _ in starts]
             nearest = int(np.argmin(apart))
-            if apart[nearest] < _MODE + 0.5:
-                starts[nearest] = (followed, seen.prior.mean[5], starts[nearest][2])
-            else:
-                nearest = len(starts)
-                starts.append((followed, seen.prior.mean[5], self.belief.around(followed, _MODE)))
+            held = starts[nearest][2]
+            if not apart[nearest] < _MODE + 0.5:
+                nearest, held = len(starts), self.belief.around(followed, _MODE)
+            starts[nearest : nearest + 1] = [(followed, seen.prior.mean[5], held)]
             continued = nearest
         found = []
         for index, (place, heading, held) in enumerate(starts):
             start = np.array([*seen.prior.mean[:5], heading])
-            start[:2] = self.coarse.ground.to_world(place) - self._center(start)
+            start[:2] = self.coarse.ground.to_world(place) - self.aligner.center(start)
             expected = np.array([*start[:3], *seen.prior.mean[3:5], start[5]])
             deviation = seen.prior.deviation
             if index == continued:
-                deviation = np.array(
-                    [*[_KNOWN * self.coarse.ground.cell] * 2, *seen.prior.deviation[2:]]
-                )
+                deviation = np.array([*[KNOWN * self.coarse.ground.cell] * 2, *deviation[2:]])
             aligned = self.aligner.align(seen.frame, start, expected, deviation)
             found.append(_Candidate(place, held, aligned))
         return found
@@ -266,67 +224,47 @@ class FloorTracker:
             for each, factor in zip(found, factors, strict=True):
                 self.belief.scale(each.place, _MODE, float(factor))
             self.belief.normalize()
-        best = found[int(np.argmax(weights))].aligned
+        chosen = found[int(np.argmax(weights))]
+        best = chosen.aligned
         others = max(0.0, 1 - sum(each.held for each in found))
         held = float(weights.max() / (weights.sum() + others))
         if best.score >= self.trust.least:
-            self._before, self._aimed = self._aimed, self._center(best.pose)
-            place = self.coarse.ground.to_cells(self._aimed)
-            self.belief.sharpen(place, found[int(np.argmax(weights))].place, _MODE)
+            self._view.aim(self.aligner.center(best.pose))
+            place = self.coarse.ground.to_cells(self._view.aimed)
+            self.belief.sharpen(place, chosen.place, _MODE)
             if not seen.prior.turned:
                 nearest = int(np.argmin(abs(wrapped(self.belief.headings - best.pose[5]))))
                 self.belief.headings[nearest] = best.pose[5]
         lost = held < _HELD or best.score < self.trust.least
-        fix = FloorFix(best.pose, self._covariance(best, lost), best.score, held, lost, True)
-        return fix, best
+        covariance = self.trust.covariance(best.covariance)
+        if lost:
+            covariance = self.belief.moments()[1] * self.coarse.ground.cell**2
+        return FloorFix(best.pose, covariance, best.score, held, lost, True), best
 
     def _coast(self, fix: FloorFix, moved: Array, seen: _Seen) -> FloorFix:
         """The floor was not recognized: move the last pose on by odometry for a while."""
         self._missed = min(self._missed + 1, _PATIENCE)
         if self._pose is None or self._missed == _PATIENCE or self._last is None:
             if self._pose is not None and not seen.prior.turned:
-                self.belief.reset(_ALL_HEADINGS)
-            self._pose = self._velocity = None
+                self.belief.reset(ALL_HEADINGS)
+            self._pose = self._view.velocity = None
             self._last = replace(fix, lost=True)
             return self._last
         cell = self.coarse.ground.cell
-        self._move(moved * (1, -1) * cell)
+        metres = moved * (1, -1) * cell
+        self._pose = np.concatenate([self._pose[:2] + metres, self._pose[2:]])
+        self._view.aimed = self._view.aimed + metres
         wider = self._last.covariance + (_DRIFT * seen.prior.steps * cell) ** 2 * np.eye(2)
         unsure = self._last.lost or seen.sure < _CERTAIN
         self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
         return self._last
 
-    def _begin_again(self, heading: float | None) -> None:
-        """Look everywhere, with this heading or with all."""
-        self.belief.reset(_ALL_HEADINGS if heading is None else np.array([heading]))
-        self._pose = self._velocity = None
-
     def _remember(self, fix: FloorFix) -> None:
         last, self._last = self._pose, fix
-        self._velocity = None
+        self._view.velocity = None
         if last is not None and self._missed == 0:
-            moved = (self._aimed - self._before) / (self._gone + 1)
-            cells = moved / self.coarse.ground.cell * (1, -1)
-            length = float(np.hypot(*cells))
-            self._velocity = cells if length < _COARSE / 4 else None
-            self._reach += (min(length, _COARSE) - self._reach) / _MEMORY
+            self._view.learn(self._gone + 1)
         self._pose, self._missed = fix.pose, 0
-
-    def _move(self, metres: Array) -> None:
-        """Move the last pose on."""
-        if self._pose is not None:
-            self._pose = np.concatenate([self._pose[:2] + metres, self._pose[2:]])
-            self._aimed = self._aimed + metres
-
-    def _center(self, pose: Array) -> Array:
-        """The floor point that the image centre shows."""
-        world = self.camera.world_from_pixel(pose[:3], pose[3:])
-        return np.asarray(transform_points(world, np.array([self.camera.principal_point]))[0])
-
-    def _covariance(self, aligned: Alignment, lost: bool) -> Array:
-        if lost:
-            return self.belief.moments()[1] * self.coarse.ground.cell**2
-        return self.trust.covariance(aligned.covariance)
 
     def _without_frame(self) -> FloorFix:
         """On as before, less and less surely; the belief waits for the next frame."""
@@ -335,10 +273,9 @@ class FloorTracker:
         if last is None:
             return FloorFix(np.full(6, np.nan), np.diag([np.inf, np.inf]), 0, 0, True, False)
         self._gone += 1
-        pose, strays = last.pose.copy(), max(_UNKNOWN, self._reach)
-        if self._velocity is not None:
-            pose[:2] += min(self._gone, _PATIENCE) * cell * self._velocity * (1, -1)
-            strays = _STRAYS
+        pose = last.pose.copy()
+        moved, strays = self._view.ahead(min(self._gone, _PATIENCE))
+        pose[:2] += moved
         wider = last.covariance + (strays * self._gone * cell) ** 2 * np.eye(2)
         lost = last.lost or self._gone >= _PATIENCE
         return replace(last, pose=pose, covariance=wider, lost=lost, observed=False)
@@ -361,9 +298,3 @@ class _Candidate:
     place: Array
     held: float
     aligned: Alignment
-
-
-def _near(ground: Ground, reach: float) -> np.ndarray:
-    """Cells on the map or within `reach` metres of it: a tilted camera looks beyond its edge."""
-    radius = int(np.ceil(reach / ground.cell))
-    return cv2.dilate(ground.mask, np.ones((2 * radius + 1, 2 * radius + 1), np.uint8)) > 0

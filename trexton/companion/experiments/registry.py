@@ -49,7 +49,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 
-from trexton.base.plugins import PLUGINS, names, resolve
+from trexton.base.plugins import PLUGINS, addresses, resolve
 from trexton.companion.experiments.declaration import Experiment
 
 __all__ = ["EXPERIMENTS", "LEDGER", "MODULES"]
@@ -103,7 +103,7 @@ class _Experiments(Mapping[str, Experiment]):
         return declared if isinstance(declared, Experiment) else declared.EXPERIMENT
 
     def __iter__(self) -> Iterator[str]:
-        yield from names("experiments", self._table())
+        yield from addresses("experiments", self._table())
         yield LEDGER
 
     def __len__(self) -> int:

@@ -12,7 +12,7 @@ from typing import Any, Protocol, cast
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
-from trexton.base.plugins import names, resolve
+from trexton.base.plugins import addresses, resolve
 from trexton.flights.importers.recording import Recording
 
 __all__ = ["IMPORTERS", "Importer", "describe", "guess_kind", "importer"]
@@ -72,7 +72,9 @@ def guess_kind(source: Path) -> str:
     """
     if not source.exists():
         raise ParameterError(f"{source}: no such file or folder")
-    fitting = [kind for kind in names("importers", IMPORTERS) if importer(kind).recognises(source)]
+    fitting = [
+        kind for kind in addresses("importers", IMPORTERS) if importer(kind).recognises(source)
+    ]
     if len(fitting) == 1:
         return fitting[0]
     found = f"looks like {' and '.join(fitting)}" if fitting else "is of no kind that is recognised"

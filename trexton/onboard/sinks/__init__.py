@@ -12,7 +12,7 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
-from trexton.base.plugins import names
+from trexton.base.plugins import addresses
 from trexton.onboard.edges import edge_at
 from trexton.onboard.sinks.base import Guard, Sink, Surroundings
 
@@ -53,7 +53,7 @@ def open_sink(
     if addressed is None:
         raise ParameterError(
             f"output {address!r} is of no known kind: "
-            f"give one of {', '.join(names('sinks', SINKS))}, a colon and an address, or "
+            f"give one of {', '.join(addresses('sinks', SINKS))}, a colon and an address, or "
             "module:Class"
         )
     kind, name, rest = addressed

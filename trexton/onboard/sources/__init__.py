@@ -12,7 +12,7 @@ from typing import Any
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options
-from trexton.base.plugins import names
+from trexton.base.plugins import addresses
 from trexton.onboard.edges import edge_at, edge_classes
 from trexton.onboard.sources.base import CameraLost, Expected, Frame, Playback, Source
 from trexton.onboard.sources.wrapped import Delayed, Paced, Rectified
@@ -74,5 +74,5 @@ def _made(address: str, around: Expected, options: Mapping[type[Options], Any]) 
     raise ParameterError(
         f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, "
         "a video file or URL, simulator, or KIND:ADDRESS with KIND one of "
-        + ", ".join(names("sources", SOURCES))
+        + ", ".join(addresses("sources", SOURCES))
     )
