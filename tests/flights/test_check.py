@@ -38,8 +38,8 @@ FAR = np.where(np.arange(600)[:, None] % 100 == 7, 1000.0, 0.0)
         (lambda f: {"position": np.full((600, 2), 10.0)}, "600 positions are the same place"),
         (lambda f: {"position": f.position / 1000, "area": (0, 1, 0, 1)}, "another unit than "
                                                                           "metres"),
-        (lambda f: {"position": f.position + FAR, "area": (0, 2e3, 0, 2e3)}, "6 positions lie up "
-                                                                             "to"),
+        (lambda f: {"position": f.position + FAR, "area": (0, 2e3, 0, 2e3)}, "6 positions lie "
+                                                                             "where none"),
         (lambda f: {"time": f.time * 1000}, "stamps in milliseconds? write seconds"),
         (lambda f: {"time": f.time * 1e9}, "stamps in nanoseconds? write seconds"),
         (lambda f: {"time": f.time * 1e-4}, "write stamps in seconds"),

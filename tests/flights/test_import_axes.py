@@ -48,8 +48,7 @@ def test_quaternions_agree_with_the_camera_model():
     angles = np.random.default_rng(1).uniform(-1.2, 1.2, (40, 3))
     turned = [Rotation.from_matrix(rotation_matrix(*each)).as_quat() for each in angles]
     np.testing.assert_allclose(attitude_from_quaternions(turned), angles, atol=1e-12)
-    with pytest.raises(TrextonError, match="no length"):
-        attitude_from_quaternions([[0, 0, 0, 0]])
+    assert np.isnan(attitude_from_quaternions([[0, 0, 0, 0]])).all()
 
 
 def test_matching_respects_tolerance_gaps_and_the_short_way_round():

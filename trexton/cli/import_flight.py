@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from trexton.base.arguments import add_option
 from trexton.base.errors import ParameterError
@@ -17,13 +17,26 @@ __all__ = ["add_arguments", "run"]
 PLACE = "setting."  # what the attributes of settings begin with
 
 
+def _let_words_follow_options(parser: argparse.ArgumentParser) -> None:
+    """A kind may stand before the options and the source behind them."""
+    parse = parser.parse_known_args
+
+    def intermixed(args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        found, left = parse(args, namespace)
+        found.what += [word for word in left if not word.startswith("-")]
+        return found, [word for word in left if word.startswith("-")]
+
+    parser.parse_known_args = intermixed  # type: ignore[method-assign]
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     from trexton.base.plugins import addresses
     from trexton.flights.importers import IMPORTERS, importer
     from trexton.flights.importing import Common
 
-    kinds = f"{', '.join(IMPORTERS)} (guessed unless given), and file or folder"
-    parser.add_argument("what", nargs="+", metavar="[KIND] SOURCE", help=kinds)
+    known = f"{', '.join(IMPORTERS)} (guessed unless given), and file or folder"
+    parser.add_argument("what", nargs="+", metavar="[KIND] SOURCE", help=known)
+    _let_words_follow_options(parser)
     parser.add_argument("--out", required=True, metavar="FLIGHT", help="the Flight folder to write")
     parser.add_argument(
         "--replace", action="store_true", help="replace the Flight folder that is there"
@@ -34,14 +47,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         words = f"{each.meaning} (default {each.default or 'none'})"
         add_option(common, Common.flag(each.name), each, words, PLACE + each.name)
     options: dict[str, Option] = {}  # several kinds may have one of a name
-    meanings: dict[str, list[str]] = {}
+    meanings: dict[str, dict[str, list[str]]] = {}  # of an option, and of which kinds
     for kind in addresses("importers", IMPORTERS):
         for each in importer(kind).Settings.declared():
             options[each.name] = each
-            meanings.setdefault(each.name, []).append(f"{kind}: {each.meaning}")
+            meanings.setdefault(each.name, {}).setdefault(each.meaning, []).append(kind)
     group = parser.add_argument_group("of one kind")
     for name in (name for name in options if name not in common_names):
-        words = "; ".join(meanings[name])
+        words = "; ".join(
+            f"{', '.join(kinds)}: {meaning}" for meaning, kinds in meanings[name].items()
+        )
         add_option(group, Common.flag(name), options[name], words, PLACE + name)
 
 

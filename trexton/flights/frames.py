@@ -27,6 +27,7 @@ __all__ = [
     "ImageFiles",
     "Selected",
     "VideoFrames",
+    "announced_frames",
     "select_frames",
     "stamped_frames",
 ]
@@ -162,5 +163,15 @@ def stamped_frames(video: Path) -> Iterator[tuple[float, np.ndarray]]:
             stamp = stamp if stamp > last else last + 1 / rate if number else 0.0
             yield stamp, frame
             last, number = stamp, number + 1
+    finally:
+        capture.release()
+
+
+def announced_frames(video: Path) -> int:
+    """How many frames the head of the file names; 0 where nothing tells."""
+    capture = cv2.VideoCapture(str(video))
+    try:
+        count = capture.get(cv2.CAP_PROP_FRAME_COUNT)
+        return int(count) if 0 < count < 1e9 else 0
     finally:
         capture.release()

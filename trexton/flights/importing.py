@@ -239,7 +239,7 @@ def _flight(
         features=recording.features,
         camera=camera,
         split=split,
-        origin=recording.origin,
+        origin=None if recording.track is None else recording.track.origin,
         source=recording.source,
         licence=recording.licence,
         notes=(f"time zero is stamp {first} ns of the source", *recording.notes),

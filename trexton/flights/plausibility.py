@@ -14,6 +14,9 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
+from trexton.flights.importers.axes import looks_away
+from trexton.flights.tracking import lost_rows, ranges
+from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
 
 __all__ = ["warnings"]
@@ -23,8 +26,9 @@ MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
+MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
 ROTATION_FRAMES = 400  # frames whose rotation is measured
-OUTLIER_RATIO = 20.0  # times the 90 % quantile of the distance from the median
+FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 
 
 _Check = Callable[[Flight], Iterator[str]]
@@ -77,19 +81,23 @@ def _outside(flight: Flight) -> Iterator[str]:
 
 
 @_check
-def _outliers(flight: Flight) -> Iterator[str]:
-    rows = _located(flight)
-    if len(rows) < 10:
-        return
-    place = flight.position[rows]
-    distance = np.hypot(*(place - np.median(place, axis=0)).T)
-    limit = OUTLIER_RATIO * max(np.quantile(distance, 0.9), 1e-3)
-    far = distance > limit
-    if far.any():
+def _tracking(flight: Flight) -> Iterator[str]:
+    pose = [flight.position]
+    pose += [] if flight.height is None else [flight.height[:, None]]
+    pose += [] if flight.attitude is None else [flight.attitude]
+    for how, rows in lost_rows(flight.time, np.hstack(pose)):
+        if not len(rows):
+            yield f"{how}: stamps of another unit, or positions of several recordings?"
+            continue
+        lie = "position lies" if len(rows) == 1 else "positions lie"
+        said = (
+            f"{len(rows)} {lie} {how}"
+            if how.startswith(("at", "where"))
+            else (f"{_count(len(rows), 'position')} {'is' if len(rows) == 1 else 'are'} {how}")
+        )
         yield (
-            f"{_count(int(far.sum()), 'position')} lie up to {distance.max():.4g} m from the "
-            f"middle, where nine tenths are within {np.quantile(distance, 0.9):.3g} m (first: "
-            f"frame {_first(flight, rows, far)}): leave x_m and y_m of these frames empty"
+            f"{said} (frames {ranges(flight.frame[rows])}): was tracking lost? leave x_m and y_m "
+            "of these frames empty"
         )
 
 
@@ -145,6 +153,19 @@ def _angles(flight: Flight) -> Iterator[str]:
             f"{far.sum()} of {len(rows)} attitudes hold an angle of up to {largest.max():.4g} rad "
             f"(first: frame {_first(flight, rows, far)}): degrees? write radians"
         )
+        return
+    gaps = np.diff(flight.time[rows])
+    turned = np.abs(wrapped(np.diff(flight.attitude[rows, 2])))[gaps < SHORT_INTERVAL]
+    if len(turned) > 2:
+        rate = float(np.median(turned / gaps[gaps < SHORT_INTERVAL]))
+        if rate > MAX_MEDIAN_TURN:
+            yield f"the yaw turns at {rate:.3g} rad/s in half of the frames: degrees? write radians"
+
+
+@_check
+def _view(flight: Flight) -> Iterator[str]:
+    if flight.attitude is not None and (doubt := looks_away(flight.attitude)):
+        yield doubt
 
 
 @_check
@@ -245,7 +266,7 @@ def _floor(flight: Flight) -> Iterator[str]:
             f"floor, which spans {spanned[0]:.4g} m x {spanned[1]:.4g} m from "
             f"x {corners[:, 0].min():.3g}, y {corners[:, 1].min():.3g}: check world_from_pixel"
         )
-    elif spanned.max() > OUTLIER_RATIO * max(flight.diagonal, 1e-3):
+    elif spanned.max() > FLOOR_RATIO * max(flight.diagonal, 1e-3):
         yield (
             f"the picture of the floor spans {spanned[0]:.4g} m x {spanned[1]:.4g} m, the area "
             f"{flight.diagonal:.3g} m from corner to corner: world_from_pixel in another unit? "

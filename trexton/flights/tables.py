@@ -23,6 +23,7 @@ __all__ = ["LARGEST", "LENGTHS", "TIMES", "TextTable", "read_table", "read_text"
 LARGEST = 2**30  # bytes of a table: more is a mistake, or meant to fill the memory
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}  # metres
 TIMES = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # nanoseconds
+_LATEST = 4_102_444_800 * TIMES["s"]  # the year 2100: stamps since 1970 are of before
 _MISSING = ("", "na", "n/a", "null", "none")
 
 
@@ -117,10 +118,11 @@ class TextTable:
             except (ArithmeticError, ValueError):
                 raise self._refusal(name, row, f"expected a stamp in {unit}") from None
             if abs(stamp) >= 2**63:
-                finer = " or ".join(list(TIMES)[list(TIMES).index(unit) + 1 :]) or "another origin"
-                raise self._refusal(
-                    name, row, f"in {unit} that is beyond the year 2262: are they in {finer}?"
+                likely = next(
+                    (each for each in TIMES if abs(stamp) / TIMES[unit] * TIMES[each] < _LATEST), ""
                 )
+                hint = f"give --time-unit {likely}" if likely else "count from the first"
+                raise self._refusal(name, row, f"in {unit} that is beyond the year 2262: {hint}")
             stamps[row] = int(stamp.to_integral_value())
         return stamps
 

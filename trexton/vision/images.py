@@ -8,6 +8,7 @@ representation here.
 from __future__ import annotations
 
 import os
+import re
 import stat
 from pathlib import Path
 
@@ -32,6 +33,7 @@ __all__ = [
 MOST_PIXELS = 50_000_000
 MOST_BYTES = 2**28
 _PNG = b"\x89PNG\r\n\x1a\n"
+_MARKER = re.compile(rb"\xff+[^\x00\xd0-\xd7\xff]")  # of a JPEG, but for those among pixels
 # A camera's "video range" bytes: Y 16..235 and U, V 16..240 become 0..255 by a look-up, so that the
 # result is exact.
 _LEVELS = np.arange(256, dtype=np.float64)
@@ -162,6 +164,18 @@ def _is_cut(data: bytes) -> bool:
     return place >= len(data)
 
 
+def _jpeg_ends(data: bytes) -> bool:
+    """Whether the picture in a JPEG file has its end, whatever a camera wrote behind it."""
+    place = 2
+    while (mark := _MARKER.search(data, place)) is not None:
+        place = mark.end()
+        if (kind := data[place - 1]) == 0xD9:
+            return True
+        if kind != 0x01:  # what the others mark has a length; pixels follow without
+            place += int.from_bytes(data[place : place + 2], "big")
+    return False
+
+
 def check_size(path: Path) -> tuple[int, int]:
     """Width and height of an image file as it will be decoded (turned as its EXIF says).
 
@@ -225,7 +239,7 @@ def decode_image(data: bytes) -> np.ndarray:
         They are no image, or end too soon.
     """
     # OpenCV fills the missing part of a truncated JPEG with grey and says nothing.
-    truncated = data[:2] == b"\xff\xd8" and b"\xff\xd9" not in data[-64:]
+    truncated = data[:2] == b"\xff\xd8" and not (b"\xff\xd9" in data[-64:] or _jpeg_ends(data))
     image = None if truncated else decode(data)
     if image is None:
         fault = "the file is cut short" if truncated else "not an image that OpenCV can decode"

@@ -14,8 +14,9 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
 from trexton.flights.frames import Forward
-from trexton.flights.importers.axes import axes_option, camera_attitude
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording
+from trexton.flights.importers.axes import axes_option
+from trexton.flights.importers.recording import NANO, Recording
+from trexton.flights.importers.tracks import pose_track
 from trexton.vision.images import decode
 
 __all__ = ["Settings", "read", "recognises"]
@@ -28,16 +29,33 @@ POSES = {
     "geometry_msgs/msg/TransformStamped": "transform",
     "nav_msgs/msg/Odometry": "pose.pose",
 }
-# encoding: channels, and the conversion to BGR (None: already)
-_ENCODINGS = {
-    "bgr8": (3, None),
-    "rgb8": (3, cv2.COLOR_RGB2BGR),
-    "mono8": (1, cv2.COLOR_GRAY2BGR),
-    "bgra8": (4, cv2.COLOR_BGRA2BGR),
-    "rgba8": (4, cv2.COLOR_RGBA2BGR),
-    "yuv422": (2, cv2.COLOR_YUV2BGR_UYVY),
-    "uyvy": (2, cv2.COLOR_YUV2BGR_UYVY),
-    "yuv422_yuy2": (2, cv2.COLOR_YUV2BGR_YUY2),
+# encoding: type of a channel, channels, and the conversion to BGR (None: already). OpenCV names a
+# Bayer pattern by its second row's second pixel, ROS by its first.
+_ENCODINGS: dict[str, tuple[str, int, int | None]] = {
+    "bgr8": ("u1", 3, None),
+    "rgb8": ("u1", 3, cv2.COLOR_RGB2BGR),
+    "mono8": ("u1", 1, cv2.COLOR_GRAY2BGR),
+    "bgra8": ("u1", 4, cv2.COLOR_BGRA2BGR),
+    "rgba8": ("u1", 4, cv2.COLOR_RGBA2BGR),
+    "yuv422": ("u1", 2, cv2.COLOR_YUV2BGR_UYVY),
+    "uyvy": ("u1", 2, cv2.COLOR_YUV2BGR_UYVY),
+    "yuv422_yuy2": ("u1", 2, cv2.COLOR_YUV2BGR_YUY2),
+    "yuyv": ("u1", 2, cv2.COLOR_YUV2BGR_YUY2),
+    "8uc1": ("u1", 1, cv2.COLOR_GRAY2BGR),
+    "8uc3": ("u1", 3, None),
+    "8uc4": ("u1", 4, cv2.COLOR_BGRA2BGR),
+    "mono16": ("u2", 1, cv2.COLOR_GRAY2BGR),
+    "bgr16": ("u2", 3, None),
+    "rgb16": ("u2", 3, cv2.COLOR_RGB2BGR),
+} | {
+    f"bayer_{pattern}{8 * size}": (f"u{size}", 1, code)
+    for size in (1, 2)
+    for pattern, code in (
+        ("rggb", cv2.COLOR_BayerBG2BGR),
+        ("bggr", cv2.COLOR_BayerRG2BGR),
+        ("gbrg", cv2.COLOR_BayerGR2BGR),
+        ("grbg", cv2.COLOR_BayerGB2BGR),
+    )
 }
 
 
@@ -51,26 +69,31 @@ class Settings(Options):
 
 
 def recognises(source: Path) -> bool:
-    return source.suffix == ".bag" or (source / "metadata.yaml").is_file()
+    return source.suffix in (".bag", ".mcap", ".db3") or (source / "metadata.yaml").is_file()
 
 
 def read(source: Path, settings: Settings) -> Recording:
     """The recording in a bag; images are read again when they are asked for, in order."""
     bag = _Bag(source)
     images, poses = bag.topic(IMAGES, settings.image), bag.topic(tuple(POSES), settings.pose)
-    stamps = np.array([stamp for stamp, _ in bag.messages(images)], dtype=np.int64)
-    rows = [(stamp, _pose(message)) for stamp, message in bag.messages(poses)]
-    times = np.array([stamp for stamp, _ in rows], dtype=np.int64)
-    values = np.array([pose for _, pose in rows], dtype=float).reshape(-1, 7)
-    order = np.argsort(times, kind="stable")
-    kept = order[np.diff(times[order], prepend=-1) > 0]
-    attitude, taken = camera_attitude(values[kept, 3:], settings.axes)
+    shot = np.array([stamps for *stamps, _ in bag.messages(images)], dtype=np.int64).reshape(-1, 2)
+    rows = [(*stamps, _pose(message)) for *stamps, message in bag.messages(poses)]
+    told = np.array([stamps for *stamps, _ in rows], dtype=np.int64).reshape(-1, 2)
+    values = np.array([pose for *_, pose in rows], dtype=float).reshape(-1, 7)
+    said = [f"images from {images}, positions from {poses}"]
+    clock = int((shot[:, 0] == 0).any() or (told[:, 0] == 0).any())
+    if clock:
+        said.append(f"{source}: headers without a stamp: messages are taken at the bag's own times")
+    lines = range(1, len(rows) + 1)
+    track, taken = pose_track(
+        told[:, clock], values[:, :3], values[:, 3:], settings.axes, f"{source}, {poses}", lines
+    )
     return Recording(
-        stamps,
-        PoseTrack(times[kept], values[kept, :3], attitude),
-        BagFrames(bag, images, len(stamps)),
+        shot[:, clock],
+        track,
+        BagFrames(bag, images, len(shot)),
         source=f"bag {source.name}: {images}, {poses}",
-        said=[f"images from {images}, positions from {poses}", taken],
+        said=said + taken,
     )
 
 
@@ -78,7 +101,9 @@ class _Bag:
     """The messages of a bag; every fault of the reader becomes a `FlightError` that names it."""
 
     def __init__(self, source: Path):
-        self.source = source
+        # ROS 2 keeps its files in a folder that says more of them.
+        inside = source.is_file() and (source.parent / "metadata.yaml").is_file()
+        self.source = source.parent if inside else source
         with self._open() as reader:
             self.topics = {each.topic: str(each.msgtype) for each in reader.connections}
 
@@ -103,11 +128,11 @@ class _Bag:
             raise FlightError(f"{self.source}: topics of {short}: {found}: name one of them")
         return wanted or fitting[0]
 
-    def messages(self, topic: str) -> Iterator[tuple[int, Any]]:
-        """Header stamp in nanoseconds, and message."""
+    def messages(self, topic: str) -> Iterator[tuple[int, int, Any]]:
+        """Stamps of the header and of the bag in nanoseconds, and message."""
         with self._open() as reader:
             chosen = [each for each in reader.connections if each.topic == topic]
-            for connection, _, data in reader.messages(chosen):
+            for connection, recorded, data in reader.messages(chosen):
                 try:
                     message = reader.deserialize(data, connection.msgtype)
                 except Exception as error:  # whatever a damaged message raises
@@ -115,7 +140,7 @@ class _Bag:
                         f"{self.source}: a message of {topic} is damaged ({error}): record it again"
                     ) from None
                 stamp = message.header.stamp
-                yield int(stamp.sec) * NANO + int(stamp.nanosec), message
+                yield int(stamp.sec) * NANO + int(stamp.nanosec), recorded, message
 
 
 def _pose(message: Any) -> list[float]:
@@ -138,7 +163,7 @@ class BagFrames(Forward):
         self._bag, self._topic = bag, topic
 
     def items(self) -> Iterator[Any]:
-        return (message for _, message in self._bag.messages(self._topic))
+        return (message for *_, message in self._bag.messages(self._topic))
 
     def decoded(self, item: Any) -> np.ndarray:
         where = f"{self._bag.source}: an image of {self._topic}"
@@ -147,14 +172,17 @@ class BagFrames(Forward):
             if image is None:
                 raise FlightError(f"{where} cannot be decoded (format {item.format!r})")
             return image
-        if item.encoding not in _ENCODINGS:
+        if item.encoding.lower() not in _ENCODINGS:
             known = ", ".join(_ENCODINGS)
             raise FlightError(f"{where} is encoded as {item.encoding!r}: expected {known}")
-        channels, conversion = _ENCODINGS[item.encoding]
+        kind, channels, conversion = _ENCODINGS[item.encoding.lower()]
+        kind = (">" if item.is_bigendian else "<") + kind
         rows, columns, step = int(item.height), int(item.width), int(item.step)
-        if len(item.data) < rows * step or step < columns * channels:
+        width = columns * channels * np.dtype(kind).itemsize
+        if len(item.data) < rows * step or step < width:
             raise FlightError(f"{where} is shorter than its {columns}x{rows} pixels")
         lines = np.asarray(item.data, np.uint8)[: rows * step].reshape(rows, step)
-        pixels = lines[:, : columns * channels].reshape(rows, columns, channels)
-        pixels = np.ascontiguousarray(pixels)
+        pixels = np.ascontiguousarray(lines[:, :width]).view(kind).reshape(rows, columns, channels)
+        if pixels.dtype.itemsize == 2:
+            pixels = (pixels // 257).astype(np.uint8)
         return pixels if conversion is None else cv2.cvtColor(pixels, conversion)

@@ -1,4 +1,5 @@
-"""Camera calibrations: an ASL ``sensor.yaml``, or a file that OpenCV's calibration writes."""
+"""Camera calibrations: an ASL ``sensor.yaml``, a file that OpenCV's calibration writes, or
+Kalibr's ``camchain.yaml``."""
 
 from __future__ import annotations
 
@@ -26,17 +27,29 @@ _Meant = TypeVar("_Meant")
 OPENING, MOST_OPENINGS = "[{<:-?", 10_000
 
 
-def read_calibration(path: Path) -> tuple[Camera, np.ndarray | None]:
+def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.ndarray | None]:
     """The camera and its distortion coefficients (None where all are zero).
+
+    Parameters
+    ----------
+    camera_name : str
+        Which of those in a chain of Kalibr's.
 
     Raises
     ------
     FlightError
         The file is of neither kind, far longer or deeper than a calibration, or of no camera.
     """
-    camera, distortion = _read(
-        path, lambda content: (_opencv if "camera_matrix" in content else _asl)(content)
-    )
+
+    def described(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:
+        if "camera_matrix" in content:
+            return _opencv(content)
+        if "cam0" in content or camera_name in content:  # Kalibr's, in the words of ASL
+            content = content[camera_name]
+            content = {"distortion_coefficients": content.get("distortion_coeffs", []), **content}
+        return _asl(content)
+
+    camera, distortion = _read(path, described)
     if camera.width * camera.height > MOST_PIXELS or not np.isfinite(distortion).all():
         raise FlightError(
             f"{path}: expected a picture of 1 to {MOST_PIXELS:,} pixels and finite numbers: "
@@ -86,7 +99,7 @@ def _read(path: Path, meant: Callable[[Mapping[str, Any]], _Meant]) -> _Meant:
     ) as error:  # fmt: skip
         why = " ".join(str(error).split())[:200]
         raise FlightError(
-            f"{path}: neither a calibration of OpenCV nor of ASL ({why}): correct it"
+            f"{path}: neither a calibration of OpenCV nor of ASL nor of Kalibr ({why}): correct it"
         ) from None
 
 
@@ -103,8 +116,9 @@ def _matrix(node: Mapping[str, Any]) -> np.ndarray:
 
 def _asl(content: Mapping[str, Any]) -> tuple[Camera, np.ndarray]:
     width, height = (int(value) for value in content["resolution"])
-    fx, fy, cx, cy = (float(value) for value in content["intrinsics"])
-    radial = content.get("distortion_model", _RADIAL[0]) in _RADIAL
+    fx, fy, cx, cy = (float(value) for value in content["intrinsics"][-4:])
+    pinhole = content.get("camera_model", "pinhole") == "pinhole"  # others distort otherwise
+    radial = pinhole and content.get("distortion_model", _RADIAL[0]) in _RADIAL
     given = content.get("distortion_coefficients", []) if radial else []
     distortion = np.array(given, dtype=float).ravel()
     return Camera(width, height, (fx + fy) / 2, (cx, cy)), distortion

@@ -14,7 +14,8 @@ from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import AXES
 from trexton.flights.importers.calibration import read_calibration, read_mounting
-from trexton.flights.importers.recording import PoseTrack, Recording, TrackColumns
+from trexton.flights.importers.recording import PoseTrack, Recording
+from trexton.flights.importers.tracks import TrackColumns
 from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "read", "recognises"]
@@ -68,15 +69,15 @@ def _track(path: Path, camera: Path) -> tuple[PoseTrack, list[str]]:
     names = table.header
     if len(names) < 4:
         raise FlightError(f"{path}: {len(names)} columns: expected stamp, x, y, z")
-    turn = (*names[5:8], names[4]) if len(names) >= 8 else ()  # they are written w, x, y, z
+    turn = ",".join((*names[5:8], names[4]) if len(names) >= 8 else ())  # written w, x, y, z
     columns = TrackColumns(names[0], names[1], names[2], names[3], quaternion=turn, time_unit="ns")
     mounted = _mounting(camera)
     if mounted is None:
-        return columns.read(table)
+        return columns.of(table)
     # From the axes of what was tracked to the vehicle's, and from those to the camera's.
     tracked = _mounting(path.with_name("sensor.yaml"))
     axes = (np.eye(3) if tracked is None else tracked.T) @ mounted @ AXES["camera"]
-    return columns.read(table, axes)
+    return columns.of(table, axes)
 
 
 def _mounting(sensor: Path) -> np.ndarray | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
@@ -126,7 +127,10 @@ def _calibration(
     if name != "own":
         from trexton.flights.importers.calibration import read_calibration
 
-        camera, distortion = read_calibration(Path(name))
+        # Of several cameras, that whose folder the images lie in.
+        files = recording.frames.files[:1] if isinstance(recording.frames, ImageFiles) else ()
+        parts = [part for file in files for part in file.parts if re.fullmatch(r"cam\d", part)]
+        camera, distortion = read_calibration(Path(name), parts[-1] if parts else "cam0")
     if camera is None or distortion is None:
         where = source if name == "own" else name
         raise ParameterError(

@@ -1,12 +1,15 @@
-"""Photographs with GPS: positions from EXIF, or from a table with latitudes; local metres east and
-north.
+"""Photographs with GPS: positions from EXIF, a table with latitudes, a log of an autopilot, or a
+reconstruction (COLMAP, OpenSfM); local metres east and north.
 """
 
 from __future__ import annotations
 
+import re
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import UTC, datetime
-from pathlib import Path
+from itertools import groupby
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
@@ -15,27 +18,36 @@ from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.geodesy import local_metres
+from trexton.flights.importers.autopilot import read_log
+from trexton.flights.importers.exif import Shot, read_shot, time_of
+from trexton.flights.importers.reconstruction import read_reconstruction
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
-from trexton.flights.tables import read_table
+from trexton.flights.tables import TextTable, read_table
 
 __all__ = ["Settings", "read", "recognises"]
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png")
-_GPS, _DETAILS = 0x8825, 0x8769  # EXIF directories
-_TAKEN = (0x9003, 0x0132)  # when it was taken, when the file was changed
+OTHERS = (".heic", ".heif", ".avif", ".webp", ".dng", ".raw", ".cr2", ".cr3", ".nef", ".arw")
+_BAND = re.compile(r"[_-](\d{1,2}|[A-Za-z]{2,6})$")  # ends the names of multispectral bands
 
 
 @dataclass(frozen=True)
 class Settings(Options):
     """What can be chosen."""
 
-    positions: str = option("", "table of file, latitude, longitude instead of EXIF")
+    positions: str = option(
+        "",
+        "table of file, latitude, longitude instead of EXIF; or a log of an autopilot, COLMAP's "
+        "images.txt, OpenSfM's reconstruction.json",
+    )
     file: str = option("file", "its column of file names")
     latitude: str = option("lat", "its column of latitudes in degrees")
     longitude: str = option("lon", "its column of longitudes in degrees")
     altitude: str = option("alt_m", "its column of altitudes in metres, where there is one")
     taken: str = option("time", "its column of times, where there is one")
-    ground: float = option(0.0, "altitude of the ground in metres")
+    ground: float | None = option(
+        None, "altitude of the ground in metres, which makes heights of altitudes"
+    )
 
 
 def recognises(source: Path) -> bool:
@@ -46,120 +58,208 @@ def _folder(source: Path) -> Path:
     return source / "images" if (source / "images").is_dir() else source
 
 
-def _files(folder: Path) -> list[Path]:
+def _files(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
+    """In the order in which people count: IMG_9 before IMG_10."""
     return sorted(
-        path for path in folder.iterdir() if path.suffix.lower() in SUFFIXES and path.is_file()
+        (each for each in folder.iterdir() if each.suffix.lower() in suffixes and each.is_file()),
+        key=lambda path: [
+            (int(part), "") if part.isdigit() else (0, part)
+            for part in re.split(r"(\d+)", path.name)
+        ],
     )
 
 
 def read(source: Path, settings: Settings) -> Recording:
     """The recording of a folder of photographs, in the order in which they were taken."""
-    files = _files(_folder(source))
-    default = source / "positions.csv"
-    if settings.positions:
-        places = _from_table(beside(source, settings.positions), files, settings)
-    elif default.is_file():
-        places = _from_table(default, files, settings)
-    else:
-        places = {file: _from_exif(file) for file in files}
-        undated = [file for file, place in places.items() if place and not place[3]]
-        if undated and len(undated) < sum(place is not None for place in places.values()):
-            raise FlightError(
-                f"{undated[0]}: no time in its EXIF, where other photographs have one: leave it "
-                "out, or name a table with --positions"
-            )
-    known = [file for file in files if (at := places.get(file)) and np.isfinite(at[:2]).all()]
-    if len(known) < 3:
-        raise FlightError(
-            f"{source}: {len(known)} of {len(files)} photographs have a position: expected 3 "
-            "or more, by GPS in their EXIF or by a table named with --positions"
-        )
-    taken: dict[Path, Any] = {file: places[file] for file in known}
-    order = sorted(known, key=lambda file: (taken[file][3], file.name))
-    values = np.array([taken[file][:3] for file in order], dtype=float)
-    stamps = _increasing(np.array([taken[file][3] for file in order], dtype=np.int64))
-    place, origin = local_metres(values[:, 0], values[:, 1])
-    position = np.column_stack([place, values[:, 2] - settings.ground])
-    missing = len(files) - len(known)
-    return Recording(
+    folder = _folder(source)
+    files = _files(folder)
+    kinds = Counter(path.suffix.lower() for path in _files(folder, OTHERS))
+    said = [
+        f"{count} files of {suffix} were left out: convert them to JPEG"
+        for suffix, count in kinds.items()
+    ]
+    path = source / "positions.csv"
+    path = beside(source, settings.positions) if settings.positions else path
+    if settings.positions and (track := read_log(path)) is not None:
+        return _logged(source, files, track, said)
+    if settings.positions and (posed := read_reconstruction(path)) is not None:
+        return _reconstructed(source, files, *posed, said)
+    named = bool(settings.positions) or path.is_file()
+    shots = _from_table(path, files, settings) if named else _from_exif(files)
+    known, words = _located(source, path if named else None, files, shots)
+    known, bands = _without_bands(known, shots)
+    taken: list[Shot] = [shots[file] for file in known]
+    order = sorted(range(len(known)), key=lambda row: taken[row].time_ns)  # equal ones by name
+    taken, known = [taken[row] for row in order], [known[row] for row in order]
+    stamps = _spread(np.array([shot.time_ns for shot in taken], dtype=np.int64))
+    place, origin = local_metres(*np.array([(shot.latitude, shot.longitude) for shot in taken]).T)
+    height, words_of_height = _heights(taken, settings.ground)
+    attitude = np.array([shot.attitude for shot in taken], dtype=float)
+    track = PoseTrack(
         stamps,
-        PoseTrack(stamps, position),
-        ImageFiles(tuple(order)),
-        source=f"photographs of {source.name}",
-        origin=origin,
-        said=[f"photographs without a position, left out: {missing}"] if missing else [],
+        np.column_stack([place, height]),
+        attitude if np.isfinite(attitude).any() else None,
+        origin,
+    )
+    said += words + bands + words_of_height
+    return Recording(
+        stamps, track, ImageFiles(tuple(known)), source=f"photographs of {source.name}", said=said
     )
 
 
-def _from_table(
-    path: Path, files: list[Path], settings: Settings
-) -> dict[Path, tuple[float, float, float, int] | None]:
+def _located(
+    source: Path, table: Path | None, files: list[Path], shots: dict[Path, Shot]
+) -> tuple[list[Path], list[str]]:
+    """The photographs with a position, and how many are without."""
+    placed = [file for file in files if file in shots and shots[file].located]
+    fixed = [file for file in placed if shots[file].fixed]
+    said = []
+    if missing := len(files) - len(placed):
+        said.append(f"photographs without a position, left out: {missing}")
+    if unfixed := len(placed) - len(fixed):
+        said.append(f"photographs without a fix, at 0, 0, left out: {unfixed}")
+    if len(fixed) < 3:
+        how = "by GPS in their EXIF or by a table named with --positions"
+        if table is not None:
+            how = f"by name in {table}"
+        raise FlightError(
+            f"{source}: {len(fixed)} of {len(files)} photographs have a position: expected 3 "
+            f"or more, {how}"
+        )
+    return fixed, said
+
+
+def _heights(shots: list[Shot], ground: float | None) -> tuple[np.ndarray, list[str]]:
+    """Metres above the floor: from the altitude of the ground where it is given, else as the
+    vehicle told it; an altitude above the sea is no height.
+    """
+    altitude = np.array([shot.altitude for shot in shots])
+    height = np.array([shot.height for shot in shots])
+    if ground is not None:
+        return altitude - ground, []
+    if np.isfinite(height).any():
+        return height, ["heights are those above the place of take-off, as XMP tells them"]
+    if np.isfinite(altitude).any():
+        return height, [
+            f"altitudes (about {np.nanmedian(altitude):.0f} m) are above the sea, not above the "
+            "floor: heights left out; give --ground METRES, the altitude of the floor"
+        ]
+    return height, []
+
+
+def _without_bands(files: list[Path], shots: dict[Path, Shot]) -> tuple[list[Path], list[str]]:
+    """One picture of each shutter of a multispectral camera: the one in colour, else the first."""
+
+    def shutter(file: Path) -> tuple[Any, ...]:
+        shot = shots[file]
+        return shot.time_ns, shot.latitude, shot.longitude
+
+    groups = [list(each) for _, each in groupby(sorted(files, key=shutter), key=shutter)]
+    usual, often = Counter(map(len, groups)).most_common(1)[0]
+    mixed = len({file.suffix.lower() for file in files}) > 1
+    stems = all(len({_BAND.sub("", file.stem) for file in group}) == 1 for group in groups)
+    if usual < 3 or often < 0.8 * len(groups) or not (mixed or stems):
+        return files, []
+    coloured = SUFFIXES[:2]
+    kept = {min(group, key=lambda file: file.suffix.lower() not in coloured) for group in groups}
+    chosen = [file for file in files if file in kept]
+    return chosen, [
+        f"{usual} bands of one shutter at one place: kept {chosen[0].name} and its like, left out "
+        f"{len(files) - len(chosen)} files"
+    ]
+
+
+def _by_name(names: list[str], files: list[Path]) -> dict[Path, int]:
+    """The row that names each file: by its whole name, else by the last part of it alone."""
+    last = [PurePosixPath(name.replace("\\", "/")).name for name in names]
+    whole = {name: row for row, name in enumerate(names)}
+    twice = {name for name, count in Counter(last).items() if count > 1}
+    short = {name: row for row, name in enumerate(last) if name not in twice}
+    rows = {file: whole.get(file.name, short.get(file.name)) for file in files}
+    return {file: row for file, row in rows.items() if row is not None}
+
+
+def _from_table(path: Path, files: list[Path], settings: Settings) -> dict[Path, Shot]:
     table = read_table(path)
+
+    def numbers(name: str, needed: bool) -> np.ndarray:
+        there = needed or name in table.header
+        return table.numbers(name) if there else np.full(len(table), np.nan)
+
+    latitude, longitude = (numbers(name, True) for name in (settings.latitude, settings.longitude))
+    altitude = numbers(settings.altitude, False)
+    times = _times(path, table, settings.taken)
     names = table.texts(settings.file)
-    latitude, longitude = table.numbers(settings.latitude), table.numbers(settings.longitude)
-    altitude = (
-        table.numbers(settings.altitude)
-        if settings.altitude in table.header
-        else np.full(len(table), np.nan)
-    )
-    times = (
-        [_stamp(path, text) for text in table.texts(settings.taken)]
-        if settings.taken in table.header
-        else [row * NANO for row in range(len(table))]
-    )
-    rows = dict(zip(names, zip(latitude, longitude, altitude, times, strict=True), strict=True))
-    return {file: rows.get(file.name) for file in files}
+    rows = _by_name(names, files)
+    if not rows and names:
+        raise FlightError(f"{path} names {names[0]}, the folder holds {files[0].name}: correct it")
+    return {
+        file: Shot(latitude[row], longitude[row], altitude[row], time_ns=times(row))
+        for file, row in rows.items()
+    }
 
 
-def _from_exif(path: Path) -> tuple[float, float, float, int] | None:
-    from PIL import Image, UnidentifiedImageError
-
-    try:
-        with Image.open(path) as image:
-            exif = image.getexif()
-            gps, details = exif.get_ifd(_GPS), exif.get_ifd(_DETAILS)
-        latitude, longitude = _degrees(gps[2], gps[1], "S"), _degrees(gps[4], gps[3], "W")
-    except (
-        KeyError, TypeError, ValueError, ZeroDivisionError, UnidentifiedImageError, OSError,
-        Image.DecompressionBombError,
-    ):  # fmt: skip
-        return None
-    altitude = float(gps[6]) * (-1 if gps.get(5) in (1, b"\x01") else 1) if 6 in gps else np.nan
-    text = next(
-        (str(table[tag]) for tag in _TAKEN for table in (details, exif) if tag in table), ""
-    )
-    return latitude, longitude, altitude, _stamp(path, text) if text else 0
+def _times(path: Path, table: TextTable, column: str) -> Callable[[int], int]:
+    if column not in table.header:
+        return lambda row: row * NANO
+    texts = table.texts(column)
+    return lambda row: time_of(path, texts[row])
 
 
-def _degrees(parts: Any, side: str, negative: str) -> float:
-    degrees, minutes, seconds = (float(part) for part in parts)
-    value = degrees + minutes / 60 + seconds / 3600
-    return -value if str(side).upper().startswith(negative) else value
+def _from_exif(files: list[Path]) -> dict[Path, Shot]:
+    shots = {file: shot for file in files if (shot := read_shot(file)).located}
+    undated = [file for file, shot in shots.items() if not shot.time_ns]
+    if undated and len(undated) < len(shots):
+        raise FlightError(
+            f"{undated[0]}: no time in its EXIF, where other photographs have one: leave it "
+            "out, or name a table with --positions"
+        )
+    return shots
 
 
-def _stamp(path: Path, text: str) -> int:
-    """Nanoseconds since 1970 of an EXIF time such as ``2013:06:04 13:37:29``, or one of ISO 8601,
-    taken as UTC where it tells no zone; zero where a camera without a clock wrote it.
+def _stamps(files: list[Path]) -> np.ndarray:
+    return _spread(np.array([read_shot(file).time_ns for file in files], dtype=np.int64))
+
+
+def _logged(source: Path, files: list[Path], track: PoseTrack, said: list[str]) -> Recording:
+    """Photographs by the times in their EXIF among the rows of a log."""
+    track, order = track.ordered("log", range(1, len(track.time_ns) + 1))
+    return Recording(
+        _stamps(files), track, ImageFiles(tuple(files)), source=f"photographs of {source.name}",
+        said=said + order,
+    )  # fmt: skip
+
+
+def _reconstructed(
+    source: Path, files: list[Path], names: list[str], track: PoseTrack, words: list[str],
+    said: list[str],
+) -> Recording:  # fmt: skip
+    """Photographs by name among the poses of a reconstruction."""
+    rows = _by_name(names, files)
+    if not rows:
+        raise FlightError(f"{source}: the reconstruction names {names[0]}, not {files[0].name}")
+    known = [file for file in files if file in rows]
+    stamps = _stamps(known)
+    placed = track.rows(np.array([rows[file] for file in known]))
+    placed = PoseTrack(stamps, placed.position, placed.attitude, track.origin)
+    if missing := len(files) - len(known):
+        words = [*words, f"photographs without a position, left out: {missing}"]
+    order = np.argsort(stamps, kind="stable")
+    return Recording(
+        stamps[order], placed.rows(order), ImageFiles(tuple(known[row] for row in order)),
+        source=f"photographs of {source.name}", said=said + words,
+    )  # fmt: skip
+
+
+def _spread(stamps: np.ndarray) -> np.ndarray:
+    """Stamps of whole seconds are shared by photographs in a burst: they are spread over it. A
+    camera without a clock takes one a second.
     """
-    if not text.strip(" 0:"):
-        return 0
-    try:
-        date, clock = text.strip()[:10], text.strip()[10:]
-        moment = datetime.fromisoformat(date.replace(":", "-") + clock)
-        moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-        stamp = round(moment.timestamp() * 1e6) * 1000
-        if abs(stamp) < 2**63:  # until the year 2262
-            return stamp
-    except ValueError:
-        pass
-    raise FlightError(f"{path}: {text[:40]!r} is no time: expected one such as 2013:06:04 13:37:29")
-
-
-def _increasing(stamps: np.ndarray) -> np.ndarray:
-    """Stamps of whole seconds are shared by photographs in a burst: each comes a millisecond
-    later.
-    """
+    if not stamps.any():
+        return np.arange(len(stamps), dtype=np.int64) * NANO
+    _, first, count = np.unique(stamps, return_index=True, return_counts=True)
     result = stamps.copy()
-    for row in range(1, len(result)):
-        result[row] = max(result[row], result[row - 1] + NANO // 1000)
+    for begin, many in zip(first, count, strict=True):
+        same = np.flatnonzero(stamps == stamps[begin])
+        result[same] += np.arange(many) * NANO // many
     return result

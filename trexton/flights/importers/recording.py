@@ -1,31 +1,32 @@
 """What an importer reads: frames with their stamps, and a track of positions with its own.
 
-`Recording` and `PoseTrack` hold it, `TrackColumns` declares a format of tables, `match` gives each
-frame its position.
+`Recording` and `PoseTrack` hold it, `match` gives each frame its position.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
 from trexton.flights.frames import Frames
-from trexton.flights.importers.axes import attitude_from_quaternions, camera_attitude
-from trexton.flights.tables import LENGTHS, TIMES, TextTable
+from trexton.flights.tables import TIMES
 from trexton.vision.camera import Camera, wrapped
 
 __all__ = [
-    "Recording",
+    "NANO",
     "PoseTrack",
-    "TrackColumns",
+    "Recording",
     "beside",
     "match",
 ]
 
 NANO = TIMES["s"]
+SAME_PLACE = 0.05  # metres: rows of one stamp that lie nearer tell the same, rounded
+NAMED_ROWS = 3  # contradictions that are told one by one
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,23 +41,30 @@ class PoseTrack:
         Metres; z is NaN where it was not recorded.
     attitude : (M, 3) array or None
         Roll, pitch, yaw in radians; see `trexton.vision.camera`.
+    origin : (latitude, longitude) or None
+        Degrees of the place from which positions count metres east and north.
     """
 
     time_ns: np.ndarray
     position: np.ndarray
     attitude: np.ndarray | None = None
+    origin: tuple[float, float] | None = None
+
+    def rows(self, chosen: np.ndarray) -> PoseTrack:
+        """The track at these rows: indices or a mask."""
+        attitude = None if self.attitude is None else self.attitude[chosen]
+        return PoseTrack(self.time_ns[chosen], self.position[chosen], attitude, self.origin)
 
     def shifted(self, seconds: float) -> PoseTrack:
         """The track with its clock set forward; raises `ParameterError` for centuries."""
         if not abs(seconds) < 2**62 / NANO:
             raise ParameterError(f"offset {seconds:g} s: expected less than a century")
-        return PoseTrack(self.time_ns + round(seconds * NANO), self.position, self.attitude)
+        return replace(self, time_ns=self.time_ns + round(seconds * NANO))
 
     def located(self) -> PoseTrack:
         """The rows with a place; raises `FlightError` where there are none, or out of order."""
         rows = ~np.isnan(self.position[:, :2]).any(axis=1)
-        attitude = None if self.attitude is None else self.attitude[rows]
-        track = PoseTrack(self.time_ns[rows], self.position[rows], attitude)
+        track = self.rows(rows)
         if not rows.any() or (np.diff(track.time_ns) <= 0).any():
             found = "no row has a place: give x and y"
             if rows.any():
@@ -64,67 +72,47 @@ class PoseTrack:
             raise FlightError(f"{len(rows)} rows of positions, {found}")
         return track
 
+    def ordered(self, where: str, lines: Sequence[int]) -> tuple[PoseTrack, list[str]]:
+        """The track in order of its stamps, one row a stamp, and what was done for it.
 
-@dataclass(frozen=True)
-class TrackColumns:
-    """Which columns of a table hold a track, and in which units: a format of tables, declared.
-
-    Attributes
-    ----------
-    time, x, y, z, yaw : str
-        Names of columns; without z or yaw (empty) none is known.
-    quaternion : (x, y, z, w), optional
-        Names of the columns of the attitude, instead of a yaw.
-    time_unit, unit : str
-        Of `TIMES` and `LENGTHS`.
-    degrees : bool
-        The yaw is in degrees.
-    """
-
-    time: str
-    x: str
-    y: str
-    z: str = ""
-    yaw: str = ""
-    quaternion: tuple[str, ...] = ()
-    time_unit: str = "s"
-    unit: str = "m"
-    degrees: bool = False
-
-    def read(
-        self, table: TextTable, axes: str | np.ndarray = "auto"
-    ) -> tuple[PoseTrack, list[str]]:
-        """The track, and a sentence that tells how its quaternions were taken, if it has any.
+        Of rows with one stamp the first with a place is kept; where they lie apart, none is.
 
         Parameters
         ----------
-        axes : str or (3, 3) array
-            An entry of `AXES`, ``auto``, or how the sensor is mounted.
-
-        Raises
-        ------
-        FlightError
-            A column is missing, or holds something else.
+        where : str
+            The source, for the sentences.
+        lines : sequence of int
+            The number of each row in it.
         """
-        stamps = table.nanoseconds(self.time, self.time_unit)
-        unknown = np.full(len(table), np.nan)
-        position = LENGTHS[self.unit] * np.column_stack(
-            [table.numbers(name) if name else unknown for name in (self.x, self.y, self.z)]
+        if (np.diff(self.time_ns) > 0).all():
+            return self, []
+        order = np.lexsort((np.isnan(self.position[:, :2]).any(axis=1), self.time_ns))
+        back, time = int((np.diff(self.time_ns) < 0).sum()), self.time_ns[order]
+        new = np.diff(time, prepend=time[0] - 1) > 0
+        group, place = np.cumsum(new) - 1, self.position[order, :2]
+        apart = np.hypot(*(place - place[new][group]).T)
+        steps = np.hypot(*np.diff(place[new], axis=0).T)
+        usual = np.median(steps[np.isfinite(steps)]) if np.isfinite(steps).any() else 0.0
+        against = np.flatnonzero(apart > max(SAME_PLACE, 2 * usual))
+        wrong = np.isin(group, group[against])
+        said = [f"{where}: {back} rows of positions out of order, sorted by their stamps"] * (
+            back > 0
         )
-        if self.quaternion:
-            turns = np.column_stack([table.numbers(name) for name in self.quaternion])
-            if isinstance(axes, str):
-                attitude, said = camera_attitude(turns, axes)
-            else:
-                attitude = attitude_from_quaternions(turns, axes)
-                said = "attitude of the camera as T_BS tells"
-            return PoseTrack(stamps, position, attitude), [said]
-        if not self.yaw:
-            return PoseTrack(stamps, position), []
-        yaw = table.numbers(self.yaw)
-        yaw = np.radians(yaw) if self.degrees else yaw
-        level = np.zeros_like(yaw)
-        return PoseTrack(stamps, position, np.column_stack([level, level, yaw])), []
+        if dropped := np.flatnonzero(~new & ~wrong).tolist():
+            rows = "row" if len(dropped) == 1 else "rows"
+            said.append(
+                f"{where}: {len(dropped)} {rows} of positions with a repeated stamp dropped "
+                f"(first: row {lines[order[dropped[0]]]})"
+            )
+        for row in against[:NAMED_ROWS]:
+            first = order[np.flatnonzero(group == group[row])[0]]
+            said.append(
+                f"{where}, rows {lines[first]} and {lines[order[row]]}: one stamp, but places "
+                f"{apart[row]:.2f} m apart: both left out"
+            )
+        if len(against) > NAMED_ROWS:
+            said.append(f"{where}: {len(against) - NAMED_ROWS} more rows that contradict others")
+        return self.rows(order[new & ~wrong]), said
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +134,6 @@ class Recording:
     camera : Camera or None
     distortion : (D,) array or None
         Of the camera, in OpenCV's order.
-    origin : (latitude, longitude) or None
-        Degrees of the place from which the track counts metres east and north.
     notes : list of str
         What a reader of the flight must know.
     said : list of str
@@ -161,7 +147,6 @@ class Recording:
     features: str = "textons"
     camera: Camera | None = None
     distortion: np.ndarray | None = None
-    origin: tuple[float, float] | None = None
     source: str = ""
     licence: str = ""
     notes: list[str] = field(default_factory=list)

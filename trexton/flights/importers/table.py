@@ -8,27 +8,20 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError
-from trexton.base.options import Options, option
+from trexton.base.options import option
 from trexton.flights.frames import ImageFiles
-from trexton.flights.importers.recording import Recording, TrackColumns
-from trexton.flights.tables import LENGTHS, TIMES, read_table
+from trexton.flights.importers.recording import Recording
+from trexton.flights.importers.tracks import TrackColumns
+from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "column_names", "read", "recognises"]
 
 
 @dataclass(frozen=True)
-class Settings(Options):
+class Settings(TrackColumns):
     """What can be chosen."""
 
-    time: str = option("t", "column of the stamps")
-    x: str = option("x", "column of x")
-    y: str = option("y", "column of y")
-    z: str = option("", "column of the height above the floor")
-    yaw: str = option("", "column of the yaw: anticlockwise, 0 where the picture's top is +y")
     image: str = option("image", "column of the image files, beside the table")
-    time_unit: str = option("s", "unit of the stamps", choices=tuple(TIMES))
-    unit: str = option("m", "unit of the positions", choices=tuple(LENGTHS))
-    degrees: bool = option(False, "the yaw is in degrees")
 
 
 def column_names(source: Path) -> set[str]:
@@ -54,9 +47,7 @@ def read(source: Path, settings: Settings) -> Recording:
         raise FlightError(
             f"{source}: no row of column {settings.image!r} names an image: name them"
         )
-    columns = settings.as_dict()
-    del columns["image"]
-    track, _ = TrackColumns(**columns).read(table)
+    track, said = settings.of(table)
     files = tuple(source.parent / name for name in names[pictured])
-    stamps = track.time_ns[pictured]
-    return Recording(stamps, track, ImageFiles(files), source=f"table {source.name}")
+    stamps = table.nanoseconds(settings.time, settings.time_unit)[pictured]
+    return Recording(stamps, track, ImageFiles(files), source=f"table {source.name}", said=said)

@@ -1,5 +1,5 @@
-"""A video with a table of positions; the offset between their clocks is given, or found by their
-motion.
+"""A video with a file of positions (a table, motion capture, a log); the offset between their
+clocks is given, or found by their motion.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.base.options import Options, option
+from trexton.base.options import option
 from trexton.base.progress import progress
-from trexton.flights.frames import Selected, VideoFrames, stamped_frames
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording, TrackColumns, beside
-from trexton.flights.tables import LENGTHS, read_table
+from trexton.flights.frames import Selected, VideoFrames, announced_frames, stamped_frames
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
+from trexton.flights.importers.tracks import TrackColumns, read_track
 
 __all__ = ["Settings", "estimate_offset", "read", "recognises"]
 
@@ -23,21 +23,18 @@ SUFFIXES = (".avi", ".mkv", ".mov", ".mp4", ".m4v", ".webm")
 _WIDTH = 160  # pixels of the frames whose motion is measured
 _STEP = 0.02  # seconds between the offsets that are tried
 _SURE = 0.5  # correlation from which an estimated offset is believed
+_WHOLE = 0.98  # of the frames announced: some containers only estimate their number
 
 
 @dataclass(frozen=True)
-class Settings(Options):
+class Settings(TrackColumns):
     """What can be chosen."""
 
-    positions: str = option("", "table of t, x, y beside the video (needed)")
-    time: str = option("t", "its column of stamps in seconds")
-    x: str = option("x", "its column of x")
-    y: str = option("y", "its column of y")
-    z: str = option("", "its column of the height above the floor")
-    yaw: str = option(
-        "", "its column of the yaw in radians: anticlockwise, 0 where the picture's top is +y"
+    positions: str = option(
+        "",
+        "table of t, x, y beside the video, export of motion capture, or log of an autopilot "
+        "(default: DJI's subtitles beside the video)",
     )
-    unit: str = option("m", "unit of the positions", choices=tuple(LENGTHS))
     offset: str = option(
         "estimate", "stamp of the first frame on the table's clock in s, or estimate"
     )
@@ -50,14 +47,18 @@ def recognises(source: Path) -> bool:
 
 def read(source: Path, settings: Settings) -> Recording:
     """The recording of a video; frames are decoded again when they are asked for, in order."""
-    if not settings.positions:
+    subtitles = [source.with_suffix(suffix) for suffix in (".srt", ".SRT")]
+    path = next((each for each in subtitles if each.is_file()), None)
+    own = not settings.positions  # they are stamped by the video itself
+    if settings.positions:
+        path = beside(source.parent, settings.positions)
+    if path is None:
         raise ParameterError(f"{source}: a video has no positions: name a table, --positions FILE")
-    columns = TrackColumns(
-        settings.time, settings.x, settings.y, settings.z, settings.yaw, unit=settings.unit
-    )
-    track, _ = columns.read(read_table(beside(source.parent, settings.positions)))
-    stamps, motion = _scan(source)
-    if settings.offset == "estimate":
+    track, read_so = read_track(path, settings)
+    stamps, motion, cut = _scan(source)
+    if own and settings.offset == "estimate":
+        offset, said = 0.0, f"positions of {path.name}, on the video's clock"
+    elif settings.offset == "estimate":
         offset, correlation = estimate_offset(stamps, motion, track)
         said = (
             f"time offset {offset:.2f} s, estimated from the motion (correlation {correlation:.2f})"
@@ -81,7 +82,7 @@ def read(source: Path, settings: Settings) -> Recording:
         track.shifted(-offset),
         Selected(VideoFrames(source, len(stamps)), chosen_rows),
         source=f"video {source.name}",
-        said=[said],
+        said=[said, *read_so, *cut],
     )
 
 
@@ -135,8 +136,10 @@ def _smooth(values: np.ndarray, seconds: float = 0.3) -> np.ndarray:
     return np.convolve(values, np.full(width, 1 / width), mode="same")
 
 
-def _scan(source: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Stamps of all frames in seconds from the first, and how fast the image moves before each."""
+def _scan(source: Path) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Stamps of all frames in seconds from the first, how fast the image moves before each, and a
+    sentence where the file announces more frames.
+    """
     stamps: list[float] = []
     motion = [0.0]
     before: np.ndarray | None = None
@@ -151,4 +154,10 @@ def _scan(source: Path) -> tuple[np.ndarray, np.ndarray]:
         before = grey
     if len(stamps) < 3:
         raise FlightError(f"{source}: {len(stamps)} frames could be decoded: expected a video")
-    return np.array(stamps) - stamps[0], np.array(motion)
+    announced, cut = announced_frames(source), []
+    if len(stamps) < _WHOLE * announced - 1:
+        cut = [
+            f"{source}: {len(stamps)} of {announced} frames could be decoded: the file is cut "
+            "short, copy it again to have the rest"
+        ]
+    return np.array(stamps) - stamps[0], np.array(motion), cut

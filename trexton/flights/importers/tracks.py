@@ -1,0 +1,182 @@
+"""Files of positions: a table whose columns and units are declared, or a format of the trade.
+
+`TrackColumns` declares a table; `read_track` also finds out trajectories of TUM, motion capture,
+autopilots' logs and subtitles by how a file begins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from trexton.base.options import Options, option
+from trexton.flights.importers.autopilot import read_log
+from trexton.flights.importers.axes import (
+    attitude_from_quaternions,
+    axes_option,
+    camera_attitude,
+    looks_away,
+)
+from trexton.flights.importers.mocap import read_motion_capture
+from trexton.flights.importers.recording import PoseTrack
+from trexton.flights.tables import LENGTHS, TIMES, TextTable, read_table, read_text
+
+__all__ = ["TUM", "TrackColumns", "pose_track", "read_track"]
+
+FULL_TURNS = 4 * np.pi  # radians: a yaw that is counted on through two turns
+
+
+@dataclass(frozen=True)
+class TrackColumns(Options):
+    """Columns of a table of positions, and their units; a minus before a name turns its sign."""
+
+    time: str = option("t", "column of the stamps")
+    x: str = option("x", "column of x")
+    y: str = option("y", "column of y")
+    z: str = option("", "column of the height above the floor")
+    yaw: str = option("", "column of the yaw: anticlockwise, 0 where the picture's top is +y")
+    quaternion: str = option("", "columns of the attitude instead of a yaw, as in qx,qy,qz,qw")
+    axes: str = axes_option()
+    time_unit: str = option("s", "unit of the stamps", choices=tuple(TIMES))
+    unit: str = option("m", "unit of the positions", choices=tuple(LENGTHS))
+    degrees: bool = option(False, "the yaw is in degrees")
+    body: str = option("", "of motion capture: the rigid body (default: the only one)")
+
+    def of(
+        self, table: TextTable, mounted: np.ndarray | None = None
+    ) -> tuple[PoseTrack, list[str]]:
+        """The track in order of its stamps, and what to know of it.
+
+        Parameters
+        ----------
+        mounted : (3, 3) array, optional
+            How the camera is mounted on what the quaternions turn, instead of `axes`.
+
+        Raises
+        ------
+        FlightError
+            A column is missing, or holds something else.
+        """
+        stamps = table.nanoseconds(self.time, self.time_unit)
+        unknown = np.full(len(table), np.nan)
+        position = LENGTHS[self.unit] * np.column_stack(
+            [_column(table, name) if name else unknown for name in (self.x, self.y, self.z)]
+        )
+        where, lines = str(table.path), table.rows
+        if names := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
+            turns = np.column_stack([_column(table, name) for name in names])
+            if len(names) == 9:
+                turns = _quaternions(turns)
+            return pose_track(stamps, position, turns, self.axes, where, lines, mounted)
+        attitude, said = None, []
+        if self.yaw:
+            yaw = _column(table, self.yaw)
+            largest = float(np.nanmax(np.abs(yaw), initial=0))
+            if not self.degrees and largest > FULL_TURNS:
+                said = [
+                    f"{where}: yaw of up to {largest:.4g}, beyond two turns in radians: degrees? "
+                    "give --degrees"
+                ]
+            yaw = np.radians(yaw) if self.degrees else yaw
+            attitude = np.column_stack([np.zeros((len(yaw), 2)), yaw])
+        track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
+        return track, said + order
+
+
+TUM = TrackColumns("stamp", "x", "y", "z", quaternion="qx,qy,qz,qw")
+
+
+def pose_track(
+    stamps: np.ndarray,
+    position: np.ndarray,
+    turns: np.ndarray,
+    axes: str,
+    where: str,
+    lines: Sequence[int],
+    mounted: np.ndarray | None = None,
+) -> tuple[PoseTrack, list[str]]:
+    """The track of poses with quaternions, in order of its stamps, and what to know of it.
+
+    Rows whose quaternion is zero, as motion capture writes them that has lost its body, are
+    dropped; where all are, only the attitude is not known.
+    """
+    lost = ~turns.any(axis=1)
+    said = []
+    if lost.all():
+        return PoseTrack(stamps, position).ordered(where, lines)
+    if lost.any():
+        kept = np.flatnonzero(~lost)
+        first = lines[int(lost.argmax())]
+        said = [f"{where}: {lost.sum()} rows without an attitude, left out (first: row {first})"]
+        stamps, position, turns = stamps[kept], position[kept], turns[kept]
+        lines = [lines[row] for row in kept.tolist()]
+    if mounted is None:
+        attitude, taken = camera_attitude(turns, axes)
+    else:
+        attitude = attitude_from_quaternions(turns, mounted)
+        taken = ["attitude of the camera as T_BS tells"]
+        taken += [doubt] if (doubt := looks_away(attitude)) else []
+    track, order = PoseTrack(stamps, position, attitude).ordered(where, lines)
+    return track, said + order + taken
+
+
+def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]:
+    """The track in a file of any format that is known, and what to know of it.
+
+    Parameters
+    ----------
+    columns : TrackColumns
+        Of a table. Those of motion capture have names of their own, taken unless others than the
+        defaults are asked for.
+
+    Raises
+    ------
+    FlightError
+        The file cannot be read as what it begins as.
+    """
+    log = read_log(path)
+    if log is not None:
+        return log.ordered(str(path), range(1, len(log.time_ns) + 1))
+    captured = read_motion_capture(path, columns.body)
+    if captured is not None:
+        table, names, said = captured
+        usual = TrackColumns().as_dict()
+        given = {key: getattr(columns, key) for key in usual}
+        asked = {key: value for key, value in given.items() if value != usual[key]}
+        track, more = TrackColumns(**{**names, **asked}).of(table)
+        return track, said + more
+    if _is_trajectory(path):
+        table = read_table(path, ["stamp", "x", "y", "z", *TUM.quaternion.split(",")])
+        return replace(TUM, axes=columns.axes).of(table)
+    return columns.of(read_table(path))
+
+
+def _is_trajectory(path: Path) -> bool:
+    """Whether the first row that is no comment is eight numbers with blanks between."""
+    lines = (line for line in read_text(path).splitlines() if line.strip())
+    fields = next((line.split() for line in lines if not line.startswith("#")), [])
+    try:
+        return len([float(field) for field in fields]) == 8
+    except ValueError:
+        return False
+
+
+def _column(table: TextTable, name: str) -> np.ndarray:
+    if name.startswith("-") and name not in table.header:
+        return -table.numbers(name[1:])
+    return table.numbers(name)
+
+
+def _quaternions(matrices: np.ndarray) -> np.ndarray:
+    """x, y, z, w of ``(N, 9)`` rotations, column after column; zero where one is none."""
+    from scipy.spatial.transform import Rotation
+
+    turns = matrices.reshape(-1, 3, 3).transpose(0, 2, 1)
+    good = np.isclose(np.linalg.det(np.nan_to_num(turns)), 1, atol=1e-2)
+    result = np.where(np.isnan(matrices).any(axis=1)[:, None], np.nan, np.zeros((len(turns), 4)))
+    if good.any():
+        result[good] = Rotation.from_matrix(turns[good]).as_quat()
+    return result

@@ -1,0 +1,143 @@
+"""Positions that a vehicle cannot have flown: motion capture that lost it, a pose that froze, or
+another body's place. `lost_rows` finds them by the flight's own speeds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+__all__ = ["Lost", "lost_rows", "ranges"]
+
+FEWEST = 5  # positions from which on a flight has speeds of its own
+WINDOW = 9  # steps over whose median a speed is sustained
+JUMP = 4.0  # times the top sustained speed: no vehicle goes from one row to the next so fast
+FROZEN = 3  # equal rows in sequence
+LEAVES = 2.0  # times the top sustained speed by which a frozen pose is left
+LONGEST = 0.3  # of the rows: where more seem lost it is the flight that jumps
+SMALLEST = 0.05  # metres: what is nearer is noise
+NAMED = 12  # ranges of frames that are told one by one
+
+Lost = tuple[str, np.ndarray]
+
+
+def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
+    """What is lost: a sentence of how, and its rows; empty where all can have been flown.
+
+    Parameters
+    ----------
+    time : (N,) array
+        Seconds, increasing.
+    place : (N, D) array
+        Metres, the first two columns x and y; NaN where there is none.
+    """
+    rows = np.flatnonzero(np.isfinite(place[:, :2]).all(axis=1))
+    if len(rows) < FEWEST:
+        return []
+    time, pose = time[rows], np.nan_to_num(place[rows])
+    position = pose[:, :2]
+    top = _top_speed(time, position)
+    if not top > 0:
+        return []
+    frozen = _frozen(time, pose, top)
+    kept = np.flatnonzero(~frozen)
+    flown = np.zeros(len(rows), dtype=bool)
+    flown[kept[_longest_chain(time[kept], position[kept], JUMP * top)]] = True
+    jumped = ~flown & ~frozen
+    found: list[Lost] = []
+    if jumped.mean() > LONGEST:
+        return [(f"the positions jump: at {_jumps(time, position, JUMP * top)} places faster than "
+                 f"{JUMP:g} times the top speed of {top:.2g} m/s", rows[:0])]  # fmt: skip
+    zero = jumped & ~position.any(axis=1)
+    for chosen, how in (
+        (zero, "at exactly (0, 0)"),
+        (jumped & ~zero, "where none can be flown to"),
+    ):
+        if chosen.any():
+            apart = np.hypot(*(position[chosen] - _between(time, position, flown, chosen)).T).max()
+            found.append((f"{how}, up to {apart:.4g} m from those before and after", rows[chosen]))
+    if frozen.any():
+        found.append(("the same to the last digit while the vehicle flew on", rows[frozen]))
+    return found
+
+
+def _top_speed(time: np.ndarray, position: np.ndarray) -> float:
+    """The speed that is sustained in the fastest twentieth of the flight; places that come again
+    and again (zeros, frozen poses) do not count where there are enough others.
+    """
+    rounded = np.round(position, 9)
+    _, inverse, count = np.unique(rounded, axis=0, return_inverse=True, return_counts=True)
+    single = count[np.reshape(inverse, -1)] == 1
+    if single.sum() < max(FEWEST, len(time) / 2):
+        single[:] = True
+    steps = np.hypot(*np.diff(position[single], axis=0).T) / np.diff(time[single])
+    width = min(WINDOW, len(steps))
+    sustained = np.median(np.lib.stride_tricks.sliding_window_view(steps, width), axis=1)
+    return float(np.quantile(sustained, 0.95))
+
+
+def _frozen(time: np.ndarray, pose: np.ndarray, top: float) -> np.ndarray:
+    """Rows of a sequence of equal poses, but its first, that is left by a jump: whoever hovers
+    leaves slowly.
+    """
+    scale = np.maximum(np.abs(pose).max(axis=0), 1.0)
+    equal = (np.abs(np.diff(pose, axis=0)) <= 1e-9 * scale).all(axis=1)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], equal.astype(int), [0]])))
+    result = np.zeros(len(time), dtype=bool)
+    for first, last in edges.reshape(-1, 2):  # rows first to last are equal
+        entered = np.hypot(*(pose[first, :2] - pose[first - 1, :2])) if first else 0.0
+        before = time[first] - time[first - 1] if first else np.inf
+        if last - first + 1 < FROZEN or entered > max(JUMP * top * before, SMALLEST):
+            continue  # what lies elsewhere is found by its jump
+        if last + 1 < len(time):
+            step = np.hypot(*(pose[last + 1, :2] - pose[last, :2]))
+            left = step > max(LEAVES * top * (time[last + 1] - time[last]), SMALLEST)
+        else:  # to the end: whoever lands slows down before
+            left = entered > max(top * before / 2, SMALLEST)
+        result[first + 1 : last + 1] = left
+    return result
+
+
+def _longest_chain(time: np.ndarray, position: np.ndarray, fastest: float) -> np.ndarray:
+    """The rows of the most positions that follow one another at up to that speed."""
+    steps = np.hypot(*np.diff(position, axis=0).T)
+    jumps = np.flatnonzero(steps > np.maximum(fastest * np.diff(time), SMALLEST))
+    if not len(jumps):
+        return np.arange(len(time))
+    first = np.concatenate([[0], jumps + 1])
+    last = np.concatenate([jumps, [len(time) - 1]])
+    size = last - first + 1
+    total, before = size.copy(), np.full(len(first), -1)
+    for piece in range(1, len(first)):
+        apart = np.hypot(*(position[first[piece]] - position[last[:piece]]).T)
+        near = apart <= np.maximum(fastest * (time[first[piece]] - time[last[:piece]]), SMALLEST)
+        near[piece - 1] = False  # there it jumped
+        if near.any():
+            best = int(np.where(near, total[:piece], 0).argmax())
+            total[piece], before[piece] = total[best] + size[piece], best
+    chain, piece = [], int(total.argmax())
+    while piece >= 0:
+        chain.append(np.arange(first[piece], last[piece] + 1))
+        piece = int(before[piece])
+    return np.concatenate(chain[::-1])
+
+
+def _jumps(time: np.ndarray, position: np.ndarray, fastest: float) -> int:
+    steps = np.hypot(*np.diff(position, axis=0).T)
+    return int((steps > np.maximum(fastest * np.diff(time), SMALLEST)).sum())
+
+
+def _between(
+    time: np.ndarray, position: np.ndarray, flown: np.ndarray, chosen: np.ndarray
+) -> np.ndarray:
+    """Where the vehicle was at the chosen rows, between those it can have flown."""
+    return np.column_stack(
+        [np.interp(time[chosen], time[flown], position[flown, axis]) for axis in (0, 1)]
+    )
+
+
+def ranges(numbers: np.ndarray) -> str:
+    """``5, 13 to 15, 21`` of rising numbers; the first of them where there are many."""
+    parts = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)
+    words = [f"{part[0]} to {part[-1]}" if len(part) > 1 else f"{part[0]}" for part in parts]
+    more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
+    return ", ".join(words[:NAMED]) + more
