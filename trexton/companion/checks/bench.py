@@ -1,13 +1,17 @@
-"""Speed of every stage as a ratio to a yardstick of the same run, interleaved in one process.
+"""Speed of every stage as a ratio to a yardstick of the same run.
 
-Offers `measure`, which gives a row for each of the `STAGES`.
+Offers `measure`, which gives a row for each contest of the `STAGES`. They work on a flight of the
+virtual room and on maps trained from it.
 """
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from functools import partial
+from functools import cached_property, partial
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -16,103 +20,134 @@ import numpy as np
 
 from trexton.base.errors import ParameterError
 from trexton.base.progress import say
-from trexton.companion.checks.processes import onboard, start
-from trexton.companion.checks.scene import Scene
-from trexton.companion.checks.timing import Row, row
-from trexton.companion.wording import duration
-from trexton.localization.localizer import Localizer
+from trexton.base.streams import stream
+from trexton.companion.checks.timing import Contest, Row
+from trexton.companion.experiments.evaluation import evenly_spread
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.map_files import save_map
+from trexton.localization.training import train_map
 from trexton.vision.histograms import sampled_histogram, texton_histogram
 from trexton.vision.patches import position_grid
 
-__all__ = ["STAGES", "measure"]
+__all__ = ["STAGES", "Scene", "measure"]
+
+Contests = Iterator[Contest | Row]
 
 _GEMM = 2048
-_CORRECT_M = 0.3  # metres within which a fix counts as right
 _SIZE = "640x480"
+_VIEWS = 48  # frames that are looked at, evenly over the flight
 _PARTICLES = ((50, 0.5, 1), (500, 0.04, 1), (5000, 0.02, 2))  # how many, limit, threads
-_METHODS = ("paper", "field", "fine")
 
 
-def train(scene: Scene) -> Iterator[Row]:
-    """A map of the flight, on two threads, against decoding its images once on one."""
+class Scene:
+    """A survey of the painted hall and all that a stage may ask for, made when asked for.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the flight is written.
+    quick : bool
+        200 frames instead of 800, and less of everything that is measured.
+    seed : int
+    """
+
+    def __init__(self, folder: Path, quick: bool = False, seed: int = 1):
+        self.folder, self.quick, self.seed = folder, quick, seed
+        self._maps: dict[str, TextonMap] = {}
+
+    @cached_property
+    def flight(self) -> Flight:
+        from trexton.simulator import record_flight
+
+        frames = 200 if self.quick else 800
+        return record_flight(self.folder / "flight", frames=frames, seed=self.seed)
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        return evenly_spread(len(self.flight), _VIEWS)
+
+    @cached_property
+    def views(self) -> list[np.ndarray]:
+        """``(480, 640, 3)`` frames."""
+        return [self.flight.image(row) for row in self.rows]
+
+    def map(self, method: str = "paper") -> TextonMap:
+        if method not in self._maps:
+            self._maps[method] = self.train(method)
+        return self._maps[method]
+
+    def train(self, method: str) -> TextonMap:
+        return train_map(self.flight, method=method, rng=stream(self.seed, "training"))
+
+
+def train(scene: Scene) -> Contests:
+    """A map of the flight, on two threads, against decoding its images once."""
     flight = scene.flight
-
-    decoding = scene.times({"decoding": lambda: list(flight.images())}, seconds=0)["decoding"]
+    decoding = "decoding the images", lambda: list(flight.images())
     for method, limit in (("paper", 4.0), ("field", 5.0)):
-        ours = scene.times({method: lambda: scene.train(method)}, threads=2, seconds=0)[method]
-        size = f"{len(flight)} frames"
-        yield row(f"train {method}", size, 2, ours, "decoding the images", decoding, limit)
+        ours = f"train {method}", f"{len(flight)} frames", partial(scene.train, method)
+        yield Contest(*ours, *decoding, limit, threads=2, rounds=3)
 
 
-def histogram(scene: Scene) -> Iterator[Row]:
+def histogram(scene: Scene) -> Contests:
     """Every patch of a frame labelled against sgemm; and 400 patches against all of them."""
-    dictionary, rng, view = scene.map().alphabet, scene.rng("samples"), scene.views[0]
+    dictionary, rng, view = scene.map().alphabet, stream(scene.seed, "samples"), scene.views[0]
     square = rng.random((_GEMM, _GEMM), dtype=np.float32)
     # 1.303e9 multiplications and additions for 20 textons of 6x6x3.
-    operations = (
-        2.0 * np.prod(position_grid(view.shape, dictionary.patch)) * dictionary.textons.size
-    )
-    contestants: dict[str, Callable[[], object]] = {
-        "sgemm": lambda: square @ square,
-        "full": lambda: texton_histogram(view, dictionary),
-        "sampled": lambda: sampled_histogram(view, dictionary, 400, rng=rng),
-    }
+    positions = np.prod(position_grid(view.shape, dictionary.patch))
+    share = 2.0 * positions * dictionary.textons.size / (2.0 * _GEMM**3)
+    full = partial(texton_histogram, view, dictionary)
     for threads, limit in ((1, 1 / 1.15), (2, 1 / 0.9)):
-        times = scene.times(contestants, threads, seconds=2.0)
-        rate = "sgemm's rate", times["sgemm"] * operations / (2.0 * _GEMM**3)
-        yield row("full histogram", _SIZE, threads, times["full"], *rate, limit)
-        if threads == 1:
-            full = "full histogram", times["full"]
-            yield row("sampled histogram", "400", 1, times["sampled"], *full)
+        sgemm = "sgemm's rate", lambda: square @ square
+        yield Contest("full histogram", _SIZE, full, *sgemm, limit, threads, float(share))
+    sampled = partial(sampled_histogram, view, dictionary, 400, rng=rng)
+    yield Contest("sampled histogram", 400, sampled, "full histogram", full)
 
 
-def neighbors(scene: Scene) -> Iterator[Row]:
+def neighbors(scene: Scene) -> Contests:
     """The nearest of N histograms against SciPy's k-d tree."""
     from scipy.spatial import cKDTree
 
     from trexton.localization.neighbors import NearestHistograms
 
-    rng = scene.rng("stored")
-    for count in (800, 10_000, 100_000):
+    rng = stream(scene.seed, "stored")
+    for count, limit in ((800, 1.2), (10_000, None), (100_000, None)):  # the latter by a tree too
         stored, queries = (_crowd(scene.map().histograms, number, rng) for number in (count, 200))
-        nearest, tree = NearestHistograms(stored, np.zeros((count, 2)), 5), cKDTree(stored)
-        turn = cycle(queries)
-        times = scene.times({
-            "ours": lambda: nearest.query(next(turn)), "tree": lambda: tree.query(next(turn), 5)
-        })  # fmt: skip
-        yield row("neighbours", count, 1, times["ours"], "SciPy cKDTree", times["tree"], 1.2)
+        ours = _each(NearestHistograms(stored, np.zeros((count, 2)), 5).query, queries)
+        theirs = _each(partial(cKDTree(stored).query, k=5), queries)
+        yield Contest("neighbours", count, ours, "SciPy cKDTree", theirs, limit)
+
+
+def _each(call: Callable[..., object], items: Iterable[Any]) -> Callable[[], object]:
+    """A call of the next item, round and round."""
+    turn = cycle(items)
+    return lambda: call(next(turn))
 
 
 def _crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.ndarray:
-    """``(count, K)`` histograms between neighbours of a sequence, with the noise of counting 2000
-    patches.
-    """
+    """``(count, K)`` histograms of 2000 patches each, between neighbours of a sequence."""
     rows, share = rng.integers(len(histograms) - 1, size=count), rng.random((count, 1))
     mixed = histograms[rows] * (1 - share) + histograms[rows + 1] * share
-    mixed = np.maximum(mixed + rng.standard_normal(mixed.shape) * np.sqrt(mixed / 2000), 0)
-    return mixed / mixed.sum(axis=1, keepdims=True)
+    return rng.multinomial(2000, mixed / mixed.sum(axis=1, keepdims=True)) / 2000
 
 
-def filter_step(scene: Scene) -> Iterator[Row]:
+def filter_step(scene: Scene) -> Contests:
     """One step of the filter with its MAP estimate against `einsum`."""
     motion = scene.map().parts["motion"]
     precision = np.linalg.inv(motion.growth(scene.map().period_s))
     for count, limit, threads in _PARTICLES:
-        localizer = Localizer(scene.map(), particles=count, rng=scene.rng("filter"))
+        localizer = Localizer(scene.map(), particles=count, rng=stream(scene.seed, "filter"))
         seen = [localizer.observation(each) for each in scene.map().histograms[:100]]
         for each in seen:
             each.neighbors  # noqa: B018 - found now, not while the filter is timed
             localizer.advance(each)
         filter_: Any = localizer.filter
-        now, before, turn = filter_.belief, filter_.previous, cycle(seen)
+        now, before = filter_.belief, filter_.previous
         inputs = now.states, now.log_likelihood, before.states, before.weights, precision
-        contestants: dict[str, Callable[[], object]] = {
-            "ours": lambda: (filter_.step(next(turn)), filter_.position()),
-            "einsum": lambda: _map_by_einsum(*inputs),
-        }
-        times = scene.times(contestants, threads)
-        yardstick = "einsum, MAP alone", times["einsum"]
-        yield row("filter step", count, threads, times["ours"], *yardstick, limit)
+        step = _each(lambda one, own=filter_: (own.step(one), own.position()), seen)
+        einsum = "einsum, MAP alone", partial(_map_by_einsum, *inputs)
+        yield Contest("filter step", count, step, *einsum, limit, threads)
 
 
 def _map_by_einsum(
@@ -126,56 +161,107 @@ def _map_by_einsum(
     return particles[np.argmax(log_likelihood + np.log(density + 1e-300))]
 
 
-def frame(scene: Scene) -> Iterator[Row]:
-    """Image in, estimate out: the paper's method against the sum of its stages, others against one
-    SIFT of the frame; and the homography method, at whole and at half size.
-    """
+def frame(scene: Scene) -> Contests:
+    """Image in, estimate out against one SIFT of the frame; and the homography at half size."""
     import cv2
 
-    from trexton.evaluation.runtime import StageTimer
     from trexton.registration.homography import HomographyLocalizer
 
-    assert scene.flight.floor is not None  # the simulator knows it
-    located = {
-        name: HomographyLocalizer(scene.flight.floor, scale=scale)
-        for name, scale in (("homography", 1.0), ("homography, half size", 0.5))
-    }
-    sift = cv2.SIFT.create(nfeatures=located["homography"].keypoints)
-    stages = StageTimer(scene.map(), rng=scene.rng("flight"))
-    flown = {name: Localizer(scene.map(name), rng=scene.rng("flight")) for name in _METHODS}
-    turn = cycle(zip(scene.views, map(scene.flight.aiding, scene.rows), strict=True))
-    calls: dict[str, Callable[..., object]] = {
-        "SIFT of the frame": lambda view, _: sift.detectAndCompute(view[..., 0].copy(), None),
-        "stages": lambda view, _: stages.step(view),
-    }
-    for name, one in flown.items():
-        calls[name] = lambda view, aiding, one=one: one.step(view, aiding=aiding)
-    for name, each in located.items():
-        calls[name] = lambda view, _, each=each: each.locate(view)
-    contestants = {name: partial(_on_next, call, turn) for name, call in calls.items()}
-    times = scene.times(contestants, seconds=3.0)
-    medians = stages.medians()
-    shares = ", ".join(f"{part} {duration(seconds)}" for part, seconds in medians.items())
-    total = sum(medians.values())
-    yield row("frame, paper", _SIZE, 1, times["paper"], "sum of its stages", total, 1.15, shares)
-    yardstick = "SIFT of the frame", times["SIFT of the frame"]
-    for name in _METHODS[1:]:
-        yield row(f"frame, {name}", _SIZE, 1, times[name], *yardstick)
-    whole = "homography", times["homography"]
-    for name, against, limit in (
-        ("homography", yardstick, 1.4), ("homography, half size", whole, 1 / 3),
-    ):  # fmt: skip
-        found = np.array([located[name].locate(view).position for view in scene.views])
-        apart = np.hypot(*(found - scene.flight.position[scene.rows]).T)
-        note = f"right within {_CORRECT_M} m: {np.mean(apart < _CORRECT_M):.0%}"
-        yield row(f"frame, {name}", _SIZE, 1, times[name], *against, limit, note)
+    floor = scene.flight.floor
+    assert floor is not None  # the simulator knows it
+    whole, half = (HomographyLocalizer(floor, scale=scale) for scale in (1.0, 0.5))
+    detector = cv2.SIFT.create(nfeatures=whole.keypoints)
+    lumas = [view[..., 0].copy() for view in scene.views]
+    sift = "SIFT of the frame", _each(lambda luma: detector.detectAndCompute(luma, None), lumas)
+    frames = list(zip(scene.views, map(scene.flight.aiding, scene.rows), strict=True))
+    for method in ("paper", "field", "fine"):
+        one = Localizer(scene.map(method), rng=stream(scene.seed, "flight"))
+        step = _each(lambda both, one=one: one.step(both[0], aiding=both[1]), frames)
+        yield Contest(f"frame, {method}", _SIZE, step, *sift)
+    locate = _each(whole.locate, scene.views)
+    yield Contest("frame, homography", _SIZE, locate, *sift, 1.4)
+    smaller = _each(half.locate, scene.views)
+    yield Contest("frame, homography, half size", _SIZE, smaller, "homography", locate, 1 / 3)
 
 
-def _on_next(call: Callable[..., object], turn: Iterator[Any]) -> object:
-    return call(*next(turn))
+_FIRST_FRAME = """
+import sys
+import numpy as np
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import load_map
+localizer = Localizer(load_map(sys.argv[1]), rng=np.random.default_rng(1))
+assert localizer.step(np.load(sys.argv[2])[0]).observed
+"""
+# Counts the whole process, its threads included, from the first frame after the caches are warm.
+_LOOP = """
+import sys, threading, time
+import numpy as np
+from trexton.onboard import Settings, build
+from trexton.onboard.sources import Frame, Source
+from trexton.onboard.status import resident_bytes
+
+class Film(Source):
+    live, gives, index = False, "images", 0
+
+    def open(self):
+        pass
+
+    def read(self):
+        self.index += 1
+        if self.index in (50, 50 + frames):
+            clocks.append((time.process_time(), time.perf_counter()))
+        if self.index < 50 + frames:
+            return Frame(0.08 * self.index, pictures[self.index % len(pictures)])
+
+pictures, frames, clocks = list(np.load(sys.argv[2])), int(sys.argv[3]), []
+loop = build(Settings(sys.argv[1], ("csv:/dev/null",)))  # its camera is never opened
+loop.source = Film()
+loop.run(threading.Event())
+cpu, wall = np.diff(clocks, axis=0)[0] / frames
+print(cpu, wall, resident_bytes() - sum(each.nbytes for each in pictures))
+"""
 
 
-STAGES: dict[str, Callable[[Scene], Iterator[Row]]] = {
+def start(scene: Scene) -> Contests:
+    """The command's help, and a process from nothing to its first estimate, with the caches of
+    kernels and bytecode warm.
+    """
+    help_ = partial(_python, scene, "from trexton.cli.main import main; main(['--help'])")
+    bare = "import NumPy and OpenCV", partial(_python, scene, "import numpy, cv2")
+    yield Contest("start, trexton --help", "process", help_, *bare, 1.0)
+    yield Contest(
+        "start, first frame", "process", partial(_python, scene, _FIRST_FRAME), *bare, 1.2
+    )
+
+
+def onboard(scene: Scene) -> Contests:
+    """CPU time of a frame, all threads of the process together, beside the time that passed; and
+    the memory it holds. Pictures come from memory: no camera is read, no JPEG decoded."""
+    frames = 500 if scene.quick else 5000
+    cpu, wall, resident = map(float, _python(scene, _LOOP, frames).split()[-3:])
+    yield {
+        "stage": "onboard loop, CPU a frame", "size": f"{resident / 2**20:.0f} MiB resident",
+        "threads": 1, "ours_s": cpu, "p99_s": cpu, "yardstick": "time passed",
+        "yardstick_s": wall, "ratio": cpu / wall, "limit": None, "holds": None,
+    }  # fmt: skip
+
+
+def _python(scene: Scene, program: str, *words: object) -> str:
+    """What a program prints that is given a map, pictures and some words."""
+    texton_map, pictures = scene.folder / "map.npz", scene.folder / "pictures.npy"
+    if not pictures.exists():
+        save_map(scene.map(), texton_map)
+        np.save(pictures, np.stack(scene.views[:12]))
+    # An environment without bytecode would have every source compiled anew: its own cache.
+    environment = {
+        name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
+    } | {"PYTHONPYCACHEPREFIX": str(scene.folder / "bytecode")}
+    command = [sys.executable, "-c", program, str(texton_map), str(pictures), *map(str, words)]
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
+    return done.stdout
+
+
+STAGES: dict[str, Callable[[Scene], Contests]] = {
     "train": train,
     "histogram": histogram,
     "neighbors": neighbors,
@@ -200,10 +286,7 @@ def measure(
     seed : int
         Of the flight and the maps.
 
-    Raises
-    ------
-    ParameterError
-        A stage is unknown.
+    Raises `ParameterError` where a stage is unknown.
     """
     stages = list(STAGES) if stages is None else list(stages)
     for name in stages:
@@ -213,4 +296,5 @@ def measure(
         scene = Scene(Path(folder), quick, seed)
         for name in stages:
             say(f"bench: {name}")
-            yield from STAGES[name](scene)
+            for each in STAGES[name](scene):
+                yield each.row(quick) if isinstance(each, Contest) else each

@@ -1,85 +1,98 @@
-"""Timing: contestants in turn, round after round, in one process; and the rows that come of it.
+"""Timing: calls in turn, round after round, in one process, so that ratios of their times hold.
 
-Offers `interleave`, and `row`, a stage beside a yardstick of the same run.
+Offers `interleave`, `Contest`, whose `row` says how a stage compares, and a `table` of rows.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from trexton.companion.executor import limited_threads
 from trexton.companion.wording import duration
 
-__all__ = ["Row", "interleave", "row", "table"]
+__all__ = ["Contest", "Row", "interleave", "table"]
 
 Row = dict[str, Any]
-
 _PAUSE = 0.05  # seconds; threads of a BLAS spin for about as long after their last product
 
 
-def row(
-    stage: str,
-    size: object,
-    threads: int,
-    ours: np.ndarray | list[float] | float,
-    yardstick: str,
-    theirs: np.ndarray | list[float] | float,
-    limit: float | None = None,
-    note: str = "",
-) -> Row:
-    """One stage beside one yardstick of the same run.
-
-    Parameters
-    ----------
-    ours, theirs : array or float
-        Seconds of each repeat; medians are compared.
-    limit : float or None
-        What their ratio must not exceed; ``holds`` says whether it does.
-    """
-    ours_s, theirs_s = float(np.median(ours)), float(np.median(theirs))
-    ratio = ours_s / theirs_s
-    return {
-        "stage": stage, "size": str(size), "threads": threads, "ours_s": ours_s,
-        "p99_s": float(np.percentile(ours, 99)), "yardstick": yardstick, "yardstick_s": theirs_s,
-        "ratio": ratio, "limit": limit, "holds": None if limit is None else ratio <= limit,
-        "note": note,
-    }  # fmt: skip
-
-
 def interleave(
-    contestants: Mapping[str, Callable[[], object]],
-    seconds: float = 1.0,
-    rounds: int = 9,
-) -> dict[str, np.ndarray]:
-    """Seconds of each call, in turn, so that whatever else the machine does falls on all alike.
+    *calls: Callable[[], object], seconds: float = 1.0, rounds: int = 9
+) -> list[np.ndarray]:
+    """Seconds of each repeat, in turn, so that whatever else the machine does falls on all alike.
 
     Parameters
     ----------
-    contestants : dict of str to callable
+    *calls : callable
         Each is called twice to warm up.
     seconds : float
         For each of them, about.
     rounds : int
         At least so many turns, fewer calls in each.
     """
-    chunk: dict[str, int] = {}
-    taken: dict[str, list[float]] = {name: [] for name in contestants}
-    for name, call in contestants.items():
+    repeats, taken = [], [list[float]() for _ in calls]
+    for call in calls:
         call()
         start = time.perf_counter()
         call()
-        chunk[name] = int(np.clip(seconds / rounds / (time.perf_counter() - start), 1, 3000))
+        repeats.append(int(np.clip(seconds / rounds / (time.perf_counter() - start), 1, 3000)))
     for _ in range(rounds):
-        for name, call in contestants.items():
+        for call, count, own in zip(calls, repeats, taken, strict=True):
             time.sleep(_PAUSE)
-            for _ in range(chunk[name]):
+            for _ in range(count):
                 start = time.perf_counter()
                 call()
-                taken[name].append(time.perf_counter() - start)
-    return {name: np.array(seconds) for name, seconds in taken.items()}
+                own.append(time.perf_counter() - start)
+    return [np.array(own) for own in taken]
+
+
+@dataclass(frozen=True)
+class Contest:
+    """One stage beside one yardstick of the same run.
+
+    Attributes
+    ----------
+    stage : str
+    size : object
+    ours : callable
+    yardstick : str
+    theirs : callable
+    limit : float or None
+        What the ratio of ours to theirs must not exceed.
+    threads : int
+    share : float
+        Of the yardstick's time that counts, where it does other work.
+    rounds : int
+    """
+
+    stage: str
+    size: object
+    ours: Callable[[], object]
+    yardstick: str
+    theirs: Callable[[], object]
+    limit: float | None = None
+    threads: int = 1
+    share: float = 1.0
+    rounds: int = 9
+
+    def row(self, quick: bool = False) -> Row:
+        """Medians in seconds and their ratio; ``holds`` says whether it is within the limit."""
+        seconds, rounds = (0.3, min(3, self.rounds)) if quick else (1.0, self.rounds)
+        with limited_threads(self.threads):
+            ours, theirs = interleave(self.ours, self.theirs, seconds=seconds, rounds=rounds)
+        ours_s, yardstick_s = float(np.median(ours)), self.share * float(np.median(theirs))
+        ratio = ours_s / yardstick_s
+        return {
+            "stage": self.stage, "size": str(self.size), "threads": self.threads, "ours_s": ours_s,
+            "p99_s": float(np.percentile(ours, 99)), "yardstick": self.yardstick,
+            "yardstick_s": yardstick_s, "ratio": ratio, "limit": self.limit,
+            "holds": None if self.limit is None else ratio <= self.limit,
+        }  # fmt: skip
 
 
 def table(rows: Sequence[Row]) -> str:
