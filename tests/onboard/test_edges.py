@@ -39,12 +39,6 @@ class Plain(FileSink):
     addresses = {"plain:FILE": "a line of text a position"}
     options = PlainOptions
 
-    @classmethod
-    def make(cls, address, options, around):
-        made = super().make(address, options, around)
-        made.chosen = options
-        return made
-
     def write(self, fix):
         x, y = fix.position * {"m": 1, "cm": 100}[self.chosen.unit]
         self.add(f"{x:.{self.chosen.digits}f} {y:.{self.chosen.digits}f}")

@@ -265,12 +265,3 @@ class TestGoldenBytes:
                 "fd2000000001bf4c00000000f041005043470000000000000000000000000000000000000000ff0101010075"
             ),
         )
-
-    def test_timesync(self):
-        request = mavlink.MAVLink_timesync_message(0, 123_456_789)
-        plain = plain_packet(111, 34, "qq", 5_000_000_000, 123_456_789)
-        self.check(
-            messages.timesync_reply(request, 5_000_000_000),
-            plain,
-            "fd0c00000001bf6f000000f2052a0100000015cd5b07884a",
-        )

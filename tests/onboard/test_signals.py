@@ -10,20 +10,20 @@ import time
 
 import pytest
 
-from trexton.onboard.signals import Stop, stopped_by_signals
+from trexton.onboard.signals import set_elsewhere, stopped_by_signals
 
 
-def interrupted(stop: threading.Event, moment: int, patience: float = 60.0) -> tuple[bool, bool]:
-    """Whether a wait ends though the event is set at the `moment`-th step of it, and whether there
-    were so many steps."""
-    steps = 0
+def interrupted(end, moment: int, patience: float = 60.0) -> tuple[bool, bool]:
+    """Whether a wait ends though `end` sets its event at the `moment`-th step of it, and whether
+    there were so many steps."""
+    steps, stop = 0, threading.Event()
 
     def each(frame, kind, argument):
         nonlocal steps
         steps += 1
         if steps == moment:
             sys.settrace(None)
-            stop.set()
+            end(stop)
             return None
         return each
 
@@ -41,39 +41,14 @@ def interrupted(stop: threading.Event, moment: int, patience: float = 60.0) -> t
 def test_it_may_be_set_at_any_step_of_a_wait():
     moment, reached = 1, True
     while reached:
-        ended, reached = interrupted(Stop(), moment)
+        ended, reached = interrupted(set_elsewhere, moment)
         assert ended, f"set at step {moment} the wait never ends"
         moment += 1
     assert moment > 5
 
 
 def test_this_test_would_see_a_plain_event_hang():
-    assert not all(interrupted(threading.Event(), moment, 1.0)[0] for moment in range(1, 12))
-
-
-def test_it_is_an_event_like_others():
-    stop = Stop()
-    assert not stop.wait(0) and not stop.wait(-1.0) and not stop.is_set()
-    waiting = [threading.Thread(target=stop.wait) for _ in range(3)]
-    for thread in waiting:
-        thread.start()
-    stop.set()
-    for thread in waiting:
-        thread.join(30)
-        assert not thread.is_alive()
-    stop.set()
-    assert stop.is_set() and stop.wait() and stop.wait(0.5)
-
-
-def test_a_wait_ends_though_its_time_runs_out_before_it_begins():
-    def wait():
-        for _ in range(20_000):
-            Stop().wait(1e-6)
-
-    thread = threading.Thread(target=wait, daemon=True)
-    thread.start()
-    thread.join(60)
-    assert not thread.is_alive()
+    assert not all(interrupted(threading.Event.set, moment, 1.0)[0] for moment in range(1, 12))
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -92,8 +67,8 @@ def test_thousands_of_signals_hang_nothing():
     handler = signal.getsignal(signal.SIGALRM)
     try:
         while time.monotonic() < end:
-            stop = Stop()
-            signal.signal(signal.SIGALRM, lambda *_, stop=stop: stop.set())
+            stop = threading.Event()
+            signal.signal(signal.SIGALRM, lambda *_, stop=stop: set_elsewhere(stop))
             signal.setitimer(signal.ITIMER_REAL, 1e-4)
             while not stop.is_set():
                 stop.wait(1e-6)

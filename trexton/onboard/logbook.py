@@ -91,39 +91,24 @@ def _parsed(line: str) -> tuple[Any, str | None]:
     """The row of a line, and what keeps it from being one of a log."""
     try:
         row = json.loads(line)
+        numbers = [row.get("time_s") or 0.0]
+        if "event" not in row:
+            if "told_m" in row:  # as logs of version 0.1.0 call it
+                row["measurement_m"] = row["told_m"]
+            x, y = row["measurement_m"] if _fit(row) else (0.0, 0.0)
+            numbers += [x, y, row["fault"] is None]
+        if not all(abs(number) < 1e12 for number in numbers):
+            raise ValueError("a number out of range")
+        return row, None
     except (ValueError, RecursionError) as error:
         return None, str(error)
-    return row, _fault(row)
-
-
-def _fault(row: object) -> str | None:
-    """What keeps a row from being one of a log."""
-    if not isinstance(row, dict):
-        return "no object"
-    if not _number(row.get("time_s") or 0.0):
-        return "time_s is no number"
-    if "event" in row:
-        return None
-    if "told_m" in row:  # as logs of version 0.1.0 call it
-        row["measurement_m"] = row["told_m"]
-    if missing := [name for name in _OF_A_FIX if name not in row]:
-        return f"no {missing[0]}"
-    place = row["measurement_m"]
-    if _fit(row) and not (isinstance(place, list) and len(place) == 2 and all(map(_number, place))):
-        return "measurement_m is no place"
-    return None
-
-
-_OF_A_FIX = ("observed", "lost", "stale", "fault", "measurement_m")
+    except (AttributeError, KeyError, TypeError) as error:
+        return None, f"none of a position or an event: {error}"
 
 
 def _fit(row: dict[str, Any]) -> bool:
     """Was it sent to whoever steers by it?"""
     return bool(row["observed"] and not row["lost"] and not row["stale"])
-
-
-def _number(value: object) -> bool:
-    return isinstance(value, (int, float)) and abs(value) < 1e12
 
 
 def _time(row: dict[str, Any]) -> str:

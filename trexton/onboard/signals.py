@@ -5,51 +5,30 @@ SIGHUP ends nothing: a terminal that was closed, or a radio link that broke, is 
 
 from __future__ import annotations
 
+import _thread
 import signal
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from types import FrameType
 
-__all__ = ["Stop", "stopped_by_signals"]
+__all__ = ["set_elsewhere", "stopped_by_signals"]
 
 
-class Stop(threading.Event):
-    """An event that a signal handler may set, whatever the thread that it interrupts is at.
+def set_elsewhere(event: threading.Event) -> None:
+    """Set an event from a signal handler, whatever the thread that it interrupts is at.
 
-    One that waits for a plain event may be interrupted while it holds the event's lock; setting it
-    there would wait for that lock for ever. A bare lock may be released at any moment (and
-    `queue.SimpleQueue`, which may be entered again, can wait for ever for a timeout that ran out
-    while it looked).
+    That one may hold the event's lock, and setting it there would wait for that lock for ever: a
+    thread of its own waits instead, begun without any lock.
     """
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._is_set, self._closed = False, threading.Lock()
-        self._closed.acquire()
-
-    def is_set(self) -> bool:
-        return self._is_set
-
-    def set(self) -> None:
-        self._is_set = True
-        self._open()
-
-    def wait(self, timeout: float | None = None) -> bool:
-        if self._closed.acquire(timeout=-1 if timeout is None else max(0.0, timeout)):
-            self._open()  # for whoever waits too
-        return self._is_set
-
-    def _open(self) -> None:
-        with suppress(RuntimeError):  # it was open
-            self._closed.release()
+    _thread.start_new_thread(event.set, ())
 
 
 @contextmanager
 def stopped_by_signals() -> Iterator[threading.Event]:
     """An event that the first SIGINT or SIGTERM sets; then, or afterwards, the usual handlers are
     back."""
-    stop = Stop()
+    stop = threading.Event()
     endings = (signal.SIGINT, signal.SIGTERM)
     before = {number: signal.getsignal(number) for number in (*endings, signal.SIGHUP)}
 
@@ -58,7 +37,7 @@ def stopped_by_signals() -> Iterator[threading.Event]:
             signal.signal(number, before[number])
 
     def handle(number: int, frame: FrameType | None) -> None:
-        stop.set()
+        set_elsewhere(stop)
         restore()
 
     for number in endings:

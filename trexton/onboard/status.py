@@ -70,7 +70,7 @@ class Status:
             f"{frames} frames {rate:.1f}/s, dropped {self._tally['dropped']}",
             self._where(fix),
         ]
-        if self._latencies.count:
+        if frames:
             median, slowest = (1e3 * self._latencies.quantile(share) for share in (0.5, 0.99))
             parts.append(f"latency {median:.1f} ms, p99 {slowest:.1f} ms")
         parts += [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections import Counter
+from collections import Counter, deque
 
 import numpy as np
 
@@ -73,17 +73,14 @@ class Latencies:
     """The latest `size` latencies in seconds, in constant memory."""
 
     def __init__(self, size: int = 65536):
-        self._ring = np.zeros(size)
-        self.count = 0
+        self._latest: deque[float] = deque(maxlen=size)
         self.longest = 0.0
 
     def add(self, seconds: float) -> None:
         """Take one in, over the oldest."""
-        self._ring[self.count % len(self._ring)] = seconds
-        self.count += 1
+        self._latest.append(seconds)
         self.longest = max(self.longest, seconds)
 
     def quantile(self, share: float) -> float:
         """The latency that this share of the latest ones does not exceed; NaN before the first."""
-        kept = self._ring[: min(self.count, len(self._ring))]
-        return float(np.quantile(kept, share)) if len(kept) else float("nan")
+        return float(np.quantile(self._latest, share)) if self._latest else float("nan")

@@ -18,7 +18,7 @@ from trexton.onboard.local import LocalFrame, decoupled
 __all__ = [
     "ATTITUDE", "HEIGHT", "LANDED_STATE", "VELOCITY", "heartbeat", "interval_request", "land",
     "mavlink", "odometry", "origin", "pose_covariance", "quality", "quaternion",
-    "timesync_reply", "vision_position",
+    "vision_position",
 ]  # fmt: skip
 
 NAN = math.nan
@@ -144,14 +144,8 @@ def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
 
 def heartbeat() -> Any:
     """HEARTBEAT of an onboard computer, which is no autopilot."""
-    return mavlink.MAVLink_heartbeat_message(
-        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-        mavlink.MAV_AUTOPILOT_INVALID,
-        0,
-        0,
-        mavlink.MAV_STATE_ACTIVE,
-        3,
-    )
+    kind, state = mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_STATE_ACTIVE
+    return mavlink.MAVLink_heartbeat_message(kind, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3)
 
 
 def origin(target: int, latitude: float, longitude: float, altitude: float, stamp_us: int) -> Any:
@@ -179,9 +173,3 @@ def interval_request(target: tuple[int, int], message: int, rate: float) -> Any:
     return mavlink.MAVLink_command_long_message(
         *target, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, message, 1e6 / rate, *[0] * 5
     )
-
-
-def timesync_reply(request: Any, now_ns: int) -> Any:
-    """TIMESYNC answer: our clock beside the stamp of the request, for the autopilot to convert
-    our stamps."""
-    return mavlink.MAVLink_timesync_message(now_ns, request.ts1)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options, option
+from trexton.onboard.settings import numbers
 
 __all__ = ["COMPONENT", "MavlinkOptions"]
 
@@ -44,24 +45,19 @@ class MavlinkOptions(Options):
         if self.target is None:
             return None, None
         words = self.target.split("/")
-        numbers = [int(word) for word in words if word.isdecimal() and 0 < int(word) < 256]
-        if len(numbers) != len(words) or len(words) > 2:
+        given = [int(word) for word in words if word.isdecimal() and 0 < int(word) < 256]
+        if len(given) != len(words) or len(words) > 2:
             raise ParameterError(
                 f"target {self.target!r}: expected SYS or SYS/COMP, each from 1 to 255, as in 1/1"
             )
-        return numbers[0], numbers[1] if len(numbers) == 2 else None
+        return given[0], given[1] if len(given) == 2 else None
 
     @property
     def place(self) -> tuple[float, float, float] | None:
         """The origin as numbers; raises `ParameterError`."""
         if self.origin is None:
             return None
-        try:
-            latitude, longitude, altitude = map(float, self.origin.split(","))
-        except ValueError:
-            raise ParameterError(
-                f"origin {self.origin!r}: expected LAT,LON,ALT, as in 51.9906,4.3768,0"
-            ) from None
+        latitude, longitude, altitude = numbers("--origin LAT,LON,ALT", self.origin, (3,))
         for value, (low, high) in zip((latitude, longitude, altitude), ORIGIN_LIMITS, strict=True):
             if not low <= value <= high:
                 raise ParameterError(

@@ -16,7 +16,7 @@ from trexton.onboard.fix import STALE_AFTER, Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.mavlink import messages
 from trexton.onboard.mavlink.listener import Listener
-from trexton.onboard.mavlink.messages import odometry, quality, vision_position
+from trexton.onboard.mavlink.messages import mavlink, odometry, quality, vision_position
 
 __all__ = ["PROFILES", "ArduPilot", "Profile", "Px4", "Speaker"]
 
@@ -29,8 +29,12 @@ REPEAT_TIMEOUT = STALE_AFTER  # seconds from capture for which a position is rep
 # was held up by less than this is still the later of the two, by what EKF2 wants between them.
 REPEAT_LAG = 0.09
 REPEAT_INFLATION = 100.0  # of a repetition's covariance: it keeps the fusion alive and is no news
-ATTITUDE_RATE = 20.0
-STATE_RATE = 2.0
+INTERVALS = {  # what is asked for where it does not come: message, times a second
+    "roll": (messages.ATTITUDE, 20.0),
+    "grounded": (messages.LANDED_STATE, 2.0),
+    "height": (messages.HEIGHT, 20.0),
+    "velocity": (messages.VELOCITY, 20.0),
+}
 
 
 @dataclass(frozen=True)
@@ -123,11 +127,8 @@ class Speaker:
         self.profile, self.listener = profile, listener
         self._motion_rate, self._origin = motion_rate, origin
         self._boots = listener.boots
-        self._asked = {
-            "none": {},
-            "tilt": {"height": messages.HEIGHT},
-            "all": {"height": messages.HEIGHT, "velocity": messages.VELOCITY},
-        }[aiding]
+        self._asked = ["roll", "grounded"]
+        self._asked += {"none": [], "tilt": ["height"], "all": ["height", "velocity"]}[aiding]
         self.withheld = 0
         self._commands: deque[Any] = deque()
         self._fix: Fix | None = None  # the latest usable one that an image went into
@@ -165,7 +166,8 @@ class Speaker:
         out = [*self._commands]
         self._commands.clear()
         out += [
-            messages.timesync_reply(request, round(1e9 * now))
+            # Our clock beside the stamp of the request: the autopilot converts our stamps by it.
+            mavlink.MAVLink_timesync_message(round(1e9 * now), request.ts1)
             for request in self.listener.timesyncs
         ]
         self.listener.timesyncs.clear()
@@ -201,14 +203,11 @@ class Speaker:
                 self.listener.news.append(
                     {"event": "origin not confirmed", "attempts": ORIGIN_ATTEMPTS}
                 )
-        if self.listener.attitude(now) is None and self._is_due("attitude", now, REQUEST_PAUSE):
-            out.append(messages.interval_request(target, messages.ATTITUDE, ATTITUDE_RATE))
-        if self.listener.on_ground(now) is None and self._is_due("state", now, REQUEST_PAUSE):
-            out.append(messages.interval_request(target, messages.LANDED_STATE, STATE_RATE))
-        aiding = self.listener.aiding(now) if self._asked else None
-        for name, message in self._asked.items():
-            if getattr(aiding, name) is None and self._is_due(name, now, REQUEST_PAUSE):
-                out.append(messages.interval_request(target, message, ATTITUDE_RATE))
+        aiding = self.listener.aiding(now)
+        for name in self._asked:
+            known = self.listener.on_ground(now) if name == "grounded" else getattr(aiding, name)
+            if known is None and self._is_due(name, now, REQUEST_PAUSE):
+                out.append(messages.interval_request(target, *INTERVALS[name]))
         return out
 
     def _is_due(self, what: str, now: float, pause: float) -> bool:

@@ -6,7 +6,7 @@ All write whole lines by `FileSink`, into a file or onto standard output.
 from __future__ import annotations
 
 import json
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -67,7 +67,7 @@ class JsonLines(FileSink):
         self._events = events
 
     @classmethod
-    def make(cls, address: str, options: Any, around: Surroundings) -> FileSink:
+    def make(cls, address: str, options: Any, around: Surroundings) -> Self:
         return super().make(address or "-", options, around)
 
     def write(self, fix: Fix) -> None:

@@ -10,7 +10,7 @@ import os
 import select
 import stat
 import sys
-from typing import Any
+from typing import Any, Self
 
 from trexton.base.errors import ParameterError
 from trexton.onboard.sinks.base import Sink, Surroundings
@@ -72,6 +72,8 @@ class FileSink(Sink):
         The file cannot be made at all.
     """
 
+    chosen: Any = None  # of its class of options
+
     def __init__(
         self, path: str, header: str = "", keep: bool = False, most_bytes: int | None = None
     ):
@@ -89,7 +91,7 @@ class FileSink(Sink):
                 ) from None
 
     @classmethod
-    def make(cls, address: str, options: Any, around: Surroundings) -> FileSink:
+    def make(cls, address: str, options: Any, around: Surroundings) -> Self:
         """The sink of an address ``KIND:FILE``; raises `ParameterError` where it names no file."""
         if not address:
             raise ParameterError(
@@ -97,7 +99,7 @@ class FileSink(Sink):
                 f"{around.kind}:- for standard output"
             )
         made = cls(address)
-        made.name = f"{around.kind}:{address}"
+        made.name, made.chosen = f"{around.kind}:{address}", options
         return made
 
     @property

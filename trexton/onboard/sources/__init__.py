@@ -50,29 +50,26 @@ def open_source(
     TrextonError
         Nothing is there, or no source understands the address.
     """
+    around = around or Expected()
+    if len(address.splitlines()) > 1:
+        raise ParameterError(f"camera {address!r}: expected one line")
     try:
-        return _made(address, around or Expected(), options or {})
+        addressed = edge_at("sources", address, SOURCES) if ":" in address else None
+        if addressed is None:
+            recognised = (e for e in edge_classes("sources", SOURCES) if e.matches(address))
+            addressed = next(((each, "", address) for each in recognised), None)
+        if addressed is None:
+            raise ParameterError(
+                f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, "
+                "a video file or URL, simulator, or KIND:ADDRESS with KIND one of "
+                + ", ".join(addresses("sources", SOURCES))
+            )
+        source, kind, rest = addressed
+        chosen = (options or {}).get(source.options, source.options())
+        made: Source = source.make(rest, chosen, replace(around, kind=kind))
     except OSError as error:
         raise ParameterError(
             f"camera {address[:80]!r} cannot be read ({error.strerror or error}): check its path"
         ) from None
-
-
-def _made(address: str, around: Expected, options: Mapping[type[Options], Any]) -> Source:
-    if len(address.splitlines()) > 1:
-        raise ParameterError(f"camera {address!r}: expected one line")
-    addressed = edge_at("sources", address, SOURCES) if ":" in address else None
-    if addressed is None:
-        recognised = (each for each in edge_classes("sources", SOURCES) if each.matches(address))
-        addressed = next(((each, "", address) for each in recognised), None)
-    if addressed is not None:
-        source, kind, rest = addressed
-        chosen = options.get(source.options, source.options())
-        made: Source = source.make(rest, chosen, replace(around, kind=kind))
-        pace = getattr(chosen, "pace", None) or made.pace
-        return Paced(made) if pace == "stamps" and not made.live else made
-    raise ParameterError(
-        f"camera {address!r} is not known: give /dev/videoN, a flight or image folder, "
-        "a video file or URL, simulator, or KIND:ADDRESS with KIND one of "
-        + ", ".join(addresses("sources", SOURCES))
-    )
+    pace = getattr(chosen, "pace", None) or made.pace
+    return Paced(made) if pace == "stamps" and not made.live else made
