@@ -23,7 +23,7 @@ from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.onboard import Settings
 from trexton.onboard import preflight as module
-from trexton.onboard.preflight import blur_effect, preflight
+from trexton.onboard.preflight import preflight
 from trexton.onboard.settings import Flying, Landing, MapPlacement
 from trexton.onboard.sources import Playback
 from trexton.simulator import Effects, record_flight
@@ -189,12 +189,6 @@ def test_frames_are_compared_in_the_maps_view(place, tmp_path, aiding):
     assert found["view"].holds == (aiding == "tilt")
     assert ("height with 0" in found["view"].words) == (aiding == "none")
     assert ("nearest histogram at 0.000" in found["map"].words) == (aiding == "tilt")
-
-
-def test_blur_grows_from_sharp_to_blurred(rng):
-    sharp = rng.integers(0, 256, (96, 128), dtype=np.uint8)
-    effects = [blur_effect(cv2.GaussianBlur(sharp, (0, 0), sigma)) for sigma in (1, 3, 6)]
-    assert blur_effect(sharp) < effects[0] < effects[1] < effects[2] < 1
 
 
 class Later:

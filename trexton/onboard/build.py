@@ -22,7 +22,7 @@ from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.files import JsonLines
-from trexton.onboard.sources import Delayed, Expected, Rectified, Source, open_source
+from trexton.onboard.sources import Delayed, Expected, Rectified, open_source
 from trexton.onboard.tally import Tally
 
 __all__ = ["build"]
@@ -40,34 +40,18 @@ def build(settings: Settings) -> Onboard:
     flying, landing = settings.of(Flying), settings.of(Landing)
     texton_map = load_map(settings.map)
     zone = landing.zone(texton_map.area)
-    choices: dict[str, Any] = dict(parse_choices(settings.choices))
-    localizer = Localizer(
-        texton_map,
-        flying.method,
-        samples=flying.samples or None,
-        particles=flying.particles,
-        # The stream of the first run in the experiments: equal seeds, equal estimates.
-        rng=stream(flying.seed, "flight", 0),
-        **choices,
-    )
-    view = localizer.parts.get("view")
-    if flying.aiding == "tilt" and view is not None and "yaw" in view.asks:
-        raise ParameterError(
-            "the map's view turns frames by their yaw, which --aiding tilt leaves out: add "
-            "--aiding all, or train without view.turn"
-        )
-    if isinstance(zone, TouchdownZone) and not localizer.parts["filter"].knows_velocity:
-        raise ParameterError(
-            f"--trigger touchdown needs a velocity, which method {localizer.map.method!r} does not "
-            "estimate: take --trigger inside, or a map for method field or fine"
-        )
+    localizer = _localizer(texton_map, settings, isinstance(zone, TouchdownZone))
     _warm_up(localizer)
     tally = Tally()
     rectification = texton_map.rectification
     shape = texton_map.image_shape if rectification is None else rectification.source[::-1]
     expected = Expected(shape, texton_map.period_s, flying.seed)
     source = open_source(flying.camera, expected, settings.options)
-    _check_fit(flying.camera, source, texton_map)
+    if source.gives == "images" and texton_map.dictionary is None:
+        raise MapError(
+            f"{flying.camera} gives images, but the map was trained from histograms and holds no "
+            "textons: train a map on a flight with images"
+        )
     if rectification is not None and not source.rectified:
         source = Rectified(source, rectification)
     if source.live and flying.camera_delay:
@@ -81,14 +65,7 @@ def build(settings: Settings) -> Onboard:
     )
     sinks = [open_sink(address, around, settings.options) for address in settings.outputs]
     _check_files([settings.map, *source.files], [sink.file for sink in sinks], flying.log)
-    own = flying.method in (None, texton_map.method) and not settings.choices
-    overconfident = _overconfidence(texton_map) if own else ""
-    if overconfident and landing.arm_landing and not landing.allow_overconfident:
-        raise MapError(
-            f"{settings.map}: {overconfident}, and --arm-landing would land by it: record a closer "
-            "survey, train for method field or fine, or add --allow-overconfident"
-        )
-    warnings = [overconfident] if overconfident else []
+    warnings = [_overconfidence(texton_map, settings)]
     if any(sink.autopilot for sink in sinks) and settings.of(MapPlacement).heading is None:
         warnings.append("no --heading: the map's +y is taken for north")
     log = None
@@ -106,18 +83,59 @@ def build(settings: Settings) -> Onboard:
         aiding=flying.aiding,
         zone=zone,
         landers=_landers(sinks) if landing.arm_landing else (),
-        warnings=warnings,
+        warnings=list(filter(None, warnings)),
     )
 
 
-def _overconfidence(texton_map: TextonMap) -> str:
-    """What left-out parts of the training flight said against the map's covariances, if it did."""
-    found = texton_map.provenance.get("assessment", {})
-    coverage = found.get("coverage_90", 1.0)
-    if found.get("lost_share", 0.0) < 1.0 and coverage >= LEAST_COVERAGE:
+def _localizer(texton_map: TextonMap, settings: Settings, touchdown: bool) -> Localizer:
+    """The localizer that flies; raises `ParameterError` where it lacks what the flight asks for."""
+    flying = settings.of(Flying)
+    choices: dict[str, Any] = dict(parse_choices(settings.choices))
+    localizer = Localizer(
+        texton_map,
+        flying.method,
+        samples=flying.samples or None,
+        particles=flying.particles,
+        # The stream of the first run in the experiments: equal seeds, equal estimates.
+        rng=stream(flying.seed, "flight", 0),
+        **choices,
+    )
+    view = localizer.parts.get("view")
+    if flying.aiding == "tilt" and view is not None and "yaw" in view.asks:
+        raise ParameterError(
+            "the map's view turns frames by their yaw, which --aiding tilt leaves out: add "
+            "--aiding all, or train without view.turn"
+        )
+    if touchdown and not localizer.parts["filter"].knows_velocity:
+        raise ParameterError(
+            f"--trigger touchdown needs a velocity, which method {localizer.map.method!r} does not "
+            "estimate: take --trigger inside, or a map for method field or fine"
+        )
+    return localizer
+
+
+def _overconfidence(texton_map: TextonMap, settings: Settings) -> str:
+    """What left-out parts of the training flight said against the map's covariances, if it did.
+
+    Raises
+    ------
+    MapError
+        A landing by it was asked for, and not by the word that it takes.
+    """
+    flying, landing = settings.of(Flying), settings.of(Landing)
+    found = texton_map.provenance.get("assessment", {"coverage_90": 1.0})
+    coverage = found["coverage_90"]
+    other = settings.choices or flying.method not in (None, texton_map.method)
+    if other or (coverage is not None and coverage >= LEAST_COVERAGE):
         return ""
     held = "no" if coverage is None else f"{coverage:.0%} of"
-    return f"the map's 90 % region held {held} positions of its own flight"
+    words = f"the map's 90 % region held {held} positions of its own flight"
+    if landing.arm_landing and not landing.allow_overconfident:
+        raise MapError(
+            f"{settings.map}: {words}, and --arm-landing would land by it: record a closer "
+            "survey, train for method field or fine, or add --allow-overconfident"
+        )
+    return words
 
 
 def _warm_up(localizer: Localizer) -> None:
@@ -135,23 +153,13 @@ def _warm_up(localizer: Localizer) -> None:
 
 
 def _landers(sinks: Iterable[Sink]) -> list[LandingLink]:
-    landers = [sink.lander for sink in sinks if sink.lander is not None]
+    landers = [sink for sink in sinks if isinstance(sink, LandingLink)]
     if not landers:
         raise ParameterError(
             "--arm-landing needs an output that can command it: "
             "add --output udpout:HOST:PORT or another MAVLink link"
         )
     return landers
-
-
-def _check_fit(camera: str, source: Source, texton_map: TextonMap) -> None:
-    """Refuse what could never be localized, before anything flies."""
-    takes_images = texton_map.dictionary is not None
-    if source.gives == "images" and not takes_images:
-        raise MapError(
-            f"{camera} gives images, but the map was trained from histograms and holds no textons: "
-            "train a map on a flight with images"
-        )
 
 
 def _check_files(read: Sequence[str], outputs: Iterable[str], log: str | None) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
@@ -35,8 +35,9 @@ class CommandAck:
     result: int
 
 
+@runtime_checkable
 class LandingLink(Protocol):
-    """What can be commanded to land, and answers: the MAVLink sink."""
+    """What can be commanded to land, and answers: a sink that has these, as MAVLink's."""
 
     def land(self, confirmation: int) -> bool: ...
 

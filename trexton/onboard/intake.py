@@ -25,7 +25,11 @@ BLACK_LEVEL, WHITE_LEVEL = 12, 243  # grey levels, of 255
 SATURATED_SHARE = 0.98  # of the pixels, from which on a frame is dark or bright
 TORN_SHARE = 0.1  # of the rows, at the top or at the bottom, left over from the frame before
 AIDS = ("tilt", "all", "none")
-_FIELDS = ("roll", "pitch", "yaw", "height", "velocity")
+_STAMPED = {  # what shares a stamp
+    "attitude_time": ("roll", "pitch", "yaw"),
+    "height_time": ("height",),
+    "velocity_time": ("velocity", "velocity_sigma"),
+}
 
 
 class StampKeeper:
@@ -149,7 +153,7 @@ class Aids:
             return None
         aiding = self.everything(frame, stamp)
         aiding = aiding if self.wanted == "all" else aiding.without_heading()
-        return aiding if any(getattr(aiding, name) is not None for name in _FIELDS) else None
+        return aiding if any(getattr(aiding, stamp) is not None for stamp in _STAMPED) else None
 
     def everything(self, frame: Frame, stamp: float) -> Aiding:
         """All aiding at `stamp`, whatever is wanted."""
@@ -162,13 +166,7 @@ def _first(said: Iterable[Aiding]) -> Aiding:
     """Attitude, height and velocity each of the first who knows it."""
     aiding = Aiding()
     for each in said:
-        if aiding.attitude_time is None:
-            aiding = replace(
-                aiding, roll=each.roll, pitch=each.pitch, yaw=each.yaw,
-                attitude_time=each.attitude_time,
-            )  # fmt: skip
-        if aiding.height is None:
-            aiding = replace(aiding, height=each.height, height_time=each.height_time)
-        if aiding.velocity is None:
-            aiding = replace(aiding, velocity=each.velocity, velocity_time=each.velocity_time)
+        lacking = [stamp for stamp in _STAMPED if getattr(aiding, stamp) is None]
+        names = [name for stamp in lacking for name in (stamp, *_STAMPED[stamp])]
+        aiding = replace(aiding, **{name: getattr(each, name) for name in names})
     return aiding

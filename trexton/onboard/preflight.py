@@ -7,10 +7,9 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
-import cv2
 import numpy as np
 
 from trexton.base.errors import TrextonError
@@ -23,13 +22,15 @@ from trexton.onboard.intake import BLACK_LEVEL, WHITE_LEVEL, Aids
 from trexton.onboard.loop import CAUSES, Onboard
 from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import SINKS
+from trexton.onboard.sinks.base import Check
 from trexton.onboard.sources import Frame, Playback, Source
 from trexton.onboard.sources.wrapped import Wrapped
 from trexton.registration import FloorTracker
 from trexton.registration.filter import Registration
+from trexton.vision.images import blur_effect
 from trexton.vision.time_offset import small, time_offset, turns
 
-__all__ = ["Check", "blur_effect", "preflight"]
+__all__ = ["preflight"]
 
 DURATION = 5.0  # seconds that the loop runs
 INSPECTED_FRAMES = 10  # frames that are looked at closely
@@ -38,18 +39,6 @@ MAX_BLUR = 0.65  # of `blur_effect`: sharp frames of the simulated hall stay bel
 MAX_SATURATED = 0.2  # share of pixels that are black or white
 MIRROR_MARGIN = 0.05  # by which a floor's mirror image must fit better: some floors are symmetric
 NOVELTY = 0.99  # quantile of training distances: one place in a hundred alarms in vain
-
-
-@dataclass(frozen=True)
-class Check:
-    """One line: what was looked at, whether it is as it should be, and what was found."""
-
-    name: str
-    holds: bool
-    words: str
-
-    def __str__(self) -> str:
-        return f"{'ok  ' if self.holds else 'FAIL'}  {self.name}: {self.words}"
 
 
 class _Watched(Wrapped):
@@ -117,20 +106,6 @@ def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
         *_of_delay(watched),
         *_of_links(settings, onboard, ended),
     ]
-
-
-def blur_effect(luma: np.ndarray) -> float:
-    """How little an ``(H, W) uint8`` picture changes when it is blurred: 0 sharp, 1 blurred.
-
-    Crete et al., "The blur effect" (2007), at half size, where single pixels' noise is gone.
-    """
-    small = cv2.pyrDown(np.ascontiguousarray(luma)).astype(np.float32)
-    blur_of_axis = []
-    for axis, size in ((0, (1, 9)), (1, (9, 1))):
-        before = np.abs(np.diff(small, axis=axis))
-        lost = before - np.abs(np.diff(cv2.blur(small, size), axis=axis))
-        blur_of_axis.append(1 - np.maximum(lost, 0).sum() / max(before.sum(), 1e-9))
-    return float(max(blur_of_axis))
 
 
 def _of_camera(address: str, onboard: Onboard, pictures: list[np.ndarray]) -> Iterator[Check]:
@@ -285,7 +260,7 @@ def _of_delay(watched: _Watched) -> Iterator[Check]:
 def _of_links(settings: Settings, onboard: Onboard, now: float) -> Iterator[Check]:
     """What the autopilots had said when the loop ended, at `now`."""
     for guard in onboard.sinks:
-        yield from (Check(*each) for each in guard.sink.checks(now))
+        yield from guard.sink.checks(now)
     if onboard.sinks:
         heading = settings.of(MapPlacement).heading
         words = "not given: add --heading, 0 where the map's +y points north"

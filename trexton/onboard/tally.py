@@ -11,29 +11,11 @@ from trexton.base.errors import ParameterError
 
 __all__ = ["FAULTS", "Latencies", "Tally"]
 
-# name: what the loop does about it
-FAULTS = {
-    "camera": "no camera, or it fell silent: predict only, mark stale, "
-    "open it again after a growing pause",
-    "gap": "no frame in time: predict only, mark stale after a while",
-    "corrupt": "a frame that cannot be decoded: predict only",
-    "size": "a frame of another size than the map's: predict only",
-    "dark": "a black frame: predict only",
-    "bright": "a saturated frame: predict only",
-    "frozen": "the same frame again: predict only, open the camera again if it stays",
-    "torn": "a frame that is in part the one before: predict only",
-    "misfit": "a frame the map cannot use: predict only",
-    "velocity": "a velocity that the frames contradict, the camera's or the autopilot's: "
-    "it is taken for wrong, its error learned",
-    "attitude": "a roll or pitch that the frames contradict: how far it is off is learned",
-    "late": "a report later than the rate allows: sent with its own stamp, older frames dropped",
-    "clock": "a clock that jumped: the stamp is replaced, and stamps go on increasing",
-    "output": "an output failed (disk full, pipe closed): the rest goes on, "
-    "it is tried again later",
-    "link": "the autopilot's link failed: the rest goes on, "
-    "it is opened again after a growing pause",
-    "silent": "the autopilot was heard and fell silent: positions go on being sent, and it is said",
-}
+# What each is, and what is done about it, stands in the book, on the page "On board".
+FAULTS = (
+    "camera", "gap", "corrupt", "size", "dark", "bright", "frozen", "torn", "misfit", "velocity",
+    "attitude", "late", "clock", "output", "link", "silent",
+)  # fmt: skip
 
 
 class Tally:
@@ -47,9 +29,7 @@ class Tally:
     def fault(self, name: str, count: int = 1) -> None:
         """Count a fault of `FAULTS`."""
         if name not in FAULTS:
-            raise ParameterError(
-                f"fault {name!r} is unknown: name it in FAULTS with what is done about it"
-            )
+            raise ParameterError(f"fault {name!r} is unknown: name it in FAULTS")
         with self._lock:
             self._faults[name] += count
 

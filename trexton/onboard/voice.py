@@ -29,14 +29,13 @@ class Voice:
     Parameters
     ----------
     size : int
-        Lines that may wait; further ones are left out, and counted in `left_out`.
+        Lines that may wait; further ones are left out.
     """
 
     def __init__(self, size: int = 256):
         self._lines: queue.Queue[str] = queue.Queue(size)
         self._thread: threading.Thread | None = None
         self._lock = threading.Lock()
-        self.left_out = 0
 
     def say(self, line: str) -> None:
         """Have one line written; never waits."""
@@ -44,10 +43,8 @@ class Voice:
             if self._thread is None:
                 self._thread = threading.Thread(target=self._write_all, name="voice", daemon=True)
                 self._thread.start()
-        try:
+        with suppress(queue.Full):
             self._lines.put_nowait(line)
-        except queue.Full:
-            self.left_out += 1
 
     def flush(self, patience: float = 0.5) -> None:
         """Wait until everything is written, but not longer than `patience` seconds."""

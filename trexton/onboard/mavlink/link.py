@@ -14,6 +14,7 @@ import tty
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 from trexton.base.errors import ParameterError
 
@@ -51,6 +52,7 @@ class Link(ABC):
     again."""
 
     datagrams = False  # whether each piece received is whole in itself
+    _opened: Any = None  # a socket or a file
 
     @abstractmethod
     def open(self) -> None: ...
@@ -65,37 +67,34 @@ class Link(ABC):
     def understood(self) -> None:  # noqa: B027 - only who has several peers cares
         """What `receive` gave last was MAVLink: its sender is a peer."""
 
-    @abstractmethod
-    def fileno(self) -> int: ...
-
-    @abstractmethod
-    def close(self) -> None: ...
-
-
-class _SocketLink(Link):
-    def __init__(self, host: str, port: int):
-        self.address = (host, port)
-        self._opened: socket.socket | None = None
-
     @property
-    def _socket(self) -> socket.socket:
+    def _wire(self) -> Any:
         if self._opened is None:
             raise OSError("the link is not open")
         return self._opened
 
     def fileno(self) -> int:
-        return self._socket.fileno()
-
-    def receive(self) -> bytes:
-        try:
-            return self._socket.recv(65536)
-        except BlockingIOError:
-            return b""
+        """For `select`."""
+        number: int = self._wire.fileno()
+        return number
 
     def close(self) -> None:
+        """Let go of it; it may be opened again."""
         if self._opened is not None:
             self._opened.close()
             self._opened = None
+
+
+class _SocketLink(Link):
+    def __init__(self, host: str, port: int):
+        self.address = (host, port)
+
+    def receive(self) -> bytes:
+        try:
+            data: bytes = self._wire.recv(65536)
+            return data
+        except BlockingIOError:
+            return b""
 
 
 class UdpOut(_SocketLink):
@@ -110,14 +109,14 @@ class UdpOut(_SocketLink):
 
     def open(self) -> None:
         self._opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._socket.bind(("", self._port))
-        self._socket.connect(self.address)
-        self._port = self._socket.getsockname()[1]
+        self._wire.setblocking(False)
+        self._wire.bind(("", self._port))
+        self._wire.connect(self.address)
+        self._port = self._wire.getsockname()[1]
 
     def send(self, data: bytes) -> None:
         with suppress(BlockingIOError):  # the buffer is full: the next position is the better one
-            self._socket.send(data)
+            self._wire.send(data)
 
 
 class UdpIn(_SocketLink):
@@ -134,17 +133,17 @@ class UdpIn(_SocketLink):
     def open(self) -> None:
         self._peers.clear()
         self._opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.setblocking(False)
-        self._socket.bind(self.address)
+        self._wire.setblocking(False)
+        self._wire.bind(self.address)
 
     def send(self, data: bytes) -> None:
         for peer in list(self._peers):
             with suppress(OSError):  # one that has gone must not keep the others from hearing
-                self._socket.sendto(data, peer)
+                self._wire.sendto(data, peer)
 
     def receive(self) -> bytes:
         try:
-            data, self._sender = self._socket.recvfrom(65536)
+            data, self._sender = self._wire.recvfrom(65536)
             return data
         except BlockingIOError:
             return b""
@@ -163,17 +162,17 @@ class TcpLink(_SocketLink):
 
     def open(self) -> None:
         self._opened = socket.create_connection(self.address, CONNECT_TIMEOUT)
-        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        self._socket.setblocking(False)
+        self._wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._wire.setblocking(False)
 
     def send(self, data: bytes) -> None:
         # Half a message would garble the next, and a peer that reads nothing is as good as gone.
-        if self._socket.send(data) < len(data):
+        if self._wire.send(data) < len(data):
             raise ConnectionError("the peer reads too slowly")
 
     def receive(self) -> bytes:
         try:
-            data = self._socket.recv(65536)
+            data = self._wire.recv(65536)
         except BlockingIOError:
             return b""
         if not data:
@@ -186,40 +185,23 @@ class SerialLink(Link):
 
     def __init__(self, device: str, speed: int):
         self.device, self._speed = device, speed
-        self._opened: int | None = None
-
-    @property
-    def _descriptor(self) -> int:
-        if self._opened is None:
-            raise OSError("the link is not open")
-        return self._opened
 
     def open(self) -> None:
-        self._opened = os.open(self.device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        line = os.open(self.device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+        self._opened = os.fdopen(line, "r+b", buffering=0)
         try:
-            tty.setraw(self._descriptor)
-            settings = termios.tcgetattr(self._descriptor)
+            tty.setraw(line)
+            settings = termios.tcgetattr(line)
             settings[2] = (settings[2] | termios.CLOCAL | termios.CREAD) & ~termios.CRTSCTS
             settings[4] = settings[5] = self._speed
-            termios.tcsetattr(self._descriptor, termios.TCSANOW, settings)
+            termios.tcsetattr(line, termios.TCSANOW, settings)
         except termios.error as error:
             self.close()
             raise OSError(f"{self.device}: {error.args[-1]}") from None
 
-    def fileno(self) -> int:
-        return self._descriptor
-
     def send(self, data: bytes) -> None:
-        if os.write(self._descriptor, data) < len(data):
+        if (self._wire.write(data) or 0) < len(data):
             raise OSError(f"{self.device}: takes no more: lower the rate or raise the baud rate")
 
     def receive(self) -> bytes:
-        try:
-            return os.read(self._descriptor, 65536)
-        except BlockingIOError:
-            return b""
-
-    def close(self) -> None:
-        if self._opened is not None:
-            os.close(self._opened)
-            self._opened = None
+        return self._wire.read(65536) or b""

@@ -13,16 +13,27 @@ import numpy as np
 
 from trexton.base.errors import TrextonError
 from trexton.flights.aiding import Aiding
-from trexton.onboard.commander import LandingLink
 from trexton.onboard.edges import Edge
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
 
-__all__ = ["Guard", "Sink", "Surroundings"]
+__all__ = ["Check", "Guard", "Sink", "Surroundings"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 1.0, 30.0
+
+
+@dataclass(frozen=True)
+class Check:
+    """A line of the preflight check: what was looked at, whether it holds, and what was found."""
+
+    name: str
+    holds: bool
+    words: str
+
+    def __str__(self) -> str:
+        return f"{'ok  ' if self.holds else 'FAIL'}  {self.name}: {self.words}"
 
 
 @dataclass(frozen=True)
@@ -74,14 +85,9 @@ class Sink(Edge, ABC):
     file = ""
     autopilot: ClassVar[bool] = False
 
-    @property
-    def lander(self) -> LandingLink | None:
-        """What commands a landing; None where it commands nothing."""
-        return None
-
-    def checks(self, now: float) -> Iterable[tuple[str, bool, str]]:
-        """What the preflight check says of the other side: a name, whether it holds, why."""
-        yield "link", True, f"{self.name} never answers: nothing can be said of it"
+    def checks(self, now: float) -> Iterable[Check]:
+        """What the preflight check says of the other side."""
+        yield Check("link", True, f"{self.name} never answers: nothing can be said of it")
 
     @abstractmethod
     def open(self) -> None:

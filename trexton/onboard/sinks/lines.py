@@ -79,7 +79,7 @@ class FileSink(Sink):
     ):
         self.name = self.file = path
         self._header, self._most_bytes = header, most_bytes
-        self._opened: int | None = None
+        self._opened: Any = None  # its descriptor, while it is open
         self._fresh = not keep
         if not self._standard:
             try:
@@ -106,12 +106,6 @@ class FileSink(Sink):
     def _standard(self) -> bool:
         return self.file == "-"
 
-    @property
-    def _descriptor(self) -> int:
-        if self._opened is None:
-            raise OSError(errno.EBADF, "the file is not open")
-        return self._opened
-
     def open(self) -> None:
         """Open for adding; the header goes in where the file is still empty."""
         if self._standard:
@@ -123,10 +117,10 @@ class FileSink(Sink):
                 _move_aside(self.file)
             self._fresh = False
             self._opened = os.open(self.file, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-        self._regular = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+        self._regular = stat.S_ISREG(os.fstat(self._opened).st_mode)
         if self._regular and not self._standard and _ends_in_half_a_line(self.file):
             self._add("")
-        if self._header and (self._standard or os.fstat(self._descriptor).st_size == 0):
+        if self._header and (self._standard or os.fstat(self._opened).st_size == 0):
             self._add(self._header)
 
     def add(self, line: str) -> None:
@@ -143,7 +137,7 @@ class FileSink(Sink):
         self._add(line)
 
     def _check_place(self, coming: int) -> None:
-        facts = os.fstat(self._descriptor)
+        facts = os.fstat(self._opened)
         try:
             there = os.stat(self.file)
         except FileNotFoundError:
@@ -156,14 +150,14 @@ class FileSink(Sink):
             self.open()
 
     def _add(self, line: str) -> None:
-        if not select.select([], [self._descriptor], [], 0)[1]:
+        if not select.select([], [self._opened], [], 0)[1]:
             raise BlockingIOError(errno.EAGAIN, "its reader is too slow")
         data = (line + "\n").encode()
-        size = os.fstat(self._descriptor).st_size
-        written = os.write(self._descriptor, data)
+        size = os.fstat(self._opened).st_size
+        written = os.write(self._opened, data)
         if written < len(data):
             if self._regular:
-                os.ftruncate(self._descriptor, size)  # half a line never
+                os.ftruncate(self._opened, size)  # half a line never
             raise OSError(errno.ENOSPC, "the disk is full: a line was left out")
 
     def close(self) -> None:

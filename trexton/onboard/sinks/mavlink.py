@@ -15,7 +15,7 @@ from trexton.flights.aiding import Aiding
 from trexton.onboard.fix import Fix
 from trexton.onboard.mavlink.link import Link, make_link
 from trexton.onboard.mavlink.options import MavlinkOptions
-from trexton.onboard.sinks.base import Sink, Surroundings
+from trexton.onboard.sinks.base import Check, Sink, Surroundings
 from trexton.onboard.tally import Tally
 
 if TYPE_CHECKING:
@@ -90,18 +90,13 @@ class MavlinkSink(Sink):
         )
         return cls(address, link, speaker, around.tally, options, around.clock)
 
-    @property
-    def lander(self) -> MavlinkSink:
-        """Itself: it commands the landing, and hears the answer."""
-        return self
-
-    def checks(self, now: float) -> Iterator[tuple[str, bool, str]]:
+    def checks(self, now: float) -> Iterator[Check]:
         listener, options = self.speaker.listener, self._options
         heard = listener.present(now) and listener.certain
         words = f"autopilot {listener.target[0]} heard" if listener.target else "no autopilot heard"
         words += ", silent since" if listener.target and not listener.present(now) else ""
         words += "" if listener.certain or not listener.target else ": several, give --target"
-        yield "link", heard, f"{self.name}: {words}"
+        yield Check("link", heard, f"{self.name}: {words}")
         place, wanted = listener.origin, options.place
         words = f"{place[0]:.7f}, {place[1]:.7f}" if place else "not given: add --origin"
         holds = place is not None if wanted is None else listener.confirms(wanted)
@@ -109,14 +104,14 @@ class MavlinkSink(Sink):
             words = f"given, and not confirmed: the autopilot has {words if place else 'none'}"
         elif not place and options.autopilot != "ardupilot":
             holds, words = True, words + " for modes that need a global position"
-        yield "origin", holds, words
+        yield Check("origin", holds, words)
         fused = listener.fused(now)
         words = {
             True: "the autopilot has a position",
             False: "the autopilot HAS NO POSITION",
             None: "the autopilot does not say whether it has a position",
         }[fused]
-        yield "fused", fused is True, words
+        yield Check("fused", fused is True, words)
 
     def open(self) -> None:
         self._stop.clear()

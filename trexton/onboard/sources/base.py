@@ -94,8 +94,7 @@ class Source(Edge, ABC):
         """Whether an address without a kind is of this one."""
         return False
 
-    @abstractmethod
-    def open(self) -> None:
+    def open(self) -> None:  # noqa: B027 - where there is something to open
         """Begin, or begin again after a fault; raises `CameraLost` where there is nothing
         to open."""
 

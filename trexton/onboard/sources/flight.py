@@ -54,9 +54,6 @@ class FlightSource(Source):
         self._lap_s = duration + duration / max(len(flight) - 1, 1)
         self._next = 0
 
-    def open(self) -> None:
-        """Nothing to open: images are read one by one."""
-
     def read(self) -> Frame | None:
         lap, row = divmod(self._next, len(self.flight))
         if lap >= self.laps:

@@ -55,9 +55,6 @@ class ImageFolder(Source):
         self.gives, self.files = "images", (folder,)
         self._next = 0
 
-    def open(self) -> None:
-        """Nothing to open: images are read one by one."""
-
     def read(self) -> Frame | None:
         lap, row = divmod(self._next, len(self.pictures))
         if lap >= self.playback.laps:

@@ -55,9 +55,6 @@ class SimulatorSource(Source):
         self._plan = Plan(random_waypoints(floor.area, plan_rng))
         self.simulator = Simulator(floor, start=self._plan.start, speed=0.6, rng=simulator_rng)
 
-    def open(self) -> None:
-        """The room is always there."""
-
     def read(self) -> Frame | None:
         state = self.simulator.step(self._plan.goal(self.simulator.state.position))
         return Frame(state.time, self.simulator.render())
