@@ -153,7 +153,7 @@ def _warm_up(localizer: Localizer) -> None:
 
 
 def _landers(sinks: Iterable[Sink]) -> list[LandingLink]:
-    landers = [sink for sink in sinks if isinstance(sink, LandingLink)]
+    landers: list[LandingLink] = [sink for sink in sinks if isinstance(sink, LandingLink)]
     if not landers:
         raise ParameterError(
             "--arm-landing needs an output that can command it: "
