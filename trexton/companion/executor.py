@@ -23,8 +23,8 @@ from trexton.base.errors import ParameterError
 from trexton.base.progress import progress
 
 __all__ = [
-    "CLUSTER", "PROCESSES", "THREAD_VARIABLES", "connect", "end_with_parent", "limited",
-    "limited_threads", "spread", "working_on",
+    "CLUSTER", "PROCESSES", "THREAD_VARIABLES", "connect", "end_with_parent", "environment",
+    "limited", "limited_threads", "spread", "working_on",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -41,7 +41,7 @@ _task: Callable[[Any], Any] | None = None
 
 
 @contextmanager
-def _environment(chosen: Mapping[str, str]) -> Iterator[None]:
+def environment(chosen: Mapping[str, str]) -> Iterator[None]:
     """Within the block these variables hold, in started processes too."""
     before = {name: os.environ.get(name) for name in chosen}
     os.environ |= chosen
@@ -57,12 +57,12 @@ def _environment(chosen: Mapping[str, str]) -> Iterator[None]:
 
 def working_on(cluster: str | None = None, processes: int = 1) -> AbstractContextManager[None]:
     """Within the block, `spread` uses a Dask cluster, so many processes, or (default) neither."""
-    return _environment({CLUSTER: cluster or "", PROCESSES: str(processes)})
+    return environment({CLUSTER: cluster or "", PROCESSES: str(processes)})
 
 
 def limited(threads: int | None) -> AbstractContextManager[None]:
     """Within the block, started processes give their libraries so many threads (None: all)."""
-    return _environment({} if threads is None else dict.fromkeys(THREAD_VARIABLES, str(threads)))
+    return environment({} if threads is None else dict.fromkeys(THREAD_VARIABLES, str(threads)))
 
 
 @contextmanager
@@ -74,7 +74,7 @@ def limited_threads(count: int) -> Iterator[None]:
     before = cv2.getNumThreads()
     cv2.setNumThreads(count)
     try:
-        with _environment({"OMP_NUM_THREADS": str(count)}), threadpool_limits(count):
+        with environment({"OMP_NUM_THREADS": str(count)}), threadpool_limits(count):
             yield
     finally:
         cv2.setNumThreads(before)

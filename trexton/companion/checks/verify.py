@@ -1,17 +1,13 @@
-"""Are the results still the same? A record's experiment runs again, in a fresh process.
+"""Are the results still the same? A record's experiment runs again, with an empty cache.
 
-The process differs in what must not matter (hash seed, threads, cache) from the one that made the
-record. Numbers may be apart by what BLAS kernels of another processor round otherwise: 1e-9, 1e-6
-where a method multiplies in single precision. What changed is named, with the versions that moved.
+Numbers may be apart by what BLAS kernels of another processor round otherwise: 1e-9, 1e-6 where a
+method multiplies in single precision. What changed is named, with the versions that moved.
 """
 
 from __future__ import annotations
 
 import json
 import math
-import os
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,18 +17,15 @@ from trexton.base.cache import kept_results
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.records import Record, software_versions, upgraded
-from trexton.companion.executor import THREAD_VARIABLES
+from trexton.companion.executor import environment
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.splits import load_pair
 
-__all__ = ["Verdict", "rebuild", "references", "update", "verify"]
+__all__ = ["Verdict", "references", "update", "verify"]
 
 RELATIVE, NEAR_ZERO = 1e-9, 1e-12  # of numbers that are not whole
 SINGLE = {"kidnapping": 1e-6}  # instead, where a method multiplies in single precision
 RESULTS = ("values", "series", "images")
-_PROGRAM = "import sys; from trexton.companion.checks.verify import rebuild; rebuild(*sys.argv[1:])"
-# As far from the process that made a reference as the bits allow.
-_ENVIRONMENT = dict.fromkeys(THREAD_VARIABLES, "2") | {"PYTHONHASHSEED": "1"}
 
 Content = dict[str, Any]
 
@@ -78,7 +71,8 @@ def verify(
     Raises
     ------
     TrextonError
-        The record cannot be read, its flights are missing, or the process fails.
+        The record cannot be read, its flights are missing, or its experiment is unknown or reads
+        the records of all flights.
     """
     record = _read(path)
     given = [str(each) for each in (flight, test_flight) if each]
@@ -88,18 +82,12 @@ def verify(
             f"{path}: was made of {', '.join(record['provenance'].get('flights', {})) or 'flights'}"
             ": name their folders with --flight and --test-flight"
         )
+    name = record["experiment"]
+    if name not in EXPERIMENTS or EXPERIMENTS[name].every_flight:
+        raise TrextonError(f"{path}: {name!r} is no experiment on flights: choose another record")
     own = work / path.stem
-    own.mkdir(parents=True, exist_ok=True)
-    command = [sys.executable, "-c", _PROGRAM, str(path), str(own / "results"), *flights]
-    done = subprocess.run(
-        command,
-        env=os.environ | _ENVIRONMENT | {"TREXTON_CACHE": str(own / "cache")},
-        capture_output=True, text=True, errors="replace",
-    )  # fmt: skip
-    if done.returncode:
-        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise TrextonError(f"{path}: its experiment failed: {last}")
-    rebuilt = _read(next((own / "results").glob("*.json")))
+    with environment({"TREXTON_CACHE": str(own / "cache")}):
+        rebuilt = rebuild(name, record["parameters"], flights, own / "results")
     within = SINGLE.get(record["experiment"], RELATIVE)
     changes = [
         line
@@ -116,23 +104,14 @@ def verify(
     return Verdict(path, changes, versions, rebuilt)
 
 
-def rebuild(path: str, out: str, flight: str, test_flight: str | None = None) -> None:
-    """Run the experiment of the record at `path` with its parameters; the new record goes to `out`.
-
-    Raises
-    ------
-    TrextonError
-        The experiment is unknown, or reads the records of all flights.
-    """
-    record = _read(Path(path))
-    name = record["experiment"]
-    if name not in EXPERIMENTS or EXPERIMENTS[name].every_flight:
-        raise TrextonError(f"{path}: {name!r} is no experiment on flights: choose another record")
+def rebuild(name: str, parameters: Content, flights: list[str], out: Path) -> Content:
+    """A record of this experiment, as its file in `out` has it."""
     experiment = EXPERIMENTS[name]
-    parameters = experiment.parameters.parse(record["parameters"], name)
-    train, test = load_pair(flight, test_flight)
+    train, test = load_pair(flights[0], flights[1] if len(flights) > 1 else None)
     assert experiment.run is not None
-    experiment.run(train, test, parameters).save(out)
+    return _read(
+        experiment.run(train, test, experiment.parameters.parse(parameters, name)).save(out)
+    )
 
 
 def update(verdict: Verdict) -> None:
