@@ -4,7 +4,8 @@
 
 ROS's own words may follow, as in --ros-args -r position:=/vision/pose. It reads a --log too.
 
-`pose` is the whole conversion and needs no ROS; `main` needs rclpy and geometry_msgs.
+`pose` is the whole conversion and needs no ROS; `main` needs rclpy and geometry_msgs. Stamps are
+those of the capture, on ROS's clock.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import argparse
 import json
 import math
 import sys
+import time
 
 UNKNOWN = 1e6  # a variance that makes a number weightless
 
@@ -43,9 +45,17 @@ def pose(row: dict, heading: float) -> dict | None:
     }
 
 
+def age(row: dict) -> float:
+    """Seconds since the capture: `time_s` is of the steady clock that all programs of a computer
+    share. A recording has another clock, of which the latency alone is known."""
+    passed = time.monotonic() - row["time_s"]
+    return passed if 0 <= passed < 60 else row["latency_s"]
+
+
 def main() -> None:
     import rclpy
     from geometry_msgs.msg import PoseWithCovarianceStamped
+    from rclpy.duration import Duration
     from rclpy.utilities import remove_ros_args
 
     parser = argparse.ArgumentParser()
@@ -55,14 +65,15 @@ def main() -> None:
     rclpy.init()
     node = rclpy.create_node("trexton")
     publisher = node.create_publisher(PoseWithCovarianceStamped, "position", 10)
-    # Stamps are of the steady clock of this computer; ROS wants its own.
     for line in sys.stdin:
-        found = pose(json.loads(line), math.radians(arguments.heading))
+        row = json.loads(line)
+        found = pose(row, math.radians(arguments.heading))
         if found is None:
             continue
+        captured = node.get_clock().now() - Duration(nanoseconds=round(1e9 * age(row)))
         message = PoseWithCovarianceStamped()
         message.header.frame_id = arguments.frame
-        message.header.stamp = node.get_clock().now().to_msg()
+        message.header.stamp = captured.to_msg()
         place = message.pose.pose.position
         place.x, place.y, place.z = found["position"]
         message.pose.pose.orientation.w = 1.0

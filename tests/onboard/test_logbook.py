@@ -7,6 +7,7 @@ import os
 import runpy
 import sys
 import threading
+import time
 from pathlib import Path
 from unittest.mock import MagicMock
 
@@ -116,9 +117,18 @@ def test_the_pose_for_ros_is_that_of_the_autopilots_axes(rng):
     assert pose(row(make_fix(1.0, lost=True)), 0.0) is None
 
 
+def test_the_age_for_ros_is_that_of_the_capture():
+    """Stamped when it was published, a position was as late as camera and computer together."""
+    age = runpy.run_path(str(EXAMPLE))["age"]
+    live = row(make_fix(time.monotonic() - 0.2, latency=0.15))
+    assert age(live) == pytest.approx(0.2, abs=0.05)
+    assert age(row(make_fix(1e12, latency=0.15))) == 0.15  # a recording's clock
+
+
 def test_the_node_for_ros_reads_a_log_and_leaves_the_words_of_ros_to_it(log, monkeypatch, capsys):
     """With stand-ins for the three packages of ROS that it imports."""
-    ros = {name: MagicMock() for name in ("rclpy", "rclpy.utilities", "geometry_msgs.msg")}
+    packages = ("rclpy", "rclpy.duration", "rclpy.utilities", "geometry_msgs.msg")
+    ros = {name: MagicMock() for name in packages}
     ros["rclpy.utilities"].remove_ros_args = lambda argv: argv[: argv.index("--ros-args")]
     for name, module in ros.items():
         monkeypatch.setitem(sys.modules, name, module)

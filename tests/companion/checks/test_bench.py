@@ -14,7 +14,7 @@ from small_room import observations
 from trexton.base.errors import ParameterError
 from trexton.base.records import machine
 from trexton.cli import main as cli
-from trexton.companion.checks import bench, timing
+from trexton.companion.checks import bench, board, timing
 from trexton.companion.checks.bench import STAGES, Scene, measure
 from trexton.companion.checks.timing import Contest, interleave, table
 from trexton.companion.executor import limited_threads
@@ -203,3 +203,10 @@ def test_started_processes_have_bytecode_whatever_the_environment(scene, monkeyp
     contests[0].ours()
     (env,) = told
     assert "PYTHONDONTWRITEBYTECODE" not in env and env["PYTHONPYCACHEPREFIX"]
+
+
+def test_a_board_is_a_line_of_numbers():
+    found = board.measure_board(frames=40)
+    assert found["frames"] == 40 and 0 < found["latency_ms"]["p50"] <= found["latency_ms"]["p99"]
+    assert found["memory_mib"] > 10 and found["first_position_s"] > 0.01
+    assert found["machine"]["processor"]

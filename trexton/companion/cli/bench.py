@@ -17,6 +17,9 @@ class BenchOptions(Options):
 
     quick: bool = option(False, "fewer repeats, fewer frames")
     seed: int = option(1, "of the flight and the maps worked on", low=0)
+    board: bool = option(
+        False, "only how fast this computer flies, as JSON for the book's table of boards"
+    )
     json: str | None = option(None, "write the rows to this file as a JSON list")
 
 
@@ -35,6 +38,11 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.checks.timing import table
 
     asked = chosen_options(arguments, BenchOptions)
+    if asked.board:
+        from trexton.companion.checks.board import measure_board
+
+        print(canonical_json(measure_board(200 if asked.quick else 600, seed=asked.seed)))
+        return 0
     if asked.json:
         check_writable(asked.json)
     rows = list(measure(arguments.stage, quick=asked.quick, seed=asked.seed))
