@@ -6,14 +6,28 @@ from __future__ import annotations
 
 import argparse
 
-from trexton.flights.check import check_flight
+from trexton.base.errors import ParameterError
+from trexton.flights.check import check_flight, repair_flight
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("flight", metavar="FLIGHT", help="the folder that holds flight.toml")
+    parser.add_argument(
+        "--repair", action="store_true",
+        help="do what each warning advises and write the flight anew, to --out",
+    )  # fmt: skip
+    parser.add_argument("--out", metavar="FLIGHT", help="where the repaired flight is written")
+    parser.add_argument("--replace", action="store_true", help="replace the Flight folder there")
 
 
 def run(arguments: argparse.Namespace) -> int:
-    report = check_flight(arguments.flight)
+    if arguments.repair != bool(arguments.out):
+        raise ParameterError("--repair and --out go together: the original is kept, name a folder")
+    folder = arguments.flight
+    if arguments.repair:
+        folder = arguments.out
+        for line in repair_flight(arguments.flight, folder, arguments.replace):
+            print(f"repair   {line}")
+    report = check_flight(folder)
     print(report)
     return 0 if report.usable else 1

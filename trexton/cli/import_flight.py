@@ -37,7 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     known = f"{', '.join(IMPORTERS)} (guessed unless given), and file or folder"
     parser.add_argument("what", nargs="+", metavar="[KIND] SOURCE", help=known)
     _let_words_follow_options(parser)
-    parser.add_argument("--out", required=True, metavar="FLIGHT", help="the Flight folder to write")
+    parser.add_argument("--out", metavar="FLIGHT", help="the Flight folder to write")
+    parser.add_argument(
+        "--dry-run", action="store_true",
+        help="write nothing: print which columns, units, frames and clock would be taken for what",
+    )  # fmt: skip
     parser.add_argument(
         "--replace", action="store_true", help="replace the Flight folder that is there"
     )
@@ -61,23 +65,28 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    from trexton.flights.importing import import_flight
+    from trexton.flights.importing import import_flight, preview_import
 
     *kind, source = arguments.what
     if len(kind) > 1:
         raise ParameterError(
             f"{' '.join(arguments.what)}: expected a kind and a source, or a source"
         )
+    chosen = kind[0] if kind else None
+    settings: dict[str, object] = {
+        name.removeprefix(PLACE): value
+        for name, value in vars(arguments).items()
+        if name.startswith(PLACE)
+    }
+    if arguments.dry_run:
+        rows = preview_import(source, kind=chosen, settings=settings)
+        width = max(len(name) for name, _ in rows)
+        print("\n".join(f"{name:<{width}}  {text}" for name, text in rows))
+        return 0
+    if not arguments.out:
+        raise ParameterError("name the folder to write with --out, or say --dry-run")
     flight, remarks = import_flight(
-        source,
-        arguments.out,
-        kind=kind[0] if kind else None,
-        settings={
-            name.removeprefix(PLACE): value
-            for name, value in vars(arguments).items()
-            if name.startswith(PLACE)
-        },
-        replaced=arguments.replace,
+        source, arguments.out, kind=chosen, settings=settings, replaced=arguments.replace
     )
     for line in remarks:
         say(line)

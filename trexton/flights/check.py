@@ -1,4 +1,8 @@
-"""Read a flight folder to the last image and report what is there and what is wrong."""
+"""Read a flight folder to the last image and report what is there and what is wrong.
+
+`check_flight` reports; `repair_flight` does what the warnings advise and writes the result beside
+the original, a line for each.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +10,23 @@ import hashlib
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from trexton.base.errors import FlightError, ImageError
+from trexton.base.files import check_not_read
 from trexton.base.progress import progress
 from trexton.flights import plausibility
 from trexton.flights.flight import Flight
 from trexton.flights.folder import Reading, load_folder
+from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
 
-__all__ = ["Report", "check_flight"]
+__all__ = ["Report", "check_flight", "repair_flight"]
+
+MOST_ROUNDS = 10  # a repair may uncover what another repairs
 
 # What may differ between sentences that say the same: names in quotes, paths, numbers.
 _PARTICULAR = re.compile(r"'[^']*'|/\S+|-?\d[\d.e+-]*")
@@ -96,7 +104,7 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
         except ImageError as error:
             reading.faults.append(f"frames.csv, row {row}: {error}")
             continue
-        content = hashlib.sha256(image.data).digest()
+        content = _hash(image)
         contents.add(content)
         if content == before and file != places[-1][1]:
             repeats.append(row)
@@ -129,6 +137,11 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
             "frozen, leave the frames out"
         )
     return sizes
+
+
+def _hash(image: np.ndarray) -> bytes:
+    """Equal for pictures that are equal to the last bit."""
+    return hashlib.sha256(np.ascontiguousarray(image).data).digest()
 
 
 def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str, str]]:
@@ -184,3 +197,60 @@ def _size(size: tuple[int, int]) -> str:
 
 def _count(number: int, what: str) -> str:
     return f"{number or 'no'} {what}{'' if number == 1 else 's'}"
+
+
+def repair_flight(
+    path: str | os.PathLike[str], out: str | os.PathLike[str], replaced: bool = False
+) -> list[str]:
+    """Write the flight in the folder `path`, repaired, as the folder `out`; the original is kept.
+
+    Parameters
+    ----------
+    replaced : bool
+        A Flight folder at `out` may be replaced.
+
+    Returns
+    -------
+    list of str
+        What was done, with counts, and what was not.
+
+    Raises
+    ------
+    FlightError
+        A fault of the folder is of no kind that is repaired here.
+    """
+    check_not_read(Path(out), Path(path))
+    done: list[str] = []
+    reading = load_folder(Path(path), done)
+    if reading.flight is None:
+        raise FlightError(reading.faults[0])
+    flight = _without_bad_images(reading.flight, done)
+    for _ in range(MOST_ROUNDS):
+        doubt = next((each for each in plausibility.warnings(flight) if each.mend), None)
+        if doubt is None or doubt.mend is None:
+            break
+        flight = doubt.mend(flight)
+        done.append(doubt.done)
+    done += [f"not repaired: {each}" for each in plausibility.warnings(flight)]
+    write_flight(replace(flight, notes=(*flight.notes, *done)), out, replaced)
+    return done or ["nothing to repair"]
+
+
+def _without_bad_images(flight: Flight, done: list[str]) -> Flight:
+    """The flight without frames whose picture cannot be read, or is the one before to the byte."""
+    if flight.frames is None:
+        return flight
+    rows, contents = [], []
+    for row in range(len(flight)):
+        try:
+            contents.append(_hash(flight.image(row)))
+            rows.append(row)
+        except (FlightError, ImageError):
+            continue
+    if bad := len(flight) - len(rows):
+        done.append(f"{bad} frames left out whose images cannot be read, or are of another size")
+    frozen = np.array([False, *(a == b for a, b in zip(contents, contents[1:], strict=False))])
+    if frozen.any() and 2 * frozen.sum() < len(rows):
+        done.append(f"{frozen.sum()} frames left out whose picture is the one before")
+        rows = np.array(rows)[~frozen].tolist()
+    return flight.select(np.array(rows, dtype=int)) if len(rows) < len(flight) else flight

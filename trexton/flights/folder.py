@@ -49,6 +49,8 @@ class Reading:
     faults: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
     image_files: list[tuple[int, Path]] = field(default_factory=list)
+    repaired: list[str] | None = None
+    order: np.ndarray | None = None  # of the rows, where they were sorted
 
 
 def read_flight(path: str | os.PathLike[str]) -> Flight:
@@ -70,9 +72,12 @@ def read_flight(path: str | os.PathLike[str]) -> Flight:
     return reading.flight
 
 
-def load_folder(path: Path) -> Reading:
-    """Read a Flight folder and collect its faults instead of raising."""
-    reading = Reading()
+def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
+    """Read a Flight folder and collect its faults instead of raising.
+
+    Where a list `repaired` is given, rows out of order are sorted instead, and it says so.
+    """
+    reading = Reading(repaired=repaired)
     if not path.is_dir():
         reading.faults.append(f"{path}: no such folder: give the folder that holds flight.toml")
         return reading
@@ -214,6 +219,9 @@ def _read_frames(path: Path, reading: Reading) -> Columns | None:
         )
         return None
     columns["frame"] = columns["frame"].astype(np.int64)
+    if reading.repaired is not None:
+        _sort(columns, reading.repaired, reading)
+        rows = rows[reading.order] if reading.order is not None else rows
     _check_order(path, columns, rows, reading)
     for row in np.flatnonzero(np.isnan(columns["x_m"]) | np.isnan(columns["y_m"])):
         reading.warnings.append(
@@ -237,6 +245,24 @@ def _warn_of_separators(table: TextTable, reading: Reading) -> None:
             f"{table.path}: written with {word}{commas}, and read so: commas and decimal points "
             "are usual"
         )
+
+
+def _sort(columns: Columns, said: list[str], reading: Reading) -> None:
+    """Put the rows in order of their stamps, one a stamp; frame numbers that then go back are
+    counted anew.
+    """
+    time = columns["t_s"]
+    order = np.argsort(time, kind="stable")
+    order = order[np.diff(time[order], prepend=time[order[0]] - 1) > 0]
+    if not np.array_equal(order, np.arange(len(time))):
+        back, twice = int((np.diff(time) < 0).sum()), len(time) - len(order)
+        said.append(f"{back} rows put in order of their stamps, {twice} of repeated stamps dropped")
+        reading.order = order
+        for name, values in columns.items():
+            columns[name] = [values[i] for i in order] if name == "image" else values[order]
+    if (np.diff(columns["frame"]) <= 0).any():
+        said.append("frames numbered anew")
+        columns["frame"] = np.arange(len(order))
 
 
 def _check_order(path: Path, columns: Columns, rows: np.ndarray, reading: Reading) -> None:
@@ -264,7 +290,9 @@ def _read_histograms(
         reading.faults.append(str(error))
         return None
     _warn_of_separators(table, reading)
-    if not np.array_equal(values[:, 0], frames):
+    if reading.order is not None and len(values) > reading.order.max():
+        values = values[reading.order]
+    if not np.array_equal(values[:, 0], frames) and reading.order is None:
         odd = next(
             (i for i, (a, b) in enumerate(zip(values[:, 0], frames, strict=False)) if a != b),
             min(len(values), len(frames)),

@@ -1,28 +1,20 @@
 """From a recording to a Flight folder: positions matched, images brought to one size.
 
-`import_flight` writes it whole; an import that was interrupted goes on.
+`import_flight` writes it whole or not at all; `preview_import` tells what it would take for what.
 """
 
 from __future__ import annotations
 
 import os
-import shutil
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from trexton.base.errors import FlightError, ParameterError, TrextonError
-from trexton.base.files import (
-    check_not_read,
-    check_replaceable,
-    clean_leftovers,
-    digest,
-    naming,
-    replace_folder,
-)
+from trexton.base.errors import FlightError, ParameterError
+from trexton.base.files import atomic_folder, check_not_read, check_replaceable
 from trexton.base.options import Options, option
-from trexton.base.progress import say
 from trexton.flights.flight import Flight
 from trexton.flights.folder import load_folder, read_flight
 from trexton.flights.frames import ImageFiles, select_frames
@@ -33,7 +25,7 @@ from trexton.flights.importers.recording import NANO, PoseTrack, Recording, matc
 from trexton.flights.writing import write_tables
 from trexton.vision.camera import Camera
 
-__all__ = ["Common", "import_flight"]
+__all__ = ["Common", "import_flight", "preview_import"]
 
 
 @dataclass(frozen=True)
@@ -61,9 +53,6 @@ def import_flight(
 ) -> tuple[Flight, list[str]]:
     """Import a recording as a Flight folder.
 
-    An import that was interrupted leaves its images in a hidden folder beside `out`; the same
-    import goes on from there.
-
     Parameters
     ----------
     source, out : path
@@ -86,74 +75,116 @@ def import_flight(
         The source is not of this kind, no frame has a position, or images do not fit together.
     """
     source, out = Path(source), Path(out)
-    clean_leftovers(out)
     check_replaceable(out, replaced, ours=False)
-    kind = kind or guess_kind(source)
-    module = importer(kind)
-    given = dict(settings or {})
-    names = {each.name for each in Common.declared()}
-    # A video has an offset of its own, which may be estimated.
-    names -= {each.name for each in module.Settings.declared()}
-    common = Common.parse({key: given.pop(key) for key in list(given) if key in names})
-    chosen = module.Settings.parse(given, f"import {kind}")
-    recording = module.read(source, chosen)
-    recording, said = _ordered(recording)
+    plan = _Plan.of(source, kind, settings or {})
+    recording = plan.recording
     read = recording.frames.files if isinstance(recording.frames, ImageFiles) else ()
     read += (source,) if source.is_file() else ()
     beside = source.resolve() in out.resolve().parents  # a flight may lie in its source's folder
     check_not_read(out, *read, *(() if beside else (source,)))
-    work = out.parent / f".{out.name}.importing"
-    # What cannot be right is found before images are written, which may take long.
-    split = _split(common.split, len(recording.time_ns))
-    placed, words = _placed(recording, common)
-    if recording.track is not None and "offset" in names:
-        words.append(
-            f"{common.offset:g} s added to the stamps of the positions, as given"
-            if common.offset
-            else "stamps of frames and positions taken as of one clock"
-        )
-    change = None
-    if recording.frames is not None:
-        change = Change.of(
-            recording, source, undistort=common.undistort, mask=common.mask, scale=common.scale
-        )
-    states = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in read]
-    key = digest(
-        kind, str(source.resolve()), chosen.as_dict(), common.as_dict(), recording.time_ns, states,
-        *([] if change is None else [change.rectification.table()]),
-    )  # fmt: skip
-    with naming(out):
-        try:
-            _prepare(work, key)
-            camera, frames = recording.camera, None
-            if change is not None:
-                frames, camera, written = write_images(recording, change, work / "images")
-                said += written
-            flight = _flight(recording, split, placed, camera, frames, common.name or out.name)
-            if change is not None and change.rectification.changes:
-                flight = replace(flight, rectification=change.rectification)
-            write_tables(flight, work)
-            if faults := load_folder(work).faults:  # what cannot be read replaces nothing
-                raise FlightError(faults[0])
-        except TrextonError as error:  # and is no use to go on with
-            shutil.rmtree(work, ignore_errors=True)
-            raise type(error)(str(error).replace(str(work), str(out))) from None
-        (work / "key").unlink()
-        replace_folder(work, out)
-    return read_flight(out), recording.said + said + words
+    with atomic_folder(out, replaced) as work:
+        said: list[str] = []
+        camera, frames = recording.camera, None
+        if plan.change is not None:
+            (work / "images").mkdir()
+            frames, camera, said = write_images(recording, plan.change, work / "images")
+        flight = _flight(recording, plan, camera, frames, plan.common.name or out.name)
+        write_tables(flight, work)
+        if faults := load_folder(work).faults:  # what cannot be read replaces nothing
+            raise FlightError(faults[0].replace(str(work), str(out)))
+    return read_flight(out), [*plan.said, *said, *plan.words]
 
 
-def _prepare(work: Path, key: str) -> None:
-    """The folder of an import that goes on, or an empty one."""
-    stamp = work / "key"
-    if not (stamp.is_file() and stamp.read_text(encoding="utf-8") == key):
-        shutil.rmtree(work, ignore_errors=True)
-        (work / "images").mkdir(parents=True)
-        stamp.write_text(key, encoding="utf-8")
-    else:
-        (work / "images").mkdir(exist_ok=True)
-        if there := len(list((work / "images").iterdir())):
-            say(f"going on with {there} images that are there already")
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """What an import will write: what cannot be right is found before images are written, which
+    may take long.
+
+    `said` and `words` are what to know of the recording, and of its positions.
+    """
+
+    kind: str
+    chosen: Options
+    common: Common
+    recording: Recording
+    split: dict[str, tuple[int, int]]
+    placed: PoseTrack
+    change: Change | None
+    said: list[str]
+    words: list[str]
+
+    @classmethod
+    def of(cls, source: Path, kind: str | None, settings: Mapping[str, object]) -> _Plan:
+        """By reading the source; raises as `import_flight`."""
+        kind = kind or guess_kind(source)
+        module = importer(kind)
+        given = dict(settings)
+        names = {each.name for each in Common.declared()}
+        # A video has an offset of its own, which may be estimated.
+        names -= {each.name for each in module.Settings.declared()}
+        common = Common.parse({key: given.pop(key) for key in list(given) if key in names})
+        chosen = module.Settings.parse(given, f"import {kind}")
+        recording, said = _ordered(module.read(source, chosen))
+        split = _split(common.split, len(recording.time_ns))
+        placed, words = _placed(recording, common)
+        if recording.track is not None and "offset" in names:
+            words.append(
+                f"{common.offset:g} s added to the stamps of the positions, as given"
+                if common.offset
+                else "stamps of frames and positions taken as of one clock"
+            )
+        change = None
+        if recording.frames is not None:
+            change = Change.of(
+                recording, source, undistort=common.undistort, mask=common.mask, scale=common.scale
+            )
+        said = recording.said + said
+        return cls(kind, chosen, common, recording, split, placed, change, said, words)
+
+
+def preview_import(
+    source: str | os.PathLike[str],
+    *,
+    kind: str | None = None,
+    settings: Mapping[str, object] | None = None,
+) -> list[tuple[str, str]]:
+    """What an import would take for what, as rows of a name and a text; nothing is written.
+
+    Raises
+    ------
+    TrextonError
+        As `import_flight`.
+    """
+    plan = _Plan.of(Path(source), kind, settings or {})
+    recording, placed = plan.recording, plan.placed
+    options = {**plan.chosen.as_dict(), **plan.common.as_dict()}
+    given = settings or {}
+    rows = [("kind", f"{plan.kind} ({'as given' if kind else 'guessed'})")]
+    rows += [
+        (name.replace("_", "-"), f"{value} ({'as given' if name in given else 'default'})")
+        for name, value in options.items()
+        if value not in ("", None)
+    ]
+    time = (recording.time_ns - recording.time_ns[0]) / NANO
+    rows.append(("frames", f"{len(time)} over {time[-1]:.3f} s, from {recording.time_ns[0]} ns on"))
+    if (track := recording.track) is not None:
+        stamps = (track.time_ns - recording.time_ns[0]) / NANO
+        rows.append(
+            ("clock", f"{len(stamps)} positions from {stamps[0]:.3f} to {stamps[-1]:.3f} s of it")
+        )
+    for name, values in (("x y z", placed.position), ("roll pitch yaw", placed.attitude)):
+        if values is None or not np.isfinite(values).any():
+            continue
+        unit = "m" if name == "x y z" else "rad"
+        told = [
+            f"{axis} {np.nanmin(column):.3f} to {np.nanmax(column):.3f} {unit}"
+            for axis, column in zip(name.split(), values.T, strict=True)
+            if np.isfinite(column).any()
+        ]
+        rows.append((name, ", ".join(told)))
+    if plan.change is not None:
+        rows.append(("images", "x".join(map(str, plan.change.rectification.size)) + " pixels"))
+    return rows + [("told", line) for line in (*plan.said, *plan.words)]
 
 
 def _ordered(recording: Recording) -> tuple[Recording, list[str]]:
@@ -209,15 +240,9 @@ def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
 
 
 def _flight(
-    recording: Recording,
-    split: dict[str, tuple[int, int]],
-    placed: PoseTrack,
-    camera: Camera | None,
-    frames: ImageFiles | None,
-    name: str,
+    recording: Recording, plan: _Plan, camera: Camera | None, frames: ImageFiles | None, name: str
 ) -> Flight:
-    count = len(recording.time_ns)
-    position = placed.position
+    position, change = plan.placed.position, plan.change
     height = position[:, 2] if np.isfinite(position[:, 2]).any() else None
     places = position[np.isfinite(position[:, :2]).all(axis=1), :2]
     low, high = (
@@ -228,17 +253,18 @@ def _flight(
     first = int(recording.time_ns[0])
     return Flight(
         name=name,
-        frame=np.arange(count),
+        frame=np.arange(len(position)),
         time=(recording.time_ns - first) / NANO,
         position=position[:, :2],
         area=(float(x_min), float(x_max), float(y_min), float(y_max)),
         height=height,
-        attitude=placed.attitude,
+        attitude=plan.placed.attitude,
         frames=frames,
         histograms=recording.histograms,
         features=recording.features,
         camera=camera,
-        split=split,
+        split=plan.split,
+        rectification=change.rectification if change and change.rectification.changes else None,
         origin=None if recording.track is None else recording.track.origin,
         source=recording.source,
         licence=recording.licence,

@@ -1,13 +1,14 @@
 """Plausibility checks of a flight that can be read: positions, stamps, splits and images.
 
-Each check is a function that gives a sentence for what is probably not as meant, with what to do
-about it; `warnings` runs all of them.
+Each check is a function that gives a `Doubt` for what is probably not as meant: a sentence with
+what to do about it, and how that is done where it can be; `warnings` runs all of them.
 """
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import looks_away
+from trexton.flights.repair import Doubt, scaled, without_positions
 from trexton.flights.tracking import lost_rows, ranges
 from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
@@ -23,6 +25,7 @@ __all__ = ["warnings"]
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
+_STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("milliseconds", 1e-3, 0.0))
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
@@ -41,9 +44,10 @@ def _check(function: _Check) -> _Check:
     return function
 
 
-def warnings(flight: Flight) -> list[str]:
+def warnings(flight: Flight) -> list[Doubt]:
     """What the checks say, in their order."""
-    return [sentence for check in _CHECKS for sentence in check(flight)]
+    said = (each for check in _CHECKS for each in check(flight))
+    return [each if isinstance(each, Doubt) else Doubt(each) for each in said]
 
 
 def _located(flight: Flight) -> np.ndarray:
@@ -68,14 +72,22 @@ def _outside(flight: Flight) -> Iterator[str]:
     first = _first(flight, rows, out)
     found = f"{out.sum()} of {len(rows)} positions lie outside area_m (first: frame {first})"
     if out.mean() > 0.05 and (~inside(y, x)).sum() < 0.2 * out.sum():
-        yield f"{found}, but inside when x and y are exchanged: exchange the columns, or area_m"
+        yield Doubt(
+            f"{found}, but inside when x and y are exchanged: exchange the columns, or area_m",
+            "x and y exchanged",
+            lambda flight: replace(flight, position=flight.position[:, ::-1]),
+        )
         return
     for unit, factor in (("millimetres", 1e-3), ("centimetres", 1e-2)):
         fits = inside(factor * x, factor * y).mean() > 0.9 and (
             factor * max(np.ptp(x), np.ptp(y)) > 0.2 * min(x_max - x_min, y_max - y_min)
         )
         if out.mean() > 0.5 and fits:
-            yield f"{found}, but inside when read as {unit}: write metres"
+            yield Doubt(
+                f"{found}, but inside when read as {unit}: write metres",
+                f"positions read as {unit}",
+                scaled(factor, "position"),
+            )
             return
     yield f"{found}: correct them, or widen area_m"
 
@@ -95,9 +107,11 @@ def _tracking(flight: Flight) -> Iterator[str]:
             if how.startswith(("at", "where"))
             else (f"{_count(len(rows), 'position')} {'is' if len(rows) == 1 else 'are'} {how}")
         )
-        yield (
-            f"{said} (frames {ranges(flight.frame[rows])}): was tracking lost? leave x_m and y_m "
-            "of these frames empty"
+        frames = ranges(flight.frame[rows])
+        yield Doubt(
+            f"{said} (frames {frames}): was tracking lost? leave x_m and y_m of these frames empty",
+            f"{_count(len(rows), 'position')} left empty, {how} (frames {frames})",
+            without_positions(rows),
         )
 
 
@@ -109,10 +123,12 @@ def _speed(flight: Flight) -> Iterator[str]:
     steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
     speed = float(np.median(steps / np.diff(flight.time[rows])))
     if speed > MAX_MEDIAN_SPEED:
-        unit = "millimetres" if speed > 300 else "centimetres"
-        yield (
+        unit, factor = ("millimetres", 1e-3) if speed > 300 else ("centimetres", 1e-2)
+        yield Doubt(
             f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
-            "write metres and seconds"
+            "write metres and seconds",
+            f"positions and area read as {unit}",
+            scaled(factor, "position", "area"),
         )
 
 
@@ -124,20 +140,26 @@ def _heights(flight: Flight) -> Iterator[str]:
     usual = float(np.median(height))
     below = height < 0
     if not height.any():
-        yield (
+        yield Doubt(
             f"all {len(rows)} heights are 0: write metres above the floor, or leave z_m out where "
-            "they are not known"
+            "they are not known",
+            "heights left out, which are all 0",
+            lambda flight: replace(flight, height=None),
         )
     elif below.mean() > 0.5:
-        yield (
+        yield Doubt(
             f"{below.sum()} of {len(rows)} heights are negative (first: frame "
-            f"{_first(flight, rows, below)}): does z point down? write metres above the floor"
+            f"{_first(flight, rows, below)}): does z point down? write metres above the floor",
+            "heights turned, z pointed down",
+            scaled(-1.0, "height"),
         )
     elif usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 10):
-        unit = "millimetres" if usual > 300 else "centimetres"
-        yield (
+        unit, factor = ("millimetres", 1e-3) if usual > 300 else ("centimetres", 1e-2)
+        yield Doubt(
             f"the camera is {usual:.4g} m high in half of the frames, over an area of "
-            f"{flight.diagonal:.3g} m from corner to corner: heights in {unit}? write metres"
+            f"{flight.diagonal:.3g} m from corner to corner: heights in {unit}? write metres",
+            f"heights read as {unit}",
+            scaled(factor, "height"),
         )
 
 
@@ -149,9 +171,11 @@ def _angles(flight: Flight) -> Iterator[str]:
     largest = np.abs(flight.attitude[rows]).max(axis=1, initial=0)
     far = largest > MAX_ANGLE
     if far.any():
-        yield (
+        yield Doubt(
             f"{far.sum()} of {len(rows)} attitudes hold an angle of up to {largest.max():.4g} rad "
-            f"(first: frame {_first(flight, rows, far)}): degrees? write radians"
+            f"(first: frame {_first(flight, rows, far)}): degrees? write radians",
+            "angles read as degrees",
+            scaled(np.pi / 180, "attitude"),
         )
         return
     gaps = np.diff(flight.time[rows])
@@ -182,9 +206,11 @@ def _time_offset(flight: Flight) -> Iterator[str]:
     if found is None or not found.sure:
         return
     if found.mirrored:
-        yield (
+        yield Doubt(
             "the pictures turn against the yaw: a yaw that is counted clockwise, or pictures that "
-            "are mirrored? count it anticlockwise, as seen from above"
+            "are mirrored? count it anticlockwise, as seen from above",
+            "yaw counted the other way",
+            lambda flight: replace(flight, attitude=np.array((1, 1, -1)) * flight.attitude),
         )
     elif found.noticeable:
         late = "after" if found.seconds > 0 else "before"
@@ -218,8 +244,12 @@ def _stamps(flight: Flight) -> Iterator[str]:
         return
     gap = float(np.median(np.diff(flight.time)))
     if gap > MAX_MEDIAN_INTERVAL:
-        unit = "nanoseconds" if gap > 1e6 else "microseconds" if gap > 1e4 else "milliseconds"
-        yield f"frames come {gap:.4g} s apart: stamps in {unit}? write seconds"
+        unit, factor = next((u, f) for u, f, least in _STAMPS if gap > least)
+        yield Doubt(
+            f"frames come {gap:.4g} s apart: stamps in {unit}? write seconds",
+            f"stamps read as {unit}",
+            scaled(factor, "time"),
+        )
     elif gap < 1e-4:
         yield f"frames come {gap:.2g} s apart: write stamps in seconds"
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections import Counter
 from dataclasses import dataclass
@@ -85,23 +84,17 @@ class Change:
 def write_images(
     recording: Recording, change: Change, folder: Path
 ) -> tuple[ImageFiles, Camera | None, list[str]]:
-    """Write every image that is not there yet; all of one size."""
+    """Write every image; all of one size."""
     assert recording.frames is not None
     frames = recording.frames
     count = len(frames)
     files, turned, scaled = [], 0, 0
-    there = {path.stem: path for path in folder.iterdir() if path.suffix != ".part"}
     for row in progress(range(count), "images", count):
-        if (stem := f"{row:06d}") in there:
-            files.append(there[stem])
-            continue
-        file = folder / f"{stem}{change.suffix(frames, row)}"
+        file = folder / f"{row:06d}{change.suffix(frames, row)}"
         files.append(file)
         data, was_turned, was_scaled = change.apply(frames, row)
         turned, scaled = turned + was_turned, scaled + was_scaled
-        part = folder / f".{file.name}.part"
-        part.write_bytes(data)
-        os.replace(part, file)
+        file.write_bytes(data)
     width, height = change.rectification.size
     said = [f"{count} images of {width}x{height}"]
     if turned or scaled:
