@@ -8,7 +8,7 @@ import pytest
 from trexton.base.cache import cached, code_hashes
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, atomic_folder, digest
-from trexton.base.records import SCHEMA, Record, plain, upgraded
+from trexton.base.records import Record, plain
 
 
 def make_record(**changes):
@@ -36,28 +36,6 @@ def test_a_record_reads_back(tmp_path):
     assert loaded.parameters == {"seed": 1}
 
 
-def test_records_of_the_first_schema_are_read_as_if_written_today(tmp_path):
-    """Entries said ``median`` then; what is a median says so still."""
-    sample = {"median": 3.0, "p95": 9.0}
-    bands = {"low": [1.0], "median": [2.0], "high": [3.0]}
-    times = {"total_ms": {"median": 5.0, "low": 4.0, "high": 6.0, "p99": 8.0}}
-
-    def content(name):
-        error = {name: 2.0, "low": 1.0, "high": 3.0, "trials": 4}
-        unknown = {name: 2.0, "low": None, "high": None}
-        values = {"mean_cm": error, "floors": {"a": unknown}, "link_px": sample, "median_cm": 7.0}
-        return {"values": values, "series": {"rows": [{"cm": error}], "error_m": bands}}
-
-    path = make_record(**content("value"), timings=times).save(tmp_path)
-    now = json.loads(path.read_text())
-    path.write_text(json.dumps(now | content("median") | {"schema": 1}))
-    assert upgraded(json.loads(path.read_text())) == now and now["schema"] == SCHEMA
-    assert upgraded(now) is now
-    loaded = Record.load(path)
-    assert loaded.values == content("value")["values"] and loaded.timings == times
-    assert json.loads(loaded.save(tmp_path / "again").read_text()) == now
-
-
 def test_equal_records_give_equal_bytes(tmp_path):
     paths = [
         make_record(values=values).save(tmp_path / name)
@@ -71,6 +49,13 @@ def test_damaged_and_newer_records_are_one_clear_error(tmp_path, text):
     (tmp_path / "e.json").write_text(text)
     with pytest.raises(TrextonError, match="again|update"):
         Record.load(tmp_path / "e.json")
+
+
+def test_a_record_of_the_first_schema_says_how_to_get_one_of_today(tmp_path):
+    path = make_record().save(tmp_path)
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"schema": 1}))
+    with pytest.raises(TrextonError, match="schema 1, expected 2: run it again"):
+        Record.load(path)
 
 
 def test_plain_keeps_only_what_json_can_say():

@@ -22,9 +22,7 @@ _METAVARS: dict[type, str] = {int: "N", float: "X"}
 
 
 def add_options(parser: argparse.ArgumentParser, kind: type[Options]) -> None:
-    """Give the parser a group for a class of options, an argument for each; see
-    `chosen_options`.
-    """
+    """Give the parser a group for a class of options, an argument each; see `chosen_options`."""
     group = parser.add_argument_group((kind.__doc__ or "").strip().partition("\n")[0].rstrip("."))
     for each in kind.declared():
         default = "" if each.default in (None, "", False) else f" (default {each.default})"

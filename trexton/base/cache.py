@@ -19,14 +19,7 @@ from trexton.base.files import atomic_file, digest
 from trexton.base.progress import say
 from trexton.base.records import software_versions
 
-__all__ = [
-    "cache_folder",
-    "cached",
-    "code_hashes",
-    "kept_results",
-    "repository_root",
-    "shipped",
-]
+__all__ = ["cache_folder", "cached", "code_hashes", "kept_results", "repository_root", "shipped"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 _ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")
@@ -104,14 +97,10 @@ def _hash_and_imports(module: str) -> tuple[str, list[str]] | None:
             if _ADDRESS.fullmatch(node.value):  # in a table of what is imported when asked for
                 names.append(node.value.partition(":")[0])
     total = hashlib.sha256(source)
-    for asset in _assets(place):
-        total.update(asset.read_bytes())
+    for beside in sorted(place.glob("*")):  # what the modules of a package read
+        if beside.suffix in (".css", ".html", ".js"):
+            total.update(beside.read_bytes())
     return total.hexdigest(), names
-
-
-def _assets(place: Path) -> list[Path]:
-    """What the modules of a package read from beside them; none where `place` is no package."""
-    return sorted(path for path in place.glob("*") if path.suffix in (".css", ".html", ".js"))
 
 
 def cached(

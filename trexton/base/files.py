@@ -1,6 +1,4 @@
-"""Writing goes through one place: to a temporary name first, then renamed: nothing is
-half-written.
-"""
+"""Writing goes through one place: to a temporary name, then renamed: nothing is half-written."""
 
 from __future__ import annotations
 
@@ -20,20 +18,10 @@ import numpy as np
 from trexton.base.errors import ParameterError, TrextonError
 
 __all__ = [
-    "atomic_file",
-    "atomic_folder",
-    "canonical_json",
-    "check_not_read",
-    "check_replaceable",
-    "check_writable",
-    "clean_leftovers",
-    "digest",
-    "naming",
-    "put_in_place",
-    "replace_folder",
+    "atomic_file", "atomic_folder", "canonical_json", "check_not_read", "check_replaceable",
+    "check_writable", "clean_leftovers", "digest", "naming", "put_in_place", "replace_folder",
     "work_folder",
-]
-
+]  # fmt: skip
 
 MANIFEST = ".trexton.json"  # in a folder of ours: what was written into it
 
@@ -79,9 +67,7 @@ def atomic_folder(path: str | os.PathLike[str], replace: bool = False) -> Iterat
 
 @contextmanager
 def work_folder(path: Path) -> Iterator[Path]:
-    """A folder beside `path` to prepare it in, gone after the block; first goes what runs that
-    were killed left there.
-    """
+    """A folder beside `path`, gone after the block; what killed runs left there goes first."""
     clean_leftovers(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(prefix=_prefix(path, "new"), dir=path.parent))
@@ -103,8 +89,7 @@ def naming(path: Path) -> Iterator[None]:
 
 
 def check_not_read(path: str | os.PathLike[str], *read: str | os.PathLike[str]) -> None:
-    """Refuse to write over a file that is read, one in a folder that is read, or a folder that
-    holds what is read.
+    """Refuse to write over what is read, into a folder that is read, or over one that holds it.
 
     Raises
     ------
@@ -155,9 +140,7 @@ def check_replaceable(path: Path, replace: bool, ours: bool = True) -> None:
         `path` is the folder one stands in, a link, a file, or a folder that may not go.
     """
     if path.resolve() in (Path.cwd(), *Path.cwd().parents):
-        raise TrextonError(
-            f"{path}: a folder cannot replace the one you stand in: name a new folder"
-        )
+        raise TrextonError(f"{path}: cannot replace the folder you stand in: name a new folder")
     if path.is_symlink():
         raise TrextonError(f"{path}: is a link: name the folder itself, or a new one")
     if not path.exists():
@@ -233,9 +216,7 @@ def clean_leftovers(path: Path) -> None:
 
 
 def _prefix(path: Path, kind: str) -> str:
-    """Names the process, so that what a killed one left can be told from what another is
-    writing.
-    """
+    """Names the process: what a killed one left is told from what another is writing."""
     return f".{path.name}.{kind}-{os.getpid()}."
 
 
@@ -259,10 +240,8 @@ def digest(*parts: object) -> str:
     total = hashlib.sha256()
     for part in parts:
         if isinstance(part, np.ndarray):
-            head, body = (
-                f"array {part.dtype.str} {part.shape}",
-                np.ascontiguousarray(part).tobytes(),
-            )
+            head = f"array {part.dtype.str} {part.shape}"
+            body = np.ascontiguousarray(part).tobytes()
         elif isinstance(part, bytes):
             head, body = "bytes", part
         elif isinstance(part, Path):

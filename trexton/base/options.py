@@ -169,12 +169,8 @@ class Option:
 
     def __str__(self) -> str:
         """One line of help: name, default, types, range and meaning."""
-        low, high = (self.low, self.above), (self.high, self.below)
-        ends = [
-            f"{sign} {bound:g}"
-            for sign, bound in zip((">=", ">", "<=", "<"), low + high, strict=True)
-            if bound is not None
-        ]
+        bounds = {">=": self.low, ">": self.above, "<=": self.high, "<": self.below}
+        ends = [f"{sign} {bound:g}" for sign, bound in bounds.items() if bound is not None]
         kinds = ", ".join(self.choices) or " ".join([self.types_as_text(), *ends])
         return f"{self.name}={self.default} ({kinds}): {self.meaning}".removesuffix(": ")
 

@@ -29,9 +29,7 @@ def _installed(kind: str) -> dict[str, str]:
 
 
 def addresses(kind: str, table: Mapping[str, str]) -> dict[str, str]:
-    """``module:name`` (or ``module``) by name: those of installed packages, and of the library's
-    `table`, which come first and win.
-    """
+    """``module:name`` or ``module`` by name: the library's `table`, which wins, then installed."""
     return {**table, **{key: at for key, at in _installed(kind).items() if key not in table}}
 
 

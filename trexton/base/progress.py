@@ -30,9 +30,7 @@ def say(message: str) -> None:
 
 
 def progress(items: Iterable[T], label: str, total: int | None = None) -> Iterator[T]:
-    """Iterate over `items` behind a bar; without tqdm (an onboard install) or when quiet, just
-    iterate.
-    """
+    """Iterate over `items` behind a bar; without tqdm, as on board, or when quiet, just iterate."""
     if not _quiet and sys.stderr.isatty():
         try:
             from tqdm import tqdm

@@ -25,7 +25,7 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
 
-__all__ = ["Record", "machine", "plain", "software_versions", "upgraded"]
+__all__ = ["Record", "machine", "plain", "software_versions"]
 
 SCHEMA = 2
 SECTIONS = ("parameters", "values", "series", "timings", "provenance")
@@ -78,30 +78,6 @@ def machine() -> dict[str, Any]:
         "load": load,
         "system": platform.platform(),
     }
-
-
-def upgraded(content: dict[str, Any]) -> dict[str, Any]:
-    """What a record's file holds, as it would be written today.
-
-    Until schema 2 entries said ``median`` for ``value``. Whatever reads entries from files that may
-    be of any age reads them through this.
-    """
-    if content["schema"] >= 2:
-        return content
-    renamed = {section: _with_value(content[section]) for section in ("values", "series")}
-    return content | renamed | {"schema": SCHEMA}
-
-
-def _with_value(tree: Any) -> Any:
-    if isinstance(tree, list):
-        return [_with_value(each) for each in tree]
-    if not isinstance(tree, dict):
-        return tree
-    found = {key: _with_value(each) for key, each in tree.items()}
-    # Lists are bands: their middle is a median.
-    if found.keys() >= {"median", "low", "high"} and not isinstance(found["median"], list):
-        found["value"] = found.pop("median")
-    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,24 +135,22 @@ class Record:
 
     @classmethod
     def load(cls, path: str | Path) -> Record:
-        """Read a record and its pictures; an older one as it would be written today.
+        """Read a record and its pictures.
 
         Raises
         ------
         TrextonError
-            The file is missing, damaged or of a newer schema.
+            The file is missing, damaged or of another schema.
         """
         import cv2
 
         path = Path(path)
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
-            if content["schema"] > SCHEMA:
-                raise TrextonError(
-                    f"{path}: record schema {content['schema']} is newer than {SCHEMA}: "
-                    "update trexton"
-                )
-            content = upgraded(content)
+            if content["schema"] != SCHEMA:
+                advice = "update trexton" if content["schema"] > SCHEMA else "run it again"
+                found = f"record schema {content['schema']}"
+                raise TrextonError(f"{path}: {found}, expected {SCHEMA}: {advice}")
             if not all(isinstance(content.get(key, {}), dict) for key in SECTIONS):
                 raise ValueError("a section is none")
             pictures = content.pop("images")

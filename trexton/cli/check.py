@@ -1,6 +1,4 @@
-"""``trexton check``: read a flight folder and report every fault; status 1 where it cannot be
-used.
-"""
+"""``trexton check``: read a flight folder and report every fault; status 1 if unusable."""
 
 from __future__ import annotations
 

@@ -51,9 +51,7 @@ def help_line(module: str) -> str:
 
 
 def build_parser(chosen: str | None = None, words: Sequence[str] = ()) -> argparse.ArgumentParser:
-    """The parser for the `words` of a command line; only the module of the `chosen` verb is
-    imported.
-    """
+    """The parser for the `words` typed; only the module of the `chosen` verb is imported."""
     parser = argparse.ArgumentParser(
         prog="trexton", description="Texton-based global localization for micro aerial vehicles."
     )

@@ -17,18 +17,10 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import whole
 
 __all__ = [
-    "absolute_errors",
-    "block_rows",
-    "bootstrap_interval",
-    "constant_guess",
-    "euclidean",
-    "mean_over_groups",
-    "mean_with_interval",
-    "shuffled_neighbors",
-    "success_rate",
-    "summarize",
+    "absolute_errors", "block_rows", "bootstrap_interval", "constant_guess", "euclidean",
+    "mean_over_groups", "mean_with_interval", "shuffled_neighbors", "success_rate", "summarize",
     "wilson_interval",
-]
+]  # fmt: skip
 
 BLOCK = 12  # frames of a bootstrap block, about a second
 _MIN_BLOCKS = 4  # of a flight
@@ -120,9 +112,7 @@ def mean_with_interval(rows: np.ndarray, rng: np.random.Generator) -> dict[str, 
 
 
 def _statistics(absolute: np.ndarray, diagonal_cm: float) -> dict[str, float]:
-    """All statistics of one track's ``(N, 2)`` absolute errors in cm, frames with NaN left out;
-    empty where none is left.
-    """
+    """Statistics of one track's ``(N, 2)`` errors in cm, NaN left out; empty if none is left."""
     absolute = absolute[np.isfinite(absolute).all(axis=1)]
     if not len(absolute):
         return {}

@@ -17,14 +17,9 @@ from scipy.spatial import cKDTree
 from trexton.base.errors import MapError, ParameterError
 
 __all__ = [
-    "cosine_similarity",
-    "global_loss",
-    "heat_map",
-    "ideal_similarity",
-    "local_losses",
-    "smooth",
+    "cosine_similarity", "global_loss", "heat_map", "ideal_similarity", "local_losses", "smooth",
     "usual_sigma",
-]
+]  # fmt: skip
 
 _FINEST, _CELLS = 0.05, 200  # side of a cell in metres, cells along a side
 _ROWS = 512  # rows of an (N, N) matrix that are held at once
@@ -52,9 +47,8 @@ def ideal_similarity(positions: np.ndarray, others: np.ndarray, sigma: Sigma) ->
         `sigma` is not positive.
     """
     scale = _scale(sigma)
-    (x, y), (others_x, others_y) = (
-        np.asarray(places).T / scale[:, None] for places in (positions, others)
-    )
+    x, y = np.asarray(positions).T / scale[:, None]
+    others_x, others_y = np.asarray(others).T / scale[:, None]
     return np.exp(-(np.square(x[:, None] - others_x) + np.square(y[:, None] - others_y)) / 2)
 
 
@@ -83,17 +77,14 @@ def local_losses(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) ->
 
 
 def global_loss(histograms: np.ndarray, positions: np.ndarray, sigma: Sigma) -> float:
-    """L(D), the mean of the local losses: lower is better; see `local_losses` for what is
-    raised.
-    """
+    """L(D), the mean of the local losses: lower is better; raises as `local_losses` does."""
     return float(local_losses(histograms, positions, sigma).mean())
 
 
 def smooth(
     values: np.ndarray, positions: np.ndarray, places: np.ndarray, sigma: Sigma
 ) -> np.ndarray:
-    """``(M,)``: mean of the samples' `values` around `places` ``(M, 2)``, weighted by a
-    Gaussian.
+    """``(M,)``: Gaussian-weighted mean of the samples' `values` around `places` ``(M, 2)``.
 
     Raises
     ------

@@ -1,6 +1,4 @@
-"""What every part of a method has in common: options, what it needs, what it learns, arrays in and
-out.
-"""
+"""What every part of a method has: options, needs, what it learns, arrays in and out (`Part`)."""
 
 from __future__ import annotations
 

@@ -179,8 +179,7 @@ class SingleFrames:
         """``(N, 2)`` errors over the deviations that a scale gives them."""
         covariance = scale.covariance(self.features, self.claimed)
         root = np.linalg.cholesky(covariance)
-        found: np.ndarray = np.linalg.solve(root, self.errors[..., None])[..., 0]
-        return found
+        return np.linalg.solve(root, self.errors[..., None])[..., 0]
 
 
 class _Calibrated(Judge):

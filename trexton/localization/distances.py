@@ -34,16 +34,12 @@ class Distance(Part):
     def between(self, queries: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """``(M, N)`` distances of ``(M, K)`` histograms to ``(N, K)`` others."""
         offset = self.features(queries)[:, None] - self.features(rows)
-        found: np.ndarray = np.sqrt(np.square(offset).sum(axis=-1))
-        return found
+        return np.sqrt(np.square(offset).sum(axis=-1))
 
 
 @dataclass(eq=False)
 class Euclidean(Distance):
     """Between the relative frequencies themselves (paper, Methods, "k-Nearest Neighbors")."""
-
-    def features(self, histograms: np.ndarray) -> np.ndarray:
-        return histograms
 
 
 @dataclass(eq=False)
@@ -54,8 +50,7 @@ class Hellinger(Distance):
     """
 
     def features(self, histograms: np.ndarray) -> np.ndarray:
-        roots: np.ndarray = np.copysign(np.sqrt(np.abs(histograms) / 2), histograms)
-        return roots
+        return np.copysign(np.sqrt(np.abs(histograms) / 2), histograms)
 
 
 @dataclass(eq=False)
@@ -69,7 +64,6 @@ class ChiSquare(Distance):
     def between(self, queries: np.ndarray, rows: np.ndarray) -> np.ndarray:
         offset = np.square(queries[:, None] - rows)
         total = np.abs(queries)[:, None] + np.abs(rows)
-        found: np.ndarray = 0.5 * np.divide(
-            offset, total, out=np.zeros_like(offset), where=total > 0
-        ).sum(axis=-1)
-        return found
+        return 0.5 * np.divide(offset, total, out=np.zeros_like(offset), where=total > 0).sum(
+            axis=-1
+        )

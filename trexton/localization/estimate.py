@@ -126,8 +126,7 @@ class Estimate:
     @property
     def spread(self) -> np.ndarray:
         """``(2,)`` standard deviations in metres, the paper's uncertainty."""
-        spread: np.ndarray = np.sqrt(np.diagonal(self.covariance))
-        return spread
+        return np.sqrt(np.diagonal(self.covariance))
 
     @property
     def about_position(self) -> np.ndarray:
@@ -139,8 +138,7 @@ class Estimate:
         if self.mean is None:
             return self.covariance
         offset = self.mean - self.position
-        moment: np.ndarray = self.covariance + np.outer(offset, offset)
-        return moment
+        return self.covariance + np.outer(offset, offset)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,12 +163,10 @@ class Flown:
     @property
     def error(self) -> np.ndarray:
         """``(2,)`` metres."""
-        error: np.ndarray = self.estimate.position - self.truth
-        return error
+        return self.estimate.position - self.truth
 
 
 def ignorance(area: tuple[float, float, float, float]) -> np.ndarray:
     """``(2,)`` standard deviations of a position of which only the area is known, metres."""
     x_min, x_max, y_min, y_max = area
-    nothing: np.ndarray = np.array([x_max - x_min, y_max - y_min]) / np.sqrt(12)
-    return nothing
+    return np.array([x_max - x_min, y_max - y_min]) / np.sqrt(12)

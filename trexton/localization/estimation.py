@@ -70,8 +70,7 @@ class WeightedMean(Estimation):
     """Weighted mean of the particles."""
 
     def position(self, belief: Belief, previous: Belief | None, motion: MotionModel) -> np.ndarray:
-        mean: np.ndarray = belief.weights @ motion.position(belief.states)
-        return mean
+        return belief.weights @ motion.position(belief.states)
 
 
 @dataclass(eq=False)
@@ -83,5 +82,4 @@ class HighestWeight(Estimation):
 
 
 def _place(belief: Belief, motion: MotionModel, row: int) -> np.ndarray:
-    position: np.ndarray = motion.position(belief.states[row : row + 1])[0]
-    return position
+    return motion.position(belief.states[row : row + 1])[0]

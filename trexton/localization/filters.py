@@ -1,8 +1,7 @@
 """How a belief is kept over time. The paper keeps particles (Sec. Filtering, Alg. 2).
 
 Shapes, throughout: states are ``(M, D)``, positions ``(M, 2)`` metres; weights ``(M,)``, summing to
-one; covariances
-``(2, 2)``, square metres. Likelihoods are kept as logarithms.
+one; covariances ``(2, 2)``, square metres. Likelihoods are kept as logarithms.
 """
 
 from __future__ import annotations
@@ -80,14 +79,13 @@ class Particles(Filter):
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator
     ) -> ParticleFilter:
+        chosen = {role: parts[role] for role in ("resampling", "estimation", "recovery")}
         return ParticleFilter(
             parts["motion"],
             parts["measurement"],
             texton_map.area,
             self.particles,
-            resampling=parts["resampling"],
-            estimation=parts["estimation"],
-            recovery=parts["recovery"],
+            **chosen,
             rng=rng,
         )
 
@@ -194,11 +192,8 @@ class ParticleFilter:
     def estimate(self) -> Estimate:
         """Point estimate, covariance and particles of the latest step."""
         belief, (mean, covariance) = self.belief, self.moments()
+        places = self.motion.position(belief.states)
         return Estimate(
-            self.position(),
-            covariance,
-            belief.lost,
-            mean=mean,
-            particles=self.motion.position(belief.states),
+            self.position(), covariance, belief.lost, mean=mean, particles=places,
             weights=belief.weights,
-        )
+        )  # fmt: skip

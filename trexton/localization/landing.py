@@ -37,11 +37,7 @@ class LandingZone:
     """
 
     def __init__(
-        self,
-        center: ArrayLike,
-        radius: float = 0.6,
-        spread: ArrayLike = 0.6,
-        consecutive: int = 1,
+        self, center: ArrayLike, radius: float = 0.6, spread: ArrayLike = 0.6, consecutive: int = 1
     ):
         self.center = np.array(center, dtype=float)
         if self.center.shape != (2,) or not np.isfinite(self.center).all():

@@ -8,14 +8,7 @@ from trexton.base.errors import MapError
 from trexton.flights.flight import Flight
 from trexton.vision.camera import Camera
 
-__all__ = [
-    "believable",
-    "camera_of",
-    "check_lens",
-    "known_or",
-    "learned_lens",
-    "usual_height",
-]
+__all__ = ["believable", "camera_of", "check_lens", "known_or", "learned_lens", "usual_height"]
 
 STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
 FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
@@ -40,16 +33,11 @@ def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.
         or its camera takes pictures of another size.
     """
     tilted = flight.attitude is not None and np.isfinite(flight.attitude[:, :2]).any()
-    lacking = [
-        what
-        for what, known in (
-            ("images", flight.has_images),
-            ("its camera", flight.camera is not None),
-            ("the camera's heights", flight.height is not None),
-            ("attitudes", tilted or not attitudes),
-        )
-        if not known
-    ]
+    has = {
+        "images": flight.has_images, "its camera": flight.camera is not None,
+        "the camera's heights": flight.height is not None, "attitudes": tilted or not attitudes,
+    }  # fmt: skip
+    lacking = [what for what, known in has.items() if not known]
     if flight.camera is None or flight.height is None or lacking:
         raise MapError(
             f"flight {flight.name!r} lacks {' and '.join(lacking)}: add them to the flight, "

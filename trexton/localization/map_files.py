@@ -1,6 +1,4 @@
-"""A map as arrays, and reading its file without trusting it: sizes first, then every value that
-flight needs.
-"""
+"""A map as arrays, and its file read without trust: sizes first, then all that flight needs."""
 
 from __future__ import annotations
 

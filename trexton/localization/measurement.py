@@ -18,9 +18,7 @@ from trexton.localization.training_set import EXCLUDED_SECONDS, Training
 
 __all__ = ["MeasurementModel", "RankMixture", "rank_covariances"]
 
-# A centimetre: keeps a covariance of identical deviations invertible without mattering for any
-# other.
-_FLOOR_VARIANCE = 1e-4
+_FLOOR_VARIANCE = 1e-4  # square metres: keeps a covariance of identical deviations invertible
 
 
 @dataclass(eq=False)
@@ -75,9 +73,8 @@ class RankMixture(MeasurementModel):
                 f"rank covariances have shape {self.covariances.shape}: "
                 f"expected ({self.neighbors}, 2, 2), one for each neighbour"
             )
-        self._whiten = np.stack(
-            [whitener(each, f"rank {j + 1}") for j, each in enumerate(self.covariances)]
-        )
+        ranks = enumerate(self.covariances, 1)
+        self._whiten = np.stack([whitener(each, f"rank {j}") for j, each in ranks])
         # Whitens for all ranks at once: first what is x of all, then y.
         self._rows = np.concatenate((self._whiten[:, 0], self._whiten[:, 1]))
         self._log_norm = (np.log(np.abs(np.linalg.det(self._whiten))) - np.log(2 * np.pi))[:, None]
@@ -101,8 +98,7 @@ class RankMixture(MeasurementModel):
     @property
     def deviations(self) -> np.ndarray:
         """``(k, 2)`` standard deviations of the ranks along the axes, metres."""
-        found: np.ndarray = np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
-        return found
+        return np.sqrt(np.diagonal(self.covariances, axis1=1, axis2=2))
 
     def prepare_frame(self, observation: Observation) -> None:
         observation.neighbors  # noqa: B018  drawn before the filter draws
@@ -134,10 +130,6 @@ class RankMixture(MeasurementModel):
 
 
 def rank_covariances(positions: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """``(k, 2, 2)`` Sigma^[j] = Var(T - P_j) for each neighbour rank j (Sec. Filtering), square
-    metres.
-    """
-    deviation = positions[:, None, :] - positions[rows]
-    return np.stack(
-        [np.cov(rank.T) + _FLOOR_VARIANCE * np.eye(2) for rank in deviation.transpose(1, 0, 2)]
-    )
+    """``(k, 2, 2)`` square metres: Sigma^[j] = Var(T - P_j) of neighbour rank j (Filtering)."""
+    ranks = (positions[:, None, :] - positions[rows]).transpose(1, 0, 2)
+    return np.stack([np.cov(rank.T) + _FLOOR_VARIANCE * np.eye(2) for rank in ranks])

@@ -41,11 +41,7 @@ METHODS: dict[str, dict[str, Any]] = {
         "calibration": "replay",
         "integrity": "elsewhere",
     },
-    "field": {
-        "motion": "singer",
-        "measurement": "field",
-        "filter": "tracks",
-    },
+    "field": {"motion": "singer", "measurement": "field", "filter": "tracks"},
     "fine": {
         "distance": "euclidean",
         "motion": "random-walk",

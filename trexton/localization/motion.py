@@ -20,8 +20,7 @@ __all__ = ["MotionModel", "RandomWalk", "process_covariance", "uniform_places"]
 # Pairs of particles whose densities are held at once: they stay in the processor's cache.
 _PAIRS = 2**16
 _MINUS_HALF = np.array([-0.5, -0.5])
-# Particles further apart than this log density count as this far: denormal numbers would take ten
-# times as long.
+# Particles count as at most this log density apart: denormal numbers take ten times as long.
 _MIN_EXPONENT = -500.0
 _SQUARE = 0.4  # side of the squares on which bounds are found, in deviations of the process
 _MOST_SQUARES = 400  # a side
@@ -85,12 +84,11 @@ class RandomWalk(MotionModel):
         return cls().with_learned(covariance=covariance, period_s=np.asarray(period_s))
 
     def fit(self, training: Training) -> Self:
-        found = (
-            process_covariance(training.positions, training.time)
-            if self.sigma is None
-            else np.eye(2) * self.sigma**2
-        )
-        return self.with_learned(covariance=found, period_s=np.asarray(training.period_s))
+        if self.sigma is None:
+            covariance = process_covariance(training.positions, training.time)
+        else:
+            covariance = np.eye(2) * self.sigma**2
+        return self.with_learned(covariance=covariance, period_s=np.asarray(training.period_s))
 
     def prepare(self) -> None:
         if not (self.period_s.shape == () and 0 < self.period_s < np.inf):
@@ -112,22 +110,18 @@ class RandomWalk(MotionModel):
         return states
 
     def growth(self, dt: float) -> np.ndarray:
-        grown: np.ndarray = self.covariance * (dt / float(self.period_s))
-        return grown
+        return self.covariance * (dt / float(self.period_s))
 
     def density(self, states: np.ndarray, previous: np.ndarray, weights: np.ndarray) -> np.ndarray:
         pairs, half = self._features(states, previous)
         # No pair is further apart than twice the length of the longest vector.
-        return np.log(
-            _summed(*pairs, weights, None if 4 * half < -_MIN_EXPONENT else _MIN_EXPONENT)
-        )
+        least = None if 4 * half < -_MIN_EXPONENT else _MIN_EXPONENT
+        return np.log(_summed(*pairs, weights, least))
 
     def _features(
         self, states: np.ndarray, previous: np.ndarray
     ) -> tuple[tuple[np.ndarray, np.ndarray], float]:
-        """``(M, 4)`` and ``(4, N)`` whose product is -|a - b|^2 / 2 of all whitened pairs; the
-        largest |a|^2 / 2 of either.
-        """
+        """``(M, 4)``, ``(4, N)``: their product is -|a - b|^2 / 2, whitened; largest |a|^2 / 2."""
         count = len(states)
         white = np.concatenate((states, previous))
         white -= previous[0]  # keeps the squares small, and so exact
@@ -175,8 +169,7 @@ class RandomWalk(MotionModel):
             nearest = np.exp(-0.5 * (_SQUARE * np.maximum(np.arange(count) - 1, 0)) ** 2)[apart]
             masses = nearest @ masses if axis == 0 else masses @ nearest
         bounds = np.log(masses + np.exp(_MIN_EXPONENT)).ravel()[numbers[: len(states)]]
-        found: np.ndarray = bounds + 1e-9  # sums are rounded
-        return found
+        return bounds + 1e-9  # sums are rounded
 
 
 def _summed(
@@ -189,8 +182,7 @@ def _summed(
         if least is not None:
             np.maximum(pairs, least, out=pairs)
         np.exp(pairs, out=pairs)
-        summed: np.ndarray = pairs.dot(weights, sums)
-        return summed
+        return pairs.dot(weights, sums)
 
     count, others = len(left), len(weights)
     if count * others <= _PAIRS:
@@ -223,8 +215,7 @@ def process_covariance(positions: np.ndarray, time: np.ndarray) -> np.ndarray:
             f"{len(positions)} training frames make {len(steps)} steps from frame to frame: "
             "the motion model needs at least 2, record a longer flight"
         )
-    covariance: np.ndarray = np.cov(steps.T) + 1e-8 * np.eye(2)
-    return covariance
+    return np.cov(steps.T) + 1e-8 * np.eye(2)
 
 
 def uniform_places(rng: np.random.Generator, area: Area, count: int) -> np.ndarray:

@@ -157,11 +157,7 @@ def _kd_tree(rows: np.ndarray) -> Any:
 
 
 def neighbors_in_flight(
-    nearest: NearestHistograms,
-    histograms: np.ndarray,
-    time: np.ndarray,
-    k: int,
-    excluded_s: float,
+    nearest: NearestHistograms, histograms: np.ndarray, time: np.ndarray, k: int, excluded_s: float
 ) -> np.ndarray:
     """``(N, k)`` rows of the nearest histograms of each frame, itself and its neighbours in time
     left out.

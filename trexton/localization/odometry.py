@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from trexton.localization.lens import believable, camera_of, check_lens, known_o
 from trexton.localization.training_set import Training
 from trexton.vision.visual_odometry import Motion, VisualOdometry
 
-__all__ = ["Odometry", "RunningOdometry", "Visual"]
+__all__ = ["Odometry", "RunningVisual", "Visual"]
 
 SIGMA_FLOOR = 0.1  # m/s along an axis; attitude errors in flight allow no less
 WIDTH = 160  # pixels of a downscaled frame, about; smaller frames stay as they are
@@ -32,25 +32,12 @@ MAX_CORRELATION = 0.95  # of the errors of successive frames
 DEFAULT_SIGMA = 0.2  # m/s, where the training flight has too few frames in a row
 
 
-class RunningOdometry(Protocol):
-    """Odometry in flight."""
-
-    def reset(self) -> None:
-        """Forget the frame before."""
-
-    def missed(self) -> None:
-        """A frame did not come."""
-
-    def aid(self, frame: np.ndarray, aiding: Aiding | None, time: float | None) -> Aiding | None:
-        """What is known beside the frame, with its velocity if it shows one."""
-
-
 @dataclass(eq=False)
 class Odometry(Part):
     """Base of all that make a velocity of frames."""
 
-    def open(self, period_s: float) -> RunningOdometry:
-        """One for one flight, `period_s` from frame to frame where they bear no stamps."""
+    def open(self, period_s: float) -> RunningVisual:
+        """For one flight, frames without stamps `period_s` apart; see `RunningVisual`."""
         raise NotImplementedError
 
 
@@ -62,7 +49,6 @@ class Visual(Odometry):
     pitch, tilting looks like motion, and without a height the usual one is taken. How far its
     velocities are off is learned from the training flight, told the attitude and not. An
     autopilot's velocity is taken where the frame shows none.
-
     """
 
     sure: float = option(
@@ -146,12 +132,8 @@ class RunningVisual:
         if motion is None or motion.sure < self._part.sure:
             return aiding
         with_attitude, without = self._part.sigma.tolist()
-        return replace(
-            known,
-            velocity=motion.velocity,
-            velocity_time=now,
-            velocity_sigma=without if known.roll is None or known.pitch is None else with_attitude,
-        )
+        sigma = without if known.roll is None or known.pitch is None else with_attitude
+        return replace(known, velocity=motion.velocity, velocity_time=now, velocity_sigma=sigma)
 
     def _now(self, time: float | None) -> float:
         if time is not None:
@@ -167,10 +149,7 @@ class RunningVisual:
 
 
 def _deviation(
-    running: RunningVisual,
-    flight: Flight,
-    places: np.ndarray,
-    aidings: Sequence[Aiding | None],
+    running: RunningVisual, flight: Flight, places: np.ndarray, aidings: Sequence[Aiding | None]
 ) -> float:
     """Metres a second by which velocities are off along an axis, as if each were new.
 

@@ -73,7 +73,7 @@ class Pipeline:
                 )
             parts = parts | {"measurement": measurement.first(whole(neighbors, "neighbors"))}
         self.map, self.parts, self.samples, self.rng = texton_map, parts, samples, rng
-        self._nearest, self._mark = nearest, mark or _ignore
+        self._nearest, self._mark = nearest, mark or (lambda stage: None)
         self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)
         self._judges = [parts[role].open() for role in JUDGES if role in parts]
         odometry = parts.get("odometry")
@@ -99,8 +99,7 @@ class Pipeline:
 
     def growth(self, dt: float) -> np.ndarray:
         """``(2, 2)`` square metres that `dt` seconds unseen add to a position's covariance."""
-        grown: np.ndarray = self.parts["motion"].growth(dt)
-        return grown
+        return self.parts["motion"].growth(dt)
 
     def reset(self) -> None:
         """Forget where the vehicle was."""
@@ -114,8 +113,7 @@ class Pipeline:
         """A frame in the view in which the map counts; itself where it counts what is given."""
         if "view" not in self.parts or aiding is None or frame.ndim == 1:
             return frame
-        seen: np.ndarray = self.parts["view"].frame(frame, aiding)
-        return seen
+        return self.parts["view"].frame(frame, aiding)
 
     def observe(self, frame: np.ndarray, *, aiding: Aiding | None = None) -> np.ndarray:
         """``(K,)`` histogram of a frame, which is an ``(H, W, 3) uint8`` image or already a
@@ -215,11 +213,8 @@ class Pipeline:
     def _check(self, frame: np.ndarray) -> None:
         width = self.map.histograms.shape[1]
         if isinstance(frame, np.ndarray) and frame.ndim == 1:
-            if (
-                frame.shape != (width,)
-                or frame.dtype.kind not in "fiu"
-                or not np.isfinite(frame).all()
-            ):
+            numbers = frame.dtype.kind in "fiu" and np.isfinite(frame).all()
+            if frame.shape != (width,) or not numbers:
                 raise MapError(
                     f"a histogram of {frame.dtype} of shape {frame.shape} was given: "
                     f"this map takes {width} finite frequencies"
@@ -273,7 +268,3 @@ class Pipeline:
         neighbors = self.nearest.query(histogram)
         self._mark("neighbors")
         return neighbors
-
-
-def _ignore(stage: str) -> None:
-    """The mark of a localizer whose stages nobody times."""

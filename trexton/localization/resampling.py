@@ -50,5 +50,4 @@ class Systematic(Resampling):
         count = len(weights)
         ends = weights.cumsum()
         places = (np.arange(count) + rng.random()) / count * ends[-1]
-        drawn: np.ndarray = np.minimum(ends.searchsorted(places, side="right"), count - 1)
-        return drawn
+        return np.minimum(ends.searchsorted(places, side="right"), count - 1)

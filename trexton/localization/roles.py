@@ -19,12 +19,8 @@ ROLES: dict[str, dict[str, str]] = {
         "hellinger": "trexton.localization.distances:Hellinger",
         "chi-square": "trexton.localization.distances:ChiSquare",
     },
-    "view": {
-        "nadir": "trexton.localization.view:Nadir",
-    },
-    "odometry": {
-        "visual": "trexton.localization.odometry:Visual",
-    },
+    "view": {"nadir": "trexton.localization.view:Nadir"},
+    "odometry": {"visual": "trexton.localization.odometry:Visual"},
     "motion": {
         "random-walk": "trexton.localization.motion:RandomWalk",
         "singer": "trexton.field.singer:Singer",

@@ -60,14 +60,12 @@ class ErrorScale:
 
     def deviation(self, features: np.ndarray) -> np.ndarray:
         """``(...)`` metres for ``(..., F)`` features."""
-        found: np.ndarray = np.exp(_design(features, self.center, self.width) @ self.weights)
-        return found
+        return np.exp(_design(features, self.center, self.width) @ self.weights)
 
     def covariance(self, features: np.ndarray, claimed: np.ndarray) -> np.ndarray:
         """``(..., 2, 2)`` square metres."""
         size = self.deviation(features)[..., None, None] ** 2
-        found: np.ndarray = size * _shapes(claimed, self.blend)
-        return found
+        return size * _shapes(claimed, self.blend)
 
     def to_array(self) -> np.ndarray:
         """All numbers in a row."""
@@ -98,8 +96,7 @@ def _shapes(claimed: np.ndarray, blend: float) -> np.ndarray:
     """Claimed covariances as shapes of determinant one, blended with a circle."""
     size = np.sqrt(np.maximum(np.linalg.det(claimed), 1e-24))[..., None, None]
     shape = blend * claimed / size + (1 - blend) * np.eye(2)
-    round_: np.ndarray = shape / np.sqrt(np.linalg.det(shape))[..., None, None]
-    return round_
+    return shape / np.sqrt(np.linalg.det(shape))[..., None, None]
 
 
 def _regress(design: np.ndarray, squared: np.ndarray) -> np.ndarray:

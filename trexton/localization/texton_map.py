@@ -102,9 +102,7 @@ class TextonMap:
         return replace(self, histograms=histograms, provenance=provenance)
 
     def select(self, rows: np.ndarray) -> TextonMap:
-        """The map of these rows of the training set only, a mask or indices; its parts stay as they
-        learned from all.
-        """
+        """The map of these rows only, a mask or indices; its parts stay as they learned."""
         return replace(
             self,
             histograms=self.histograms[rows],

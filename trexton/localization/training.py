@@ -114,14 +114,15 @@ def train_map(
     if flight.has_images:
         dictionary = dictionary or TextonDictionary.learn(looked, n_textons, patch, rng=rng)
     parameters = {
-        "method": method,
-        "n_textons": n_textons,
-        "patch": patch,
-        "cells": cells,
+        "method": method, "n_textons": n_textons, "patch": patch, "cells": cells,
         "positions": positions is not None,
-    }
+    }  # fmt: skip
     from trexton.base.records import software_versions  # what training needs, no flight does
 
+    provenance = {
+        "flight": flight.name, "data_hash": flight.data_hash, "parameters": parameters,
+        "versions": software_versions(),
+    }  # fmt: skip
     untrained = TextonMap(
         dictionary,
         full_histograms(looked.select(known), dictionary, cells),
@@ -132,12 +133,7 @@ def train_map(
         float(np.median(np.diff(trained.time))),
         method,
         {},
-        {
-            "flight": flight.name,
-            "data_hash": flight.data_hash,
-            "parameters": parameters,
-            "versions": software_versions(),
-        },
+        provenance,
         rectified,
     )
     if usual:
@@ -211,9 +207,7 @@ def training_set(
 def with_choices(
     texton_map: TextonMap, choices: Mapping[str, object], *, rng: np.random.Generator | None = None
 ) -> TextonMap:
-    """A map with the parts that `choices` name, trained on its own training set; see
-    `train_map`.
-    """
+    """A map with the parts that `choices` name, trained on its own training set."""
     new = changed(texton_map.parts, choices)
     return with_parts(texton_map, new, rng=rng) if new else texton_map
 
@@ -260,8 +254,7 @@ def _with_parts_or_whole(
 
 
 def counted(texton_map: TextonMap, flight: Flight, cells: int) -> TextonMap:
-    """A map with the histograms of so many parts of the image a side, of the `flight` behind
-    it; its parts stay as they are: see `with_parts`.
+    """A map with histograms of so many parts of the image a side; its own parts stay.
 
     Raises
     ------

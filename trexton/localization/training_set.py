@@ -74,12 +74,7 @@ class Training:
     @cached_property
     def nearest(self) -> NearestHistograms:
         """The search that flies, over the training set itself."""
-        return NearestHistograms(
-            self.histograms,
-            self.positions,
-            k=self.k,
-            distance=self.distance,
-        )
+        return NearestHistograms(self.histograms, self.positions, k=self.k, distance=self.distance)
 
     def neighbors(self, k: int, excluded_s: float) -> np.ndarray:
         """``(N, k)`` rows of the nearest histograms of each frame, those near in time left out.

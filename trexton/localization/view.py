@@ -67,7 +67,6 @@ class Nadir(View):
 
     What lies outside the picture is mirrored at its border; what the autopilot does not say is
     taken as in a level flight at that height.
-
     """
 
     turn: bool = option(
@@ -99,9 +98,8 @@ class Nadir(View):
         tilt = np.array([known_or(aiding.roll, 0.0), known_or(aiding.pitch, 0.0)])
         yaw = known_or(aiding.yaw, 0.0) if self.turn else 0.0
         above = known_or(aiding.height, usual)
-        if not believable(tilt, above, usual):
-            return image
-        if not (tilt.any() or yaw or above != usual):
+        changes = tilt.any() or yaw or above != usual
+        if not changes or not believable(tilt, above, usual):
             return image
         level = camera.world_from_pixel(np.array([0, 0, usual]), np.zeros(3))
         seen = camera.world_from_pixel(np.array([0, 0, above]), np.array([*tilt, yaw]))

@@ -31,9 +31,7 @@ _KD_TREES = 2
 
 @dataclass(frozen=True, eq=False)
 class Keypoints:
-    """SIFT keypoints: `points` ``(N, 2)`` (column, row) in pixels, `descriptors` ``(N, 128)
-    float32``.
-    """
+    """SIFT keypoints: `points` ``(N, 2)`` (column, row), `descriptors` ``(N, 128) float32``."""
 
     points: np.ndarray
     descriptors: np.ndarray

@@ -1,6 +1,4 @@
-"""The virtual room: a floor, a vehicle and its camera; live as `Simulator`, or recorded as a
-Flight.
-"""
+"""The virtual room: floor, vehicle and camera; live as `Simulator`, or recorded as a Flight."""
 
 from trexton.simulator.effects import Effects, Light
 from trexton.simulator.floor import Floor

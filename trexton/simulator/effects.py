@@ -15,9 +15,7 @@ __all__ = ["Effects", "Light"]
 
 @dataclass(frozen=True)
 class Effects(Options):
-    """Strength of each effect; the defaults are those of a small quadrotor indoors, 0 switches one
-    off.
-    """
+    """Strength of each effect, 0 for off; the defaults are those of a small quadrotor indoors."""
 
     roll_pitch: float = option(
         1.0, "share of the vehicle's tilt that the camera sees; 0 is kept level", low=0, high=1

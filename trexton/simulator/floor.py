@@ -62,9 +62,7 @@ class Floor:
 
     @classmethod
     def painted(cls, layout: str = "hall", seed: int = 0) -> Floor:
-        """A painted floor of 5 m x 5 m with its mats laid by `layout`, one of `LAYOUTS`; equal
-        seeds, equal floors.
-        """
+        """A painted floor of 5 m x 5 m, its mats laid by `layout`; equal seeds, equal floors."""
         if seed < 0:
             raise ParameterError(f"the floor's seed is {seed}: expected 0 or more")
         return _painted(layout, seed)

@@ -76,9 +76,7 @@ def _lanes(
 def random_waypoints(
     area: Area, rng: np.random.Generator, apart: float = 1.0
 ) -> Iterator[np.ndarray]:
-    """Random places without end, each at least `apart` metres (or a third of the area) from the
-    last.
-    """
+    """Random places without end, `apart` metres (or a third of the area) or more from the last."""
     low, high = _inside(area)
     apart = min(apart, float((high - low).min()) / 3)
     last = rng.uniform(low, high)

@@ -48,9 +48,7 @@ def outline(width: int, height: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Camera:
-    """Pinhole camera: size and focal length in pixels; the principal point is the image centre
-    unless given.
-    """
+    """Pinhole camera: sizes in pixels; the principal point is the image centre unless given."""
 
     width: int = 640
     height: int = 480

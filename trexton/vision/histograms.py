@@ -24,10 +24,7 @@ __all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_posit
 
 
 def texton_histogram(
-    image: np.ndarray,
-    dictionary: TextonDictionary,
-    threads: int | None = None,
-    cells: int = 1,
+    image: np.ndarray, dictionary: TextonDictionary, threads: int | None = None, cells: int = 1
 ) -> np.ndarray:
     """Relative frequency of each texton over every position: full sampling (301 625 at 640x480 and
     6x6).
@@ -63,9 +60,7 @@ def texton_histogram(
 
 
 def label_image(
-    image: np.ndarray,
-    dictionary: TextonDictionary,
-    threads: int | None = None,
+    image: np.ndarray, dictionary: TextonDictionary, threads: int | None = None
 ) -> np.ndarray:
     """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position; ties go to the lowest
     index.

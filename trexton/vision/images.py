@@ -18,18 +18,9 @@ import numpy as np
 from trexton.base.errors import ImageError
 
 __all__ = [
-    "checked_bytes",
-    "check_size",
-    "decode",
-    "decode_image",
-    "read_image",
-    "read_picture",
-    "check_image",
-    "yuv_from_bgr",
-    "bgr_from_yuv",
-    "blur_effect",
-    "yuv_from_uyvy",
-]
+    "bgr_from_yuv", "blur_effect", "check_image", "check_size", "checked_bytes", "decode",
+    "decode_image", "read_image", "read_picture", "yuv_from_bgr", "yuv_from_uyvy",
+]  # fmt: skip
 
 MOST_PIXELS = 50_000_000
 MOST_BYTES = 2**28
@@ -44,22 +35,15 @@ _CHROMA = np.clip(np.rint((_LEVELS - 128) * 255 / 224 + 128), 0, 255).astype(np.
 
 def check_image(image: np.ndarray) -> np.ndarray:
     """Return `image` if it is an ``(H, W, 3) uint8`` array; raise `ImageError` otherwise."""
-    if (
-        not isinstance(image, np.ndarray)
-        or image.ndim != 3
-        or image.shape[2] != 3
-        or image.dtype != np.uint8
-    ):
-        found = (
-            f"{image.dtype} array of shape {image.shape}"
-            if isinstance(image, np.ndarray)
-            else type(image).__name__
-        )
-        raise ImageError(
-            f"an image is an (H, W, 3) uint8 array of Y, U, V, found {found}: convert it with "
-            "trexton.vision.images"
-        )
-    return image
+    found = type(image).__name__
+    if isinstance(image, np.ndarray):
+        if image.ndim == 3 and image.shape[2] == 3 and image.dtype == np.uint8:
+            return image
+        found = f"{image.dtype} array of shape {image.shape}"
+    raise ImageError(
+        f"an image is an (H, W, 3) uint8 array of Y, U, V, found {found}: convert it with "
+        "trexton.vision.images"
+    )
 
 
 def _swap_chroma(image: np.ndarray) -> np.ndarray:
@@ -124,9 +108,7 @@ def checked_bytes(path: Path) -> bytes:
 
 
 def declared_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height that the head of a PNG, BMP or JPEG file declares; None where they are not
-    found.
-    """
+    """Width and height that the head of a PNG, BMP or JPEG file declares; None if not found."""
     if data.startswith(_PNG):
         return int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
     if data[:2] == b"BM":
@@ -143,9 +125,7 @@ def declared_size(data: bytes) -> tuple[int, int] | None:
 
 
 def decode(data: bytes, flags: int = cv2.IMREAD_COLOR) -> np.ndarray | None:
-    """The picture in the bytes of a file as OpenCV decodes it (BGR); None where it cannot, or
-    declares too much.
-    """
+    """The picture in a file's bytes (BGR); None where OpenCV cannot, or too much is declared."""
     width, height = declared_size(data) or (0, 0)
     if not data or width * height > MOST_PIXELS or _is_cut(data):
         return None

@@ -49,9 +49,7 @@ def sample_positions(
 
 
 def gather_patches(image: np.ndarray, positions: np.ndarray, patch: int) -> np.ndarray:
-    """``(N, P, P, 3) uint8``: the patches at `positions` ``(N, 2)``; only they are copied, not the
-    image.
-    """
+    """``(N, P, P, 3) uint8``: the patches at `positions` ``(N, 2)``; the image is not copied."""
     rows, columns = position_grid(check_image(image).shape, patch)
     image = np.ascontiguousarray(image)
     # One item is a whole row of a patch, 3 P neighbouring bytes.
@@ -63,9 +61,7 @@ def gather_patches(image: np.ndarray, positions: np.ndarray, patch: int) -> np.n
 def draw_patches(
     images: Iterable[np.ndarray], patch: int, per_image: int, rng: np.random.Generator
 ) -> np.ndarray:
-    """``(N, P, P, 3) uint8``: `per_image` random patches (with replacement) from each image in
-    turn.
-    """
+    """``(N, P, P, 3) uint8``: `per_image` random patches, with replacement, from each image."""
     drawn = [
         gather_patches(image, sample_positions(image.shape, patch, per_image, rng), patch)
         for image in images

@@ -129,17 +129,14 @@ class Rectification:
             return None
         x, y, width, _ = self.crop
         scale = self.size[0] / width
-        column, row = (
-            (value - start + 0.5) * scale - 0.5
-            for value, start in zip(camera.principal_point, (x, y), strict=True)
-        )
-        return Camera(*self.size, camera.focal * scale, (column, row))
+        across, down = camera.principal_point
+        center = ((across - x + 0.5) * scale - 0.5, (down - y + 0.5) * scale - 0.5)
+        return Camera(*self.size, camera.focal * scale, center)
 
     @cached_property
     def _maps(self) -> tuple[np.ndarray, np.ndarray]:
-        matrix = np.array(
-            [[self.focal, 0, self.center[0]], [0, self.focal, self.center[1]], [0, 0, 1]]
-        )
+        (x, y), f = self.center, self.focal
+        matrix = np.array([[f, 0, x], [0, f, y], [0, 0, 1]])
         return cv2.initUndistortRectifyMap(
             matrix, np.array(self.distortion), np.eye(3), matrix, self.source, cv2.CV_32FC1
         )
@@ -166,10 +163,8 @@ class Rectification:
         """
         try:
             values = {name.removesuffix("_px"): value for name, value in table.items()}
-            lists = {
-                name: tuple(values.pop(name))
-                for name in ("source", "crop", "size", "center", "distortion")
-            }
+            names = ("source", "crop", "size", "center", "distortion")
+            lists = {name: tuple(values.pop(name)) for name in names}
             focal = values.pop("focal")
         except (KeyError, TypeError, ValueError) as error:
             raise ParameterError(

@@ -18,11 +18,10 @@ columns, and Y, U, V.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import islice
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -39,21 +38,6 @@ MAX_TEXTONS = 256  # a label is a byte
 MAX_PATCH = 48  # keeps the exact sums below inside float64 and int32
 GRAIN = 2.0**12
 _BLOCK = 4096
-
-
-class ImageSource(Protocol):
-    """What a dictionary is learned from, as a `trexton.flights.flight.Flight` is."""
-
-    @property
-    def name(self) -> str:
-        """For people."""
-
-    @property
-    def has_images(self) -> bool:
-        """Whether there is something to learn from."""
-
-    def images(self) -> Iterable[np.ndarray]:
-        """``(H, W, 3) uint8`` images, one after the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,7 +144,7 @@ class TextonDictionary:
     @classmethod
     def learn(
         cls,
-        source: ImageSource | np.ndarray,
+        source: Any,
         n_textons: int = TEXTONS,
         patch: int = PATCH,
         *,

@@ -23,9 +23,7 @@ def usable_cores() -> int:
 
 
 def thread_count(threads: int | None = None) -> int:
-    """How many threads to use: `threads`, else ``$OMP_NUM_THREADS``, else the processors of this
-    process.
-    """
+    """`threads`, else ``$OMP_NUM_THREADS``, else the processors that this process may use."""
     if threads is None:
         given = os.environ.get("OMP_NUM_THREADS", "")
         if given.isdecimal() and int(given):

@@ -140,12 +140,8 @@ def time_offset(
         return None
     began, ended, turn = began[known], ended[known], turn[known]
     offsets = np.arange(EARLIEST_S, LONGEST_S + STEP_S / 2, STEP_S)
-    told = np.array(
-        [
-            np.interp(ended - late, told_s, yaw) - np.interp(began - late, told_s, yaw)
-            for late in offsets
-        ]
-    )
+    late = offsets[:, None]
+    told = np.interp(ended - late, told_s, yaw) - np.interp(began - late, told_s, yaw)
     # Who turns steadily turns alike at every offset: only what changes can tell.
     told, turn = told - told.mean(axis=1, keepdims=True), turn - turn.mean()
     common = (told * turn).mean(axis=1)

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from trexton.base.errors import ImageError, ParameterError
+from trexton.base.options import whole
 from trexton.vision.camera import Camera, transform_points
 
 __all__ = ["Motion", "VisualOdometry", "shrink", "shrunken_camera"]
@@ -73,10 +74,7 @@ class VisualOdometry:
     """
 
     def __init__(self, camera: Camera, *, width: int = 160):
-        if not 16 <= width <= camera.width:
-            raise ParameterError(
-                f"a width of {width} pixels: expected 16 to the camera's {camera.width}"
-            )
+        width = whole(width, "the width in pixels", 16, camera.width)
         self.source = camera
         self.factor = max(1, round(camera.width / width))
         self.camera = shrunken_camera(camera, self.factor)
@@ -161,7 +159,4 @@ class VisualOdometry:
     def _aim(self, height: float, attitude: NDArray[np.float64]) -> NDArray[np.float64]:
         """From the point below the camera to the floor point in the middle of the image."""
         world = self.camera.world_from_pixel(np.array([0.0, 0.0, height]), attitude)
-        aim: NDArray[np.float64] = transform_points(world, np.array([self.camera.principal_point]))[
-            0
-        ]
-        return aim
+        return transform_points(world, np.array([self.camera.principal_point]))[0]

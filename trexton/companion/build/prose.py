@@ -14,7 +14,6 @@ from typing import Any
 import jinja2
 
 from trexton.base.errors import DataError
-from trexton.base.records import upgraded
 from trexton.companion.build.display import Outcome
 from trexton.companion.experiments.printed import published
 from trexton.companion.wording import Tree, template_environment
@@ -30,7 +29,7 @@ def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tre
     for outcome in outcomes:
         path = results / outcome.flight / f"{outcome.experiment}.json"
         if outcome.status in ("ran", "reused") and outcome.flight and path.is_file():
-            record = upgraded(json.loads(path.read_text(encoding="utf-8")))
+            record = json.loads(path.read_text(encoding="utf-8"))
             values = {
                 **record["values"],
                 "parameters": record["parameters"],

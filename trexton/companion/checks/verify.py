@@ -16,7 +16,7 @@ from typing import Any
 from trexton.base.cache import kept_results
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json, digest
-from trexton.base.records import Record, software_versions, upgraded
+from trexton.base.records import Record, software_versions
 from trexton.companion.executor import environment
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.splits import load_pair
@@ -180,5 +180,5 @@ def _simulated(record: Content, work: Path) -> list[str]:
 def _read(path: Path) -> Content:
     """A record's file as it would be written today, its pictures by their hashes."""
     Record.load(path)  # says what is wrong with it
-    content: Content = upgraded(json.loads(path.read_text(encoding="utf-8")))
+    content: Content = json.loads(path.read_text(encoding="utf-8"))
     return content

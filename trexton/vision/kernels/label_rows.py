@@ -34,9 +34,8 @@ def _dot(builder, vnni, total, pixels, weight):
     """`total` plus, in each lane, the products of four unsigned bytes with four signed ones."""
     if vnni:
         kind, name = ir.FunctionType(_WORDS, [_WORDS] * 3), "llvm.x86.avx512.vpdpbusd.512"
-        return builder.call(
-            builder.module.declare_intrinsic(name, (), kind), [total, pixels, weight]
-        )
+        intrinsic_ = builder.module.declare_intrinsic(name, (), kind)
+        return builder.call(intrinsic_, [total, pixels, weight])
     pixels, weight = (builder.bitcast(word, _HALVES) for word in (pixels, weight))
     eight, low_byte = _constant(_HALVES, 8), _constant(_HALVES, 255)
     even = builder.and_(pixels, low_byte), builder.ashr(builder.shl(weight, eight), eight)
@@ -63,24 +62,18 @@ def _add_word(builder, vnni, place, planes, weights, item, totals, strips):
 
 
 def _keep_better(builder, texton, bias, total, best, label):
-    """Where the texton's score beats the best so far, it is the label; ties stay with the lower
-    index.
-    """
+    """Where the texton's score beats the best so far, it is the label; ties stay with the lower."""
     score = builder.shl(builder.load(total), _constant(_WORDS, 1))
     score, held = builder.add(score, _splat(builder, bias)), builder.load(best)
-    better, name = (
-        builder.icmp_signed(">", score, held),
-        _splat(builder, builder.trunc(texton, _I32)),
-    )
+    better = builder.icmp_signed(">", score, held)
+    name = _splat(builder, builder.trunc(texton, _I32))
     builder.store(builder.select(better, score, held), best)
     builder.store(builder.select(better, name, builder.load(label)), label)
 
 
 @intrinsic
 def _label_block(typing, planes, start, offsets, weights, bias, labels):
-    """Label BLOCK positions: words at planes[start + offsets[...] + 0...], labels[0...] (bytes)
-    written.
-    """
+    """Label BLOCK positions: words at planes[start + offsets[...] + 0...] to labels[0...]."""
     kinds = planes, start, offsets, weights, bias, labels
 
     def generate(context, builder, signature, arguments):
