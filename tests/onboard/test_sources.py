@@ -18,7 +18,7 @@ from patience import eventually
 from trexton.base.errors import FlightError, ImageError, ParameterError, TrextonError
 from trexton.base.plugins import resolve
 from trexton.flights import read_flight
-from trexton.onboard.grabber import Grabber, Playthrough
+from trexton.onboard.grabber import Grabber
 from trexton.onboard.sources import (
     SOURCES,
     CameraLost,
@@ -357,7 +357,7 @@ class TestGrabber:
         grabber.close()
 
     def test_a_recording_leaves_nothing_out(self):
-        recording = Playthrough(FlightSource(small_flight(5)))
+        recording = Grabber(FlightSource(small_flight(5)), Tally())
         assert [recording.next(0).time for _ in range(5)] == pytest.approx(0.08 * np.arange(5))
         assert recording.next(0) is None and recording.ended
 

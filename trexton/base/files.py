@@ -6,6 +6,7 @@ import glob
 import hashlib
 import json
 import os
+import re
 import shutil
 import tempfile
 from collections.abc import Iterator
@@ -19,8 +20,8 @@ from trexton.base.errors import ParameterError, TrextonError
 
 __all__ = [
     "atomic_file", "atomic_folder", "canonical_json", "check_not_read", "check_replaceable",
-    "check_writable", "clean_leftovers", "digest", "naming", "put_in_place", "replace_folder",
-    "work_folder",
+    "check_writable", "clean_leftovers", "digest", "naming", "natural_order", "put_in_place",
+    "replace_folder", "work_folder",
 ]  # fmt: skip
 
 MANIFEST = ".trexton.json"  # in a folder of ours: what was written into it
@@ -251,3 +252,9 @@ def digest(*parts: object) -> str:
         total.update(f"{head} {len(body)}\n".encode())
         total.update(body)
     return total.hexdigest()
+
+
+def natural_order(path: Path) -> list[tuple[int, str]]:
+    """Sort key in the order in which people count: IMG_9 before IMG_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]

@@ -8,36 +8,16 @@ from trexton.onboard.sources.base import CameraLost, Frame, Source
 from trexton.onboard.tally import Tally
 from trexton.onboard.voice import say
 
-__all__ = ["Grabber", "Playthrough", "feed_from"]
+__all__ = ["Grabber"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
 
 
-class Playthrough:
-    """Hands out every frame of a source that is not live, when it is asked for."""
-
-    def __init__(self, source: Source):
-        self._source = source
-        self.ended = False
-        source.open()
-
-    def next(self, timeout: float) -> Frame | None:
-        """The next frame; None after the last."""
-        frame = self._source.read()
-        self.ended = frame is None
-        return frame and self._source.decoded(frame)
-
-    def reopen(self) -> None:
-        """A recording does not get better by being opened again."""
-
-    def close(self) -> None:
-        self._source.close()
-
-
 class Grabber:
-    """Reads a live source in a thread of its own, and decodes the newest frame when asked for it.
+    """Reads a live source in a thread of its own, and decodes the newest frame when asked for it; of
+    any other source it hands out every frame.
 
-    A frame that a newer one replaced before it was asked for counts as dropped. A source that fails
+    A live frame that a newer one replaced before it was asked for counts as dropped. A source that fails
     is closed and opened again after a pause that doubles up to `LONGEST_PAUSE`.
 
     Parameters
@@ -54,11 +34,18 @@ class Grabber:
         self._failure: Exception | None = None
         self.ended = False
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
-        self._thread.start()
+        if source.live:
+            self._thread.start()
+        else:
+            source.open()
 
     def next(self, timeout: float) -> Frame | None:
         """The newest frame not yet handed out, waiting up to `timeout` seconds for one;
         None if none came."""
+        if not self._source.live:
+            frame = self._source.read()
+            self.ended = frame is None
+            return frame and self._source.decoded(frame)
         with self._changed:
             self._changed.wait_for(lambda: self._newest is not None or self.ended, timeout)
             if self._failure is not None:
@@ -74,7 +61,10 @@ class Grabber:
     def close(self) -> None:
         """Stop; a source that hangs in its driver is left to end with the process."""
         self._stop.set()
-        self._thread.join(timeout=2.0)
+        if self._source.live:
+            self._thread.join(timeout=2.0)
+        else:
+            self._source.close()
 
     def _run(self) -> None:
         pause, reported = FIRST_PAUSE, None
@@ -111,8 +101,3 @@ class Grabber:
                 self._tally.count("dropped")
             self._newest = frame
             self._changed.notify_all()
-
-
-def feed_from(source: Source, tally: Tally) -> Grabber | Playthrough:
-    """The way in which a source's frames reach the loop."""
-    return Grabber(source, tally) if source.live else Playthrough(source)

@@ -16,7 +16,7 @@ from trexton.localization.landing import LandingZone
 from trexton.localization.localizer import Localizer
 from trexton.onboard.commander import Commander, LandingLink
 from trexton.onboard.fix import STALE_AFTER, Fix, JumpCounter
-from trexton.onboard.grabber import Grabber, Playthrough, feed_from
+from trexton.onboard.grabber import Grabber
 from trexton.onboard.intake import MAX_FRAME_AGE, MIN_STAMP_STEP, Aids, Inspector, StampKeeper
 from trexton.onboard.sinks.base import Guard
 from trexton.onboard.sources.base import CameraLost, Frame, Source
@@ -95,7 +95,7 @@ class Onboard:
 
         Its ``left_out`` counts what outputs did not take.
         """
-        feed = feed_from(self.source, self.tally)
+        feed = Grabber(self.source, self.tally)
         began = self._clock()
         self._service.ready()
         for guard in self.sinks:
@@ -151,7 +151,7 @@ class Onboard:
     def _everything(self) -> list[Guard]:
         return self.sinks + ([self.log] if self.log is not None else [])
 
-    def _take(self, frame: Frame, feed: Grabber | Playthrough) -> None:
+    def _take(self, frame: Frame, feed: Grabber) -> None:
         """Localize one frame."""
         arrived = self._clock()
         stamp = self._stamps.keep(frame.time) if self.source.live else frame.time

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError
+from trexton.base.files import natural_order
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.geodesy import local_metres
@@ -59,13 +60,9 @@ def _folder(source: Path) -> Path:
 
 
 def _files(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
-    """In the order in which people count: IMG_9 before IMG_10."""
     return sorted(
         (each for each in folder.iterdir() if each.suffix.lower() in suffixes and each.is_file()),
-        key=lambda path: [
-            (int(part), "") if part.isdigit() else (0, part)
-            for part in re.split(r"(\d+)", path.name)
-        ],
+        key=natural_order,
     )
 
 

@@ -2,25 +2,16 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
 from trexton.base.errors import ImageError
+from trexton.base.files import natural_order
 from trexton.onboard.sources.base import Expected, Frame, Playback, Source
 from trexton.vision.images import read_image
 
 __all__ = ["ImageFolder"]
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
-
-
-def _natural(path: Path) -> list[tuple[int, int, str]]:
-    """Sort key under which frame 2 comes before frame 10."""
-    return [
-        (0, int(part), "") if part.isdecimal() else (1, 0, part)
-        for part in re.split(r"(\d+)", path.name)
-        if part
-    ]
 
 
 class ImageFolder(Source):
@@ -46,7 +37,7 @@ class ImageFolder(Source):
         self.playback, self.around = options, around
         self.pictures = sorted(
             (file for file in Path(folder).iterdir() if file.suffix.lower() in SUFFIXES),
-            key=_natural,
+            key=natural_order,
         )
         if not self.pictures:
             raise ImageError(
