@@ -14,11 +14,11 @@ FIRST_PAUSE, LONGEST_PAUSE = 0.1, 5.0
 
 
 class Grabber:
-    """Reads a live source in a thread of its own, and decodes the newest frame when asked for it; of
-    any other source it hands out every frame.
+    """Hands out every frame of a recording; reads a live source in a thread of its own, and decodes
+    its newest frame when asked for it.
 
-    A live frame that a newer one replaced before it was asked for counts as dropped. A source that fails
-    is closed and opened again after a pause that doubles up to `LONGEST_PAUSE`.
+    A live frame that a newer one replaced before it was asked for counts as dropped. A live source
+    that fails is closed and opened again after a pause that doubles up to `LONGEST_PAUSE`.
 
     Parameters
     ----------
