@@ -7,13 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from trexton.base.errors import MapError
 from trexton.companion.build import notebook
 from trexton.companion.experiments import fine
-from trexton.companion.experiments.peers import PEERS, OrbLocalizer, make_peer
 from trexton.evaluation.metrics import wilson_interval
-from trexton.simulator import Floor, Simulator, record_flight
-from trexton.vision.camera import Camera, MapImage
+from trexton.simulator import record_flight
+from trexton.vision.camera import Camera
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +23,7 @@ def record(tmp_path_factory):
         )  # fmt: skip
         # Stitching has tests of its own.
         patch.setattr(fine, "stitched_map", lambda train: SimpleNamespace(map=train.floor))
-        parameters = fine.Parameters(floors=1, frames=50, training=50, kidnappings=1)
+        parameters = fine.Parameters(floors=1, frames=50, training=50, kidnappings=1, peer_frames=2)
         return fine.run(flight, flight, parameters)
 
 
@@ -43,10 +41,11 @@ def test_errors_are_centimetres_everywhere(record):
         assert entry["median_cm"] <= entry["p95_cm"] <= entry["max_cm"]
 
 
-def test_the_carried_away_is_found_and_light_does_little(record):
+def test_the_carried_away_is_found_and_keypoints_too(record):
     assert record.values["kidnapped"]["found_rate"]["value"] == 1
-    assert record.values["light_ratio"] == pytest.approx(1, abs=0.5)
-    assert set(record.values["light_cm"]) == {"0", "5"}
+    sift = record.values["peers"]["sift"]
+    assert sift["frames"] == 2 and sift["right"] == 1 and sift["mean_cm"] < 15
+    assert record.timings["sift"]["median_s"] > 0
 
 
 def test_the_finding_says_what_the_record_holds(record):
@@ -64,8 +63,7 @@ def test_floors_of_the_finding_are_the_long_run_s_and_the_flight_its_own(record)
 def test_figures_draw_the_record(record):
     for figure in (
         fine.over_time(record),
-        fine.errors_over_floors(record, record),
-        fine.coverage(record),
+        fine.errors_over_floors(record),
     ):
         assert all(axes.lines for axes in figure.axes)
 
@@ -101,27 +99,3 @@ def test_means_over_floors_are_those_of_all_frames():
             found, pooled = fine.over_floors(kept, name, quantity, highest), kept.values["all"]
             assert found["value"] == pytest.approx(pooled[name][quantity])
             assert found["low"] < found["value"] < found["high"]
-
-
-@pytest.fixture(scope="module")
-def corner():
-    """A corner of the hall as a small floor."""
-    picture = Floor.hall().picture
-    return MapImage.from_extent(picture.image[:640, :640].copy(), 0.0, 1.6, 400)
-
-
-@pytest.mark.parametrize("name", PEERS)
-def test_peers_find_a_frame_to_some_centimetres(name, corner):
-    room = Simulator(Floor(corner), camera=Camera(320, 240, 400.0), rng=np.random.default_rng(1))
-    state = room.step(None)
-    fix = make_peer(name, corner).locate(room.render())
-    assert np.hypot(*(fix.position - state.position[:2])) < 0.15
-    assert fix.inliers >= 4
-
-
-def test_peers_that_see_nothing_say_so(corner):
-    peer = OrbLocalizer(corner)
-    fix = peer.locate(np.full((120, 160, 3), 128, np.uint8))
-    assert not fix.success and np.isnan(fix.position).all()
-    with pytest.raises(MapError, match="0 keypoints"):
-        OrbLocalizer(MapImage.from_extent(np.zeros((50, 50, 3), np.uint8), 0, 1, 50))

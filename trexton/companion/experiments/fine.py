@@ -1,8 +1,7 @@
 """Coarse to fine: textons say where about, the image says exactly where.
 
-Beyond the paper. Virtual flights over floors on which nothing was tuned, repeating ones among them;
-the same camera kidnapped and put down elsewhere; light that drifts; keypoint methods beside it.
-Times are those of the processor, whatever else it does.
+Beyond the paper. The recorded flight on two maps of its floor; virtual flights over floors on which
+nothing was tuned, repeating ones among them; kidnappings. Times are those of the processor.
 """
 
 from __future__ import annotations
@@ -23,12 +22,10 @@ from trexton.companion.experiments.declaration import SURVEYED, Experiment, opti
 from trexton.companion.experiments.followed import (
     ATTITUDES,
     GROSS,
-    MISSING,
     QUARTERS,
     SETTLED,
     FollowedParameters,
     follow,
-    in_light,
     kidnapped,
     measured_attitude,
     over_floor,
@@ -48,11 +45,10 @@ class Parameters(FollowedParameters):
     """What can be chosen."""
 
     kidnappings: int = option(3, "times that the vehicle is kidnapped", low=1)
-    drifts: int = option(2, "strengths of the light's drift, none and 5 % first", low=2, high=4)
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Fly coarse to fine over the test flight, over virtual floors, kidnapped, in drifting light.
+    """Fly coarse to fine over the test flight, over virtual floors, and kidnapped.
 
     Parameters
     ----------
@@ -64,13 +60,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     kidnappings = spread(
         partial(kidnapped, parameters), range(parameters.kidnappings), "kidnappings"
     )
-    strengths = np.array([0.0, 0.05, 0.1, 0.02])[: parameters.drifts]
-    light = spread(partial(in_light, parameters), strengths.tolist(), "light")
     pooled = {
         name: _summary(np.concatenate([trial["rows"][name] for trial in trials]))
         for name in ATTITUDES
     }
-    drift = {f"{100 * share:.0f}": mean for share, mean in zip(strengths, light, strict=True)}
     return parameters.record(
         train, test,
         values={
@@ -80,16 +73,11 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 for trial in trials
             },
             "all": pooled,
-            "missing": _missing(trials),
             "peers": _peers(trials),
             "kidnapped": kidnapping_summary(kidnappings),
-            "light_cm": drift,
-            "light_ratio": light[1] / light[0],
         },
-        series=given_series | {
-            "errors_cm": {name: _quantiles(trials, name) for name in ATTITUDES},
-            "coverage": {name: _coverage(trials, name) for name in ATTITUDES},
-        },
+        series=given_series
+        | {"errors_cm": {name: _quantiles(trials, name) for name in ATTITUDES}},
         timings={
             name: of_frames(np.concatenate([trial["seconds"][name] for trial in trials]), "_s")
             for name in trials[0]["seconds"]
@@ -114,27 +102,10 @@ def _summary(rows: np.ndarray) -> dict[str, Any]:
     }
 
 
-def _missing(trials: list[dict[str, Any]]) -> dict[str, Any]:
-    """Where one of so many frames came, with attitude and without."""
-    missing: dict[str, Any] = {f"{every}": {} for every in MISSING}
-    for key, every in trials[0]["bridged"]:
-        rows = np.concatenate([trial["bridged"][key, every] for trial in trials])
-        missing[f"{every}"][key] = _summary(rows)
-    return missing
-
-
 def _quantiles(trials: list[dict[str, Any]], name: str) -> dict[str, Any]:
     shares = np.linspace(0, 100, 101)
     error = np.concatenate([trial["rows"][name][:, 0] for trial in trials])
     return {"share": shares, "error": 100 * np.percentile(error, shares)}
-
-
-def _coverage(trials: list[dict[str, Any]], name: str) -> dict[str, Any]:
-    """Claimed share of regions, and the share of them that hold the truth."""
-    claimed = np.linspace(0.05, 0.95, 19)
-    distance = np.concatenate([trial["rows"][name][:, 1] for trial in trials])
-    bounds = -2 * np.log1p(-claimed)  # chi-squared in the plane
-    return {"claimed": claimed, "held": [(distance < bound).mean() for bound in bounds]}
 
 
 def _recorded(
@@ -254,10 +225,10 @@ def finding(record: Record, long: Record | None = None) -> str:
     )
 
 
-_KINDS = {
-    "attitude": ("with attitude", COLORS["fine"], "-"),
-    "tilt_bias": ("with a tilt bias", COLORS["field"], "-."),
-    "free": ("without", COLORS["zone"], "--"),
+_LINES = {
+    "attitude": (COLORS["fine"], "-"),
+    "tilt_bias": (COLORS["field"], "-."),
+    "free": (COLORS["zone"], "--"),
 }
 
 
@@ -267,60 +238,30 @@ def over_time(record: Record) -> Figure:
     with canvas(2, 1, size=(7.2, 4.4), sharex=True, sharey=True) as (figure, axes):
         for plot, where in zip(axes[:, 0], ("surveyed", "stitched"), strict=True):
             for name in ("attitude", "free"):  # a tilt bias would lie upon the first
-                label, color, style = _KINDS[name]
+                color, style = _LINES[name]
                 error = np.array(record.series[f"{where}_{name}_cm"], dtype=float)
-                plot.plot(time, error, color=color, linestyle=style, linewidth=1.0, label=label)
+                plot.plot(time, error, style, color=color, linewidth=1.0, label=ATTITUDES[name])
             plot.set(ylabel=f"{where} map:\nerror (cm)", ylim=(0, None))
         legend_above(axes[0, 0])
         axes[1, 0].set(xlabel="time (s)", xlim=(0, time[-1]))
     return figure
 
 
-def errors_over_floors(*records: Record) -> Figure:
-    """Share of frames with at most so large an error, over all floors; later records paler."""
+def errors_over_floors(record: Record) -> Figure:
+    """Share of frames with at most so large an error, over all floors."""
     with canvas(size=(6.4, 3.4)) as (figure, axes):
         plot = axes[0, 0]
-        for record, pale in zip(records, (1.0, 0.4), strict=False):
-            for name, (label, color, style) in _KINDS.items():
-                series: dict[str, Any] = record.series["errors_cm"][name]
-                frames = record.values["all"][name]["frames"]
-                plot.plot(
-                    series["error"], series["share"], color=color, linestyle=style, alpha=pale,
-                    label=f"{label}, {frames:,} frames",
-                )  # fmt: skip
+        for name, (color, style) in _LINES.items():
+            series: dict[str, Any] = record.series["errors_cm"][name]
+            label = f"{ATTITUDES[name]}, {record.values['all'][name]['frames']:,} frames"
+            plot.plot(series["error"], series["share"], style, color=color, label=label)
         plot.set(xlabel="error (cm)", ylabel="frames (%)", xscale="log", ylim=(0, 101))
         plot.xaxis.set_major_formatter("{x:g}")
         legend_above(plot, columns=2)
     return figure
 
 
-def coverage(*records: Record) -> Figure:
-    """Empirical coverage of regions over the share that they claim to hold; later records paler."""
-    with canvas(size=(4.4, 4.0)) as (figure, axes):
-        plot = axes[0, 0]
-        plot.plot([0, 100], [0, 100], color=COLORS["truth"], linestyle=":", label="as claimed")
-        for record, pale in zip(records, (1.0, 0.4), strict=False):
-            for name, (label, color, style) in _KINDS.items():
-                series = record.series["coverage"][name]
-                claimed, held = (100 * np.array(series[key]) for key in ("claimed", "held"))
-                plot.plot(
-                    claimed, held, color=color, linestyle=style, alpha=pale,
-                    label=label if pale == 1 else None,
-                )  # fmt: skip
-        plot.set(
-            xlabel="claimed (%)", ylabel="holds the truth (%)", xlim=(0, 100), ylim=(0, 100),
-            aspect="equal",
-        )  # fmt: skip
-        legend_above(plot, columns=2)
-    return figure
-
-
 EXPERIMENT = Experiment(
-    "Coarse to fine: the image says where exactly",
-    Parameters,
-    run,
-    finding,
-    needs=SURVEYED,
-    after=("mosaic",),
-    cost_s=47,
-)
+    "Coarse to fine: the image says where exactly", Parameters, run, finding,
+    needs=SURVEYED, after=("mosaic",), cost_s=40,
+)  # fmt: skip

@@ -1,4 +1,4 @@
-"""Virtual flights that coarse to fine follows: over floors, kidnapped, in drifting light.
+"""Virtual flights that coarse to fine follows: over floors, and kidnapped.
 
 Each function flies one and returns what `trexton.companion.experiments.fine` tabulates.
 """
@@ -6,7 +6,7 @@ Each function flies one and returns what `trexton.companion.experiments.fine` ta
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from time import process_time
 from typing import Any
 
@@ -16,9 +16,9 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import SeedParameters, option
 from trexton.companion.experiments.floors import painted_floor
 from trexton.companion.experiments.kidnapping import recovered_after
-from trexton.companion.experiments.peers import PEERS, make_peer
 from trexton.evaluation.metrics import euclidean
 from trexton.registration import FloorFix, FloorTracker, Trust
+from trexton.registration.homography import HomographyLocalizer
 from trexton.registration.trust import learn_trust
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.simulator.vehicle import VehicleState
@@ -29,7 +29,6 @@ ATTITUDES = {
     "tilt_bias": "with a tilt bias",
     "free": "without attitude",
 }
-MISSING = (2, 4)  # of so many frames one comes, in further runs
 SETTLED = 25  # frames, two seconds, in which the vehicle may be found for the first time
 GROSS = 0.3  # metres: further off is another place
 QUARTERS = 4
@@ -53,7 +52,7 @@ class FollowedParameters(SeedParameters):
         "degrees that the camera rolled in its mount since the survey, in one of the runs",
         low=0,
     )
-    peer_frames: int = option(0, "frames a floor that keypoint methods try, too", low=0)
+    peer_frames: int = option(0, "frames a floor that keypoints and a homography try, too", low=0)
 
 
 def _frames(room: Simulator, count: int, rng: np.random.Generator) -> Iterator[VehicleState]:
@@ -82,11 +81,9 @@ def measured_attitude(
     return None if kind == "free" else attitude + noise
 
 
-def _room(
-    floor: Floor, parameters: FollowedParameters, name: str, index: int, effects: Effects = CAMERA
-) -> Simulator:
+def _room(floor: Floor, parameters: FollowedParameters, name: str, index: int) -> Simulator:
     rng = stream(parameters.seed, name, index)
-    return Simulator(floor, effects=effects, light=Light.later(), speed=SPEED, rng=rng)
+    return Simulator(floor, effects=CAMERA, light=Light.later(), speed=SPEED, rng=rng)
 
 
 def _floor(index: int) -> tuple[str, Floor]:
@@ -117,23 +114,18 @@ def _trackers(
 
 
 def over_floor(parameters: FollowedParameters, index: int) -> dict[str, Any]:
-    """One flight over one floor, attitude known or not, with all frames and with some; keypoint
-    methods at some frames."""
+    """One flight over one floor, attitude known or not; keypoints and a homography at some of its
+    frames.
+    """
     name, floor = _floor(index)
     room = _room(floor, parameters, "room", index)
     trackers = _trackers(floor, room, parameters, index)
-    thinned = {
-        (key, every): FloorTracker(floor.picture, room.camera, 1.0, trust=trackers[key].trust)
-        for key in ("attitude", "free")
-        for every in MISSING
-    }
     rng = stream(parameters.seed, "attitude", index)
     every = max(1, parameters.frames // max(1, parameters.peer_frames))
-    peers = {key: make_peer(key, floor.picture) for key in PEERS if parameters.peer_frames}
+    sift = HomographyLocalizer(floor.picture) if parameters.peer_frames else None
     fixes: dict[str, list[Row]] = {key: [] for key in trackers}
-    bridged: dict[tuple[str, int], list[Row]] = {key: [] for key in thinned}
-    tried: dict[str, list[float]] = {key: [] for key in peers}
-    seconds: dict[str, list[float]] = {key: [] for key in (*trackers, *peers)}
+    tried: dict[str, list[float]] = {"sift": []} if sift else {}
+    seconds: dict[str, list[float]] = {key: [] for key in (*trackers, *tried)}
     for number, state in enumerate(
         _frames(room, parameters.frames, stream(parameters.seed, "waypoints", index))
     ):
@@ -143,23 +135,14 @@ def over_floor(parameters: FollowedParameters, index: int) -> dict[str, Any]:
             fix, taken = follow(tracker, image, attitude)
             fixes[key].append((fix, state))
             seconds[key].append(taken)
-            for (kind, nth), other in thinned.items():
-                if kind != key:
-                    continue
-                came = number % nth == 0
-                fix = other.step(image if came else None, attitude=attitude)
-                if came and number >= SETTLED:
-                    bridged[kind, nth].append((fix, state))
-        if number % every == 0:
-            for key, peer in peers.items():
-                start = process_time()
-                found = peer.locate(image).position
-                seconds[key].append(process_time() - start)
-                tried[key].append(float(euclidean(found, state.position[:2])))
+        if sift and number % every == 0:
+            start = process_time()
+            found = sift.locate(image).position
+            seconds["sift"].append(process_time() - start)
+            tried["sift"].append(float(euclidean(found, state.position[:2])))
     return {
         "name": name,
         "rows": {key: _rows(found[SETTLED:]) for key, found in fixes.items()},
-        "bridged": {key: _rows(found) for key, found in bridged.items()},
         "seconds": seconds,
         "peers": tried,
     }
@@ -205,17 +188,3 @@ def kidnapped(parameters: FollowedParameters, index: int) -> dict[str, Any]:
         "right": right,
         "lost": np.array(lost),
     }
-
-
-def in_light(parameters: FollowedParameters, drift: float) -> float:
-    """Mean error in centimetres with attitude, the camera's gain drifting so much."""
-    _, floor = painted_floor(0, 100)
-    room = _room(floor, parameters, "light", 0, replace(CAMERA, exposure=drift))
-    tracker = FloorTracker(floor.picture, room.camera, 1.0)
-    rng, error = stream(parameters.seed, "light attitude"), []
-    for state in _frames(room, parameters.frames, stream(parameters.seed, "light waypoints")):
-        fix, _ = follow(
-            tracker, room.render(), measured_attitude(state.attitude, "attitude", parameters, rng)
-        )
-        error.append(euclidean(fix.position, state.position[:2]))
-    return 100 * float(np.mean(error[SETTLED:]))
