@@ -518,14 +518,17 @@ def test_repairs_are_said_and_leave_nothing_to_repair(tmp_path):
         np.testing.assert_allclose(mended.position, position)
         np.testing.assert_allclose(mended.time, time)
         np.testing.assert_allclose(mended.height, 1.5)
-    rows = (write_flight(sound, tmp_path / "odd") / "frames.csv").read_text().splitlines()
-    (tmp_path / "odd" / "frames.csv").write_text(
-        "\n".join([rows[0], *rows[1:50], rows[51], rows[50], rows[51], *rows[52:]])
-    )
+    write_flight(sound, tmp_path / "odd")
+    for name in ("frames.csv", "histograms.csv"):
+        rows = (tmp_path / "odd" / name).read_text().splitlines()
+        odd = [rows[0], *rows[1:50], rows[51], rows[50], rows[51], *rows[52:]]
+        (tmp_path / "odd" / name).write_text("\n".join(odd))
     assert not check_flight(tmp_path / "odd").usable
     done = repair_flight(tmp_path / "odd", tmp_path / "sorted")
     assert "1 of repeated stamps dropped" in done[0]
-    assert read_flight(tmp_path / "sorted").position.tolist() == sound.position.tolist()
+    mended = read_flight(tmp_path / "sorted")
+    assert mended.position.tolist() == sound.position.tolist()
+    assert mended.histograms.tolist() == sound.histograms.tolist()
 
 
 def test_a_preview_writes_nothing(tmp_path, capsys):

@@ -145,50 +145,39 @@ def _hash(image: np.ndarray) -> bytes:
 
 
 def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str, str]]:
-    duration = flight.time[-1] - flight.time[0]
-    located = flight.located
-    facts = [
-        ("flight", flight.name),
-        ("frames", f"{len(flight)} ({flight.frame[0]} to {flight.frame[-1]})"),
-    ]
+    located, time = flight.located, flight.time
+    facts = {
+        "flight": flight.name,
+        "frames": f"{len(flight)} ({flight.frame[0]} to {flight.frame[-1]})",
+        "positions": f"{located.sum()} of {len(flight)}",
+    }
     if len(flight) > 1:
-        gaps = np.diff(flight.time)
-        pace = f"{1 / np.median(gaps):.2f} frames a second"
-        rate = f"{duration:.2f} s, {pace}, longest gap {gaps.max():.2f} s"
-        facts.append(("duration", rate))
-    facts.append(("positions", f"{located.sum()} of {len(flight)}"))
+        gaps = np.diff(time)
+        facts["duration"] = (
+            f"{time[-1] - time[0]:.2f} s, {1 / np.median(gaps):.2f} frames a second, longest gap "
+            f"{gaps.max():.2f} s"
+        )
     if located.any():
         low, high = flight.position[located].min(axis=0), flight.position[located].max(axis=0)
-        flown = f"{high[0] - low[0]:.2f} m x {high[1] - low[1]:.2f} m"
         x_min, x_max, y_min, y_max = flight.area
-        facts.append(
-            (
-                "flown area",
-                f"{flown}, x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}",
-            )
+        facts["flown area"] = (
+            f"{high[0] - low[0]:.2f} m x {high[1] - low[1]:.2f} m, "
+            f"x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}"
         )
-        facts.append(("area", f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f} m"))
+        facts["area"] = f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f} m"
     if flight.has_images:
-        facts.append(
-            (
-                "images",
-                ", ".join(f"{count} of {_size(size)}" for size, count in sizes.items())
-                or "none readable",
-            )
-        )
-    if flight.histograms is not None:
-        sums = flight.histograms.sum(axis=1)
-        facts.append(
-            (
-                "histograms",
-                f"{len(sums)} of {flight.histograms.shape[1]} {flight.features}, "
-                f"sums {sums.min():.4f} to {sums.max():.4f}",
-            )
+        counts = (f"{count} of {_size(size)}" for size, count in sizes.items())
+        facts["images"] = ", ".join(counts) or "none readable"
+    if (histograms := flight.histograms) is not None:
+        sums = histograms.sum(axis=1)
+        facts["histograms"] = (
+            f"{len(sums)} of {histograms.shape[1]} {flight.features}, sums {sums.min():.4f} to "
+            f"{sums.max():.4f}"
         )
     for name, (first, last) in flight.split.items():
         count = int(((flight.frame >= first) & (flight.frame <= last)).sum())
-        facts.append((f"split {name}", f"{first} to {last} ({_count(count, 'frame')})"))
-    return facts + [("note", note) for note in flight.notes]
+        facts[f"split {name}"] = f"{first} to {last} ({_count(count, 'frame')})"
+    return [*facts.items(), *(("note", note) for note in flight.notes)]
 
 
 def _size(size: tuple[int, int]) -> str:

@@ -8,6 +8,7 @@ check` prints them all.
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -50,7 +51,15 @@ class Reading:
     warnings: list[str] = field(default_factory=list)
     image_files: list[tuple[int, Path]] = field(default_factory=list)
     repaired: list[str] | None = None
+    listed: np.ndarray = field(default_factory=lambda: np.zeros(0, int))  # frames as in the file
     order: np.ndarray | None = None  # of the rows, where they were sorted
+
+    def refuse(
+        self, path: Path, rows: np.ndarray, wrong: np.ndarray, found: Callable[[int], str]
+    ) -> None:
+        """A fault for each row where `wrong`, with what was found there."""
+        for row in np.flatnonzero(wrong).tolist():
+            self.faults.append(f"{path}, row {rows[row]}: {found(row)}")
 
 
 def read_flight(path: str | os.PathLike[str]) -> Flight:
@@ -63,12 +72,9 @@ def read_flight(path: str | os.PathLike[str]) -> Flight:
     """
     reading = load_folder(Path(path))
     if reading.flight is None:
-        more = (
-            f" (and {len(reading.faults) - 1} more: trexton check {path})"
-            if len(reading.faults) > 1
-            else ""
-        )
-        raise FlightError(reading.faults[0] + more)
+        more = len(reading.faults) - 1
+        words = f" (and {more} more: trexton check {path})" if more else ""
+        raise FlightError(reading.faults[0] + words)
     return reading.flight
 
 
@@ -88,7 +94,7 @@ def load_folder(path: Path, repaired: list[str] | None = None) -> Reading:
     histograms = None
     if (path / "histograms.csv").exists():
         features = (header or {}).get("features", "textons")
-        histograms = _read_histograms(path / "histograms.csv", columns["frame"], features, reading)
+        histograms = _read_histograms(path / "histograms.csv", features, reading)
     elif "image" not in columns:
         reading.faults.append(
             f"{path}: neither images nor histograms.csv found: a flight needs at least one of them"
@@ -194,47 +200,58 @@ def _read_frames(path: Path, reading: Reading) -> Columns | None:
         reading.faults.append(f"{path}: unknown column {unknown[0]!r}: expected {_COLUMNS}")
     if missing := [name for name in _REQUIRED if name not in header]:
         reading.faults.append(f"{path}: column {missing[0]!r} is missing: expected {_COLUMNS}")
-    if len(reading.faults) > before:
-        return None
     columns: Columns = {}
-    for name in header:
+    for name in header if len(reading.faults) == before else ():
         try:
+            needed = name in ("frame", "t_s")
             columns[name] = (
                 table.texts(name)
                 if name == "image"
-                else table.numbers(name, missing_allowed=name not in ("frame", "t_s"))
+                else table.numbers(name, missing_allowed=not needed)
             )
+            if needed and np.abs(columns[name]).max() > 2**53:
+                raise FlightError(
+                    f"{path}: {name} reaches {np.abs(columns[name]).max():g}: "
+                    "count from the first frame, in seconds"
+                )
         except FlightError as error:
             reading.faults.append(str(error))
     if len(reading.faults) > before:
         return None
-    for row in np.flatnonzero(columns["frame"] % 1):
-        reading.faults.append(
-            f"{path}, row {rows[row]}: frame is {columns['frame'][row]:g}: expected a whole number"
-        )
-    if wide := [name for name in ("frame", "t_s") if np.abs(columns[name]).max() > 2**53]:
-        reading.faults.append(
-            f"{path}: {wide[0]} reaches {np.abs(columns[wide[0]]).max():g}: "
-            "count from the first frame, in seconds"
-        )
-        return None
-    columns["frame"] = columns["frame"].astype(np.int64)
+    frame = columns["frame"]
+    reading.refuse(
+        path, rows, frame % 1 != 0, lambda row: f"frame is {frame[row]:g}: expected a whole number"
+    )
+    columns["frame"] = frame.astype(np.int64)
+    reading.listed = columns["frame"]
     if reading.repaired is not None:
         _sort(columns, reading.repaired, reading)
         rows = rows[reading.order] if reading.order is not None else rows
-    _check_order(path, columns, rows, reading)
-    for row in np.flatnonzero(np.isnan(columns["x_m"]) | np.isnan(columns["y_m"])):
+    _check_rows(path, columns, rows, reading)
+    return columns
+
+
+def _check_rows(path: Path, columns: Columns, rows: np.ndarray, reading: Reading) -> None:
+    for name, what in (("t_s", "stamp"), ("frame", "frame number")):
+        steps = np.diff(columns[name], prepend=-np.inf)
+        reading.refuse(
+            path, rows, steps <= 0,
+            lambda row, steps=steps, what=what, name=name: (  # type: ignore[misc]
+                f"{'unsorted' if steps[row] else 'duplicated'} {what} {columns[name][row]}: "
+                "they must increase"
+            ),
+        )  # fmt: skip
+    place = np.abs(np.column_stack([columns["x_m"], columns["y_m"]])).max(axis=1)
+    for row in np.flatnonzero(np.isnan(place)):
         reading.warnings.append(
             f"{path}, row {rows[row]}: the position is missing or NaN: the frame cannot train and "
             "has no ground truth"
         )
-    place = np.abs(np.column_stack([columns["x_m"], columns["y_m"]])).max(axis=1)
-    for row in np.flatnonzero(place > FARTHEST):
-        reading.faults.append(
-            f"{path}, row {rows[row]}: the position is {place[row]:g} m from the origin: no such "
-            "place on Earth, leave it empty or give metres"
-        )
-    return columns
+    reading.refuse(
+        path, rows, place > FARTHEST,
+        lambda row: f"the position is {place[row]:g} m from the origin: no such place on Earth, "
+        "leave it empty or give metres",
+    )  # fmt: skip
 
 
 def _warn_of_separators(table: TextTable, reading: Reading) -> None:
@@ -265,22 +282,11 @@ def _sort(columns: Columns, said: list[str], reading: Reading) -> None:
         columns["frame"] = np.arange(len(order))
 
 
-def _check_order(path: Path, columns: Columns, rows: np.ndarray, reading: Reading) -> None:
-    for name, what in (("t_s", "stamp"), ("frame", "frame number")):
-        values = columns[name]
-        for row in np.flatnonzero(np.diff(values) <= 0):
-            kind = "duplicated" if values[row] == values[row + 1] else "unsorted"
-            reading.faults.append(
-                f"{path}, row {rows[row + 1]}: {kind} {what} {values[row + 1]}: they must increase"
-            )
-
-
-def _read_histograms(
-    path: Path, frames: np.ndarray, features: str, reading: Reading
-) -> np.ndarray | None:
+def _read_histograms(path: Path, features: str, reading: Reading) -> np.ndarray | None:
+    frames = reading.listed
     try:
         table = read_table(path)
-        header, rows = table.header, table.rows
+        header, rows = table.header, np.array(table.rows)
         if len(header) < 2 or header != ["frame", *(f"t{i}" for i in range(len(header) - 1))]:
             raise FlightError(
                 f"{path}: unknown columns {','.join(header[:4])}...: expected frame,t0,t1,..."
@@ -290,13 +296,9 @@ def _read_histograms(
         reading.faults.append(str(error))
         return None
     _warn_of_separators(table, reading)
-    if reading.order is not None and len(values) > reading.order.max():
-        values = values[reading.order]
-    if not np.array_equal(values[:, 0], frames) and reading.order is None:
-        odd = next(
-            (i for i, (a, b) in enumerate(zip(values[:, 0], frames, strict=False)) if a != b),
-            min(len(values), len(frames)),
-        )
+    if not np.array_equal(values[:, 0], frames):
+        common = min(len(values), len(frames))
+        odd = int(np.argmin([*(values[:common, 0] == frames[:common]), False]))
         reading.faults.append(
             f"{path}, row {rows[odd] if odd < len(rows) else rows[-1] + 1}: its frames differ from "
             f"those of frames.csv ({len(values)} rows against {len(frames)}): list the same frames "
@@ -304,14 +306,12 @@ def _read_histograms(
         )
         return None
     histograms = values[:, 1:]
-    if features != "textons":
-        return histograms
-    sums = histograms.sum(axis=1)
-    for row in np.flatnonzero((histograms < 0).any(axis=1) | (np.abs(sums - 1) > SUM_TOLERANCE)):
-        reading.faults.append(
-            f"{path}, row {rows[row]}: the histogram sums to {sums[row]:.4g} "
-            f"(smallest entry {histograms[row].min():.4g}): "
+    if features == "textons":
+        sums, least = histograms.sum(axis=1), histograms.min(axis=1)
+        reading.refuse(
+            path, rows, (least < 0) | (np.abs(sums - 1) > SUM_TOLERANCE),
+            lambda row: f"the histogram sums to {sums[row]:.4g} (smallest entry {least[row]:.4g}): "
             f"expected relative frequencies that sum to 1 within {SUM_TOLERANCE:.0%}, or "
-            'features = "..." in the header for other features'
-        )
-    return histograms
+            'features = "..." in the header for other features',
+        )  # fmt: skip
+    return histograms if reading.order is None else histograms[reading.order]

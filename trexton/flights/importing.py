@@ -13,7 +13,12 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.base.files import atomic_folder, check_not_read, check_replaceable
+from trexton.base.files import (
+    atomic_folder,
+    check_not_read,
+    check_replaceable,
+    clean_leftovers,
+)
 from trexton.base.options import Options, option
 from trexton.flights.flight import Flight
 from trexton.flights.folder import load_folder, read_flight
@@ -75,6 +80,7 @@ def import_flight(
         The source is not of this kind, no frame has a position, or images do not fit together.
     """
     source, out = Path(source), Path(out)
+    clean_leftovers(out)
     check_replaceable(out, replaced, ours=False)
     plan = _Plan.of(source, kind, settings or {})
     recording = plan.recording

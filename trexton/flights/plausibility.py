@@ -34,16 +34,6 @@ ROTATION_FRAMES = 400  # frames whose rotation is measured
 FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 
 
-_Check = Callable[[Flight], Iterator[str]]
-_CHECKS: list[_Check] = []  # in the order of this file
-
-
-def _check(function: _Check) -> _Check:
-    """Declare a plausibility check."""
-    _CHECKS.append(function)
-    return function
-
-
 def warnings(flight: Flight) -> list[Doubt]:
     """What the checks say, in their order."""
     said = (each for check in _CHECKS for each in check(flight))
@@ -54,7 +44,6 @@ def _located(flight: Flight) -> np.ndarray:
     return np.flatnonzero(flight.located)
 
 
-@_check
 def _outside(flight: Flight) -> Iterator[str]:
     rows = _located(flight)
     x, y = flight.position[rows].T
@@ -92,7 +81,6 @@ def _outside(flight: Flight) -> Iterator[str]:
     yield f"{found}: correct them, or widen area_m"
 
 
-@_check
 def _tracking(flight: Flight) -> Iterator[str]:
     pose = [flight.position]
     pose += [] if flight.height is None else [flight.height[:, None]]
@@ -115,7 +103,6 @@ def _tracking(flight: Flight) -> Iterator[str]:
         )
 
 
-@_check
 def _speed(flight: Flight) -> Iterator[str]:
     rows = _located(flight)
     if len(rows) < 3:
@@ -132,7 +119,6 @@ def _speed(flight: Flight) -> Iterator[str]:
         )
 
 
-@_check
 def _heights(flight: Flight) -> Iterator[str]:
     if flight.height is None or not (known := np.isfinite(flight.height)).any():
         return
@@ -163,7 +149,6 @@ def _heights(flight: Flight) -> Iterator[str]:
         )
 
 
-@_check
 def _angles(flight: Flight) -> Iterator[str]:
     if flight.attitude is None:
         return
@@ -186,13 +171,11 @@ def _angles(flight: Flight) -> Iterator[str]:
             yield f"the yaw turns at {rate:.3g} rad/s in half of the frames: degrees? write radians"
 
 
-@_check
 def _view(flight: Flight) -> Iterator[str]:
     if flight.attitude is not None and (doubt := looks_away(flight.attitude)):
         yield doubt
 
 
-@_check
 def _time_offset(flight: Flight) -> Iterator[str]:
     """Pictures that turn at another time than the yaw beside them, or the other way."""
     if flight.attitude is None or not flight.has_images:
@@ -220,7 +203,6 @@ def _time_offset(flight: Flight) -> Iterator[str]:
         )
 
 
-@_check
 def _extent(flight: Flight) -> Iterator[str]:
     rows = _located(flight)
     if len(rows) < 2:
@@ -238,7 +220,6 @@ def _extent(flight: Flight) -> Iterator[str]:
         )
 
 
-@_check
 def _stamps(flight: Flight) -> Iterator[str]:
     if len(flight) < 3:
         return
@@ -254,7 +235,6 @@ def _stamps(flight: Flight) -> Iterator[str]:
         yield f"frames come {gap:.2g} s apart: write stamps in seconds"
 
 
-@_check
 def _splits(flight: Flight) -> Iterator[str]:
     located = flight.located
     for name, (first, last) in flight.split.items():
@@ -274,7 +254,6 @@ def _splits(flight: Flight) -> Iterator[str]:
             )
 
 
-@_check
 def _floor(flight: Flight) -> Iterator[str]:
     rows = _located(flight)
     if not len(rows):
@@ -304,7 +283,6 @@ def _floor(flight: Flight) -> Iterator[str]:
         )
 
 
-@_check
 def _names(flight: Flight) -> Iterator[str]:
     if not isinstance(flight.frames, ImageFiles) or len(flight) < 2:
         return
@@ -313,7 +291,6 @@ def _names(flight: Flight) -> Iterator[str]:
         yield f"{often} frames name the same image {file.name!r}: give each frame its own"
 
 
-@_check
 def _features(flight: Flight) -> Iterator[str]:
     if flight.histograms is None or len(flight) < 3:
         return
@@ -327,3 +304,9 @@ def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
 
 def _count(number: int, what: str) -> str:
     return f"{number} {what}{'' if number == 1 else 's'}"
+
+
+_CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (
+    _outside, _tracking, _speed, _heights, _angles, _view, _time_offset, _extent,
+    _stamps, _splits, _floor, _names, _features,
+)  # fmt: skip

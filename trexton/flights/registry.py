@@ -9,13 +9,12 @@ import os
 import shutil
 import tomllib
 from functools import cache
-from io import BufferedRandom
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from trexton.base.cache import cache_folder, shipped
 from trexton.base.errors import DataError
-from trexton.base.files import atomic_file, check_not_read, digest
+from trexton.base.files import atomic_file, check_not_read, digest, work_folder
 from trexton.base.plugins import resolve
 from trexton.base.progress import say
 from trexton.flights.writing import write_flight
@@ -102,16 +101,13 @@ def fetch(
 
 
 def _from_folder(folder: Path, key: str, sha256: str) -> Path:
-    import pooch
-
     path = next((path for path in (folder / key, folder / Path(key).name) if path.is_file()), None)
     if path is None:
         raise DataError(
             f"{folder}: neither {key} nor {Path(key).name} is there: give the folder that holds "
             "the raw files"
         )
-    found = pooch.file_hash(str(path))
-    if found != sha256:
+    if (found := _sha256(path)) != sha256:
         raise DataError(
             f"{path}: its SHA-256 is {found[:12]}..., expected {sha256[:12]}...: "
             "it is another version or damaged, fetch it again"
@@ -119,25 +115,31 @@ def _from_folder(folder: Path, key: str, sha256: str) -> Path:
     return path
 
 
+def _sha256(path: Path) -> str:
+    with open(path, "rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
 def _from_cache(key: str, file: dict[str, Any]) -> Path:
+    folder = data_folder()
+    path = folder / key
+    if path.is_file() and _sha256(path) == file["sha256"]:
+        return path
+    say(f"fetching {file['url']}")
     import pooch
     import requests
 
-    folder = data_folder()
-    path = folder / key
-    if path.is_file() and pooch.file_hash(str(path)) == file["sha256"]:
-        return path
-    say(f"fetching {file['url']}")
     try:
-        with atomic_file(path, "w+b") as written:
-            stream = cast(BufferedRandom, written)
-            pooch.HTTPDownloader(timeout=20)(file["url"], stream, None)
-            stream.seek(0)
-            if hashlib.file_digest(stream, "sha256").hexdigest() != file["sha256"]:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with work_folder(path) as parts:
+            part = parts / path.name
+            pooch.HTTPDownloader(timeout=20)(file["url"], str(part), None)
+            if _sha256(part) != file["sha256"]:
                 raise DataError(
                     f"{file['url']}: what was downloaded does not have the expected SHA-256: "
                     "try again, or take the file from elsewhere (--from DIR)"
                 )
+            os.replace(part, path)
     except requests.RequestException as error:
         found = "damaged" if path.is_file() else "not"
         raise DataError(

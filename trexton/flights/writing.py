@@ -9,6 +9,7 @@ import csv
 import json
 import os
 import shutil
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -92,45 +93,34 @@ def _write_csv(path: Path, columns: dict[str, Any]) -> None:
 
 
 def _header_text(flight: Flight) -> str:
-    """``flight.toml`` for `flight`."""
-
-    def text(value: str) -> str:
-        return json.dumps(value, ensure_ascii=False)  # a JSON string is a valid TOML basic string
-
-    lines = [f"format = {FORMAT}", f"name = {text(flight.name)}", f"source = {text(flight.source)}"]
-    lines += [
-        f"licence = {text(flight.licence)}",
-        f"area_m = {[float(value) for value in flight.area]}",
-    ]
+    """``flight.toml`` for `flight`: what JSON writes of texts, numbers and lists is valid TOML."""
+    text = partial(json.dumps, ensure_ascii=False)
+    tables: dict[str, dict[str, Any]] = {
+        "": {
+            "format": FORMAT, "name": flight.name, "source": flight.source,
+            "licence": flight.licence, "area_m": list(map(float, flight.area)),
+        },
+        "split": {text(key): list(ends) for key, ends in flight.split.items()},
+    }  # fmt: skip
     if flight.features != "textons":
-        lines.append(f"features = {text(flight.features)}")
+        tables[""]["features"] = flight.features
     if flight.notes:
-        lines.append(f"notes = [{', '.join(text(note) for note in flight.notes)}]")
-    if flight.split:
-        lines += ["", "[split]"] + [
-            f"{text(key)} = [{first}, {last}]" for key, (first, last) in flight.split.items()
-        ]
-    if flight.camera is not None:
-        camera = flight.camera
-        lines += ["", "[camera]", f"width_px = {camera.width}", f"height_px = {camera.height}"]
-        lines += [
-            f"focal_px = {float(camera.focal)}",
-            f"center_px = {[float(value) for value in camera.principal_point]}",
-        ]
+        tables[""]["notes"] = list(flight.notes)
+    if (camera := flight.camera) is not None:
+        tables["camera"] = {
+            "width_px": camera.width, "height_px": camera.height, "focal_px": float(camera.focal),
+            "center_px": list(map(float, camera.principal_point)),
+        }  # fmt: skip
     if flight.rectification is not None:
-        table = flight.rectification.table()
-        lines += ["", "[rectification]"] + [f"{key} = {value}" for key, value in table.items()]
+        tables["rectification"] = flight.rectification.table()
     if flight.origin is not None:
         latitude, longitude = map(float, flight.origin)
-        lines += [
-            "", "[origin]", f"latitude_deg = {latitude}", f"longitude_deg = {longitude}"
-        ]  # fmt: skip
+        tables["origin"] = {"latitude_deg": latitude, "longitude_deg": longitude}
     if flight.floor_file is not None:
         matrix = np.asarray(flight.floor_from_pixel, dtype=float).tolist()
-        lines += [
-            "",
-            "[floor]",
-            f"image = {text(flight.floor_file.name)}",
-            f"world_from_pixel = {matrix}",
-        ]
+        tables["floor"] = {"image": flight.floor_file.name, "world_from_pixel": matrix}
+    lines = []
+    for name, table in tables.items():
+        lines += ["", f"[{name}]"] if name and table else []
+        lines += [f"{key} = {text(value)}" for key, value in table.items()]
     return "\n".join(lines) + "\n"

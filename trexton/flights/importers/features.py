@@ -10,26 +10,24 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError
-from trexton.base.options import Options, option
+from trexton.base.options import option
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.importers.table import column_names
-from trexton.flights.tables import LENGTHS, read_table
+from trexton.flights.importers.tracks import TrackColumns
+from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "read", "recognises"]
 
 
 @dataclass(frozen=True)
-class Settings(Options):
+class Settings(TrackColumns):
     """What can be chosen."""
 
+    time: str = option("", "column of the stamps (default: frames at the rate below)")
     positions: str = option(
         "", "table of x and y, a row a frame (default: columns of the same table)"
     )
-    x: str = option("x", "column of x")
-    y: str = option("y", "column of y")
-    time: str = option("", "column of the stamps (default: frames at the rate below)")
     rate: float = option(12.5, "frames a second, where there are no stamps", low=0.001, high=10000)
-    unit: str = option("m", "unit of the positions", choices=tuple(LENGTHS))
     features: str = option("features", "what the values count; textons must sum to one")
 
 
@@ -42,25 +40,22 @@ def read(source: Path, settings: Settings) -> Recording:
     """The recording of one table of features, or of two tables with a row a frame each."""
     where = beside(source.parent, settings.positions) if settings.positions else source
     places = read_table(where)
-    place = np.column_stack([places.numbers(name) for name in (settings.x, settings.y)])
+    stamps = (np.arange(len(places)) * NANO / settings.rate).astype(np.int64)
     if settings.time:
-        stamps = places.nanoseconds(settings.time)
-    else:
-        stamps = (np.arange(len(places)) * NANO / settings.rate).astype(np.int64)
+        stamps = places.nanoseconds(settings.time, settings.time_unit)
+    track = PoseTrack(stamps, settings.places(places))
     table = places if where == source else read_table(source)
-    used = {settings.x, settings.y, settings.time, "frame", "id"} if where == source else {"frame"}
-    names = [name for name in table.header if name not in used]
+    used = {settings.x, settings.y, settings.z, settings.time, "frame", "id"}
+    names = [name for name in table.header if name not in (used if where == source else {"frame"})]
     if len(table) != len(places) or not names:
         raise FlightError(
             f"{source}: {len(table)} rows of {len(names)} values, {len(places)} "
             "positions: expected a row of finite numbers for each position"
         )
-    numbers = np.column_stack([table.numbers(name, missing_allowed=False) for name in names])
-    height = np.full((len(place), 1), np.nan)
     return Recording(
         stamps,
-        PoseTrack(stamps, np.hstack([LENGTHS[settings.unit] * place, height])),
-        histograms=numbers,
+        track,
+        histograms=np.column_stack([table.numbers(name, missing_allowed=False) for name in names]),
         features=settings.features,
         source=f"features of {source.name}",
     )

@@ -7,7 +7,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -77,31 +77,47 @@ def read(source: Path, settings: Settings) -> Recording:
     ]
     path = source / "positions.csv"
     path = beside(source, settings.positions) if settings.positions else path
-    if settings.positions and (track := read_log(path)) is not None:
-        return _logged(source, files, track, said)
-    if settings.positions and (posed := read_reconstruction(path)) is not None:
-        return _reconstructed(source, files, *posed, said)
     named = bool(settings.positions) or path.is_file()
-    shots = _from_table(path, files, settings) if named else _from_exif(files)
-    known, words = _located(source, path if named else None, files, shots)
+    if settings.positions and (log := read_log(path)) is not None:
+        track, words = log.ordered(str(path), range(1, len(log.time_ns) + 1))
+        known, stamps = files, _stamps(files)
+    elif settings.positions and (posed := read_reconstruction(path)) is not None:
+        names, poses, words = posed
+        known, track = _reconstructed(files, names, poses)
+        stamps = track.time_ns
+        words += _left_out(len(files) - len(known))
+    else:
+        shots = _from_table(path, files, settings) if named else _from_exif(files)
+        known, track, words = _by_shots(source, path if named else None, files, shots, settings)
+        stamps = track.time_ns
+    return Recording(
+        stamps, track, ImageFiles(tuple(known)), source=f"photographs of {source.name}",
+        said=said + words,
+    )  # fmt: skip
+
+
+def _left_out(count: int) -> list[str]:
+    return [f"photographs without a position, left out: {count}"] if count else []
+
+
+def _by_shots(
+    source: Path, table: Path | None, files: list[Path], shots: dict[Path, Shot], settings: Settings
+) -> tuple[list[Path], PoseTrack, list[str]]:
+    """The photographs with a place, in the order in which they were taken, and their track."""
+    known, words = _located(source, table, files, shots)
     known, bands = _without_bands(known, shots)
-    taken: list[Shot] = [shots[file] for file in known]
-    order = sorted(range(len(known)), key=lambda row: taken[row].time_ns)  # equal ones by name
-    taken, known = [taken[row] for row in order], [known[row] for row in order]
-    stamps = _spread(np.array([shot.time_ns for shot in taken], dtype=np.int64))
+    known = sorted(known, key=lambda file: shots[file].time_ns)  # equal ones stay in order of names
+    taken = [shots[file] for file in known]
     place, origin = local_metres(*np.array([(shot.latitude, shot.longitude) for shot in taken]).T)
     height, words_of_height = _heights(taken, settings.ground)
     attitude = np.array([shot.attitude for shot in taken], dtype=float)
     track = PoseTrack(
-        stamps,
+        _spread(np.array([shot.time_ns for shot in taken], dtype=np.int64)),
         np.column_stack([place, height]),
         attitude if np.isfinite(attitude).any() else None,
         origin,
     )
-    said += words + bands + words_of_height
-    return Recording(
-        stamps, track, ImageFiles(tuple(known)), source=f"photographs of {source.name}", said=said
-    )
+    return known, track, words + bands + words_of_height
 
 
 def _located(
@@ -110,9 +126,7 @@ def _located(
     """The photographs with a position, and how many are without."""
     placed = [file for file in files if file in shots and shots[file].located]
     fixed = [file for file in placed if shots[file].fixed]
-    said = []
-    if missing := len(files) - len(placed):
-        said.append(f"photographs without a position, left out: {missing}")
+    said = _left_out(len(files) - len(placed))
     if unfixed := len(placed) - len(fixed):
         said.append(f"photographs without a fix, at 0, 0, left out: {unfixed}")
     if len(fixed) < 3:
@@ -214,38 +228,20 @@ def _from_exif(files: list[Path]) -> dict[Path, Shot]:
     return shots
 
 
-def _stamps(files: list[Path]) -> np.ndarray:
-    return _spread(np.array([read_shot(file).time_ns for file in files], dtype=np.int64))
-
-
-def _logged(source: Path, files: list[Path], track: PoseTrack, said: list[str]) -> Recording:
-    """Photographs by the times in their EXIF among the rows of a log."""
-    track, order = track.ordered("log", range(1, len(track.time_ns) + 1))
-    return Recording(
-        _stamps(files), track, ImageFiles(tuple(files)), source=f"photographs of {source.name}",
-        said=said + order,
-    )  # fmt: skip
-
-
 def _reconstructed(
-    source: Path, files: list[Path], names: list[str], track: PoseTrack, words: list[str],
-    said: list[str],
-) -> Recording:  # fmt: skip
-    """Photographs by name among the poses of a reconstruction."""
+    files: list[Path], names: list[str], poses: PoseTrack
+) -> tuple[list[Path], PoseTrack]:
+    """The photographs that a reconstruction names, and their poses at the times in their EXIF."""
     rows = _by_name(names, files)
     if not rows:
-        raise FlightError(f"{source}: the reconstruction names {names[0]}, not {files[0].name}")
+        raise FlightError(f"the reconstruction names {names[0]}, not {files[0].name}: correct it")
     known = [file for file in files if file in rows]
-    stamps = _stamps(known)
-    placed = track.rows(np.array([rows[file] for file in known]))
-    placed = PoseTrack(stamps, placed.position, placed.attitude, track.origin)
-    if missing := len(files) - len(known):
-        words = [*words, f"photographs without a position, left out: {missing}"]
-    order = np.argsort(stamps, kind="stable")
-    return Recording(
-        stamps[order], placed.rows(order), ImageFiles(tuple(known[row] for row in order)),
-        source=f"photographs of {source.name}", said=said + words,
-    )  # fmt: skip
+    track = poses.rows(np.array([rows[file] for file in known]))
+    return known, replace(track, time_ns=_stamps(known))
+
+
+def _stamps(files: list[Path]) -> np.ndarray:
+    return _spread(np.array([read_shot(file).time_ns for file in files], dtype=np.int64))
 
 
 def _spread(stamps: np.ndarray) -> np.ndarray:

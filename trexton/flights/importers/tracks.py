@@ -45,6 +45,13 @@ class TrackColumns(Options):
     degrees: bool = option(False, "the yaw is in degrees")
     body: str = option("", "of motion capture: the rigid body (default: the only one)")
 
+    def places(self, table: TextTable) -> np.ndarray:
+        """``(N, 3)`` metres; NaN where there is no column."""
+        unknown = np.full(len(table), np.nan)
+        names = (self.x, self.y, self.z)
+        columns = [_column(table, name) if name else unknown for name in names]
+        return LENGTHS[self.unit] * np.column_stack(columns)
+
     def of(
         self, table: TextTable, mounted: np.ndarray | None = None
     ) -> tuple[PoseTrack, list[str]]:
@@ -61,10 +68,7 @@ class TrackColumns(Options):
             A column is missing, or holds something else.
         """
         stamps = table.nanoseconds(self.time, self.time_unit)
-        unknown = np.full(len(table), np.nan)
-        position = LENGTHS[self.unit] * np.column_stack(
-            [_column(table, name) if name else unknown for name in (self.x, self.y, self.z)]
-        )
+        position = self.places(table)
         where, lines = str(table.path), table.rows
         if names := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
             turns = np.column_stack([_column(table, name) for name in names])
