@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from jinja2 import Environment
 
 __all__ = [
-    "METRES_FROM", "Tree", "apart", "as_html", "beside", "distance", "duration", "fixed",
+    "METRES_FROM", "Tree", "apart", "as_html", "beside", "distance", "fixed",
     "interval", "middle", "number", "percent", "span", "template_environment", "text", "times",
 ]  # fmt: skip
 
-METRES_FROM = 200  # centimetres: longer distances are told in metres
+METRES_FROM = 200  # centimetres: longer distances are said in metres
 UNKNOWN = "–"  # what a record holds no number for, as a correlation with what is constant
 
 
@@ -142,11 +142,3 @@ def template_environment() -> Environment:
     filters = {"fixed": fixed, "span": span, "text": text, "number": number, "percent": percent}
     environment.filters |= filters
     return environment
-
-
-def duration(seconds: float) -> str:
-    """A time with three digits and its unit."""
-    for unit, scale in (("s", 1.0), ("ms", 1e3), ("µs", 1e6)):
-        if seconds * scale >= 1:
-            return f"{seconds * scale:.3g} {unit}"
-    return f"{seconds * 1e9:.3g} ns"

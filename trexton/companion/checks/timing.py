@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from trexton.companion.executor import limited_threads
-from trexton.companion.wording import duration
 
 __all__ = ["Contest", "Row", "interleave", "table"]
 
@@ -98,8 +97,9 @@ class Contest:
 def table(rows: Sequence[Row]) -> str:
     """Rows as a text table."""
     import pandas as pd
+    from matplotlib.ticker import EngFormatter
 
     frame = pd.DataFrame(rows)
     frame["holds"] = frame["holds"].map({True: "holds", False: "MISSED"})
-    seconds = dict.fromkeys(("ours_s", "p99_s", "yardstick_s"), duration)
+    seconds = dict.fromkeys(("ours_s", "p99_s", "yardstick_s"), EngFormatter("s", places=1))
     return frame.to_string(index=False, na_rep="", float_format="{:.3g}".format, formatters=seconds)

@@ -229,7 +229,7 @@ def search(
 
 
 def _one_at_a_time(method: str, bench: Bench) -> Generator[Setting, Tried, None]:
-    """Settings to try, each told what came of it, until no single change is any better."""
+    """Settings to try, each sent what came of it, until no single change is any better."""
     best = yield usual(method, bench.flight.has_images)
     choices: dict[str, tuple[Any, ...]] = OF_IMAGES if bench.flight.has_images else {}
     if method != "field":

@@ -36,12 +36,8 @@ def run(arguments: argparse.Namespace) -> int:
         settings={"assessment.methods": arguments.methods},
     )
     print_outcomes(outcomes, explain=False)
-    good = [
-        each
-        for each in outcomes
-        if each.experiment == "assessment" and each.status in ("ran", "reused")
-    ]
-    if not good:
+    good = {each.experiment for each in outcomes if each.status in ("ran", "reused")}
+    if "assessment" not in good:
         return 1
     record = Record.load(out / pairs[0].name / "assessment.json")
     player = f"{pairs[0].name}/mocap_training-player.html"
