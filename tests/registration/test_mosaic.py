@@ -322,11 +322,14 @@ def test_an_unknown_camera_costs_little(flight):
     assert np.median(frame_errors(mosaic, part)) < 0.06
 
 
-def test_a_finer_map_has_more_pixels_and_blank_floor_is_masked(flight):
+def test_a_finer_map_has_more_pixels_and_blank_floor_is_masked(flight, monkeypatch):
     part = flight.select(slice(0, 30))
-    coarse, fine = (
-        stitch(part, anchors=3, neighbors=0, pixels_per_metre=size).map for size in (60, 120)
-    )
+    monkeypatch.setattr(stitching, "_REACHES", ())
+    maps = []
+    for grain in (0.25, 0.5):
+        monkeypatch.setattr(stitching, "_GRAIN", grain)
+        maps.append(stitch(part, anchors=3).map)
+    coarse, fine = maps
     assert fine.image.shape[0] == pytest.approx(2 * coarse.image.shape[0], abs=2)
     assert (
         not coarse.mask.all()
@@ -349,17 +352,14 @@ def test_where_half_size_leaves_frames_out_full_size_is_tried(flight, monkeypatc
 
     monkeypatch.setattr(stitching, "_stitched", half_fails)
     assert stitch(flight).used.all() and tried == [(0.5, 600), (1.0, 2000)]
-    with pytest.raises(MapError):
-        stitch(flight, scale=0.5)  # who chooses is taken at their word
 
 
-def test_bad_parameters_are_named(flight):
-    for name, value in (("anchors", 2), ("neighbors", -1), ("keypoints", 5), ("scale", 0.0)):
-        with pytest.raises(ParameterError, match=name):
-            stitch(flight, **{name: value})
+def test_too_few_anchors_are_named(flight):
+    with pytest.raises(ParameterError, match="anchors is 2"):
+        stitch(flight, anchors=2)
 
 
-def test_flights_that_cannot_be_stitched_say_why(flight, tmp_path):
+def test_flights_that_cannot_be_stitched_say_why(flight, tmp_path, monkeypatch):
     part = flight.select(slice(0, 12))
     with pytest.raises(FlightError, match="no images"):
         stitch(replace(part, frames=None))
@@ -367,8 +367,9 @@ def test_flights_that_cannot_be_stitched_say_why(flight, tmp_path):
         stitch(replace(part, camera=Camera()))
     with pytest.raises(FlightError, match="position"):
         stitch(replace(part, position=np.full((12, 2), np.nan)))
-    with pytest.raises(MapError, match="pixels_per_metre"):
-        stitch(part, anchors=3, pixels_per_metre=1e6)
+    with monkeypatch.context() as patched, pytest.raises(MapError, match="more anchors"):
+        patched.setattr(stitching, "_GRAIN", 5000.0)
+        stitch(part, anchors=3)
     grey = tmp_path / "grey.png"
     cv2.imwrite(str(grey), np.full((240, 320, 3), 120, np.uint8))
     with pytest.raises(MapError, match="texture"):

@@ -12,6 +12,7 @@ import pytest
 from trexton.flights import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.registration import FloorTracker, Trust
+from trexton.registration import mosaic as stitching
 from trexton.registration.homography import HomographyLocalizer
 from trexton.registration.mosaic import flight_camera, stitch
 
@@ -37,9 +38,10 @@ def photographs() -> Flight:
 
 
 @pytest.mark.slow
-def test_each_by_itself_as_many_are_right_as_with_sift(photographs):
+def test_each_by_itself_as_many_are_right_as_with_sift(photographs, monkeypatch):
     odd, even = photographs.select(slice(1, None, 2)), photographs.select(slice(0, None, 2))
-    mosaic = stitch(odd, anchors=40, neighbors=10, keypoints=1200, scale=1.0)
+    monkeypatch.setattr(stitching, "_SEARCHES", ((1.0, 1200),))
+    mosaic = stitch(odd, anchors=40)
     height = float(np.median(mosaic.poses[mosaic.used, 2]))
     sift = HomographyLocalizer(mosaic.map)
     tracker = FloorTracker(mosaic.map, flight_camera(odd), height, trust=Trust(least=0.2))

@@ -35,7 +35,7 @@ def blend(
     if columns * lines > _LARGEST:
         raise MapError(
             f"the mosaic would have {columns} x {lines} pixels, at most {_LARGEST:.0e} are made: "
-            "lower pixels_per_metre or give more anchors"
+            "give fewer frames or more anchors"
         )
     empty = MapImage.from_extent(
         np.zeros((lines, columns, 3), np.uint8), x_min, y_max, pixels_per_metre

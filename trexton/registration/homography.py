@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from trexton.base.errors import MapError
-from trexton.base.options import number, whole
+from trexton.base.options import number
 from trexton.vision.camera import MapImage, transform_points
 from trexton.vision.images import check_image
 
@@ -26,7 +26,10 @@ __all__ = [
     "find_homography",
 ]
 
-_KD_TREES = 2
+KEYPOINTS, _MAP_KEYPOINTS = 1000, 30_000  # of a frame and of the map, the strongest
+_RATIO = 0.75  # a match counts if its distance is below this times that of the second nearest
+_THRESHOLD = 5.0  # map pixels of reprojection up to which MAGSAC may count a match as an inlier
+_KD_TREES, _CHECKS = 2, 16  # of FLANN: trees, and leaves of them that a query visits
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,46 +122,21 @@ class HomographyLocalizer:
     scale : float
         Size at which frames are searched for keypoints; 0.5 takes two fifths of the time and loses
         some frames.
-    keypoints : int
-        Most keypoints of a frame, the strongest.
-    map_keypoints : int
-        Most keypoints of the map, the strongest.
-    ratio : float
-        A match counts if its distance is below `ratio` times that of the second nearest.
-    threshold : float
-        Reprojection error in map pixels up to which MAGSAC may count a match as an inlier.
-    checks : int
-        Leaves of the k-d trees that a query visits (FLANN).
 
     Raises
     ------
     MapError
         The map image has too few keypoints.
     ParameterError
-        A parameter is outside its range.
+        `scale` is not above 0 and up to 1.
     """
 
-    def __init__(
-        self,
-        map_image: MapImage,
-        *,
-        scale: float = 1.0,
-        keypoints: int = 1000,
-        map_keypoints: int = 30_000,
-        ratio: float = 0.75,
-        threshold: float = 5.0,
-        checks: int = 16,
-    ):
+    def __init__(self, map_image: MapImage, *, scale: float = 1.0):
         self.scale = number(scale, "scale", above=0, high=1)
-        self.ratio = number(ratio, "ratio", above=0, high=1)
-        self.threshold = number(threshold, "threshold", above=0)
-        self.keypoints = whole(keypoints, "keypoints", 4)
-        map_keypoints = whole(map_keypoints, "map_keypoints", 4)
         self.map_image = map_image
-        self._search: dict[str, bool | int | float | str] = {"checks": whole(checks, "checks")}
         mask = None if map_image.mask is None else map_image.mask.astype(np.uint8)
         luma = cv2.cvtColor(map_image.image, cv2.COLOR_BGR2GRAY)
-        self._map = detect_keypoints(luma, limit=map_keypoints, mask=mask)
+        self._map = detect_keypoints(luma, limit=_MAP_KEYPOINTS, mask=mask)
         if len(self._map) < 4:
             raise MapError(
                 f"the map image has {len(self._map)} keypoints, a homography needs 4: "
@@ -174,12 +152,12 @@ class HomographyLocalizer:
     def describe(self, image: np.ndarray) -> Keypoints:
         """The keypoints of a frame, the longest part of locating it; the same for every map."""
         luma = cv2.extractChannel(check_image(image), 0)
-        return detect_keypoints(luma, scale=self.scale, limit=self.keypoints)
+        return detect_keypoints(luma, scale=self.scale, limit=KEYPOINTS)
 
     def fix(self, frame: Keypoints, shape: tuple[int, int]) -> HomographyFix:
         """Locate a frame of `shape` (rows, columns) by its keypoints."""
         source, target = self._match(frame)
-        homography, inliers = find_homography(source, target, self.threshold)
+        homography, inliers = find_homography(source, target, _THRESHOLD)
         if homography is None:
             return HomographyFix(np.full(2, np.nan), len(source), 0)
         center = transform_points(homography, [[(shape[1] - 1) / 2, (shape[0] - 1) / 2]])
@@ -191,6 +169,6 @@ class HomographyLocalizer:
         """``(M, 2)`` matched points in the frame and on the map."""
         if not len(frame):
             return frame.points, frame.points
-        nearest, squared = self._index.knnSearch(frame.descriptors, 2, params=self._search)
-        good = squared[:, 0] < self.ratio**2 * squared[:, 1]
+        nearest, squared = self._index.knnSearch(frame.descriptors, 2, params={"checks": _CHECKS})
+        good = squared[:, 0] < _RATIO**2 * squared[:, 1]
         return frame.points[good], self._map.points[nearest[good, 0]]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trexton.base.errors import FlightError, MapError
-from trexton.base.options import number, whole
+from trexton.base.options import whole
 from trexton.flights.flight import Flight
 from trexton.registration.adjust import adjust, link_errors
 from trexton.registration.blend import blend
@@ -31,7 +31,9 @@ __all__ = ["Mosaic", "flight_camera", "map_from_links", "stitch"]
 
 # Of a frame's width: how far off the layout may be each time spatial neighbours are looked for.
 _REACHES = (0.2, 0.05)
-# Scale and most keypoints; the second where the first leaves out too many frames.
+_NEIGHBORS = 6  # most spatial neighbours that a frame is matched with, beside its successors
+# Scale and most keypoints; the second where the first leaves out too many frames, as of photographs
+# taken high up and far apart.
 _SEARCHES: tuple[tuple[float, int], ...] = ((0.5, 600), (1.0, 2000))
 _ENOUGH = 0.8  # of the frames
 _FEW = 12  # anchors, where positions are as good as those of motion capture
@@ -70,38 +72,18 @@ class Mosaic:
     rejected: int
 
 
-def stitch(
-    flight: Flight,
-    *,
-    anchors: int | None = None,
-    scale: float | None = None,
-    keypoints: int | None = None,
-    neighbors: int = 6,
-    pixels_per_metre: float | None = None,
-    camera: Camera | None = None,
-) -> Mosaic:
+def stitch(flight: Flight, *, anchors: int | None = None) -> Mosaic:
     """Stitch the hyperspatial image of a flight (Sec. "Dataset Generation").
 
     Only images and the positions of `anchors` frames, evenly spread in time, are used: no attitude,
-    no height.
+    no height. Where the camera is not known, a usual focal length is assumed, and the heights
+    absorb most of the error.
 
     Parameters
     ----------
     anchors : int, optional
         Frames whose recorded position is used, at least 3. By default 12, and of a flight with an
         origin on Earth all: GPS errs by metres, a chain of aerial photographs drifts by tens.
-    scale : float, optional
-        Size at which frames are searched for keypoints.
-    keypoints : int, optional
-        Most keypoints of a frame. By default 600 at half size; where these leave out a fifth of
-        the frames, 2000 at full size, as photographs taken high up and far apart need.
-    neighbors : int
-        Most spatial neighbours that a frame is matched with, beside its successors.
-    pixels_per_metre : float, optional
-        Resolution of the map; by default 0.55 of the frames' own.
-    camera : Camera, optional
-        By default the flight's; where neither is known, a focal length of 0.8 image widths is
-        assumed, and the heights absorb most of the error.
 
     Raises
     ------
@@ -110,22 +92,15 @@ def stitch(
     MapError
         The frames cannot be linked.
     """
-    searches = _SEARCHES
-    if scale is not None or keypoints is not None:  # who chooses is taken at their word
-        size, most = _SEARCHES[0]
-        searches = ((size if scale is None else scale, most if keypoints is None else keypoints),)
     if anchors is None:
         anchors = _FEW if flight.origin is None else len(flight)
-    neighbors = whole(neighbors, "neighbors", 0)
-    whole(searches[0][1], "keypoints", 12)
-    number(searches[0][0], "scale", above=0, high=1)
-    camera = flight_camera(flight, camera)
+    camera = flight_camera(flight)
     found: list[Mosaic] = []
-    for search in searches:
+    for search in _SEARCHES:
         try:
-            found.append(_stitched(flight, camera, anchors, *search, neighbors, pixels_per_metre))
+            found.append(_stitched(flight, camera, anchors, *search))
         except MapError:
-            if search == searches[-1] and not found:
+            if search == _SEARCHES[-1] and not found:
                 raise
             continue
         if found[-1].used.mean() >= _ENOUGH:
@@ -133,75 +108,52 @@ def stitch(
     return max(found, key=lambda mosaic: int(mosaic.used.sum()))
 
 
-def _stitched(
-    flight: Flight,
-    camera: Camera,
-    anchors: int,
-    scale: float,
-    keypoints: int,
-    neighbors: int,
-    pixels_per_metre: float | None,
-) -> Mosaic:
+def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoints: int) -> Mosaic:
     described = flight_keypoints(flight, scale=scale, limit=keypoints)
     links = successive_links(described, camera)
     known = _choose_anchors(flight, links, anchors)
     poses = adjust(layout(len(flight), links, known, camera.focal), links, known, camera.focal)
     linked: set[tuple[int, int]] = set()
-    for reach in _REACHES if neighbors else ():
-        links = links + spatial_links(described, poses, camera, neighbors, reach, linked)
+    for reach in _REACHES:
+        links = links + spatial_links(described, poses, camera, _NEIGHBORS, reach, linked)
         poses = adjust(poses, links, known, camera.focal, widths=(8, 4, 2))
-    return _finished(flight, poses, links, known, camera, pixels_per_metre)
+    return _finished(flight, poses, links, known, camera)
 
 
-def map_from_links(
-    flight: Flight,
-    links: Links,
-    *,
-    anchors: int,
-    pixels_per_metre: float | None = None,
-    camera: Camera | None = None,
-) -> Mosaic:
-    """The mosaic that these links make, no others looked for; parameters and errors as for
-    `stitch`.
+def map_from_links(flight: Flight, links: Links, *, anchors: int) -> Mosaic:
+    """The mosaic that these links make, no others looked for; errors as for `stitch`.
 
     With links along the path only and few anchors it drifts, as a map does that never notices a
     place again.
     """
-    camera = flight_camera(flight, camera)
+    camera = flight_camera(flight)
     known = _choose_anchors(flight, links, anchors)
     poses = adjust(layout(len(flight), links, known, camera.focal), links, known, camera.focal)
-    return _finished(flight, poses, links, known, camera, pixels_per_metre)
+    return _finished(flight, poses, links, known, camera)
 
 
 def _finished(
-    flight: Flight,
-    poses: np.ndarray,
-    links: Links,
-    known: Anchors,
-    camera: Camera,
-    pixels_per_metre: float | None,
+    flight: Flight, poses: np.ndarray, links: Links, known: Anchors, camera: Camera
 ) -> Mosaic:
     """Drop the links that contradict the others, adjust once more, blend."""
     agreeing = _median_errors(poses, links, camera) < _TRUSTED
     links, rejected = links[agreeing], int((~agreeing).sum())
     used = _placed(len(flight), links, known.rows)
     poses = adjust(poses, links, known, camera.focal, widths=(2,))
-    if pixels_per_metre is None:
-        pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
+    pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
     picture = blend(flight, poses, used, camera, pixels_per_metre)
-    return Mosaic(
-        picture, poses, used, known.rows, links, _median_errors(poses, links, camera), rejected
-    )
+    errors = _median_errors(poses, links, camera)
+    return Mosaic(picture, poses, used, known.rows, links, errors, rejected)
 
 
 def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarray:
     return np.median(link_errors(poses, links, camera.focal), axis=1)
 
 
-def flight_camera(flight: Flight, camera: Camera | None = None) -> Camera:
+def flight_camera(flight: Flight) -> Camera:
     """The camera of a flight, or a usual one; `FlightError` if it takes other images."""
     height, width = flight.image(0).shape[:2]
-    camera = camera or flight.camera or Camera(width, height, _FOCAL * width)
+    camera = flight.camera or Camera(width, height, _FOCAL * width)
     if (camera.width, camera.height) != (width, height):
         raise FlightError(
             f"the images of flight {flight.name!r} are {width}x{height}, "

@@ -23,18 +23,16 @@ from trexton.vision.threads import in_strips
 __all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_positions"]
 
 
-def texton_histogram(
-    image: np.ndarray, dictionary: TextonDictionary, threads: int | None = None, cells: int = 1
-) -> np.ndarray:
-    """Relative frequency of each texton over every position: full sampling (301 625 at 640x480 and
-    6x6).
+def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, cells: int = 1) -> np.ndarray:
+    """Relative frequency of each texton over every position (301 625 at 640x480): full sampling.
+
+    It runs on as many threads as ``$OMP_NUM_THREADS`` says, else on every processor; any number
+    gives the same bits.
 
     Parameters
     ----------
     image : (H, W, 3) uint8 array
     dictionary : TextonDictionary
-    threads : int or None
-        None takes ``$OMP_NUM_THREADS``, else every processor; any number gives the same bits.
     cells : int
         Cut the image into cells x cells parts and count in each: a spatial histogram (Lazebnik,
         Schmid & Ponce, "Beyond bags of features", 2006). The frequencies of all parts sum to one.
@@ -52,22 +50,18 @@ def texton_histogram(
         `cells` is no whole number of at least 1.
     """
     cells = whole(cells, "cells")
-    labels, counts = _label(image, dictionary, threads)
+    labels, counts = _label(image, dictionary)
     if cells == 1:
         return counts / labels.size
     rows, columns = (np.arange(length) * cells // length for length in labels.shape)
     return _by_cell(labels, rows[:, None] * cells + columns, dictionary.n_textons, cells)
 
 
-def label_image(
-    image: np.ndarray, dictionary: TextonDictionary, threads: int | None = None
-) -> np.ndarray:
-    """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position; ties go to the lowest
-    index.
-
-    Parameters and errors are those of `texton_histogram`.
+def label_image(image: np.ndarray, dictionary: TextonDictionary) -> np.ndarray:
+    """``(H - P + 1, W - P + 1) uint8``: the nearest texton at every position, ties to the lowest;
+    raises as `texton_histogram` does.
     """
-    return _label(image, dictionary, threads)[0]
+    return _label(image, dictionary)[0]
 
 
 def sampled_histogram(
@@ -117,9 +111,7 @@ def _by_cell(labels: np.ndarray, cell: np.ndarray, n_textons: int, cells: int) -
     return np.bincount(both.ravel(), minlength=n_textons * cells**2) / labels.size
 
 
-def _label(
-    image: np.ndarray, dictionary: TextonDictionary, threads: int | None
-) -> tuple[np.ndarray, np.ndarray]:
+def _label(image: np.ndarray, dictionary: TextonDictionary) -> tuple[np.ndarray, np.ndarray]:
     """Labels of all positions, and how often each occurs."""
     from trexton.vision.kernels.label_rows import label_rows  # numba takes a while to load
 
@@ -132,4 +124,4 @@ def _label(
         label_rows(strip, dictionary.words, dictionary.words_bias, labels[rows], counts)
         return counts
 
-    return labels, np.sum(in_strips(work, len(labels), threads), axis=0)
+    return labels, np.sum(in_strips(work, len(labels)), axis=0)

@@ -61,12 +61,9 @@ def bgr_from_yuv(image: np.ndarray) -> np.ndarray:
     return cv2.cvtColor(_swap_chroma(check_image(image)), cv2.COLOR_YCrCb2BGR)
 
 
-def yuv_from_uyvy(frame: np.ndarray, full_range: bool = False) -> np.ndarray:
+def yuv_from_uyvy(frame: np.ndarray) -> np.ndarray:
     """Camera bytes ``(H, W, 2) uint8`` in UYVY order to ``(H, W, 3)`` Y, U, V; both pixels of a
-    pair share U and V.
-
-    `full_range` says that the camera already uses 0 to 255; most use the video range, which is
-    stretched here.
+    pair share U and V. Cameras give the video range, which is stretched to 0 to 255.
     """
     if frame.ndim != 3 or frame.shape[2] != 2 or frame.shape[1] % 2 or frame.dtype != np.uint8:
         raise ImageError(
@@ -75,9 +72,8 @@ def yuv_from_uyvy(frame: np.ndarray, full_range: bool = False) -> np.ndarray:
         )
     chroma = np.repeat(frame[..., 0].reshape(len(frame), -1, 2), 2, axis=1)
     yuv = np.concatenate([frame[..., 1:], chroma], axis=2)
-    if not full_range:
-        yuv[..., 0] = _LUMA[yuv[..., 0]]
-        yuv[..., 1:] = _CHROMA[yuv[..., 1:]]
+    yuv[..., 0] = _LUMA[yuv[..., 0]]
+    yuv[..., 1:] = _CHROMA[yuv[..., 1:]]
     return yuv
 
 

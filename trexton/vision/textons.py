@@ -37,6 +37,11 @@ METHODS = ("kohonen", "winner-take-all")
 MAX_TEXTONS = 256  # a label is a byte
 MAX_PATCH = 48  # keeps the exact sums below inside float64 and int32
 GRAIN = 2.0**12
+# From the start to the end: the learning rate, and the neighbourhood in steps on the chain, whose
+# start is a quarter of the chain.
+RATE, LEAST_RADIUS = (0.5, 0.01), 0.3
+# The authors' constant rate, and how many patches the first image gives.
+WINNER_RATE, FIRST = 10 / 255, 1000
 _BLOCK = 4096
 
 
@@ -152,7 +157,6 @@ class TextonDictionary:
         method: str = "kohonen",
         images: int = 100,
         patches_per_image: int = 1000,
-        **options: Any,
     ) -> TextonDictionary:
         """Learn a dictionary from a flight's images or from patches.
 
@@ -165,7 +169,6 @@ class TextonDictionary:
             K and P; P is that of the patches where patches are given.
         rng : numpy.random.Generator
         method : {"kohonen", "winner-take-all"}
-        **options
             See `learn_textons`.
         """
         rng = generator(rng)
@@ -180,7 +183,7 @@ class TextonDictionary:
                 )
             patch = whole(patch, "patch", 1, MAX_PATCH)
             patches = draw_patches(islice(source.images(), images), patch, patches_per_image, rng)
-        return learn_textons(patches, n_textons, rng=rng, method=method, **options)
+        return learn_textons(patches, n_textons, rng=rng, method=method)
 
 
 def learn_textons(
@@ -189,20 +192,16 @@ def learn_textons(
     *,
     rng: np.random.Generator,
     method: str = "kohonen",
-    rate: tuple[float, float] = (0.5, 0.01),
-    radius: tuple[float, float] | None = None,
-    alpha: float = 10.0,
-    first: int = 1000,
 ) -> TextonDictionary:
     """Cluster patches with a Kohonen network, or with the authors' winner-take-all.
 
     Kohonen: patches in random order, start at random patches. At progress s in [0, 1) a texton j
     steps away from the winner on the chain moves by ``rate(s) exp(-j^2 / (2 radius(s)^2))`` of its
-    difference to the patch, where ``rate(s) = rate[0] (rate[1] / rate[0])^s`` and likewise the
+    difference to the patch, where ``rate(s) = RATE[0] (RATE[1] / RATE[0])^s`` and likewise the
     radius.
 
-    Winner-take-all: patches in the order given, start at random patches among the `first` (those of
-    the first image); only the winner moves, by ``alpha / 255``.
+    Winner-take-all: patches in the order given, start at random patches of the first image; only
+    the winner moves, by `WINNER_RATE`.
 
     With fewer patches than textons, or fewer different ones, some textons are equal; the lowest
     index gets all labels.
@@ -212,18 +211,11 @@ def learn_textons(
     patches : (N, P, P, 3) uint8 array
     n_textons : int
         K.
-    rate, radius : (start, end)
-        Learning rate, and neighbourhood in steps on the chain (default: from a quarter of the chain
-        to 0.3).
-    alpha : float
-        The authors' constant rate, in 1/255.
-    first : int
-        Number of patches in the first image.
 
     Raises
     ------
     ParameterError
-        Unknown method, or a parameter outside its range.
+        Unknown method, or K outside its range.
     ImageError
         No patches, or an array of another shape or type.
     """
@@ -232,19 +224,15 @@ def learn_textons(
     rng, n_textons = generator(rng), whole(n_textons, "n_textons", 1, MAX_TEXTONS)
     patches = _check_patches(patches)
     if not len(patches):
-        raise ImageError(
-            "no patches to learn textons from: give at least one image as large as a patch"
-        )
+        raise ImageError("no patches to learn textons from: give an image as large as a patch")
     flat = patches.reshape(len(patches), -1)
     if method == "kohonen":
         flat = flat[rng.permutation(len(flat))]
         start = flat[-n_textons:]  # those that are seen last
-        gains = _kohonen_gains(n_textons, len(flat), rate, radius or (max(n_textons / 4, 0.3), 0.3))
+        gains = _kohonen_gains(n_textons, len(flat))
     else:
-        if not 0 < alpha <= 255:
-            raise ParameterError(f"alpha is {alpha}: expected above 0, at most 255")
-        start = flat[rng.permutation(min(first, len(flat)))[:n_textons]]
-        gains = _round_gains(np.r_[alpha / 255, np.zeros(n_textons - 1)][None])
+        start = flat[rng.permutation(min(FIRST, len(flat)))[:n_textons]]
+        gains = _round_gains(np.r_[WINNER_RATE, np.zeros(n_textons - 1)][None])
     textons = np.resize(start, (n_textons, flat.shape[1])).astype(np.float64)
     from trexton.vision.kernels.kohonen_steps import kohonen_steps  # numba takes a while to load
 
@@ -253,18 +241,11 @@ def learn_textons(
     return TextonDictionary(rounded)
 
 
-def _kohonen_gains(
-    n_textons: int, n_patches: int, rate: tuple[float, float], radius: tuple[float, float]
-) -> np.ndarray:
-    for name, (start, end) in (("rate", rate), ("radius", radius)):
-        if not 0 < end <= start or (name == "rate" and start > 1):
-            raise ParameterError(
-                f"{name} goes from {start} to {end}: "
-                "expected positive numbers that do not grow, and a rate of at most 1"
-            )
+def _kohonen_gains(n_textons: int, n_patches: int) -> np.ndarray:
+    radius = max(n_textons / 4, LEAST_RADIUS), LEAST_RADIUS
     parts = min(n_patches, 1000)
     progress = np.arange(parts)[:, None] / parts
-    rates, radii = (start * (end / start) ** progress for start, end in (rate, radius))
+    rates, radii = (start * (end / start) ** progress for start, end in (RATE, radius))
     return _round_gains(rates * np.exp(-np.square(np.arange(n_textons)) / (2 * radii**2)))
 
 

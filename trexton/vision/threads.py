@@ -10,8 +10,6 @@ import os
 from collections.abc import Callable
 from typing import TypeVar
 
-from trexton.base.errors import ParameterError
-
 __all__ = ["in_strips", "thread_count", "usable_cores"]
 
 T = TypeVar("T")
@@ -22,26 +20,20 @@ def usable_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def thread_count(threads: int | None = None) -> int:
-    """`threads`, else ``$OMP_NUM_THREADS``, else the processors that this process may use."""
-    if threads is None:
-        given = os.environ.get("OMP_NUM_THREADS", "")
-        if given.isdecimal() and int(given):
-            return int(given)
-        return usable_cores()
-    if threads < 1:
-        raise ParameterError(f"threads is {threads}: expected at least 1")
-    return threads
+def thread_count() -> int:
+    """``$OMP_NUM_THREADS``, else the processors that this process may use."""
+    given = os.environ.get("OMP_NUM_THREADS", "")
+    return int(given) if given.isdecimal() and int(given) else usable_cores()
 
 
-def in_strips(work: Callable[[slice], T], rows: int, threads: int | None = None) -> list[T]:
+def in_strips(work: Callable[[slice], T], rows: int) -> list[T]:
     """Call `work` on equal slices of `rows` rows, one a thread; kernels and products release
     Python's lock.
 
     Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep
     beside the BLAS's own.
     """
-    strips = min(thread_count(threads), rows)
+    strips = min(thread_count(), rows)
     bounds = [rows * i // strips for i in range(strips + 1)]
     slices = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
     if strips == 1:

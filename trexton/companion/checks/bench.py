@@ -165,12 +165,12 @@ def frame(scene: Scene) -> Contests:
     """Image in, estimate out against one SIFT of the frame; and the homography at half size."""
     import cv2
 
-    from trexton.registration.homography import HomographyLocalizer
+    from trexton.registration.homography import KEYPOINTS, HomographyLocalizer
 
     floor = scene.flight.floor
     assert floor is not None  # the simulator knows it
     whole, half = (HomographyLocalizer(floor, scale=scale) for scale in (1.0, 0.5))
-    detector = cv2.SIFT.create(nfeatures=whole.keypoints)
+    detector = cv2.SIFT.create(nfeatures=KEYPOINTS)
     lumas = [view[..., 0].copy() for view in scene.views]
     sift = "SIFT of the frame", _each(lambda luma: detector.detectAndCompute(luma, None), lumas)
     frames = list(zip(scene.views, map(scene.flight.aiding, scene.rows), strict=True))

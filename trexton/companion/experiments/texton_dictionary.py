@@ -46,7 +46,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     rng = stream(parameters.seed, "training")  # the stream that maps are trained with
     per_image = parameters.patches_per_image
     patches = draw_patches(islice(train.images(), parameters.images), 6, per_image, rng)
-    dictionary = learn_textons(patches, parameters.textons, rng=rng, first=per_image)
+    dictionary = learn_textons(patches, parameters.textons, rng=rng)
     texton_map = trained_map(train, textons=parameters.textons, seed=parameters.seed)
     frequency = texton_map.histograms.mean(axis=0)
     places = place_frequencies(
