@@ -12,7 +12,7 @@ from conftest import small_flight
 from trexton.base.errors import ParameterError
 from trexton.cli.main import main
 from trexton.companion.experiments import suitability
-from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor, with_mat
+from trexton.companion.experiments.floors import VirtualFlights, judge_floor, named_floor
 from trexton.companion.experiments.suitability import measured_over_predicted
 from trexton.simulator import Floor
 
@@ -51,14 +51,6 @@ def test_equal_seeds_judge_equally(picture):
     first, second = (judge_floor(floor, flights=flights) for _ in range(2))
     assert first["measured"] == second["measured"]
     assert first["predicted_cm"] == second["predicted_cm"]
-
-
-def test_a_mat_covers_its_place_and_no_other(picture):
-    floor = Floor.from_file(picture, 3.0)
-    changed = with_mat(floor, (1.5, 1.5), seed=1)
-    different = (changed.picture.image != floor.picture.image).any(axis=2)
-    rows, columns = np.nonzero(different)
-    assert 85 <= rows.min() and rows.max() <= 214 and 85 <= columns.min() and columns.max() <= 214
 
 
 def test_a_photograph_is_straightened(picture, tmp_path):

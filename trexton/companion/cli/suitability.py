@@ -32,7 +32,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--length", type=float, metavar="M", help="its other side in metres, with --corners"
     )
     add_options(parser, VirtualFlights)
-    parser.add_argument("--changes", action="store_true", help="try what would help most")
     parser.add_argument("--out", metavar="DIR", help="write the heat maps and all numbers there")
 
 
@@ -41,7 +40,6 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.experiments.floors import (
         METHOD,
         VirtualFlights,
-        helpful_changes,
         judge_floor,
     )
     from trexton.companion.experiments.suitability import predicted_errors
@@ -68,10 +66,6 @@ def run(arguments: argparse.Namespace) -> int:
         print(
             f"   hardest place: x = {x:.1f} m, y = {y:.1f} m; the paper's loss: {entry['loss']:.3f}"
         )
-        if arguments.changes:
-            entry["changes"] = helpful_changes(floors[name], entry, flights=flights)
-            for change in entry["changes"]:
-                print(f"   {change['gain_cm']:+.0f} cm: {change['change']}")
     for name, file in files.items():
         with atomic_file(f"{file}.json") as stream:
             stream.write(canonical_json(plain(judged[name])))

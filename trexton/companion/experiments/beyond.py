@@ -17,20 +17,13 @@ from matplotlib.figure import Figure
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import (
-    floor_picture,
-    frames_of,
-    map_of,
-    neighbor_means,
-)
+from trexton.companion.experiments.evaluation import floor_picture, frames_of, map_of
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import Track, fly
 from trexton.companion.wording import beside, interval, middle, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
-from trexton.evaluation.suitability import local_losses, smooth, usual_sigma
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
@@ -39,8 +32,6 @@ from trexton.localization.training import for_method, with_choices, with_parts
 
 WIDE_M = 0.25  # process noise and rank widths of the ablations
 MOST_LAG = 36  # frames
-SIGMA = 0.5  # of the paper's loss, metres
-DRAWS = 50  # of errors whose mean is the predicted one
 ATTITUDE_NOISE = np.radians(0.3)  # of the autopilot's roll, pitch and yaw
 
 
@@ -86,12 +77,6 @@ class Parameters(MapParameters):
     """What can be chosen."""
 
     repeats: int = option(3, "independent runs of every filter that draws", low=1)
-    sigma: float = option(
-        0.0,
-        f"width in metres of the paper's ideal similarity; 0 is {SIGMA}, and over a field a tenth "
-        "of its diagonal",
-        low=0,
-    )
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -125,20 +110,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         name: _summary(runs, truth, test.diagonal, stream(parameters.seed, f"intervals {name}"))
         for name, runs in flown.items()
     }
-    neighbors = neighbor_means(
-        texton_map, frames, k=texton_map.neighbors, samples=parameters.samples,
-        seed=parameters.seed,
-    )  # fmt: skip
-    errors = {
-        "field": flown["field"][0].errors(truth),
-        "knn": euclidean(neighbors, truth),
-    }
-    sigma = parameters.sigma or usual_sigma(train.diagonal, SIGMA)
-    lag = _lag(flown["paper"], truth, float(np.median(np.diff(test.time))))
     values |= {
-        "lag": lag["values"],
+        "lag": _lag(flown["paper"], truth, float(np.median(np.diff(test.time)))),
         "ratio": middle(values["field"]["mean_cm"]) / middle(values["paper"]["mean_cm"]),
-        "predictor": _predictor(changed["field"], truth, errors, sigma, parameters.seed),
         "protocol": _protocol(),
         "frames": len(test),
     }
@@ -152,13 +126,10 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "truth_m": truth,
             "paper_m": flown["paper"][0].position,
             "field_m": flown["field"][0].position,
-            "lag": lag["series"],
             "errors_cm": {
                 name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
                 for name, runs in flown.items()
             },
-            "predicted_cm": 100 * changed["field"].parts["measurement"].predicted_error(truth),
-            "field_error_cm": 100 * flown["field"][0].errors(truth),
             "area_m": test.area,
         }
         | floor,
@@ -213,8 +184,8 @@ def _summary(
     }
 
 
-def _lag(runs: list[Track], truth: np.ndarray, period_s: float) -> dict[str, dict[str, Any]]:
-    """Mean error if the estimates were so many frames late."""
+def _lag(runs: list[Track], truth: np.ndarray, period_s: float) -> dict[str, float]:
+    """By how much the estimates are late: the least mean error against earlier places."""
     shifts = np.arange(min(MOST_LAG, len(truth) // 4) + 1)
     errors = [
         100
@@ -224,48 +195,7 @@ def _lag(runs: list[Track], truth: np.ndarray, period_s: float) -> dict[str, dic
         for shift in shifts
     ]
     best = int(np.argmin(errors))
-    return {
-        "values": {"s": best * period_s, "error_cm": errors[best], "unshifted_cm": errors[0]},
-        "series": {"shift_s": shifts * period_s, "error_cm": errors},
-    }
-
-
-def _predictor(
-    texton_map: TextonMap,
-    places: np.ndarray,
-    errors: dict[str, np.ndarray],
-    sigma: float,
-    seed: int,
-) -> dict[str, Any]:
-    """How what was known of the places before the flight ranks the errors made there, of the field
-    and of others, and how near it is to the mean of the field's.
-    """
-    from scipy.stats import spearmanr
-
-    predicted = texton_map.parts["measurement"].predicted_error(places)
-    losses = local_losses(texton_map.histograms, texton_map.positions, sigma)
-    loss = smooth(losses, texton_map.positions, places, sigma)
-
-    rng = stream(seed, "predictor intervals")
-
-    def ranks(made: np.ndarray) -> dict[str, Any]:
-        both = {"rank": predicted, "loss_rank": loss}
-        return {name: rank_correlation(known, made, rng=rng) for name, known in both.items()}
-
-    # Lengths of normal errors scatter about their mean however well that is known.
-    scatter = stream(seed, "predictor").rayleigh(size=(DRAWS, len(predicted)))
-    limit = [spearmanr(predicted, predicted * drawn).statistic for drawn in scatter]
-    ranked = {name: ranks(made) for name, made in errors.items()}
-    return (
-        ranked.pop("field")
-        | ranked
-        | {
-            "rank_limit": float(np.mean(limit)),
-            "predicted_cm": 100 * predicted.mean(),
-            "error_cm": 100 * errors["field"].mean(),
-            "level": predicted.mean() / errors["field"].mean(),
-        }
-    )
+    return {"s": best * period_s, "error_cm": errors[best], "unshifted_cm": errors[0]}
 
 
 def _protocol() -> dict[str, Any]:
@@ -289,22 +219,19 @@ def finding(record: Record) -> str:
     )
 
 
-_STROKES = {
-    "agile": ":", "narrow": "--", "both": "-.",
-    "field_particles": ":", "field_whole": "--",
-    "field_camera": "-.", "field_odometry": (0, (5, 1, 1, 1, 1, 1)),
-}  # fmt: skip
+_STROKES = {"paper": "-", "both": "-.", "field_whole": ":", "field": "-", "field_odometry": "--"}
 
 
 def errors(record: Record) -> Figure:
-    """Share of frames with a smaller error, of every variant."""
+    """Share of frames with a smaller error, of the paper's filter, its remedy, and the fields."""
     with canvas(size=(7.2, 3.6)) as (figure, axes):
         plot = axes[0, 0]
-        for name, values in record.series["errors_cm"].items():
+        for name in filter(record.series["errors_cm"].__contains__, _STROKES):
+            values = record.series["errors_cm"][name]
             share = (np.arange(len(values)) + 0.5) / len(values)
             plot.plot(
                 values, 100 * share, color=COLORS["field" if name.startswith("field") else "paper"],
-                linestyle=_STROKES.get(name, "-"), label=VARIANTS[name].label,
+                linestyle=_STROKES[name], label=VARIANTS[name].label,
             )  # fmt: skip
         plot.set(
             xscale="log", xlim=(1, None), ylim=(0, 100),
@@ -315,44 +242,7 @@ def errors(record: Record) -> Figure:
     return figure
 
 
-def lag(record: Record) -> Figure:
-    """Mean error of the paper's filter if its estimates were as late as drawn."""
-    series = record.series["lag"]
-    with canvas(size=(7.2, 2.8)) as (figure, axes):
-        plot = axes[0, 0]
-        plot.plot(series["shift_s"], series["error_cm"], color=COLORS["paper"])
-        plot.set(
-            xlabel="estimate compared with where the vehicle was so many seconds before (s)",
-            ylabel="mean error (cm)", ylim=(0, None), xlim=(0, None),
-        )  # fmt: skip
-    return figure
-
-
-def predicted_error(record: Record) -> Figure:
-    """Error of each frame over the one predicted for its place before the flight."""
-    predicted = np.array(record.series["predicted_cm"])
-    error = np.array(record.series["field_error_cm"])
-    order = np.argsort(predicted, kind="stable")
-    with canvas(size=(5.4, 3.6)) as (figure, axes):
-        plot = axes[0, 0]
-        plot.plot(predicted, error, ".", color=COLORS["zone"], markersize=3, alpha=0.5)
-        parts = np.array_split(order, 8)
-        plot.plot(
-            [predicted[part].mean() for part in parts], [error[part].mean() for part in parts],
-            "o-", color=COLORS["field"], label="mean of an eighth of the frames",
-        )  # fmt: skip
-        edge = float(max(predicted.max(), np.percentile(error, 97)))
-        plot.plot([0, edge], [0, edge], color=COLORS["truth"], linestyle="--", label="as predicted")
-        plot.set(xlim=(0, edge), ylim=(0, edge), xlabel="predicted error (cm)", ylabel="error (cm)")
-        legend_above(plot, 2)
-    return figure
-
-
 EXPERIMENT = Experiment(
-    "Beyond the paper: a field instead of neighbours",
-    Parameters,
-    run,
-    finding,
-    needs=POSITIONS,
-    cost_s=30,
-)
+    "Beyond the paper: a field instead of neighbours", Parameters, run, finding,
+    needs=POSITIONS, cost_s=30,
+)  # fmt: skip

@@ -9,26 +9,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-import cv2
 import numpy as np
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options, option
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
-from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import SeedParameters
 from trexton.companion.experiments.evaluation import frames_of
 from trexton.companion.experiments.track import fly
 from trexton.evaluation.metrics import (
-    block_rows,
-    bootstrap_interval,
     constant_guess,
     euclidean,
     mean_over_groups,
@@ -38,18 +34,16 @@ from trexton.evaluation.suitability import local_losses
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.flights.registry import data_folder
-from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.localizer import Localizer
 from trexton.localization.training import for_method, train_map
 from trexton.simulator import LAYOUTS, PERIOD, Floor, record_flight
-from trexton.simulator.mats import MATS, PIXELS_PER_METRE
-from trexton.vision.camera import Camera, MapImage
+from trexton.vision.camera import Camera
 
 LANE = 0.5  # metres between the lanes of a survey that sees everything twice
 SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
 EVERY = 2  # frames: half the camera's rate, so that fewer frames cover the floor
 CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
 METHOD = "field"  # the one whose error is predicted
-MAT = 1.2  # side of the mat that is laid on the worst place, in metres
 
 
 @dataclass(frozen=True)
@@ -148,8 +142,7 @@ def judge_floor(
         ``area_m``; ``loss``, the paper's L(D); ``predicted_cm``, the error to expect over the
         floor, from the survey alone;
         ``measured``, for each method ``mean_cm``, ``low``, ``high``, ``p95_cm``; ``centre_cm``, the
-        error of always guessing the middle; ``correlation`` of predicted and measured error of the
-        first method over the test frames; ``heat``, predicted error over the floor in metres;
+        error of always guessing the middle; ``heat``, predicted error over the floor in metres;
         ``worst_m``, where the field knows least.
     """
     with TemporaryDirectory(prefix="trexton-floor-") as name:
@@ -162,11 +155,13 @@ def judge_floor(
             )
             for method in dict.fromkeys((METHOD, *methods))  # each once
         }
-        runs = {method: _flown(maps[method], frames, flights.seed) for method in methods}
+        runs = {}
+        for method in methods:
+            localizer = Localizer(maps[method], rng=stream(flights.seed, "flight", 0))
+            runs[method] = fly(localizer, frames).position
     field = maps[METHOD].parts["measurement"]
     heat = _over_floor(field.predicted_error, floor.area)
     rng = stream(flights.seed, "intervals")
-    first = euclidean(next(iter(runs.values())), test.position)
     centre = constant_guess(base.positions, len(test))
     losses = local_losses(base.histograms, base.positions, sigma)
     return {
@@ -176,7 +171,6 @@ def judge_floor(
         "predicted_cm": 100 * heat.mean(),
         "measured": {name: _summary(run, test, rng) for name, run in runs.items()},
         "centre_cm": _summary(centre, test, rng)["mean_cm"],
-        "correlation": rank_correlation(field.predicted_error(test.position), first, rng=rng),
         "heat": {"error_m": heat.round(4), "extent_m": floor.area},
         "worst_m": _worst(_over_floor(field.variance_at, floor.area), floor.area),
     }
@@ -191,25 +185,14 @@ def _over_floor(
     return expected(places).reshape(shape).T
 
 
-def _flown(texton_map: TextonMap, frames: Sequence[np.ndarray], seed: int) -> np.ndarray:
-    """``(N, 2)`` estimates over the frames."""
-    localizer = Localizer(texton_map, rng=stream(seed, "flight", 0))
-    return fly(localizer, frames).position
-
-
 def _summary(estimates: np.ndarray, flight: Flight, rng: np.random.Generator) -> dict[str, float]:
     """Mean error in cm with its 95 % interval over stretches of the flight, and the 95th
     percentile.
     """
     errors = 100 * euclidean(estimates, flight.position)
-    drawn = [errors[block_rows(len(errors), rng)].mean() for _ in range(400)]
-    low, high = bootstrap_interval(drawn, len(errors))
-    return {
-        "mean_cm": errors.mean(),
-        "low": low,
-        "high": high,
-        "p95_cm": np.percentile(errors, 95),
-    }
+    mean = mean_with_interval(errors[None], rng)
+    ends = {key: mean[key] for key in ("low", "high")}
+    return {"mean_cm": errors.mean(), **ends, "p95_cm": np.percentile(errors, 95)}
 
 
 def _worst(heat: np.ndarray, extent: Sequence[float]) -> tuple[float, float]:
@@ -221,76 +204,6 @@ def _worst(heat: np.ndarray, extent: Sequence[float]) -> tuple[float, float]:
         float(x_min + (column + 0.5) * (x_max - x_min) / columns),
         float(y_min + (row + 0.5) * (y_max - y_min) / rows),
     )
-
-
-def helpful_changes(
-    floor: Floor, judged: dict[str, Any], *, flights: VirtualFlights = VirtualFlights()
-) -> list[dict[str, Any]]:
-    """What could be changed, each tried on a virtual flight: the most helpful first.
-
-    A mat of one print on the worst place, one and a half times the height, twice the frames of the
-    survey.
-
-    Returns
-    -------
-    list of dict
-        ``change`` in words, ``predicted_cm`` and measured ``mean_cm`` with it, ``gain_cm``.
-    """
-    x, y = judged["worst_m"]
-    changes = [
-        (
-            f"a patterned mat of {MAT:g} m x {MAT:g} m at x = {x:.1f} m, y = {y:.1f} m",
-            with_mat(floor, (x, y), flights.seed),
-            flights,
-        ),
-        (
-            f"flying at {1.5 * flights.height:g} m instead of {flights.height:g} m",
-            floor,
-            replace(flights, height=1.5 * flights.height),
-        ),
-        (
-            f"a survey of {2 * judged['frames']['survey']} frames",
-            floor,
-            replace(flights, frames=2 * judged["frames"]["survey"]),
-        ),
-    ]
-    before, result = _mean(judged), []
-    for words, changed, how in changes:
-        after = judge_floor(changed, flights=how)
-        mean = _mean(after)
-        result.append(
-            {
-                "change": words,
-                "predicted_cm": after["predicted_cm"],
-                "mean_cm": mean,
-                "gain_cm": before - mean,
-            }
-        )
-    return sorted(result, key=lambda change: -change["gain_cm"])
-
-
-def with_mat(floor: Floor, center: tuple[float, float], seed: int) -> Floor:
-    """The floor with a mat laid at `center` in metres, its print painted from `seed`."""
-    picture = floor.picture
-    side = round(MAT * PIXELS_PER_METRE)
-    mat = MATS["bauhaus"]((side, side), stream(seed, "mat"))
-    half, edge = MAT / 2, side - 0.5
-    x, y = center
-    corners = [
-        [x - half, y + half],
-        [x + half, y + half],
-        [x + half, y - half],
-        [x - half, y - half],
-    ]
-    source = np.array([[-0.5, -0.5], [edge, -0.5], [edge, edge], [-0.5, edge]], np.float32)
-    target = picture.to_pixels(np.array(corners)).astype(np.float32)
-    matrix = cv2.getPerspectiveTransform(source, target)
-    extent = picture.image.shape[1::-1]
-    laid = cv2.warpPerspective(mat, matrix, extent, flags=cv2.INTER_AREA)
-    covered = cv2.warpPerspective(np.ones((side, side), np.uint8), matrix, extent) > 0
-    image = np.where(covered[..., None], laid, picture.image)
-    mask = None if picture.mask is None else picture.mask | covered
-    return Floor(MapImage(image, picture.world_from_pixel, mask))
 
 
 def named_floor(name: str) -> Floor:
@@ -335,8 +248,3 @@ def lent_floor(flight: Flight) -> tuple[Floor, Camera, float]:
         )
     height = 1.0 if flight.height is None else float(np.nanmean(flight.height))
     return Floor(flight.floor), flight.camera, height
-
-
-def _mean(judged: dict[str, Any]) -> float:
-    """Measured mean error of the first method, cm."""
-    return float(next(iter(judged["measured"].values()))["mean_cm"])
