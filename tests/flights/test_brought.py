@@ -482,6 +482,29 @@ def test_a_log_of_ardupilot(tmp_path):
         read_track(tmp_path / "2.bin", TrackColumns())
 
 
+def test_a_log_of_px4(tmp_path):
+    """A file as the format is documented: head, format, subscription, rows."""
+    pytest.importorskip("pyulog")
+    names = ("x", "y", "z", "heading")
+    columns = "uint64_t timestamp;double ref_lat;double ref_lon;"
+    columns += "".join(f"float {name};" for name in names) + "bool xy_valid;"
+
+    def message(kind, body):
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    text = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
+    text += message("F", f"vehicle_local_position:{columns}".encode())
+    text += message("A", struct.pack("<BH", 0, 1) + b"vehicle_local_position")
+    for i in range(20):
+        row = struct.pack("<QddffffB", 10**5 * i, 47.0, 8.0, i, 2.0, -10.0, np.pi / 2, i > 0)
+        text += message("D", struct.pack("<H", 1) + row)
+    (tmp_path / "a.ulg").write_bytes(text)
+    track, _ = read_track(tmp_path / "a.ulg", TrackColumns())
+    np.testing.assert_allclose(track.position, [[2, i, 10] for i in range(1, 20)])
+    np.testing.assert_allclose(track.attitude[:, 2], -np.pi / 2, atol=1e-6)
+    assert track.origin == (47.0, 8.0) and track.time_ns[0] == N // 10
+
+
 def test_reconstructions_have_positions_and_attitude(tmp_path):
     source = photos(tmp_path / "p")
     # A camera that looks down from (i, 2, 5): x to the right, y (of the picture) to -y.

@@ -21,6 +21,7 @@ from trexton.base.progress import progress
 from trexton.flights import plausibility
 from trexton.flights.flight import Flight
 from trexton.flights.folder import Reading, load_folder
+from trexton.flights.repair import count_of
 from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
 
@@ -54,7 +55,7 @@ class Report:
         lines = [f"{name:<{width}}  {text}" for name, text in self.facts]
         lines += [f"fault    {fault}" for fault in _grouped(self.faults)]
         lines += [f"warning  {warning}" for warning in _grouped(self.warnings)]
-        count = f"{_count(len(self.faults), 'fault')}, {_count(len(self.warnings), 'warning')}"
+        count = f"{count_of(len(self.faults), 'fault')}, {count_of(len(self.warnings), 'warning')}"
         verdict = "usable" if self.usable else "cannot be used"
         return "\n".join([*lines, f"{self.path}: {verdict} ({count})"])
 
@@ -132,7 +133,7 @@ def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
             )
     elif repeats:
         reading.warnings.append(
-            f"{reading.image_files[0][1].parent}: {_count(len(repeats), 'picture')} like the one "
+            f"{reading.image_files[0][1].parent}: {count_of(len(repeats), 'picture')} like the one "
             f"before to the byte (first: frames.csv, row {repeats[0]}): where the camera was "
             "frozen, leave the frames out"
         )
@@ -176,16 +177,12 @@ def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str,
         )
     for name, (first, last) in flight.split.items():
         count = int(((flight.frame >= first) & (flight.frame <= last)).sum())
-        facts[f"split {name}"] = f"{first} to {last} ({_count(count, 'frame')})"
+        facts[f"split {name}"] = f"{first} to {last} ({count_of(count, 'frame')})"
     return [*facts.items(), *(("note", note) for note in flight.notes)]
 
 
 def _size(size: tuple[int, int]) -> str:
     return f"{size[0]}x{size[1]}"
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number or 'no'} {what}{'' if number == 1 else 's'}"
 
 
 def repair_flight(

@@ -21,8 +21,11 @@ from trexton.vision.camera import Camera, MapImage
 from trexton.vision.images import read_picture
 from trexton.vision.rectification import Rectification
 
-__all__ = ["SUM_TOLERANCE", "Flight"]
+__all__ = ["SUM_TOLERANCE", "Area", "Flight", "area_around"]
 
+Area = tuple[float, float, float, float]
+
+NARROW = 1e-3  # metres: a side that is no area
 SUM_TOLERANCE = 0.01  # by which relative frequencies may miss a sum of 1
 _COLUMNS = {"position": (2,), "attitude": (3,), "histograms": (None,)}
 _PER_FRAME = ("frame", "time", "position", "height", "attitude", "histograms")
@@ -278,3 +281,17 @@ class Flight:
             scalars.append(["rectification", self.rectification.table()])
         images = [] if self.frames is None else [self.frames.digest]
         return digest(scalars, camera, *arrays, *floor, *images)
+
+
+def area_around(position: np.ndarray, share: float = 0.0, least: float = 0.0) -> Area:
+    """x_min, x_max, y_min, y_max of the places among ``(N, 2)`` positions, with a margin on each
+    side: a share of the extent, and so many metres, at least 0.01 across a path along one axis.
+    Where there is no place, all are 0.
+    """
+    places = position[np.isfinite(position).all(axis=1)]
+    if not len(places):
+        return 0.0, 0.0, 0.0, 0.0
+    low, high = places.min(axis=0), places.max(axis=0)
+    margin = share * (high - low) + np.where(high - low < NARROW, max(least, 0.01), least)
+    (x_min, y_min), (x_max, y_max) = (low - margin).tolist(), (high + margin).tolist()
+    return x_min, x_max, y_min, y_max

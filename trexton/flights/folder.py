@@ -16,15 +16,14 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError
-from trexton.flights.flight import SUM_TOLERANCE, Flight
+from trexton.flights.flight import SUM_TOLERANCE, Flight, area_around
 from trexton.flights.frames import ImageFiles
 from trexton.flights.header import (
     FARTHEST,
-    SMALLEST_AREA,
     camera_from_header,
     read_header,
 )
-from trexton.flights.tables import TextTable, read_table
+from trexton.flights.tables import read_table
 from trexton.vision.rectification import Rectification
 
 __all__ = ["ANGLES", "Reading", "load_folder", "read_flight"]
@@ -150,7 +149,7 @@ def _assemble(
     histograms: np.ndarray | None,
 ) -> Flight:
     position = np.column_stack([columns["x_m"], columns["y_m"]])
-    x_min, x_max, y_min, y_max = header["area_m"] if "area_m" in header else _extent(position)
+    x_min, x_max, y_min, y_max = header.get("area_m") or area_around(position)
     unknown = np.full(len(position), np.nan)  # a heading may be known where no tilt is
     angles = [columns.get(name, unknown) for name in ANGLES]
     floor, rectified, origin = (header.get(key) for key in ("floor", "rectification", "origin"))
@@ -177,23 +176,13 @@ def _assemble(
     )
 
 
-def _extent(position: np.ndarray) -> tuple[float, float, float, float]:
-    places = position[np.isfinite(position).all(axis=1)]
-    if not len(places):
-        return (0.0, 0.0, 0.0, 0.0)
-    low, high = places.min(axis=0), places.max(axis=0)
-    margin = np.where(high - low < SMALLEST_AREA, 0.01, 0.0)  # of a path along one axis
-    (x_min, y_min), (x_max, y_max) = low - margin, high + margin
-    return (float(x_min), float(x_max), float(y_min), float(y_max))
-
-
 def _read_frames(path: Path, reading: Reading) -> Columns | None:
     try:
         table = read_table(path)
     except FlightError as error:
         reading.faults.append(str(error))
         return None
-    _warn_of_separators(table, reading)
+    reading.warnings += table.unusual()
     header, rows = table.header, np.array(table.rows)
     before = len(reading.faults)
     if unknown := [name for name in header if name not in _REQUIRED + _OPTIONAL]:
@@ -254,16 +243,6 @@ def _check_rows(path: Path, columns: Columns, rows: np.ndarray, reading: Reading
     )  # fmt: skip
 
 
-def _warn_of_separators(table: TextTable, reading: Reading) -> None:
-    if table.separator != ",":
-        word = {";": "semicolons", "\t": "tabs", " ": "blanks"}[table.separator]
-        commas = " and decimal commas" if table.decimal == "," else ""
-        reading.warnings.append(
-            f"{table.path}: written with {word}{commas}, and read so: commas and decimal points "
-            "are usual"
-        )
-
-
 def _sort(columns: Columns, said: list[str], reading: Reading) -> None:
     """Put the rows in order of their stamps, one a stamp; frame numbers that then go back are
     counted anew.
@@ -295,7 +274,7 @@ def _read_histograms(path: Path, features: str, reading: Reading) -> np.ndarray 
     except FlightError as error:
         reading.faults.append(str(error))
         return None
-    _warn_of_separators(table, reading)
+    reading.warnings += table.unusual()
     if not np.array_equal(values[:, 0], frames):
         common = min(len(values), len(frames))
         odd = int(np.argmin([*(values[:common, 0] == frames[:common]), False]))

@@ -20,7 +20,7 @@ from trexton.base.files import (
     clean_leftovers,
 )
 from trexton.base.options import Options, option
-from trexton.flights.flight import Flight
+from trexton.flights.flight import Flight, area_around
 from trexton.flights.folder import load_folder, read_flight
 from trexton.flights.frames import ImageFiles, select_frames
 from trexton.flights.header import FARTHEST
@@ -250,19 +250,15 @@ def _flight(
 ) -> Flight:
     position, change = plan.placed.position, plan.change
     height = position[:, 2] if np.isfinite(position[:, 2]).any() else None
-    places = position[np.isfinite(position[:, :2]).all(axis=1), :2]
-    low, high = (
-        (places.min(axis=0), places.max(axis=0)) if len(places) else (np.zeros(2), np.ones(2))
-    )
-    margin = 0.02 * (high - low) + 0.01
-    (x_min, y_min), (x_max, y_max) = low - margin, high + margin
+    located = np.isfinite(position[:, :2]).all(axis=1).any()
+    places = position[:, :2] if located else np.array([[0.0, 0], [1, 1]])
     first = int(recording.time_ns[0])
     return Flight(
         name=name,
         frame=np.arange(len(position)),
         time=(recording.time_ns - first) / NANO,
         position=position[:, :2],
-        area=(float(x_min), float(x_max), float(y_min), float(y_max)),
+        area=area_around(places, 0.02, 0.01),
         height=height,
         attitude=plan.placed.attitude,
         frames=frames,

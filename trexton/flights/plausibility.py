@@ -16,7 +16,7 @@ from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import looks_away
-from trexton.flights.repair import Doubt, scaled, without_positions
+from trexton.flights.repair import Doubt, count_of, scaled, without_positions
 from trexton.flights.tracking import lost_rows, ranges
 from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
@@ -40,12 +40,8 @@ def warnings(flight: Flight) -> list[Doubt]:
     return [each if isinstance(each, Doubt) else Doubt(each) for each in said]
 
 
-def _located(flight: Flight) -> np.ndarray:
-    return np.flatnonzero(flight.located)
-
-
 def _outside(flight: Flight) -> Iterator[str]:
-    rows = _located(flight)
+    rows = np.flatnonzero(flight.located)
     x, y = flight.position[rows].T
     x_min, x_max, y_min, y_max = flight.area
     slack = 0.01 * flight.diagonal
@@ -89,22 +85,18 @@ def _tracking(flight: Flight) -> Iterator[str]:
         if not len(rows):
             yield f"{how}: stamps of another unit, or positions of several recordings?"
             continue
-        lie = "position lies" if len(rows) == 1 else "positions lie"
-        said = (
-            f"{len(rows)} {lie} {how}"
-            if how.startswith(("at", "where"))
-            else (f"{_count(len(rows), 'position')} {'is' if len(rows) == 1 else 'are'} {how}")
-        )
+        what = "position lies" if len(rows) == 1 else "positions lie"
         frames = ranges(flight.frame[rows])
         yield Doubt(
-            f"{said} (frames {frames}): was tracking lost? leave x_m and y_m of these frames empty",
-            f"{_count(len(rows), 'position')} left empty, {how} (frames {frames})",
+            f"{len(rows)} {what} {how} (frames {frames}): was tracking lost? leave x_m and y_m of "
+            "these frames empty",
+            f"{count_of(len(rows), 'position')} left empty, {how} (frames {frames})",
             without_positions(rows),
         )
 
 
 def _speed(flight: Flight) -> Iterator[str]:
-    rows = _located(flight)
+    rows = np.flatnonzero(flight.located)
     if len(rows) < 3:
         return
     steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
@@ -204,7 +196,7 @@ def _time_offset(flight: Flight) -> Iterator[str]:
 
 
 def _extent(flight: Flight) -> Iterator[str]:
-    rows = _located(flight)
+    rows = np.flatnonzero(flight.located)
     if len(rows) < 2:
         return
     extent = np.ptp(flight.position[rows], axis=0)
@@ -241,7 +233,7 @@ def _splits(flight: Flight) -> Iterator[str]:
         count = int(located[(flight.frame >= first) & (flight.frame <= last)].sum())
         if count < 3:
             yield (
-                f"split {name!r} holds {_count(count, 'frame')} with a position: "
+                f"split {name!r} holds {count_of(count, 'frame')} with a position: "
                 "training and test need at least 3"
             )
     if {"train", "test"} <= set(flight.split):
@@ -249,13 +241,13 @@ def _splits(flight: Flight) -> Iterator[str]:
         common = min(last, end) - max(first, begin) + 1
         if common > 0:
             yield (
-                f"splits train and test share {_count(common, 'frame')}: what was trained on "
+                f"splits train and test share {count_of(common, 'frame')}: what was trained on "
                 "proves nothing, part them"
             )
 
 
 def _floor(flight: Flight) -> Iterator[str]:
-    rows = _located(flight)
+    rows = np.flatnonzero(flight.located)
     if not len(rows):
         return
     try:
@@ -271,8 +263,8 @@ def _floor(flight: Flight) -> Iterator[str]:
     spanned = np.ptp(corners, axis=0)
     if on.mean() < 0.5:
         yield (
-            f"{_count(int((~on).sum()), 'position')} of {len(rows)} lie beside the picture of the "
-            f"floor, which spans {spanned[0]:.4g} m x {spanned[1]:.4g} m from "
+            f"{count_of(int((~on).sum()), 'position')} of {len(rows)} lie beside the picture of "
+            f"the floor, which spans {spanned[0]:.4g} m x {spanned[1]:.4g} m from "
             f"x {corners[:, 0].min():.3g}, y {corners[:, 1].min():.3g}: check world_from_pixel"
         )
     elif spanned.max() > FLOOR_RATIO * max(flight.diagonal, 1e-3):
@@ -300,10 +292,6 @@ def _features(flight: Flight) -> Iterator[str]:
 
 def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
     return int(flight.frame[rows[int(chosen.argmax())]])
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 _CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from trexton.flights.flight import Flight
+from trexton.flights.flight import Flight, area_around
 
-__all__ = ["Doubt", "scaled", "without_positions"]
+__all__ = ["Doubt", "count_of", "scaled", "without_positions"]
 
 
 class Doubt(str):
@@ -45,18 +45,17 @@ def without_positions(rows: np.ndarray) -> Callable[[Flight], Flight]:
     def mend(flight: Flight) -> Flight:
         position = flight.position.copy()
         position[rows] = np.nan
-        known, left = flight.position[flight.located], position[np.isfinite(position[:, 0])]
-        area = np.array(flight.area).reshape(2, 2)
-        low, high = left.min(axis=0), left.max(axis=0)
-        margin = 0.02 * (high - low) + 0.01
-        slack = 0.05 * flight.diagonal
-        drawn = np.abs(area[:, 0] - known.min(axis=0)) + np.abs(area[:, 1] - known.max(axis=0))
-        if (drawn < slack).all():  # it was drawn around the positions
-            area = np.column_stack([low - margin, high + margin])
+        area, theirs = flight.area, np.array(area_around(flight.position))
+        if (np.abs(theirs - area) < 0.05 * flight.diagonal).all():  # it was drawn around them
+            area = area_around(position, 0.02, 0.01)
         height = None if flight.height is None else flight.height.copy()
         if height is not None:
             height[rows] = np.nan
-        x_min, x_max, y_min, y_max = area.ravel().tolist()
-        return replace(flight, position=position, height=height, area=(x_min, x_max, y_min, y_max))
+        return replace(flight, position=position, height=height, area=area)
 
     return mend
+
+
+def count_of(number: int, what: str) -> str:
+    """``3 frames``, ``1 frame``, ``no frames``."""
+    return f"{number or 'no'} {what}{'' if number == 1 else 's'}"

@@ -74,6 +74,17 @@ class TextTable:
     def __len__(self) -> int:
         return len(self.rows)
 
+    def unusual(self) -> list[str]:
+        """A sentence where other signs than commas stand between the fields."""
+        if self.separator == ",":
+            return []
+        word = {";": "semicolons", "\t": "tabs", " ": "blanks"}[self.separator]
+        commas = " and decimal commas" if self.decimal == "," else ""
+        return [
+            f"{self.path}: written with {word}{commas}, and read so: commas and decimal points are "
+            "usual"
+        ]
+
     def texts(self, name: str) -> list[str]:
         """A column as it is written; raises `FlightError` where there is none of that name."""
         if name not in self.cells:

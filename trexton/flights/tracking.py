@@ -56,7 +56,7 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
             apart = np.hypot(*(position[chosen] - _between(time, position, flown, chosen)).T).max()
             found.append((f"{how}, up to {apart:.4g} m from those before and after", rows[chosen]))
     if frozen.any():
-        found.append(("the same to the last digit while the vehicle flew on", rows[frozen]))
+        found.append(("at one place to the last digit while the vehicle flew on", rows[frozen]))
     return found
 
 
