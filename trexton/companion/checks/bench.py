@@ -11,7 +11,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterable, Iterator
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,7 @@ from trexton.vision.patches import position_grid
 
 __all__ = ["STAGES", "Scene", "measure"]
 
-Contests = Iterator[Contest | Row]
+Contests = Iterator[Contest]
 
 _GEMM = 2048
 _SIZE = "640x480"
@@ -54,7 +54,7 @@ class Scene:
 
     def __init__(self, folder: Path, quick: bool = False, seed: int = 1):
         self.folder, self.quick, self.seed = folder, quick, seed
-        self._maps: dict[str, TextonMap] = {}
+        self.map = cache(self.train)  # by method
 
     @cached_property
     def flight(self) -> Flight:
@@ -72,11 +72,6 @@ class Scene:
         """``(480, 640, 3)`` frames."""
         return [self.flight.image(row) for row in self.rows]
 
-    def map(self, method: str = "paper") -> TextonMap:
-        if method not in self._maps:
-            self._maps[method] = self.train(method)
-        return self._maps[method]
-
     def train(self, method: str) -> TextonMap:
         return train_map(self.flight, method=method, rng=stream(self.seed, "training"))
 
@@ -92,7 +87,11 @@ def train(scene: Scene) -> Contests:
 
 def histogram(scene: Scene) -> Contests:
     """Every patch of a frame labelled against sgemm; and 400 patches against all of them."""
-    dictionary, rng, view = scene.map().alphabet, stream(scene.seed, "samples"), scene.views[0]
+    dictionary, rng, view = (
+        scene.map("paper").alphabet,
+        stream(scene.seed, "samples"),
+        scene.views[0],
+    )
     square = rng.random((_GEMM, _GEMM), dtype=np.float32)
     # 1.303e9 multiplications and additions for 20 textons of 6x6x3.
     positions = np.prod(position_grid(view.shape, dictionary.patch))
@@ -113,7 +112,9 @@ def neighbors(scene: Scene) -> Contests:
 
     rng = stream(scene.seed, "stored")
     for count, limit in ((800, 1.2), (10_000, None), (100_000, None)):  # the latter by a tree too
-        stored, queries = (_crowd(scene.map().histograms, number, rng) for number in (count, 200))
+        stored, queries = (
+            _crowd(scene.map("paper").histograms, number, rng) for number in (count, 200)
+        )
         ours = _each(NearestHistograms(stored, np.zeros((count, 2)), 5).query, queries)
         theirs = _each(partial(cKDTree(stored).query, k=5), queries)
         yield Contest("neighbours", count, ours, "SciPy cKDTree", theirs, limit)
@@ -134,11 +135,11 @@ def _crowd(histograms: np.ndarray, count: int, rng: np.random.Generator) -> np.n
 
 def filter_step(scene: Scene) -> Contests:
     """One step of the filter with its MAP estimate against `einsum`."""
-    motion = scene.map().parts["motion"]
-    precision = np.linalg.inv(motion.growth(scene.map().period_s))
+    motion = scene.map("paper").parts["motion"]
+    precision = np.linalg.inv(motion.growth(scene.map("paper").period_s))
     for count, limit, threads in _PARTICLES:
-        localizer = Localizer(scene.map(), particles=count, rng=stream(scene.seed, "filter"))
-        seen = [localizer.observation(each) for each in scene.map().histograms[:100]]
+        localizer = Localizer(scene.map("paper"), particles=count, rng=stream(scene.seed, "filter"))
+        seen = [localizer.observation(each) for each in scene.map("paper").histograms[:100]]
         for each in seen:
             each.neighbors  # noqa: B018 - found now, not while the filter is timed
             localizer.advance(each)
@@ -192,34 +193,6 @@ from trexton.localization.map_files import load_map
 localizer = Localizer(load_map(sys.argv[1]), rng=np.random.default_rng(1))
 assert localizer.step(np.load(sys.argv[2])[0]).observed
 """
-# Counts the whole process, its threads included, from the first frame after the caches are warm.
-_LOOP = """
-import sys, threading, time
-import numpy as np
-from trexton.onboard import Settings, build
-from trexton.onboard.sources import Frame, Source
-from trexton.onboard.status import resident_bytes
-
-class Film(Source):
-    live, gives, index = False, "images", 0
-
-    def open(self):
-        pass
-
-    def read(self):
-        self.index += 1
-        if self.index in (50, 50 + frames):
-            clocks.append((time.process_time(), time.perf_counter()))
-        if self.index < 50 + frames:
-            return Frame(0.08 * self.index, pictures[self.index % len(pictures)])
-
-pictures, frames, clocks = list(np.load(sys.argv[2])), int(sys.argv[3]), []
-loop = build(Settings(sys.argv[1], ("csv:/dev/null",)))  # its camera is never opened
-loop.source = Film()
-loop.run(threading.Event())
-cpu, wall = np.diff(clocks, axis=0)[0] / frames
-print(cpu, wall, resident_bytes() - sum(each.nbytes for each in pictures))
-"""
 
 
 def start(scene: Scene) -> Contests:
@@ -234,31 +207,18 @@ def start(scene: Scene) -> Contests:
     )
 
 
-def onboard(scene: Scene) -> Contests:
-    """CPU time of a frame, all threads of the process together, beside the time that passed; and
-    the memory it holds. Pictures come from memory: no camera is read, no JPEG decoded."""
-    frames = 500 if scene.quick else 5000
-    cpu, wall, resident = map(float, _python(scene, _LOOP, frames).split()[-3:])
-    yield {
-        "stage": "onboard loop, CPU a frame", "size": f"{resident / 2**20:.0f} MiB resident",
-        "threads": 1, "ours_s": cpu, "p99_s": cpu, "yardstick": "time passed",
-        "yardstick_s": wall, "ratio": cpu / wall, "limit": None, "holds": None,
-    }  # fmt: skip
-
-
-def _python(scene: Scene, program: str, *words: object) -> str:
-    """What a program prints that is given a map, pictures and some words."""
+def _python(scene: Scene, program: str) -> None:
+    """Run a program that is given a map and pictures."""
     texton_map, pictures = scene.folder / "map.npz", scene.folder / "pictures.npy"
     if not pictures.exists():
-        save_map(scene.map(), texton_map)
-        np.save(pictures, np.stack(scene.views[:12]))
+        save_map(scene.map("paper"), texton_map)
+        np.save(pictures, np.stack(scene.views[:1]))
     # An environment without bytecode would have every source compiled anew: its own cache.
     environment = {
         name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"
     } | {"PYTHONPYCACHEPREFIX": str(scene.folder / "bytecode")}
-    command = [sys.executable, "-c", program, str(texton_map), str(pictures), *map(str, words)]
-    done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
-    return done.stdout
+    command = [sys.executable, "-c", program, str(texton_map), str(pictures)]
+    subprocess.run(command, check=True, stdout=subprocess.DEVNULL, env=environment)
 
 
 STAGES: dict[str, Callable[[Scene], Contests]] = {
@@ -268,7 +228,6 @@ STAGES: dict[str, Callable[[Scene], Contests]] = {
     "filter": filter_step,
     "frame": frame,
     "start": start,
-    "onboard": onboard,
 }
 
 
@@ -296,5 +255,4 @@ def measure(
         scene = Scene(Path(folder), quick, seed)
         for name in stages:
             say(f"bench: {name}")
-            for each in STAGES[name](scene):
-                yield each.row(quick) if isinstance(each, Contest) else each
+            yield from (contest.row(quick) for contest in STAGES[name](scene))

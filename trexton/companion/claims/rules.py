@@ -86,16 +86,11 @@ def in_order(less: Quantity, greater: Quantity, at_most_times: float | None = No
     return REPRODUCED if less.high < greater.low else DIRECTION
 
 
-def equal(ours: Quantity, printed: float) -> str:
-    """The rule of a count."""
-    return REPRODUCED if ours.value == printed else FAILED
-
-
 # By kind: the rule in a reader's words, and how it judges ours (and what ours is compared with).
 RULES: dict[str, tuple[str, Callable[..., str]]] = {
     "value": ("the printed value in our interval, and within a quarter", near),
     "below": ("at most {}, with the whole interval", below),
     "above": ("at least {}, with the whole interval", above),
     "order": ("the first is smaller, intervals apart", in_order),
-    "exact": ("equal", equal),
+    "exact": ("equal", lambda ours, printed: REPRODUCED if ours.value == printed else FAILED),
 }
