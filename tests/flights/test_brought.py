@@ -369,6 +369,10 @@ def test_lists_of_images(tmp_path, name, line):
     )
     flight, _ = import_flight(tmp_path, tmp_path / "out", kind="tum")
     np.testing.assert_allclose(flight.position[:, 0], np.arange(6.0), atol=1e-9)
+    numbered = "".join(f"{i} {i / 50} {i / 5} 0 1 1 0 0 0\n" for i in range(60))
+    (tmp_path / "groundtruth.txt").write_text("# id timestamp tx ty tz qx qy qz qw\n" + numbered)
+    again, _ = import_flight(tmp_path, tmp_path / "again", kind="tum")
+    assert again.position.tolist() == flight.position.tolist()
 
 
 MOTIVE = """Format Version,1.23,Take Name,T,Rotation Type,Quaternion,Length Units,{}

@@ -27,6 +27,7 @@ from trexton.flights.header import FARTHEST
 from trexton.flights.importers import guess_kind, importer
 from trexton.flights.importers.images import Change, write_images
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, match
+from trexton.flights.tracking import lost_rows
 from trexton.flights.writing import write_tables
 from trexton.vision.camera import Camera
 
@@ -225,9 +226,16 @@ def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]
         )
     placed, gap_s = match(stamps, track.shifted(common.offset), common.tolerance)
     count = np.isfinite(placed.position[:, 0]).sum()
+    lost = lost_rows((track.time_ns - track.time_ns[0]) / NANO, track.position)
     return placed, [
+        *(
+            f"{len(rows)} rows of positions lie {how}: was tracking lost? trexton check names the "
+            "frames, with --repair it leaves them out"
+            for how, rows in lost
+            if len(rows)
+        ),
         f"{count} of {len(stamps)} frames have a position, "
-        f"largest gap between positions used {gap_s:.3f} s"
+        f"largest gap between positions used {gap_s:.3f} s",
     ]
 
 

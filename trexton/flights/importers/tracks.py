@@ -24,7 +24,7 @@ from trexton.flights.importers.mocap import read_motion_capture
 from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.tables import LENGTHS, TIMES, TextTable, read_table, read_text
 
-__all__ = ["TUM", "TrackColumns", "pose_track", "read_track"]
+__all__ = ["TUM", "TrackColumns", "pose_track", "read_track", "trajectory_names"]
 
 FULL_TURNS = 4 * np.pi  # radians: a yaw that is counted on through two turns
 
@@ -153,17 +153,26 @@ def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]
         track, more = TrackColumns(**{**names, **asked}).of(table)
         return track, said + more
     if _is_trajectory(path):
-        table = read_table(path, ["stamp", "x", "y", "z", *TUM.quaternion.split(",")])
+        table = read_table(path, trajectory_names(path, TUM.quaternion))
         return replace(TUM, axes=columns.axes).of(table)
     return columns.of(read_table(path))
 
 
-def _is_trajectory(path: Path) -> bool:
-    """Whether the first row that is no comment is eight numbers with blanks between."""
+def trajectory_names(path: Path, quaternion: str) -> list[str]:
+    """The columns of a trajectory as TUM writes it, or UZH-FPV, which numbers its rows."""
+    numbered = ["id"] if len(_first_fields(path)) == 9 else []
+    return [*numbered, "stamp", "x", "y", "z", *quaternion.split(",")]
+
+
+def _first_fields(path: Path) -> list[str]:
     lines = (line for line in read_text(path).splitlines() if line.strip())
-    fields = next((line.split() for line in lines if not line.startswith("#")), [])
+    return next((line.split() for line in lines if not line.startswith("#")), [])
+
+
+def _is_trajectory(path: Path) -> bool:
+    """Whether the first row that is no comment is eight or nine numbers with blanks between."""
     try:
-        return len([float(field) for field in fields]) == 8
+        return len([float(field) for field in _first_fields(path)]) in (8, 9)
     except ValueError:
         return False
 

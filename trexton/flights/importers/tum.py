@@ -16,7 +16,7 @@ from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import axes_option
 from trexton.flights.importers.recording import PoseTrack, Recording
-from trexton.flights.importers.tracks import TUM
+from trexton.flights.importers.tracks import TUM, trajectory_names
 from trexton.flights.tables import TextTable, read_table, read_text
 
 __all__ = ["Settings", "read", "read_trajectory", "recognises"]
@@ -107,4 +107,4 @@ def read_trajectory(
         The file cannot be read, or a row is not eight numbers.
     """
     columns = replace(TUM, axes=axes, quaternion=quaternion, time_unit=time_unit)
-    return columns.of(read_table(path, ["stamp", "x", "y", "z", *quaternion.split(",")]))
+    return columns.of(read_table(path, trajectory_names(path, quaternion)))
