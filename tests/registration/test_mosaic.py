@@ -16,8 +16,7 @@ from trexton.registration import mosaic as stitching
 from trexton.registration.adjust import adjust, link_errors
 from trexton.registration.homography import Keypoints
 from trexton.registration.layout import layout
-from trexton.registration.links import Anchors, Links
-from trexton.registration.matching import match_frames
+from trexton.registration.links import Anchors, Links, match_frames
 from trexton.registration.mosaic import map_from_links, stitch
 from trexton.registration.poses import floor_jacobian, floor_points, world_from_pixel
 from trexton.registration.sparse import assemble, connected, differences, solve, steps

@@ -133,7 +133,7 @@ class Estimate:
         """``(2, 2)`` second moment of the belief about `position`, square metres.
 
         A point estimate that is a particle is not the mean: a receiver that takes it for the centre
-        must be told the spread about it, which is larger by the outer product of their difference.
+        needs the spread about it, which is larger by the outer product of their difference.
         """
         if self.mean is None:
             return self.covariance

@@ -60,7 +60,7 @@ def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.
 
 
 def known_or(value: float | None, usual: float) -> float:
-    """A number that was told, or the usual one; what is not finite was not told.
+    """A measured number, or the usual one where it is none or not finite.
 
     OpenCV does not come back from a homography of NaN.
     """

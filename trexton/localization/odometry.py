@@ -47,7 +47,7 @@ class Visual(Odometry):
 
     The heading is that of the training flight unless a yaw comes with the frame; without roll and
     pitch, tilting looks like motion, and without a height the usual one is taken. How far its
-    velocities are off is learned from the training flight, told the attitude and not. An
+    velocities are off is learned from the training flight, with the attitude and without. An
     autopilot's velocity is taken where the frame shows none.
     """
 
@@ -55,7 +55,7 @@ class Visual(Odometry):
         0.1, "peak of the correlation below which two frames show no motion", low=0, below=1
     )
     camera: Any = learned()  # see `learned_lens`
-    sigma: Any = learned()  # (2,) metres a second along an axis, told the attitude and not
+    sigma: Any = learned()  # (2,) metres a second along an axis, with the attitude and without
 
     def prepare(self) -> None:
         check_lens(self.camera, "an odometry's")

@@ -28,7 +28,7 @@ _LITTLE = 0.02  # share of a tilt that was found which the frame, not the prior,
 _MEMORY = 20.0  # frames over which the change of the tilt is taken
 _FARTHEST = 10.0  # times the usual height, or a part of it: beyond, the sensor errs
 _MOST_FAILURES = 25  # frames lost, after which measured heading and height are left, or tried again
-_AGREES, _ABOUT = np.radians(5.0), 0.1  # heading and height, a share, as found and as told
+_AGREES, _ABOUT = np.radians(5.0), 0.1  # heading and height, a share, as found and as measured
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,11 +40,11 @@ class Prior:
     mean, deviation : (6,) arrays
         Of x, y, z, roll, pitch and yaw, as if it were at x = y = 0; metres and radians.
     turned : bool
-        Whether the heading is the one that was told.
+        Whether the heading is the measured one.
     tilt : (2,) array or None
-        Roll and pitch as they were told.
+        Roll and pitch as measured.
     heading, height : float or None
-        As they were told, believed or not.
+        As measured, believed or not.
     last : (6,) array or None
         The pose of the frame before, if it was found.
     steps : int
@@ -79,9 +79,9 @@ class PosePrior:
     Parameters
     ----------
     usual : float
-        Height of the camera in metres while none is told.
+        Height of the camera in metres while none is measured.
     attitude_sigma, height_sigma : float
-        Standard deviations of what is told, radians and metres.
+        Standard deviations of the measured attitude and height, radians and metres.
 
     Attributes
     ----------
@@ -100,11 +100,11 @@ class PosePrior:
     def prior(
         self, attitude: ArrayLike | None, height: float | None, last: Array | None, steps: int = 1
     ) -> Prior:
-        """From what is told of a frame, and the ``(6,)`` pose `steps` before, if it was found.
+        """From what was measured with a frame, and the ``(6,)`` pose `steps` before, if found.
 
         NaN is what nobody knows; a height of another order than usual is not believed.
         """
-        told = np.full(3, np.nan) if attitude is None else np.array(attitude, dtype=float)
+        measured = np.full(3, np.nan) if attitude is None else np.array(attitude, dtype=float)
         if height is not None and not 1 / _FARTHEST < height / self.usual < _FARTHEST:
             height = None
         mean = np.array([0, 0, self.usual, 0, 0, 0.0])
@@ -115,16 +115,16 @@ class PosePrior:
             change = steps * self._change
             share = _TILT**2 / (_TILT**2 + change)  # of a tilt that stays within its bounds
             mean[3:5], deviation[3:5] = share * last[3:5], np.sqrt(share * change)
-        known = np.isfinite(told)
-        heading = float(told[2]) if known[2] else None
+        known = np.isfinite(measured)
+        heading = float(measured[2]) if known[2] else None
         known[2] &= self.uses_heading
-        tilt = told[:2] if known[:2].all() else None
+        tilt = measured[:2] if known[:2].all() else None
         if tilt is not None:
             better = self.tilt.deviation < deviation[3:5]
             mean[3:5] = np.where(better, self.tilt.corrected(tilt), mean[3:5])
             deviation[3:5] = np.where(better, self.tilt.deviation, deviation[3:5])
         if known[2]:
-            mean[5], deviation[5] = told[2], self.attitude_sigma
+            mean[5], deviation[5] = measured[2], self.attitude_sigma
         if height is not None and self.uses_heading:
             mean[2], deviation[2] = height, self.height_sigma
         return Prior(mean, deviation, bool(known[2]), tilt, heading, height, last, steps)
@@ -158,7 +158,7 @@ class PosePrior:
 
 
 def _agree(prior: Prior, pose: Array) -> bool:
-    """Whether heading and height are about what was told."""
+    """Whether heading and height are about the measured ones."""
     heading, height = prior.heading, prior.height
     turned = heading is not None and abs(wrapped(pose[5] - heading)) >= _AGREES
     return not turned and (height is None or abs(height / pose[2] - 1) < _ABOUT)

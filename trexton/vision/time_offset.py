@@ -1,4 +1,4 @@
-"""How late frames are: their turning on the spot held against a yaw that was told beside them.
+"""How late frames are: their turning on the spot held against a yaw measured beside them.
 
 A camera that looks down sees the floor turn by what the vehicle yaws, whatever the floor, its
 height and how the vehicle moves. The lag at which the two agree best is the time offset between
@@ -110,52 +110,52 @@ def _turn(before: np.ndarray, after: np.ndarray) -> float:
 
 
 def time_offset(
-    stamps: ArrayLike, turned: ArrayLike, told_s: ArrayLike, told_yaw: ArrayLike
+    stamps: ArrayLike, turned: ArrayLike, yaw_s: ArrayLike, yaw_rad: ArrayLike
 ) -> TimeOffset | None:
-    """By how much frames are late; None where too few of them lie among what was told.
+    """By how much frames are late; None where too few of them lie among the yaw's stamps.
 
     Parameters
     ----------
     stamps, turned : (N,) arrays
         Of the frames: seconds, and what `turns` says of them.
-    told_s, told_yaw : (M,) arrays
-        Seconds on the same clock, increasing, and the yaw told of them: radians, anticlockwise.
+    yaw_s, yaw_rad : (M,) arrays
+        Seconds on the same clock, increasing, and the yaw then: radians, anticlockwise.
     """
     time, seen = np.asarray(stamps, dtype=float), np.asarray(turned, dtype=float)
-    told_s, yaw = np.asarray(told_s, dtype=float), np.unwrap(np.asarray(told_yaw, dtype=float))
-    if len(time) < FEWEST or len(told_s) < 2:
+    yaw_s, yaw = np.asarray(yaw_s, dtype=float), np.unwrap(np.asarray(yaw_rad, dtype=float))
+    if len(time) < FEWEST or len(yaw_s) < 2:
         return None
-    if not 2 * SMOOTHED_S <= np.ptp(told_s) <= LONGEST_FLIGHT_S:
+    if not 2 * SMOOTHED_S <= np.ptp(yaw_s) <= LONGEST_FLIGHT_S:
         return None
-    told_s, yaw = _smoothed(told_s, yaw)
+    yaw_s, yaw = _smoothed(yaw_s, yaw)
     several = max(1, round(WINDOW_S / max(float(np.median(np.diff(time))), 1e-3)))
     if len(time) - several < FEWEST:
         return None
     began, ended = time[:-several], time[several:]
     turn = np.convolve(seen[1:], np.ones(several), "valid")
     # The same frames at every offset, or those that are left over would choose it.
-    known = (began - LONGEST_S >= told_s[0]) & (ended - EARLIEST_S <= told_s[-1])
+    known = (began - LONGEST_S >= yaw_s[0]) & (ended - EARLIEST_S <= yaw_s[-1])
     known &= np.isfinite(turn)
     if known.sum() < FEWEST:
         return None
     began, ended, turn = began[known], ended[known], turn[known]
     offsets = np.arange(EARLIEST_S, LONGEST_S + STEP_S / 2, STEP_S)
     late = offsets[:, None]
-    told = np.interp(ended - late, told_s, yaw) - np.interp(began - late, told_s, yaw)
+    by_yaw = np.interp(ended - late, yaw_s, yaw) - np.interp(began - late, yaw_s, yaw)
     # Who turns steadily turns alike at every offset: only what changes can tell.
-    told, turn = told - told.mean(axis=1, keepdims=True), turn - turn.mean()
-    common = (told * turn).mean(axis=1)
-    correlation = common / np.maximum(told.std(axis=1) * turn.std(), 1e-12)
+    by_yaw, turn = by_yaw - by_yaw.mean(axis=1, keepdims=True), turn - turn.mean()
+    common = (by_yaw * turn).mean(axis=1)
+    correlation = common / np.maximum(by_yaw.std(axis=1) * turn.std(), 1e-12)
     flipped = -correlation.min() > correlation.max() + MIRRORED
     if flipped:
-        told, common = -told, -common
+        by_yaw, common = -by_yaw, -common
     best = int(np.argmin(correlation) if flipped else np.argmax(correlation))
-    slope = np.sqrt(np.square(np.gradient(told, STEP_S, axis=0)[best]).mean())
-    # Noise of the yaw makes what was told steeper, but not what the picture has in common with it.
+    slope = np.sqrt(np.square(np.gradient(by_yaw, STEP_S, axis=0)[best]).mean())
+    # Noise makes the yaw's turns steeper, but not what the picture has in common with them.
     middle = min(max(best, BEND), len(offsets) - 1 - BEND)
     bend = 2 * common[middle] - common[middle - BEND] - common[middle + BEND]
     steepness = max(bend / (BEND * STEP_S) ** 2, 1e-12) / max(slope, 1e-9)
-    sigma = float(np.std(turn - told[best]) / steepness / np.sqrt(known.sum() / several))
+    sigma = float(np.std(turn - by_yaw[best]) / steepness / np.sqrt(known.sum() / several))
     return TimeOffset(float(offsets[best]), max(sigma, STEP_S / 2), float(correlation[best]))
 
 
