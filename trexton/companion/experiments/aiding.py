@@ -6,11 +6,12 @@ later one is localized with ever more of what an autopilot measures beside its f
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -77,8 +78,7 @@ class Parameters(FloorParameters):
     )
 
 
-@dataclass(frozen=True, eq=False)
-class _Over:
+class _Over(NamedTuple):
     """The later flight over one floor."""
 
     flown: dict[str, dict[str, Track]]  # by method and aiding
@@ -110,12 +110,12 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         }
         for method, asked in METHODS.items()
     }
+    # A gain is taken frame by frame: the two share what is hard about a place.
     values: dict[str, Any] = {
         "error_cm": {
             method: {aid: mean_over_floors(100 * rows, rng) for aid, rows in found.items()}
             for method, found in errors.items()
         },
-        # frame by frame: the two share what is hard about a place
         "gain_cm": {
             method: {
                 aid: mean_over_floors(100 * (found["nothing"] - rows), rng, -np.inf)
@@ -124,29 +124,27 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             }
             for method, found in errors.items()
         },
-        "velocity_bias_rate": {},
-        "held": {},
     }
-    # of the field, where it had a velocity: shares of frames
-    for name in ("velocity_bias_rate", "held"):
-        for aid in ("velocity", "turned"):
-            runs = [(each.flown["field"][aid], each.truth) for each in over]
-            rows = [
-                run.velocity_biased if name == "velocity_bias_rate" else run.held(truth)
-                for run, truth in runs
-            ]
-            values[name][aid] = mean_over_floors(np.stack(rows), rng, highest=1.0)
+    # Of the field, where it had a velocity: shares of frames.
+    shares: dict[str, Callable[[Track, np.ndarray], np.ndarray]] = {
+        "velocity_bias_rate": lambda run, _: run.velocity_biased,
+        "held": lambda run, truth: run.held(truth),
+    }
+    for name, share in shares.items():
+        values[name] = {
+            aid: mean_over_floors(
+                np.stack([share(each.flown["field"][aid], each.truth) for each in over]),
+                rng, highest=1.0,
+            )
+            for aid in ("velocity", "turned")
+        }  # fmt: skip
     values |= {
         "beside_cm": 100 * float(np.mean([each.beside.mean() for each in over])),
         "ripple_cm": 100 * float(np.mean([each.ripple for each in over])),
         "floors": len(over),
         "frames": int(errors["field"]["nothing"].size),
     }
-    by_floor = {
-        method: {aid: 100 * rows.mean(axis=1) for aid, rows in found.items()}
-        for method, found in errors.items()
-    }
-    return parameters.record(train, values=values, series={"by_floor_cm": by_floor})
+    return parameters.record(train, values=values)
 
 
 def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, height: float) -> _Over:
@@ -231,16 +229,14 @@ def finding(record: Record) -> str:
         sure = "less" if low > 0 else "more" if high < 0 else "neither more nor less"
         return f"{distance(field[aid])}, {sure} beyond chance"
 
+    biased = {aid: percent(rate) for aid, rate in values["velocity_bias_rate"].items()}
     return (
         f"By the frame alone the mean error of method field is {distance(field['nothing'])}; with "
         f"a velocity as well, {error('velocity')}. A velocity that a compass turns by "
         f"{number(abs(record.parameters['compass_deg']))} degrees is taken for wrong in "
-        f"{percent(values['velocity_bias_rate']['turned'])} of frames, a right one in "
-        f"{percent(values['velocity_bias_rate']['velocity'])}; with it, the error of the field is "
-        f"{error('turned')}. With attitude and height, so that frames are "
-        f"counted as seen from straight above, it is {error('view')}. A tilted camera looked "
-        f"{number(values['beside_cm'])} cm beside the vehicle on average, and its height rippled "
-        f"by {number(values['ripple_cm'])} cm."
+        f"{biased['turned']} of frames, a right one in {biased['velocity']}. With the turned one "
+        f"the error is {error('turned')}. With attitude and height, and frames counted as seen "
+        f"from straight above, it is {error('view')}."
     )
 
 

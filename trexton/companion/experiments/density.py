@@ -6,12 +6,11 @@ that cover all of it, and flies over it later. Paper, Sec. Dataset Generation: o
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,11 +24,11 @@ from trexton.companion.experiments.declaration import SURVEYED, Experiment, opti
 from trexton.companion.experiments.evaluation import frames_of
 from trexton.companion.experiments.floors import FloorParameters, mean_over_floors
 from trexton.companion.experiments.style import COLORS, canvas, legend_above, with_intervals
-from trexton.companion.experiments.track import fly
+from trexton.companion.experiments.track import Track, fly
 from trexton.companion.wording import distance, number, percent
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
-from trexton.localization.localizer import Localizer
+from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import counted, for_method, train_map
 from trexton.simulator.floor import Floor
 from trexton.simulator.recording import record_flight
@@ -57,24 +56,14 @@ class Parameters(FloorParameters):
     samples: int = option(SAMPLES, "patches drawn from an image", low=1)
 
 
-@dataclass(frozen=True, eq=False)
-class _Over:
-    """One survey of one floor, and the later flight.
-
-    Attributes
-    ----------
-    errors, held : dict of str to (N,) array
-        By method: metres, and whether the region that should hold 90 % held the truth.
-    apart : float
-        Mean distance from a place to the nearest frame of the survey, metres.
-    lasted : float
-        The survey, seconds.
+class _Over(NamedTuple):
+    """One survey of one floor: by method the later flight with its map, the survey's seconds, and
+    the mean distance from a place to its nearest frame in metres.
     """
 
-    errors: dict[str, np.ndarray]
-    held: dict[str, np.ndarray]
-    apart: float
+    flown: dict[str, Track]
     lasted: float
+    apart: float
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -91,34 +80,35 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     ParameterError
         The flight has no floor or camera to lend.
     """
-    flown = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
+    floors = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
     rng = stream(parameters.seed, "intervals")
     surveys = []
     by_floor: dict[str, list[np.ndarray]] = {name: [] for name in METHODS}
-    for times, over in zip(TIMES, zip(*flown, strict=True), strict=True):
-        judged: dict[str, Any] = {}
+    for index, times in enumerate(TIMES):
+        over: list[_Over] = [surveyed[index] for surveyed, _ in floors]
+        survey: dict[str, Any] = {
+            "frames": times * parameters.survey,
+            "lasted_s": float(np.mean([each.lasted for each in over])),
+            "apart_cm": 100 * float(np.mean([each.apart for each in over])),
+        }
         for name in METHODS:
-            errors = 100 * np.stack([each.errors[name] for each in over])
-            held = np.stack([each.held[name] for each in over])
-            judged[name] = {
+            runs = [(each.flown[name], floor[1]) for each, floor in zip(over, floors, strict=True)]
+            errors = 100 * np.stack([run.errors(truth) for run, truth in runs])
+            survey[name] = {
                 "error_cm": mean_over_floors(errors, rng),
                 "median_cm": float(np.median(errors)),
-                "held": float(held.mean()),
+                "held": float(np.mean([run.held(truth) for run, truth in runs])),
             }
             by_floor[name].append(errors.mean(axis=1))
-        apart = 100 * float(np.mean([each.apart for each in over]))
-        lasted = float(np.mean([each.lasted for each in over]))
-        surveys.append({
-            "frames": times * parameters.survey, "lasted_s": lasted, "apart_cm": apart, **judged,
-        })  # fmt: skip
-    values = {"surveys": surveys, "floors": len(flown), "frames": parameters.frames}
+        surveys.append(survey)
+    values = {"surveys": surveys, "floors": len(floors), "frames": parameters.frames}
     return parameters.record(train, values=values, series={"by_floor_cm": by_floor})
 
 
 def _over(
     parameters: Parameters, seed: int, floor: Floor, camera: Camera, height: float
-) -> list[_Over]:
-    """The surveys of one floor, and one later flight."""
+) -> tuple[list[_Over], np.ndarray]:
+    """The surveys of one floor, and the true positions of one later flight."""
     if not parameters.floors:
         seed += 1000
     common: dict[str, Any] = {"floor": floor, "camera": camera, "height": height, "every": 2}
@@ -127,56 +117,51 @@ def _over(
             Path(folder) / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1,
             **common,
         )  # fmt: skip
-        frames = frames_of(later)
-        surveys = (
-            record_flight(
+        frames, over = frames_of(later), []
+        for times in TIMES:
+            survey = record_flight(
                 Path(folder) / f"survey-{times}", frames=times * parameters.survey, seed=seed,
                 **common,
-            )
-            for times in TIMES
-        )  # fmt: skip
-        return [_surveyed(parameters, survey, frames, later.position, seed) for survey in surveys]
+            )  # fmt: skip
+            places, _ = grid_cells(survey.area, PLACES)
+            apart = float(cKDTree(survey.position).query(places)[0].mean())
+            flown = {
+                name: fly(
+                    Localizer(
+                        each, samples=parameters.samples, rng=stream(seed, f"density {name}")
+                    ),
+                    frames,
+                )
+                for name, each in _maps(parameters, survey).items()
+            }
+            over.append(_Over(flown, float(survey.time[-1] - survey.time[0]), apart))
+    return over, later.position
 
 
-def _surveyed(
-    parameters: Parameters, survey: Flight, frames: Sequence[np.ndarray], truth: np.ndarray,
-    seed: int,
-) -> _Over:  # fmt: skip
-    """The later flight's frames with maps of one survey."""
+def _maps(parameters: Parameters, survey: Flight) -> dict[str, TextonMap]:
+    """By method, of one survey."""
     base = train_map(survey, n_textons=parameters.textons, rng=stream(parameters.seed, "training"))
-    field = stream(parameters.seed, "map field")
-    maps = {
+    rng = stream(parameters.seed, "map field")
+    return {
         "paper": base,
-        "field": for_method(base, "field", rng=field),
-        "parts": for_method(counted(base, survey, parameters.cells), "field", rng=field),
+        "field": for_method(base, "field", rng=rng),
+        "parts": for_method(counted(base, survey, parameters.cells), "field", rng=rng),
     }
-    errors, held = {}, {}
-    for name, texton_map in maps.items():
-        rng = stream(seed, f"density {name}")
-        track = fly(Localizer(texton_map, samples=parameters.samples, rng=rng), frames)
-        errors[name], held[name] = track.errors(truth), track.held(truth)
-    places, _ = grid_cells(survey.area, PLACES)
-    apart = float(cKDTree(survey.position).query(places)[0].mean())
-    return _Over(errors, held, apart, float(survey.time[-1] - survey.time[0]))
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in three sentences."""
-    short, *_, long = record.values["surveys"]
-    near, far = (number(survey["apart_cm"]) for survey in (long, short))
-    return (
-        f"Surveyed for {number(short['lasted_s'])} s, a place lies {far} cm from the nearest frame "
-        f"on average, and half of the frames of the field of whole images err by more than "
-        f"{distance(short['field']['median_cm'])}, of that of their parts by more than "
-        f"{distance(short['parts']['median_cm'])}; the 90 % regions hold "
-        f"{percent(short['field']['held'])} and {percent(short['parts']['held'])} of the truth. "
-        f"With closer lanes, in {number(long['lasted_s'])} s, the frame is {near} cm away, the "
-        f"median errors are {distance(long['field']['median_cm'])} and "
-        f"{distance(long['parts']['median_cm'])}, and the regions hold "
-        f"{percent(long['field']['held'])} and {percent(long['parts']['held'])}. "
-        f"The paper's filter goes from "
-        f"{distance(short['paper']['median_cm'])} to {distance(long['paper']['median_cm'])}."
-    )
+    """What the experiment found, a sentence for the shortest survey and one for the longest."""
+    said = []
+    for survey in (record.values["surveys"][0], record.values["surveys"][-1]):
+        whole, parts, paper = (survey[name] for name in ("field", "parts", "paper"))
+        said.append(
+            f"Surveyed for {number(survey['lasted_s'])} s, a place lies "
+            f"{number(survey['apart_cm'])} cm from the nearest frame on average. The median error "
+            f"of the field of whole images is {distance(whole['median_cm'])}, of that of their "
+            f"parts {distance(parts['median_cm'])}, of the paper's filter "
+            f"{distance(paper['median_cm'])}."
+        )
+    return " ".join(said)
 
 
 def errors(record: Record) -> Figure:

@@ -40,25 +40,14 @@ def trained_map(
     positions: np.ndarray | None = None,
 ) -> TextonMap:
     """The texton map of `train`, from the cache if the same inputs were used before."""
-    inputs = {
-        "flight": train.data_hash,
-        "textons": textons,
-        "patch": patch,
-        "neighbors": neighbors,
-        "seed": seed,
-    }
+    options: dict[str, Any] = {"n_textons": textons, "patch": patch, "neighbors": neighbors}
+    inputs = {"flight": train.data_hash, "seed": seed, **options}
     if positions is not None:
         inputs["positions"] = [[float(value).hex() for value in row] for row in positions]
 
     def compute() -> Any:
         rng = stream(seed, "training")
-        options: dict[str, Any] = {
-            "n_textons": textons,
-            "patch": patch,
-            "neighbors": neighbors,
-            "positions": positions,
-        }
-        return to_arrays(train_map(train, rng=rng, **options))
+        return to_arrays(train_map(train, rng=rng, positions=positions, **options))
 
     return from_arrays(cached("map", "trexton.localization.localizer", inputs, compute))
 
