@@ -22,7 +22,8 @@ class Cluster:
     def __init__(self, folder: Path, workers: int = 2):
         self.folder, self.size = folder, workers
         self.processes: list[subprocess.Popen] = []
-        paths = os.pathsep.join([str(ROOT), str(Path(__file__).parent)])
+        tests = Path(__file__).parent  # and the folder of the tests whose functions are called
+        paths = os.pathsep.join(map(str, [ROOT, tests, tests / "companion" / "build"]))
         self.environment = os.environ | {"PYTHONPATH": paths}
 
     def __enter__(self) -> Cluster:

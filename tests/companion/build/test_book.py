@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import nbformat
 import pytest
 import yaml
 from conftest import ROOT, mocap_record, small_flight
@@ -16,11 +17,10 @@ import trexton
 from trexton.base.errors import DataError, TrextonError
 from trexton.companion.build import prepare_flights as book_flights
 from trexton.companion.build.display import Outcome
+from trexton.companion.build.engine import sole_writer
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.formats import nbformat
 from trexton.companion.build.link_check import audit
 from trexton.companion.build.make import build_small_book
-from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prepare_flights import prepare_flights
 from trexton.companion.build.prose import render
 from trexton.companion.build.sources import Contents, public_names, stage
@@ -219,11 +219,11 @@ def toy_flights(tmp_path, monkeypatch):
     """`prepare_flights` with small flights in place of the real ones; counts what is made."""
     made = []
 
-    def make(path, source=None):
-        made.append(path.name)
-        return write_flight(small_flight(name=path.name), path, replace=True)
+    def make(path, pattern=None):
+        made.append(Path(path).name)
+        return write_flight(small_flight(name=Path(path).name), path, replace=True)
 
-    monkeypatch.setattr(book_flights, "_simulate", make)
+    monkeypatch.setattr(book_flights, "simulate", make)
     monkeypatch.setattr(book_flights, "fetch", lambda name, path, replace: make(path))
     return tmp_path / "flights", made
 
@@ -231,23 +231,22 @@ def toy_flights(tmp_path, monkeypatch):
 def test_flights_are_made_once_and_again_when_damaged(toy_flights, monkeypatch):
     folder, made = toy_flights
     assert [pair.name for pair in prepare_flights(folder).pairs] == ["sim-survey", "cyberzoo"]
-    assert made == ["sim-survey", "sim-waypoints", "cyberzoo"]
-    assert prepare_flights(folder).said == [f"flight {name}: reused" for name in made]
+    names = ["sim-survey", "sim-waypoints", "cyberzoo"]
+    assert sorted(made) == sorted(names)
+    assert prepare_flights(folder).said == [f"flight {name}: reused" for name in names]
     frames = folder / "sim-survey" / "frames.csv"
     frames.write_text(frames.read_text().replace("1,0.0,1.0,0.0", "1,0.0,1.0,0.5"))
     assert (
         prepare_flights(folder).said[0]
-        == "flight sim-survey: made, because its files are not what was written"
+        == "flight sim-survey: made, because sim-survey is not what the run left"
     )
     shutil.rmtree(folder / "sim-waypoints")
     assert (
         prepare_flights(folder).said[1]
-        == "flight sim-waypoints: made, because it was not there whole"
+        == "flight sim-waypoints: made, because sim-waypoints is missing"
     )
-    monkeypatch.setattr(book_flights, "_simulation_inputs", lambda name: {"code": "other"})
-    assert (
-        prepare_flights(folder).said[0] == "flight sim-survey: made, because what makes it changed"
-    )
+    monkeypatch.setattr(book_flights, "simulation_inputs", lambda **_: {"module x": "other"})
+    assert "flight sim-survey: made, because module" in prepare_flights(folder).said[0]
     assert read_flight(folder / "sim-survey").name == "sim-survey"
 
 

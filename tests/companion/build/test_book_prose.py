@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 
+import nbformat
 import pandas as pd
 import pytest
 from conftest import ROOT
@@ -12,7 +13,6 @@ from conftest import ROOT
 from trexton.base.errors import ParameterError
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
-from trexton.companion.build.formats import nbformat
 from trexton.companion.build.headlines import headlines
 from trexton.companion.build.notebook import show_table
 from trexton.companion.build.pages import (

@@ -145,8 +145,8 @@ def test_a_cluster_without_workers_is_waited_for_with_a_word(tmp_path, monkeypat
     monkeypatch.setattr("trexton.companion.build.workers._WATCH_S", 0.5)
     mark, scheduler = tmp_path / "begun", ["--scheduler-file", tmp_path / "scheduler.json"]
     with Cluster(tmp_path, workers=1) as own:
-        with workers(own.address, None) as crew, ThreadPoolExecutor() as pool:
-            task = pool.submit(crew.call, begun, str(mark), 5.0)
+        with workers(own.address, None) as crew, crew.calls() as call, ThreadPoolExecutor() as pool:
+            task = pool.submit(call, begun, str(mark), 5.0)
             assert eventually(mark.exists)
             own.processes[1].kill()
             assert eventually(lambda: "no workers left" in capsys.readouterr().err)
@@ -168,8 +168,8 @@ def test_a_worker_that_lacks_the_package_is_named(cluster, monkeypatch):
 
 def test_a_scheduler_that_is_lost_is_named(tmp_path):
     with Cluster(tmp_path, workers=1) as own, workers(own.address, None) as crew:
-        with ThreadPoolExecutor() as pool:
-            task = pool.submit(crew.call, begun, str(tmp_path / "begun"), 30.0)
+        with crew.calls() as call, ThreadPoolExecutor() as pool:
+            task = pool.submit(call, begun, str(tmp_path / "begun"), 30.0)
             assert eventually((tmp_path / "begun").exists)
             own.processes[0].kill()
             with pytest.raises(TrextonError, match="was lost: start it and its workers, and repea"):

@@ -150,7 +150,7 @@ def test_sliders_begin_at_the_first_row_that_is_most_like_the_record(names):
 
 def test_a_notebook_opened_by_hand_writes_nothing_into_the_clone(tmp_path):
     """Papermill, as a person runs it in a folder of their own; parameters as papermill has them."""
-    from trexton.companion.build.formats import jupytext
+    import jupytext
 
     write_flight(small_flight(), tmp_path / "room")
     jupytext.write(jupytext.read(ROOT / "notebooks" / "mocap_training.md"), tmp_path / "mine.ipynb")

@@ -156,6 +156,7 @@ def test_a_cell_that_fails_costs_only_itself(flight, tmp_path, capsys):
     assert len(swept.rows) == 2 and all("1000000" in reason for reason in swept.failed.values())
     words = ["sweep", flight, "--experiment", "mocap_training", "--out", str(tmp_path / "out")]
     words += ["--set", "particles=5,7", "repeats=1", "neighbors=2,1000000", "seed=1", "--quiet"]
+    capsys.readouterr()
     assert cli.main(words) == 1
     said = capsys.readouterr()
     assert said.err.count("failed  ") == 2 and said.out.startswith("2 reused, 2 failed\n")

@@ -12,6 +12,7 @@ import tempfile
 from dataclasses import replace
 from pathlib import Path
 
+import nbformat
 import pytest
 from conftest import ROOT, small_flight
 from patience import alive, eventually
@@ -22,7 +23,6 @@ from trexton.base.errors import FlightError, ParameterError, TrextonError
 from trexton.cli import main as cli
 from trexton.companion.build.execution import Done
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.formats import nbformat
 from trexton.companion.build.notebooks import Notebook
 from trexton.companion.build.plan import run_experiments
 from trexton.companion.build.workers import modules_of_runs

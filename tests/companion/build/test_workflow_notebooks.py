@@ -9,7 +9,7 @@ from conftest import ROOT
 from tiny_notebooks import write_notebook
 
 from trexton.base.errors import TrextonError
-from trexton.companion.build.nodes import HashedNode, inputs_of, reasons
+from trexton.companion.build.engine import Fact, Step, _reasons
 from trexton.companion.build.notebooks import Notebook, find_notebooks
 from trexton.companion.experiments.registry import EXPERIMENTS
 
@@ -49,49 +49,46 @@ def test_a_result_kept_with_the_code_that_a_notebook_shows_goes_into_it():
     assert notebooks["heading"].kept.keys() == {"heading.json", "heading-60.json"}
     assert notebooks["suitability"].kept.keys() == {"sweep-suitability.json"}
     assert not notebooks["mocap_training"].kept
-    (fact,) = (
-        each
-        for each in inputs_of("small/fine", notebooks["fine"], {}, {})
-        if "fine.json" in (each.read() or {})
-    )
-    before = {fact.name: json.dumps({"fine.json": "1"})}
-    assert reasons([fact], before, ROOT, "fine") == ["file data/reference/fine.json changed"]
+    inputs = notebooks["fine"].inputs({}, {})
+    assert "file data/reference/fine.json" in inputs
+    before = inputs | {"file data/reference/fine.json": "1"}
+    assert reasons(before, inputs) == ["file data/reference/fine.json changed"]
 
 
-def test_changes_are_told_in_words(tmp_path):
+def reasons(before, now, outputs=None, left=None):
+    """Why a step with these inputs and outputs is run again."""
+    step = Step("task", now, print, [Fact("outputs", lambda: left)])
+    kept = {"task: inputs": json.dumps(before), "outputs": json.dumps(outputs or {})}
+    return _reasons(step, kept)
+
+
+def test_changes_are_told_in_words():
     old = {
-        "parameters": {"n": "1", "gone": "2"},
-        "code": {"trexton.x": "1", "trexton.y": "1"},
-        "data": {"train": "1"},
-        "versions": {"numpy": "2.0"},
-        "notebook": {"text": "a"},
-        "record small/first": {"small/first": "1"},
-    }
+        "parameter n": "1", "parameter gone": "2", "module trexton.x": "1", "module trexton.y": "1",
+        "data of the flight train": "1", "version of numpy": "2.0", "the notebook's text": "a",
+        "record small/first": "1",
+    }  # fmt: skip
     new = {
-        "parameters": {"n": "2"},
-        "code": {"trexton.x": "2", "trexton.z": "1"},
-        "data": {"train": "1", "test": "2"},
-        "versions": {"numpy": "2.1"},
-        "paper": {"claims.toml": "1"},
-        "notebook": {"text": "b"},
-        "record small/first": {"small/first": "2"},
-    }
-    before = {name: json.dumps(entries) for name, entries in old.items()}
-    facts = [
-        HashedNode(name, "task", lambda entries=entries: entries) for name, entries in new.items()
-    ]
-    assert reasons(facts, before, tmp_path, "second") == [
-        "parameter gone 2 -> absent",
-        "parameter n 1 -> 2",
+        "parameter n": "2", "module trexton.x": "2", "module trexton.z": "1",
+        "data of the flight train": "1", "data of the flight test": "2", "version of numpy": "2.1",
+        "file data/paper/claims.toml": "1", "the notebook's text": "b", "record small/first": "2",
+    }  # fmt: skip
+    assert reasons(old, new) == [
+        "data of the flight test is new",
+        "file data/paper/claims.toml is new",
         "module trexton.x changed",
         "module trexton.y is gone",
         "module trexton.z is new",
-        "data of the flight test is new",
-        "version of numpy 2.0 -> 2.1",
-        "file data/paper/claims.toml is new",
-        "the notebook's text changed",
+        "parameter gone 2 -> absent",
+        "parameter n 1 -> 2",
         "record small/first changed",
+        "the notebook's text changed",
+        "version of numpy 2.0 -> 2.1",
     ]
+    left = {"a.json": "1", "b.svg": "2"}
+    assert reasons({}, {}, left, {"b.svg": "3", "c.svg": "1"}) == [
+        "a.json is missing", "b.svg is not what the run left",
+    ]  # fmt: skip
 
 
 def test_every_registered_experiment_has_a_notebook_and_every_dependency_exists():

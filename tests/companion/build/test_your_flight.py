@@ -15,7 +15,7 @@ from small_room import histogram_flight, picture_flight
 
 from trexton.base.errors import DataError
 from trexton.cli.main import main
-from trexton.companion.build import shell
+from trexton.companion.build import console_output
 from trexton.companion.build.console_output import with_output
 from trexton.companion.build.prose import render
 from trexton.flights import Flight, read_flight, write_flight
@@ -35,7 +35,7 @@ def test_commands_are_run_in_order_and_shown_with_what_they_say(tmp_path, monkey
     assert "6 images of" in first and second.splitlines()[1] == "frames       6 (0 to 5)"
     assert re.sub(r"\n```text\n.*?```\n", "", shown, flags=re.S) == text
     with monkeypatch.context() as patch:
-        patch.setattr(shell, "lay_recording", None)  # nothing is run again
+        patch.setattr(console_output, "lay_recording", None)  # nothing is run again
         assert with_output(text, flight, tmp_path / "kept.json") == shown
     with pytest.raises(DataError, match="'trexton check nowhere' in a page ended with 1"):
         with_output(page.format("trexton check nowhere"), flight, tmp_path / "kept.json")

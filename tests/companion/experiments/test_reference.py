@@ -7,12 +7,12 @@ import re
 import tomllib
 from importlib import import_module
 
+import jupytext
 import pytest
 from conftest import ROOT, small_flight
 
 from trexton.base.records import Record
 from trexton.companion.build import notebook
-from trexton.companion.build.formats import jupytext
 from trexton.companion.experiments import suitability
 
 PAGES = {

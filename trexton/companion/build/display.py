@@ -1,4 +1,4 @@
-"""One progress display: a bar on a terminal, a line a notebook elsewhere, nothing when quiet."""
+"""What became of a step, and one progress display: a bar on a terminal, a line a step elsewhere."""
 
 from __future__ import annotations
 
@@ -22,6 +22,11 @@ class Outcome:
     reasons: tuple[str, ...] = ()
     seconds: float = 0.0
 
+    @property
+    def good(self) -> bool:
+        """Whether its results are there."""
+        return self.status in ("ran", "reused")
+
     def __str__(self) -> str:
         where = f"{self.flight}/{self.experiment}" if self.flight else self.experiment
         took = f" ({self.seconds:.1f} s)" if self.status in ("ran", "failed") else ""
@@ -29,18 +34,16 @@ class Outcome:
 
 
 class Display:
-    """Counts finished notebooks and names those that are running."""
+    """Counts finished steps of `total` and names those that are running; nothing when quiet."""
 
-    def __init__(self, total: int):
-        self._running: dict[int, str] = {}
+    def __init__(self, total: int, of: str = "notebooks"):
+        self._running: dict[str, str] = {}
         self._lock = threading.Lock()
         self._bar: Any = None
         if total and not is_quiet() and sys.stderr.isatty():
             from tqdm import tqdm
 
-            self._bar = tqdm(
-                total=total, desc="notebooks", file=sys.stderr, leave=False, dynamic_ncols=True
-            )
+            self._bar = tqdm(total=total, desc=of, file=sys.stderr, leave=False, dynamic_ncols=True)
 
     def __enter__(self) -> Display:
         return self
@@ -49,19 +52,17 @@ class Display:
         if self._bar is not None:
             self._bar.close()
 
-    def moved(self, slot: int, text: str | None) -> None:
-        """What the worker thread `slot` is at; None: nothing."""
+    def moved(self, name: str, done: int, total: int) -> None:
+        """How far the step is."""
         with self._lock:
-            if text is None:
-                self._running.pop(slot, None)
-            else:
-                self._running[slot] = text
+            self._running[name] = f"{name} {done}/{total}"
             if self._bar is not None:
                 self._bar.set_postfix_str(", ".join(self._running.values()))
 
     def finished(self, outcome: Outcome) -> None:
-        """Tell of one experiment."""
+        """Tell of one step."""
         with self._lock:
+            self._running.pop(f"{outcome.flight}/{outcome.experiment}".strip("/"), None)
             if self._bar is None:
                 if outcome.status != "reused":
                     say(str(outcome))

@@ -1,11 +1,21 @@
-"""Hand tasks to pytask: it decides by content what must run, in which order, and remembers."""
+"""One scheduler for all that is made: flights, executed notebooks, cells of a sweep.
+
+A `Step` says what goes into it, what it leaves and how it is made; `build` hands steps to pytask,
+which decides by content what must run, in which order, and remembers. It says why each was run.
+"""
 
 from __future__ import annotations
 
+import fcntl
+import hashlib
+import json
 import threading
-from collections.abc import Callable, Iterator, Sequence
+import time
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +23,102 @@ import pytask
 from pytask_parallel import ParallelBackend, WorkerType, registry
 
 from trexton.base.errors import TrextonError
-from trexton.companion.build import execution
-from trexton.companion.build.nodes import HashedNode
+from trexton.base.files import digest
+from trexton.companion.build.display import Display, Outcome
 
-__all__ = ["Turns", "build", "task"]
+__all__ = ["Fact", "Step", "build", "files_fact", "labelled", "sole_writer"]
 
 # Counts up whenever results of an older version of this package must not be taken over.
-_VERSION = "1"
+_VERSION = "2"
+Entries = dict[str, str]
+Report = Callable[[int, int], None]
+
+
+@dataclass
+class Fact:
+    """A node of the engine: named entries whose values are compared, among them hashes of files.
+
+    Attributes
+    ----------
+    name : str
+        Unique in a run: one step leaves what another of the same name reads.
+    read : callable
+        The entries now; None where there is nothing yet.
+    """
+
+    name: str
+    read: Callable[[], Entries | None]
+    attributes: dict[Any, Any] = field(default_factory=dict)
+
+    @property
+    def signature(self) -> str:
+        return hashlib.sha256(self.name.encode()).hexdigest()
+
+    def state(self) -> str | None:
+        """The entries as one text, which the engine keeps and compares."""
+        entries = self.read()
+        return None if entries is None else json.dumps(entries, sort_keys=True)
+
+    def load(self, is_product: bool = False) -> None:
+        """Nothing is handed to the task: it reads the files itself."""
+
+    def save(self, value: object) -> None:
+        """Nothing is kept: the task writes the files itself."""
+
+
+def files_fact(name: str, files: Callable[[], Sequence[Path]]) -> Fact:
+    """The files that a step left, by content; nothing yet where there are none."""
+    return Fact(name, lambda: {path.name: digest(path) for path in files()} or None)
+
+
+def labelled(label: str, entries: Mapping[str, object]) -> Entries:
+    """Inputs of a `Step`, as ``{"parameter seed": "1"}``; what is no text is compared by `repr`."""
+    return {f"{label} {k}": v if isinstance(v, str) else repr(v) for k, v in entries.items()}
+
+
+@dataclass
+class Step:
+    """Something to make.
+
+    Attributes
+    ----------
+    name : str
+        ``flight/experiment``, or another name with or without a folder.
+    inputs : dict of str to str
+        What is fixed beforehand; the keys are words, in which changes are told.
+    work : callable
+        Makes it; is handed a function to tell of its progress, ``report(done, total)``.
+    leaves, reads : sequence of Fact
+        What it leaves (first its own files), and what of other steps it reads.
+    alone : bool
+        It measures time: nothing runs beside it.
+    urgent : bool
+        It starts before others: it takes long, or others wait for it.
+    """
+
+    name: str
+    inputs: Entries
+    work: Callable[[Report], None]
+    leaves: Sequence[Fact]
+    reads: Sequence[Fact] = ()
+    alone: bool = False
+    urgent: bool = False
+
+    @property
+    def facts(self) -> list[Fact]:
+        """All that goes in."""
+        return [Fact(f"{self.name}: inputs", lambda: self.inputs), *self.reads]
+
+    def task(self, perform: Callable[[Step], None]) -> pytask.TaskWithoutPath:
+        """As pytask has it."""
+        turn = "try_last" if self.alone else "try_first" if self.urgent else ""
+        return _Task(
+            name=self.name,
+            function=lambda **_: perform(self),
+            depends_on={"reads": self.facts},
+            produces={"leaves": list(self.leaves)},
+            markers=[pytask.Mark(turn, (), {})] if turn else [],
+        )
 
 
 class _Task(pytask.TaskWithoutPath):
@@ -27,46 +126,6 @@ class _Task(pytask.TaskWithoutPath):
 
     def state(self) -> str:
         return _VERSION
-
-
-def task(
-    name: str,
-    function: Callable[[], None],
-    reads: Sequence[HashedNode],
-    leaves: Sequence[HashedNode],
-    turn: str | None = None,
-) -> pytask.TaskWithoutPath:
-    """A task for `build`: `turn` is ``"try_first"``, ``"try_last"`` or None."""
-    return _Task(
-        name=name,
-        function=lambda **_: function(),
-        depends_on={"reads": list(reads)},
-        produces={"leaves": list(leaves)},
-        markers=[pytask.Mark(turn, (), {})] if turn else [],
-    )
-
-
-class Turns:
-    """Tasks run beside each other, but what measures time has the machine to itself."""
-
-    def __init__(self) -> None:
-        self._condition, self._beside, self._alone = threading.Condition(), 0, False
-
-    @contextmanager
-    def turn(self, alone: bool) -> Iterator[None]:
-        """Wait for the turn, and hold it for the block."""
-        with self._condition:
-            self._condition.wait_for(lambda: not self._alone and not (alone and self._beside))
-            self._alone, self._beside = alone, self._beside + (not alone)
-        try:
-            yield
-        finally:
-            with self._condition:
-                self._alone, self._beside = (
-                    False if alone else self._alone,
-                    self._beside - (not alone),
-                )
-                self._condition.notify_all()
 
 
 class _Threads(ThreadPoolExecutor):
@@ -82,19 +141,16 @@ class _Threads(ThreadPoolExecutor):
 
 
 def build(
-    tasks: Sequence[pytask.TaskWithoutPath],
-    root: Path,
-    jobs: int,
-    stop: Callable[[], None] = execution.stop_all,
-) -> dict[str, Any]:
-    """Run what must be run; returns pytask's report of each task by name.
+    steps: Sequence[Step], root: Path, jobs: int, stop: Callable[[], None], display: Display
+) -> dict[str, Outcome]:
+    """Run what must be run; returns what became of each step, by name.
 
     Parameters
     ----------
     root : Path
         Folder of the engine's memory, ``pytask.lock``.
     jobs : int
-        Tasks at once.
+        Steps at once.
     stop : callable
         Ends what is running when the run is interrupted.
 
@@ -106,6 +162,66 @@ def build(
         The engine could not start.
     """
     root.mkdir(parents=True, exist_ok=True)
+    before, outcomes, stopping = _remembered(root), dict[str, Outcome](), threading.Event()
+    room, entrance = threading.Semaphore(jobs), threading.Lock()
+
+    def settle(step: Step, status: str, reasons: Sequence[str], seconds: float = 0.0) -> None:
+        flight, _, name = step.name.rpartition("/")
+        outcomes[step.name] = Outcome(flight, name, status, tuple(reasons), seconds)
+        display.finished(outcomes[step.name])
+
+    def perform(step: Step) -> None:
+        why = _reasons(step, before.get(step.name))
+        with _entered(room, entrance, jobs if step.alone else 1):
+            started = time.monotonic()
+            try:
+                step.work(lambda done, total: display.moved(step.name, done, total))
+            except Exception as error:
+                if not stopping.is_set():
+                    sentence = _sentence(step.name, error)
+                    settle(step, "failed", [sentence], time.monotonic() - started)
+                raise
+            settle(step, "ran", why, time.monotonic() - started)
+
+    def halt() -> None:
+        stopping.set()
+        stop()
+
+    by_name = {step.name: step for step in steps}
+    for report in _session([step.task(perform) for step in steps], root, jobs, halt):
+        step = by_name[report.task.name]
+        if report.outcome == pytask.TaskOutcome.SKIP_UNCHANGED:
+            settle(step, "reused", [f"nothing changed in its {len(step.inputs)} inputs"])
+        elif report.outcome == pytask.TaskOutcome.SKIP_PREVIOUS_FAILED:
+            read = {fact.name for fact in step.reads}
+            broken = (
+                name for name, one in outcomes.items() if one.status in ("failed", "skipped")
+                and read.intersection(fact.name for fact in by_name[name].leaves)
+            )  # fmt: skip
+            settle(step, "skipped", [f"{_last(next(broken))}, which it builds on, failed"])
+        elif step.name not in outcomes:
+            settle(step, "failed", [_sentence(step.name, report.exc_info[1])])
+    if outcomes.keys() < by_name.keys():
+        raise KeyboardInterrupt
+    return outcomes
+
+
+@contextmanager
+def _entered(room: threading.Semaphore, entrance: threading.Lock, places: int) -> Iterator[None]:
+    """Hold so many places within the block; who waits for all of them lets nobody in before."""
+    with entrance:
+        for _ in range(places):
+            room.acquire()
+    try:
+        yield
+    finally:
+        room.release(places)
+
+
+def _session(
+    tasks: Sequence[pytask.TaskWithoutPath], root: Path, jobs: int, stop: Callable[[], None]
+) -> list[Any]:
+    """pytask's reports, in the order in which it came to them."""
     config = root / "pyproject.toml"
     config.write_text("[tool.pytask.ini_options]\n", encoding="utf-8")
     registry.register_parallel_backend(
@@ -122,9 +238,81 @@ def build(
         )  # fmt: skip
     finally:
         pytask.console.quiet = quiet
-    reports = {report.task.name: report for report in session.execution_reports}
-    if not reports.keys() >= {each.name for each in tasks}:
-        if session.exit_code in (pytask.ExitCode.CONFIGURATION_FAILED, pytask.ExitCode.DAG_FAILED):
-            raise TrextonError(f"the workflow engine could not start ({session.exit_code.name})")
-        raise KeyboardInterrupt
-    return reports
+    if session.exit_code in (pytask.ExitCode.CONFIGURATION_FAILED, pytask.ExitCode.DAG_FAILED):
+        raise TrextonError(f"the workflow engine could not start ({session.exit_code.name})")
+    return list(session.execution_reports)
+
+
+def _last(name: str) -> str:
+    return name.rpartition("/")[2]
+
+
+def _sentence(name: str, error: BaseException) -> str:
+    if isinstance(error, OSError) and error.filename:
+        reason = f"{error.filename}: {error.strerror}: mend it, what was there before is kept"
+        return f"{name}: {reason}"
+    return str(error) if isinstance(error, TrextonError) else f"{name}: {error!r}"
+
+
+def _remembered(root: Path) -> dict[str, dict[str, str]]:
+    """What the engine's lock file (and the journal of a run cut short) holds, by task and fact.
+
+    A file that cannot be read is put away: everything is then run again, which is always right.
+    """
+    lock, journal = root / "pytask.lock", root / "pytask.lock.journal"
+    try:
+        content = tomllib.loads(lock.read_text("utf-8")) if lock.is_file() else {"task": []}
+        entries = content["task"]
+        if content.get("lock-version", "1") != "1":
+            raise ValueError("another version")
+    except (ValueError, KeyError, TypeError):
+        lock.replace(lock.with_suffix(".damaged"))
+        entries = []
+    if journal.is_file():
+        for line in journal.read_text("utf-8", errors="replace").splitlines():
+            try:
+                entries.append(json.loads(line))
+            except ValueError:
+                break  # the line that was being written when the run was killed
+    return {one["id"]: one.get("depends_on", {}) | one.get("produces", {}) for one in entries}
+
+
+def _reasons(step: Step, before: Mapping[str, str] | None) -> list[str]:
+    """Why the last run cannot be reused, in words."""
+    if before is None:
+        return ["no finished run"]
+    lines = []
+    for fact in (*step.facts, step.leaves[0]):
+        old, new = json.loads(before.get(fact.name, "{}")), fact.read() or {}
+        for key in sorted(old.keys() | new.keys()):
+            if old.get(key) != new.get(key):
+                own = fact is step.leaves[0]
+                lines.append((_touched if own else _difference)(key, old.get(key), new.get(key)))
+    return list(dict.fromkeys(filter(None, lines)))
+
+
+def _touched(file: str, old: str | None, new: str | None) -> str:
+    """What is no longer as the run left it; what was put beside it does not count."""
+    if old is None:
+        return ""
+    return f"{file} is missing" if new is None else f"{file} is not what the run left"
+
+
+def _difference(key: str, old: str | None, new: str | None) -> str:
+    if key.startswith(("parameter ", "version of ")):
+        return f"{key} {old or 'absent'} -> {new or 'absent'}"
+    return f"{key} {'is new' if old is None else 'is gone' if new is None else 'changed'}"
+
+
+@contextmanager
+def sole_writer(out: Path) -> Iterator[None]:
+    """Hold the folder of results; the system lets go of it even if this process is killed."""
+    (out / ".engine").mkdir(parents=True, exist_ok=True)
+    with open(out / ".engine" / "writer", "w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise TrextonError(
+                f"another run is writing to {out}: wait for it, or choose another folder"
+            ) from None
+        yield

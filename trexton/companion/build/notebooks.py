@@ -1,9 +1,12 @@
-"""Text notebooks as the workflow sees them: what they import, and their hash."""
+"""Notebooks as the workflow sees them: what goes into a run of one, and the files it leaves.
+
+Nothing is executed here: the code that a notebook reaches is read from its imports.
+"""
 
 from __future__ import annotations
 
 import ast
-import hashlib
+import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,16 +15,20 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
+import jupytext
+
 import trexton
 from trexton.base.cache import code_hashes, kept_results, shipped
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import digest
-from trexton.companion.build.formats import jupytext
+from trexton.base.records import software_versions
+from trexton.companion.build.engine import Entries, labelled
 from trexton.companion.experiments.declaration import Experiment
+from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import MODULES
 from trexton.flights.tables import read_text
 
-__all__ = ["GIVEN", "Notebook", "find_notebooks"]
+__all__ = ["GIVEN", "Notebook", "find_notebooks", "inputs_of", "outputs_of", "read_content"]
 
 # The workflow fills these in; nobody sets them by hand.
 GIVEN = ("flight", "test_flight", "out")
@@ -71,10 +78,14 @@ class Notebook:
     source: str
     text: str
 
-    @property
-    def text_hash(self) -> str:
-        """SHA-256 of the text."""
-        return hashlib.sha256(self.text.encode()).hexdigest()
+    def inputs(self, parameters: Mapping[str, object], data: Mapping[str, str]) -> Entries:
+        """Everything that goes into a run but the records of other experiments, in words."""
+        return {
+            "the notebook's text": digest(self.text),
+            **inputs_of(parameters, self.code, data),
+            **labelled("file", {f"data/paper/{p.name}": digest(p) for p in _printed()}),
+            **labelled("file", {f"data/reference/{k}": v for k, v in self.kept.items()}),
+        }
 
     @cached_property
     def content(self) -> Any:
@@ -135,3 +146,33 @@ def _imported_modules(node: ast.AST) -> list[str]:
             *(lazy.get(alias.name, f"{node.module}.{alias.name}") for alias in node.names),
         ]
     return names
+
+
+def _printed() -> list[Path]:
+    return sorted(paper_file("").glob("*.toml"))
+
+
+def inputs_of(
+    parameters: Mapping[str, object], code: Mapping[str, str], data: Mapping[str, str]
+) -> Entries:
+    """What goes into any run: parameters, hashes of modules and of flights (by role), versions."""
+    return {
+        **labelled("parameter", {name: repr(value) for name, value in parameters.items()}),
+        **labelled("module", code),
+        **labelled("data of the flight", data),
+        **labelled("version of", software_versions()),
+    }
+
+
+def outputs_of(folder: Path, name: str) -> list[Path]:
+    """What the experiment `name` left in `folder`: record, executed notebook, figures, pictures."""
+    kept = [path for path in (folder / f"{name}.json", folder / f"{name}.ipynb") if path.is_file()]
+    return kept + sorted(path for path in folder.glob(f"{name}-*") if path.is_file())
+
+
+def read_content(path: Path) -> Any:
+    """The content of a JSON file; None where it is missing or damaged."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None

@@ -9,7 +9,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from trexton.companion.build.formats import nbformat
+import nbformat
+
 from trexton.companion.build.headlines import headlines
 from trexton.companion.build.paper_map import map_table
 from trexton.companion.claims.ledger import load_records

@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
-import fcntl
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.files import atomic_file, digest
+from trexton.companion.build import engine
 from trexton.companion.build.display import Display, Outcome
+from trexton.companion.build.engine import Fact, Report, Step, files_fact
+from trexton.companion.build.execution import Job
 from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
-from trexton.companion.build.notebooks import GIVEN, Notebook, find_notebooks
-from trexton.companion.build.steps import Run, Step
-from trexton.companion.build.workers import default_jobs, workers
+from trexton.companion.build.notebooks import (
+    GIVEN,
+    Notebook,
+    find_notebooks,
+    outputs_of,
+    read_content,
+)
+from trexton.companion.build.workers import Workers, workers
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 
-__all__ = ["Outcome", "default_jobs", "run_experiments", "sole_writer"]
+__all__ = ["run_experiments"]
+
+_LONG_S = 60.0  # experiments that take longer start before others
 
 
 def run_experiments(
@@ -44,7 +56,7 @@ def run_experiments(
     settings : mapping, optional
         ``name`` or ``experiment.name`` to a value, or to its text as typed.
     jobs : int, optional
-        Notebooks at once; see `default_jobs`. On a cluster: as many as it has workers.
+        Notebooks at once, by default as many as fit. On a cluster: as many as it has workers.
     notebooks : path, optional
         The folder of notebooks, this package's own by default.
     cluster : str, optional
@@ -63,33 +75,19 @@ def run_experiments(
     check_out(out, pairs)
     everywhere = [n for n in chosen if experiments[n.name].every_flight]
     on_flights = [
-        Step(notebook, experiments[notebook.name], pair, parameters[notebook.name])
+        _Page(notebook, experiments[notebook.name], pair, parameters[notebook.name])
         for notebook in chosen
         if notebook not in everywhere
         for pair in pairs
     ]
     # What looks at every flight comes after all of them, also where one has failed.
-    last = [Step(notebook, experiments[notebook.name], None, {}) for notebook in everywhere]
-    total = len(on_flights) + len(last)
-    with workers(cluster, jobs) as crew, sole_writer(out), Display(total) as display:
-        run = Run(out, pairs, crew)
+    last = [_Page(notebook, experiments[notebook.name], None, {}) for notebook in everywhere]
+    display = Display(len(on_flights) + len(last))
+    with workers(cluster, jobs) as crew, engine.sole_writer(out), display:
+        run = _Run(out, pairs, crew)
         run.build(on_flights, display)
         run.build(last, display)
-    return [run.outcomes[step.key] for step in on_flights + last]
-
-
-@contextmanager
-def sole_writer(out: Path) -> Iterator[None]:
-    """Hold the folder of results; the system lets go of it even if this process is killed."""
-    (out / ".engine").mkdir(parents=True, exist_ok=True)
-    with open(out / ".engine" / "writer", "w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise TrextonError(
-                f"another run is writing to {out}: wait for it, or choose another folder"
-            ) from None
-        yield
+    return [run.outcomes[page.name] for page in on_flights + last]
 
 
 def _choose(
@@ -129,3 +127,143 @@ def _settings_of(
         for taker in takers:
             mine[taker][name] = value
     return {name: cls.parse(mine[name], name).as_dict() for name, cls in classes.items()}
+
+
+@dataclass(frozen=True)
+class _Page:
+    """One experiment on one pair of flights, or (`pair` None) over the records of all."""
+
+    notebook: Notebook
+    experiment: Experiment
+    pair: FlightPair | None
+    parameters: Mapping[str, Any]
+
+    @property
+    def flight(self) -> str:
+        return self.pair.name if self.pair else ""
+
+    @property
+    def name(self) -> str:
+        """The name of its step."""
+        return f"{self.flight}/{self.notebook.name}".strip("/")
+
+
+class _Run:
+    """One run into one folder of results: pages as steps, and what became of them."""
+
+    def __init__(self, out: Path, pairs: Sequence[FlightPair], crew: Workers):
+        self.out, self.pairs, self.crew = out, pairs, crew
+        self.root = out / ".engine"
+        self.outcomes: dict[str, Outcome] = {}
+        for leftover in self.root.glob(".work.*"):  # of a run that was killed
+            shutil.rmtree(leftover, ignore_errors=True)
+
+    def build(self, pages: Sequence[_Page], display: Display) -> None:
+        """Bring all pages up to date; fills `outcomes`."""
+        ready = []
+        for page in pages:
+            obstacle = page.pair.obstacle(page.experiment) if page.pair else None
+            if obstacle:
+                skipped = Outcome(page.flight, page.notebook.name, "skipped", (obstacle,))
+                self.outcomes[page.name] = skipped
+                display.finished(skipped)
+            else:
+                ready.append(page)
+        steps = [self._step(page, ready) for page in ready]
+        if steps:
+            self.outcomes |= engine.build(steps, self.root, self.crew.jobs, self.crew.stop, display)
+
+    def _step(self, page: _Page, planned: Sequence[_Page]) -> Step:
+        folder, name = self.out / page.flight, page.notebook.name
+        records = self._records(page, planned)
+        data = page.pair.hashes if page.pair else {}
+        whole = page.pair is None  # whatever looks at every flight shows timings too
+        return Step(
+            page.name,
+            # A record that is gone changes a result too.
+            page.notebook.inputs(page.parameters, data) | {_label(p): "read" for p in records},
+            partial(self._perform, page, records),
+            leaves=[
+                files_fact(f"{page.name}: outputs", partial(outputs_of, folder, name)),
+                _record_fact(folder / f"{name}.json"),
+            ],
+            reads=[_record_fact(path, timings=whole) for path in records],
+            alone=page.experiment.alone,
+            urgent=page.experiment.cost_s > _LONG_S
+            or any(name in other.experiment.after for other in planned),
+        )
+
+    def _records(self, page: _Page, planned: Sequence[_Page]) -> list[Path]:
+        """Records of other experiments that the page reads and that are, or will be, true."""
+        if page.pair is None:
+            flights = (self.out / pair.name for pair in self.pairs)
+            records = sorted(path for folder in flights for path in folder.glob("*.json"))
+        else:
+            names, folder = {other.name for other in planned}, self.out / page.flight
+            records = [
+                path
+                for name in page.experiment.after
+                if (path := folder / f"{name}.json").is_file() or f"{page.flight}/{name}" in names
+            ]
+        stale = {name for name, one in self.outcomes.items() if not one.good}
+        return [path for path in records if f"{path.parent.name}/{path.stem}" not in stale]
+
+    def _perform(self, page: _Page, records: Sequence[Path], report: Report) -> None:
+        """Run the notebook; its results replace the last ones when they are whole."""
+        folder, name = self.out / page.flight, page.notebook.name
+        done = self.crew.run(self._job(page, records), report)
+        failed = folder / f"{name}.failed.ipynb"
+        if done.error:
+            if done.partial:
+                _write(failed, done.partial)
+            kept = f"; partial output: {failed}" if done.partial else ""
+            raise TrextonError(done.error + kept)
+        old = {path.name for path in outputs_of(folder, name)}
+        for file, content in done.files.items():
+            _write(folder / file, content)
+        for file in (old - done.files.keys()) | {failed.name}:
+            (folder / file).unlink(missing_ok=True)
+
+    def _job(self, page: _Page, records: Sequence[Path]) -> Job:
+        given = page.pair.parameters(self.out) if page.pair else {"out": str(self.out)}
+        files = {
+            str(path.relative_to(self.out)): path.read_bytes()
+            for record in records
+            for path in outputs_of(record.parent, record.stem)
+            if path.suffix in (".json", ".png")
+        }
+        alone = page.experiment.alone
+        return Job(
+            name=page.notebook.name,
+            text=page.notebook.text,
+            source=page.notebook.source,
+            parameters={**given, **page.parameters},
+            subfolder=page.flight,
+            records=files,
+            folder=os.getcwd(),
+            work=str(self.root.resolve()),
+            threads=self.crew.threads(alone),
+            cluster="" if alone else self.crew.cluster,
+        )
+
+
+def _label(record: Path) -> str:
+    return f"record {record.parent.name}/{record.stem}"
+
+
+def _record_fact(path: Path, timings: bool = False) -> Fact:
+    """The record at `path`; its timings count only if `timings`."""
+    label = _label(path)
+
+    def read() -> dict[str, str] | None:
+        content = read_content(path)
+        if content is None:
+            return None
+        return {label: digest({k: v for k, v in content.items() if timings or k != "timings"})}
+
+    return Fact(f"{label} with its timings" if timings else label, read)
+
+
+def _write(path: Path, content: bytes) -> None:
+    with atomic_file(path, "wb") as stream:
+        stream.write(content)

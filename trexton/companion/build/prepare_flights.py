@@ -1,97 +1,116 @@
-"""The flights that the book is made from: the authors' real one, and the simulated pair."""
+"""Flights as steps: floors of a sweep, the book's simulated pair and the authors' real flight.
+
+Offers `flight_step` and `simulate`, and `prepare_flights`, which has the book's ready.
+"""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 from trexton.base.cache import code_hashes
-from trexton.base.errors import DataError, FlightError
-from trexton.base.files import atomic_file, canonical_json
+from trexton.base.errors import DataError, FlightError, TrextonError
+from trexton.base.files import canonical_json
 from trexton.base.progress import say
-from trexton.base.records import software_versions
+from trexton.companion.build.display import Display
+from trexton.companion.build.engine import Entries, Fact, Report, Step, build, labelled
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.flights import Flight, read_flight
+from trexton.companion.build.notebooks import inputs_of
+from trexton.flights import read_flight
 from trexton.flights.registry import fetch, raw_files
 
-__all__ = ["REAL", "SIMULATED", "Prepared", "prepare_flights"]
+__all__ = ["PATTERNS", "Prepared", "flight_step", "prepare_flights", "simulate"]
 
-SIMULATED = ("sim-survey", "sim-waypoints")
-REAL = "cyberzoo"
-_PATTERN = dict(zip(SIMULATED, ("survey", "waypoints"), strict=True))
+PATTERNS = ("survey", "waypoints")  # of a training and a test flight
+_REAL = "cyberzoo"
 
 
+def flight_step(path: Path, inputs: Entries, make: Callable[[], object]) -> Step:
+    """The step that makes the flight at `path`, unless it is whole and of the same inputs."""
+
+    def read() -> Entries | None:
+        try:
+            return {path.name: read_flight(path).data_hash}
+        except (OSError, ValueError, FlightError):
+            return None
+
+    def work(report: Report) -> None:
+        make()
+
+    return Step(path.name, inputs, work, [Fact(f"flight {path.name}", read)])
+
+
+def simulation_inputs(**options: object) -> Entries:
+    """What goes into `simulate`."""
+    return inputs_of(options, code_hashes("trexton.simulator"), {})
+
+
+def simulate(
+    path: str,
+    pattern: str,
+    layout: str = "hall",
+    seed: int = 0,
+    every: int = 1,
+    frames: int | None = None,
+) -> None:
+    """Record one flight over a painted floor."""
+    from trexton.simulator import Floor, record_flight
+
+    floor = Floor.painted(layout, seed)
+    record_flight(path, pattern=pattern, floor=floor, every=every, frames=frames, replace=True)
+
+
+@dataclass
 class Prepared:
-    """Flights that are ready, and sentences on what was made, reused or missing."""
+    """Flights that are ready, sentences on what was made or reused, and why one is absent."""
 
-    def __init__(self) -> None:
-        self.pairs: list[FlightPair] = []
-        self.absent: dict[str, str] = {}
-        self.said: list[str] = []
+    pairs: list[FlightPair] = field(default_factory=list)
+    absent: dict[str, str] = field(default_factory=dict)
+    said: list[str] = field(default_factory=list)
 
 
 def prepare_flights(folder: Path) -> Prepared:
-    """Make sure that the simulated pair and, if it can be had, the real flight are in `folder`."""
-    prepared = Prepared()
-    for name in SIMULATED:
-        _prepare(folder / name, _simulation_inputs(name), lambda path: _simulate(path), prepared)
-    prepared.pairs.append(FlightPair(*(str(folder / name) for name in SIMULATED)))
-    try:
-        _prepare(
-            folder / REAL, _real_inputs(), lambda path: fetch(REAL, path, replace=True), prepared
-        )
-        prepared.pairs.append(FlightPair(str(folder / REAL)))
-    except DataError as error:
-        prepared.absent[REAL] = str(error)
-        prepared.said.append(f"flight {REAL}: absent, the book goes without it: {error}")
+    """Make sure that the simulated pair and, if it can be had, the real flight are in `folder`.
+
+    Raises
+    ------
+    TrextonError
+        A flight could not be made, for another reason than that it cannot be fetched.
+    """
+    simulated, real, prepared = [folder / f"sim-{p}" for p in PATTERNS], folder / _REAL, Prepared()
+
+    def fetch_real() -> None:
+        try:
+            fetch(_REAL, real, replace=True)
+        except DataError as error:
+            prepared.absent[_REAL] = str(error)
+            raise
+
+    steps = [
+        flight_step(path, simulation_inputs(pattern=p), partial(_say_and_simulate, path, p))
+        for path, p in zip(simulated, PATTERNS, strict=True)
+    ]
+    code = labelled("module", code_hashes("trexton.flights.cyberzoo"))
+    files = labelled("file", {key: canonical_json(one) for key, one in raw_files(_REAL).items()})
+    steps.append(flight_step(real, code | files, fetch_real))
+    outcomes = build(steps, folder / ".engine", 1, lambda: None, Display(0))
+    for name in (step.name for step in steps):
+        one = outcomes[name]
+        if name in prepared.absent:
+            why = f"absent, the book goes without it: {prepared.absent[name]}"
+        elif not one.good:
+            raise TrextonError(one.reasons[0])
+        else:
+            why = one.status if one.status == "reused" else f"made, because {one.reasons[0]}"
+        prepared.said.append(f"flight {name}: {why}")
+    prepared.pairs.append(FlightPair(*map(str, simulated)))
+    if not prepared.absent:
+        prepared.pairs.append(FlightPair(str(real)))
     return prepared
 
 
-def _simulate(path: Path) -> None:
-    from trexton.simulator import record_flight
-
+def _say_and_simulate(path: Path, pattern: str) -> None:
     say(f"simulating {path}")
-    record_flight(path, pattern=_PATTERN[path.name], replace=True)
-
-
-def _simulation_inputs(name: str) -> dict[str, Any]:
-    return {
-        "code": code_hashes("trexton.simulator"),
-        "pattern": _PATTERN[name],
-        "versions": software_versions(),
-    }
-
-
-def _real_inputs() -> dict[str, Any]:
-    return {"code": code_hashes("trexton.flights.cyberzoo"), "files": raw_files(REAL)}
-
-
-def _prepare(
-    path: Path, inputs: dict[str, Any], make: Callable[[Path], object], prepared: Prepared
-) -> None:
-    """Keep the flight at `path` if whole and of the same inputs, make it otherwise."""
-    stamp = path.parent / f".{path.name}.stamp"
-    reason = _reason_to_make(path, stamp, inputs)
-    if reason is None:
-        prepared.said.append(f"flight {path.name}: reused")
-        return
-    stamp.unlink(missing_ok=True)
-    make(path)
-    with atomic_file(stamp) as stream:
-        stream.write(canonical_json({"inputs": inputs, "data_hash": read_flight(path).data_hash}))
-    prepared.said.append(f"flight {path.name}: made, because {reason}")
-
-
-def _reason_to_make(path: Path, stamp: Path, inputs: dict[str, Any]) -> str | None:
-    try:
-        old = json.loads(stamp.read_text(encoding="utf-8"))
-        flight: Flight = read_flight(path)
-    except (OSError, ValueError, FlightError):
-        return "it was not there whole"
-    if old.get("inputs") != inputs:
-        return "what makes it changed"
-    return (
-        None if old.get("data_hash") == flight.data_hash else "its files are not what was written"
-    )
+    simulate(str(path), pattern)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import nbformat
 import yaml
 
 import trexton
@@ -16,8 +17,7 @@ from trexton.base.errors import DataError
 from trexton.companion.build.console_output import with_output
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
-from trexton.companion.build.formats import nbformat
-from trexton.companion.build.nodes import outputs_of
+from trexton.companion.build.notebooks import outputs_of
 from trexton.companion.build.pages import (
     describe_notebook,
     description,

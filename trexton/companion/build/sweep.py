@@ -1,47 +1,46 @@
 """A sweep: one experiment over floors, flights and settings, resumable, its results as one table.
 
-Each cell, one setting on one flight, is a task of the engine: it is run once, on this machine or on
-a cluster, and reused while flight, parameters, code and versions are the same.
+Each flight over a floor and each cell, one setting on one flight, is a step of the engine: it is
+run once, here or on a cluster, and reused while what goes into it is the same.
 """
 
 from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from difflib import get_close_matches
 from functools import partial
-from multiprocessing import get_context
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import pytask
-
 from trexton.base.cache import code_hashes
-from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.options import Options
 from trexton.base.progress import say
-from trexton.base.records import software_versions
+from trexton.base.records import Record, software_versions
 from trexton.companion.build import engine
-from trexton.companion.build.cells import measure, record
+from trexton.companion.build.display import Display
+from trexton.companion.build.engine import Fact, Report, Step, files_fact
 from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
-from trexton.companion.build.nodes import HashedNode, fixed
-from trexton.companion.build.plan import sole_writer
-from trexton.companion.build.workers import Workers, workers
-from trexton.companion.executor import end_with_parent, limited
+from trexton.companion.build.notebooks import inputs_of
+from trexton.companion.build.prepare_flights import (
+    PATTERNS,
+    flight_step,
+    simulate,
+    simulation_inputs,
+)
+from trexton.companion.build.workers import Call, workers
 from trexton.companion.experiments.declaration import Experiment, SeedParameters
 from trexton.companion.experiments.printed import look_up
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights import read_flight
+from trexton.flights.splits import load_pair
 from trexton.simulator.layouts import LAYOUTS
 
 __all__ = ["Floors", "SweepPlan", "Swept", "sweep"]
-
-Call = Callable[..., Any]
 
 
 @dataclass(frozen=True)
@@ -103,14 +102,6 @@ class Swept:
     counts: dict[str, int]
 
 
-@dataclass(frozen=True)
-class _Cell:
-    name: str
-    flight: str
-    parameters: Options
-    path: Path
-
-
 def sweep(
     plan: SweepPlan,
     out: Path,
@@ -134,32 +125,25 @@ def sweep(
         raise ParameterError("a sweep needs flights or floors: name some, or give --floors N")
     experiment = experiments[plan.experiment]
     chosen = _possible(_grid(plan, experiment))
-    floors = [f"{layout}-{seed}" for layout, seed in _floors(plan.floors)]
-    check_names([pair.name for pair in plan.pairs] + floors)
+    check_names([pair.name for pair in plan.pairs] + [name for name, _ in _floors(plan.floors)])
     check_out(out, plan.pairs)
     for pair in plan.pairs:
         if obstacle := pair.obstacle(experiment):
             raise ParameterError(f"{plan.experiment} cannot run: {obstacle}")
-    with workers(cluster, jobs) as crew, sole_writer(out), _calls(crew, cluster) as call:
-        tasks, cells = _tasks(plan, experiment, chosen, out, call)
-        reports = engine.build(tasks, out / ".engine", crew.jobs, crew.stop)
-    failed = {
-        name: str(report.exc_info[1]) if report.exc_info else report.outcome.name
-        for name, report in reports.items()
-        if report.outcome not in (pytask.TaskOutcome.SUCCESS, pytask.TaskOutcome.SKIP_UNCHANGED)
-    }
-    results = {cell: _results(cell) for cell in cells if cell.name not in failed}
+    with workers(cluster, jobs) as crew, engine.sole_writer(out), crew.calls() as call:
+        flying, cells = _steps(plan, experiment, chosen, out, call)
+        steps = flying + [cell.step for cell in cells]
+        with Display(len(steps), "cells") as display:
+            outcomes = engine.build(steps, out / ".engine", crew.jobs, crew.stop, display)
+    failed = {name: one.reasons[0] for name, one in outcomes.items() if not one.good}
+    results = {cell: _results(cell) for cell in cells if cell.step.name not in failed}
     _check_values(plan.values, list(results.values()))
     rows = [_row(plan, cell, each) for cell, each in results.items()]
     if rows:  # a table is not replaced by nothing
         _write(plan, out, rows)
-    outcomes = [reports[cell.name].outcome for cell in cells]
-    counts = {
-        "ran": outcomes.count(pytask.TaskOutcome.SUCCESS),
-        "reused": outcomes.count(pytask.TaskOutcome.SKIP_UNCHANGED),
-        "failed": sum(cell.name in failed for cell in cells),
-    }
-    return Swept(rows, failed, counts)
+    statuses = [outcomes[cell.step.name].status for cell in cells]
+    counts = {status: statuses.count(status) for status in ("ran", "reused")}
+    return Swept(rows, failed, counts | {"failed": len(cells) - len(results)})
 
 
 def _grid(plan: SweepPlan, experiment: Experiment) -> list[Options]:
@@ -191,99 +175,77 @@ def _possible(chosen: list[Options]) -> list[Options]:
     return left
 
 
-@contextmanager
-def _calls(crew: Workers, cluster: str | None) -> Iterator[Call]:
-    """Calls a function of plain arguments: in a process of this machine, or on the cluster."""
-    if cluster is not None:
-        yield crew.call
-        return
-    with limited(crew.threads(alone=False)):
-        pool = ProcessPoolExecutor(crew.jobs, get_context("spawn"), initializer=end_with_parent)
-        try:
-            yield lambda function, *words: pool.submit(function, *words).result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+@dataclass(frozen=True, eq=False)
+class _Cell:
+    flight: str
+    parameters: Options
+    path: Path
+    step: Step
 
 
-def _tasks(
+def _steps(
     plan: SweepPlan, experiment: Experiment, chosen: Sequence[Options], out: Path, call: Call
-) -> tuple[list[Any], list[_Cell]]:
-    tasks, cells, sources = [], [], []
-    for pair in plan.pairs:
-        sources.append((pair.name, pair, fixed("data", pair.name, pair.hashes)))
-    for layout, seed in _floors(plan.floors):
-        name = f"{layout}-{seed}"
-        pair = FlightPair(*(str(out / "flights" / f"{name}-{kind}") for kind in _PATTERNS))
-        flown = HashedNode(f"flight {name}", "", partial(_flown, pair))
-        sources.append((name, pair, flown))
-        tasks.append(_flying(plan.floors, layout, seed, pair, flown, call))
-    module = experiment.module
-    for name, pair, data in sources:
+) -> tuple[list[Step], list[_Cell]]:
+    """Flights to be flown, and cells."""
+    flying: list[Step] = []
+    flights = [(pair.name, pair, pair.hashes, list[Fact]()) for pair in plan.pairs]
+    for name, options in _floors(plan.floors):
+        paths = [out / "flights" / f"{name}-{pattern}" for pattern in PATTERNS]
+        both = [
+            flight_step(
+                path, simulation_inputs(pattern=pattern, **options),
+                partial(call, simulate, str(path.resolve()), pattern, *options.values()),
+            )
+            for path, pattern in zip(paths, PATTERNS, strict=True)
+        ]  # fmt: skip
+        flying += both
+        facts = [fact for step in both for fact in step.leaves]
+        flights.append((name, FlightPair(*map(str, paths)), {}, facts))
+    cells, module = [], experiment.module
+    for name, pair, data, facts in flights:
         for parameters in chosen:
-            key = digest(parameters.as_dict())[:12]
-            path = out / "cells" / name / f"{plan.experiment}-{key}.json"
-            cell = _Cell(f"{name}/{plan.experiment}-{key}", name, parameters, path)
-            reads = [
-                data,
-                fixed("parameters", cell.name, parameters.as_dict()),
-                fixed("code", cell.name, code_hashes(module)),
-                fixed("versions", cell.name, software_versions()),
-            ]
-            leaves = [HashedNode("outputs", cell.name, partial(_file, path))]
-            perform = partial(_measured, call, module, pair, cell)
-            turn = "try_last" if experiment.alone else None
-            tasks.append(engine.task(cell.name, perform, reads, leaves, turn))
-            cells.append(cell)
-    return tasks, cells
+            key = f"{plan.experiment}-{digest(parameters.as_dict())[:12]}"
+            path = out / "cells" / name / f"{key}.json"
+            step = Step(
+                f"{name}/{key}",
+                inputs_of(parameters.as_dict(), code_hashes(module), data),
+                partial(_measure_here, call, module, pair, parameters, path),
+                [files_fact(f"{name}/{key}: outputs", partial(_present, path))],
+                reads=facts,
+                alone=experiment.alone,
+            )
+            cells.append(_Cell(name, parameters, path, step))
+    return flying, cells
 
 
-_PATTERNS = ("survey", "waypoints")
-
-
-def _floors(floors: Floors | None) -> Iterator[tuple[str, int]]:
+def _floors(floors: Floors | None) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Names, and the options of `simulate` in their order."""
     if floors is not None:
-        yield from itertools.product(floors.layouts, range(floors.count))
+        for layout, seed in itertools.product(floors.layouts, range(floors.count)):
+            given = {"every": floors.every, "frames": floors.frames}
+            yield f"{layout}-{seed}", {"layout": layout, "seed": seed, **given}
 
 
-def _flying(
-    floors: Floors | None, layout: str, seed: int, pair: FlightPair, flown: HashedNode, call: Call
-) -> Any:
-    assert floors is not None
-    name = f"flights/{layout}-{seed}"
-    options = {"layout": layout, "seed": seed, "every": floors.every, "frames": floors.frames}
-    reads = [
-        fixed("parameters", name, options),
-        fixed("code", name, code_hashes("trexton.simulator")),
-    ]
-    perform = partial(_fly, call, pair, layout, seed, floors.every, floors.frames)
-    return engine.task(name, perform, reads, [flown], "try_first")
+def _present(path: Path) -> list[Path]:
+    return [path] if path.is_file() else []
 
 
-def _fly(
-    call: Call, pair: FlightPair, layout: str, seed: int, every: int, frames: int | None
+def _measure_here(
+    call: Call, module: str, pair: FlightPair, parameters: Options, path: Path, report: Report
 ) -> None:
-    for pattern, path in zip(_PATTERNS, (pair.flight, str(pair.test_flight)), strict=True):
-        say(f"flying {path}")
-        call(record, str(Path(path).resolve()), pattern, layout, seed, every, frames)
-
-
-def _flown(pair: FlightPair) -> dict[str, str] | None:
-    try:
-        return {path: read_flight(path).data_hash for path in (pair.flight, str(pair.test_flight))}
-    except TrextonError:
-        return None
-
-
-def _file(path: Path) -> dict[str, str] | None:
-    return {path.name: digest(path)} if path.is_file() else None
-
-
-def _measured(call: Call, module: str, pair: FlightPair, cell: _Cell) -> None:
     paths = [None if p is None else str(Path(p).resolve()) for p in (pair.flight, pair.test_flight)]
-    text = call(measure, module, *paths, cell.parameters.as_dict())
-    with atomic_file(cell.path) as stream:
+    text = call(_measure, module, *paths, parameters.as_dict())
+    with atomic_file(path) as stream:
         stream.write(text)
-    say(f"ran     {cell.name}")
+
+
+def _measure(module: str, flight: str, test_flight: str | None, parameters: dict[str, Any]) -> str:
+    """Run one experiment; the record without series and pictures, as JSON text."""
+    experiment = import_module(module)
+    train, test = load_pair(flight, test_flight)
+    result: Record = experiment.run(train, test, experiment.Parameters(**parameters))
+    kept = ("experiment", "flight", "parameters", "values", "timings", "provenance")
+    return canonical_json({name: getattr(result, name) for name in kept})
 
 
 def _results(cell: _Cell) -> dict[str, Any]:
