@@ -168,9 +168,9 @@ def test_what_it_lacks_is_named(fine, flights):
     with pytest.raises(MapError, match="no picture of its floor"):
         bare = replace(train, floor_file=None)
         with_parts(fine, {"filter": Registration(picture="surveyed")}, flight=bare)
-    with pytest.raises(MapError, match="lacks its camera or heights"):
+    with pytest.raises(MapError, match="lacks the camera's heights.*stitch the picture"):
         with_parts(fine, {"filter": Registration()}, flight=replace(train, height=None))
-    with pytest.raises(MapError, match="no height of flight .* is above its floor"):
+    with pytest.raises(MapError, match="heights of flight .* are not above its floor.*stitch"):
         grounded = replace(train, height=np.where(train.frame % 2, np.nan, 0.0))
         with_parts(fine, {"filter": Registration()}, flight=grounded)
     with pytest.raises(MapError, match="train the map for it"):

@@ -8,7 +8,7 @@ from trexton.base.errors import MapError
 from trexton.flights.flight import Flight
 from trexton.vision.camera import Camera
 
-__all__ = ["believable", "camera_of", "check_lens", "known_or", "learned_lens", "usual_height"]
+__all__ = ["believable", "camera_of", "check_lens", "known_or", "learned_lens", "lens_of"]
 
 STEEPEST = 0.7  # radians of tilt; beyond, the picture holds little of what lies below
 FARTHEST = 3.0  # times the usual height, or a part of it: beyond, it is another picture
@@ -43,8 +43,8 @@ def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.
             f"flight {flight.name!r} lacks {' and '.join(lacking)}: add them to the flight, "
             f"or {advice}"
         )
-    usual = usual_height(flight.height)
-    if usual is None:
+    above = flight.height[np.isfinite(flight.height) & (flight.height > 0)]
+    if not len(above):
         raise MapError(
             f"the heights of flight {flight.name!r} are not above its floor: give metres "
             f"above the floor, or {advice}"
@@ -55,8 +55,13 @@ def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.
             f"the images of flight {flight.name!r} are {width}x{height}, its camera takes "
             f"{camera.width}x{camera.height}: correct [camera] in flight.toml"
         )
-    lens = (camera.width, camera.height, camera.focal, *camera.principal_point)
-    return np.array([*lens, usual], dtype=float)
+    return lens_of(camera, float(np.median(above)))
+
+
+def lens_of(camera: Camera, usual: float) -> np.ndarray:
+    """``(6,)``: a camera and its usual height as `learned_lens` gives them."""
+    lens = (camera.width, camera.height, camera.focal, *camera.principal_point, usual)
+    return np.array(lens, dtype=float)
 
 
 def known_or(value: float | None, usual: float) -> float:
@@ -71,12 +76,6 @@ def believable(tilt: np.ndarray, height: float, usual: float) -> bool:
     """Whether from such a tilt, radians, and height, metres, a camera sees what it usually sees."""
     steep = np.abs(tilt).max() > STEEPEST
     return not steep and bool(1 / FARTHEST < height / usual < FARTHEST)
-
-
-def usual_height(heights: np.ndarray) -> float | None:
-    """The median of those above the floor, metres; None where none is."""
-    above = heights[np.isfinite(heights) & (heights > 0)]
-    return float(np.median(above)) if len(above) else None
 
 
 def check_lens(lens: np.ndarray, what: str) -> None:

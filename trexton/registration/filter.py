@@ -15,7 +15,7 @@ from trexton.flights.aiding import Aiding
 from trexton.localization.base import learned
 from trexton.localization.estimate import Estimate, Measurement
 from trexton.localization.filters import Filter
-from trexton.localization.lens import camera_of, usual_height
+from trexton.localization.lens import camera_of, learned_lens, lens_of
 from trexton.localization.measurement import RankMixture
 from trexton.localization.motion import MotionModel
 from trexton.localization.observation import Observation
@@ -23,7 +23,7 @@ from trexton.localization.training_set import Training
 from trexton.registration.ground import Ground, fine_cell
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import FloorFix, Trust, learn_trust
-from trexton.vision.camera import Camera, MapImage
+from trexton.vision.camera import MapImage
 
 if TYPE_CHECKING:
     from trexton.flights.flight import Flight
@@ -94,14 +94,14 @@ class Registration(Filter):
                 "coarse to fine looks at images, and this training set has none: "
                 "train on a flight with images"
             )
-        picture, camera, height = _surroundings(flight, self.picture)
+        picture, lens = _surroundings(flight, self.picture)
+        camera, height = camera_of(lens)
         ground = Ground.from_map(picture, fine_cell(camera, height))
-        lens = (camera.width, camera.height, camera.focal, *camera.principal_point, height)
         fitted = self.with_learned(
             floor=np.clip(np.rint(ground.luma), 0, 255).astype(np.uint8),
             mapped=ground.mask.astype(np.uint8),
             place=np.array([*ground.corner, ground.cell]),
-            camera=np.array(lens, dtype=float),
+            camera=lens,
             trust=_stored(Trust()),
         )
         fixes = fitted._try(flight, training.rng)
@@ -234,28 +234,17 @@ def _stored(trust: Trust) -> np.ndarray:
     return np.array([trust.coarse, trust.fine, trust.least, trust.scale, trust.floor])
 
 
-def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, Camera, float]:
-    """The picture of the floor, the camera, and its usual height."""
+def _surroundings(flight: Flight, wanted: str) -> tuple[MapImage, np.ndarray]:
+    """The picture of the floor, the camera and its usual height; see `learned_lens`."""
     if wanted == "surveyed" and flight.floor is None:
         raise MapError(
             f"flight {flight.name!r} has no picture of its floor: "
             "name one in flight.toml, or stitch it"
         )
     if flight.floor is not None and wanted != "stitched":
-        if flight.camera is None or flight.height is None:
-            raise MapError(
-                f"flight {flight.name!r} lacks its camera or heights, without which its frames "
-                "cannot be laid on a picture: add them to the flight, or stitch the picture"
-            )
-        above = usual_height(flight.height)
-        if above is None:
-            raise MapError(
-                f"no height of flight {flight.name!r} is above its floor: give metres above the "
-                "floor, or stitch the picture"
-            )
-        return flight.floor, flight.camera, above
+        return flight.floor, learned_lens(flight, "stitch the picture")
     from trexton.registration.mosaic import flight_camera, stitch  # SciPy: on the ground only
 
     mosaic = stitch(flight)
     height = float(np.median(mosaic.poses[mosaic.used, 2]))
-    return mosaic.map, flight_camera(flight), height
+    return mosaic.map, lens_of(flight_camera(flight), height)
