@@ -1,77 +1,108 @@
-"""What limits the methods on a flight, and what to do: in words, from an assessment's record.
+"""What limits the methods on a flight, and what to do.
 
-Offers `advice`, a list of sentences; each kind of limit has a function of its own.
+Offers `limits`, measured on the flights, and `advice`, sentences from an assessment's record.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
+import cv2
 import numpy as np
 
+from trexton.base.errors import TrextonError
 from trexton.base.records import Record
-from trexton.companion.experiments.assessment import STRETCH_S, best_method
+from trexton.companion.experiments.evaluation import evenly_spread
 from trexton.companion.wording import distance, middle, percent
+from trexton.evaluation.metrics import euclidean
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import TextonMap
+from trexton.localization.training import training_set
+from trexton.localization.training_set import EXCLUDED_SECONDS
 
+BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
+SHARPNESS_FRAMES = 200  # are enough to tell
+STRETCH_S = 5.0  # of a survey: every other one makes half of it
 HELPS = 0.8  # of the error with half of the survey: where the whole errs less, more of it helps
+DENSE = "a denser survey would bring little"
+
+
+def limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]:
+    """What may be wrong with the flights, as shares of their frames."""
+    known = test.located
+    positions, diagonal = texton_map.positions, train.diagonal
+    gaps = np.array([euclidean(positions, place).min() for place in test.position[known]])
+    found: dict[str, Any] = {"gap_m": float(np.percentile(gaps, 95))}
+    try:
+        rows = training_set(texton_map).neighbors(1, EXCLUDED_SECONDS)[:, 0]
+        far = euclidean(positions[rows], positions) > diagonal / 4
+        found["repeated"] = float(far.mean())
+    except TrextonError:  # too short a flight to leave neighbours in time out
+        found["repeated"] = None
+    if test.has_images:
+        chosen = evenly_spread(len(test), SHARPNESS_FRAMES)
+        sharp = np.array(
+            [cv2.Laplacian(test.image(row)[..., 0], cv2.CV_64F).var() for row in chosen]
+        )
+        found["blurred"] = float((sharp < BLURRED * np.median(sharp)).mean())
+    return found
+
+
+def best_method(record: Record) -> tuple[str, dict[str, float]]:
+    """The method of least mean error, and that error."""
+    methods = record.parameters["methods"].split()
+    errors = record.values["errors"]
+    name = min(methods, key=lambda method: middle(errors[method]["mean_cm"]))
+    return name, errors[name]["mean_cm"]
 
 
 def advice(record: Record) -> list[str]:
     """What limits it and what to do, a sentence each."""
-    makers = (
-        _of_gaps, _of_prediction, _of_half, _of_odometry, _of_texture, _of_blur, _of_hard_places,
-        _of_methods, _of_commands,
-    )  # fmt: skip
+    makers = (_of_survey, _of_frames, _of_methods, _of_commands)
     return [sentence for make in makers for sentence in make(record)]
 
 
-def _of_gaps(record: Record) -> Iterator[str]:
-    gap_m, area = record.values["limits"]["gap_m"], record.series["area_m"]
-    if gap_m > 0.1 * np.hypot(*np.ptp(np.reshape(area, (2, 2)), axis=1)):
+def _of_survey(record: Record) -> Iterator[str]:
+    """Whether it covers the floor, what it predicts, whether more of it or odometry would help."""
+    values, area = record.values, np.reshape(record.series["area_m"], (2, 2))
+    gap_m = values["limits"]["gap_m"]
+    if gap_m > 0.1 * np.hypot(*np.ptp(area, axis=1)):
         yield (
             f"Too few frames: one test frame in twenty is more than {gap_m:.2g} m from any of the "
-            f"{record.values['counts']['train']} training frames. Fly closer lanes."
+            f"{values['counts']['train']} training frames. Fly closer lanes."
         )
-
-
-def _of_prediction(record: Record) -> Iterator[str]:
-    if predicted := record.values.get("predicted"):
-        measured = record.values["errors"][predicted["method"]]["mean_cm"]
+    errors = {name: entry["mean_cm"] for name, entry in values["errors"].items()}
+    if predicted := values.get("predicted"):
         yield (
             f"The error predicted from the training frames alone, for the places of the test, is "
-            f"{distance(predicted['error_cm'])}; the measured one {distance(measured)}."
+            f"{distance(predicted['error_cm'])}; the measured one "
+            f"{distance(errors[predicted['method']])}."
         )
-
-
-def _of_half(record: Record) -> Iterator[str]:
-    if half := record.values.get("half"):
-        whole = middle(record.values["errors"][half["method"]]["mean_cm"])
+    if half := values.get("half"):
+        whole = middle(errors[half["method"]])
+        helps = whole < HELPS * half["error_cm"]
         yield (
             f"With every other {STRETCH_S:.0f} s of the survey the error of `{half['method']}` "
             f"is {distance(half['error_cm'])}, with all of it {distance(whole)}: "
-            + (
-                "lanes between these should help again."
-                if whole < HELPS * half["error_cm"]
-                else "a denser survey would bring little."
-            )
+            f"{'lanes between these should help again' if helps else DENSE}."
         )
-
-
-def _of_odometry(record: Record) -> Iterator[str]:
-    if moving := record.values.get("odometry"):
-        alone = middle(record.values["errors"][moving["method"]]["mean_cm"])
+    if moving := values.get("odometry"):
+        alone = middle(errors[moving["method"]])
+        gains = moving["error_cm"]["high"] < alone
         yield (
             f"With a velocity from the motion of the frames themselves the error of "
             f"`{moving['method']}` is {distance(moving['error_cm'])}"
             + (
                 ": train with `--set odometry=visual`."
-                if moving["error_cm"]["high"] < alone
+                if gains
                 else f", which is no gain over {distance(alone)} beyond chance."
             )
         )
 
 
-def _of_texture(record: Record) -> Iterator[str]:
+def _of_frames(record: Record) -> Iterator[str]:
+    """Texture that repeats, blur, and places that are hard."""
     repeated = record.values["limits"]["repeated"]
     if repeated is None:
         yield "The training flight is too short to tell whether its texture repeats."
@@ -81,18 +112,12 @@ def _of_texture(record: Record) -> Iterator[str]:
             "looks most alike lies more than a quarter of the area away. Add something distinct "
             "there."
         )
-
-
-def _of_blur(record: Record) -> Iterator[str]:
     blurred = record.values["limits"].get("blurred") or 0
     if blurred > 0.1:
         yield (
             f"Blur: {percent(blurred)} of the frames are less than half as sharp as usual. "
             "Shorten the exposure or fly slower."
         )
-
-
-def _of_hard_places(record: Record) -> Iterator[str]:
     for place in record.values.get("hardest", []):
         yield (
             f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m expect to be off "
@@ -118,29 +143,26 @@ def _of_methods(record: Record) -> Iterator[str]:
 
 
 def _of_commands(record: Record) -> Iterator[str]:
-    best = best_method(record)[0]
-    if seconds := record.timings.get(best, {}).get("median_s"):
-        drawn, learned, flown = _settings(record, best)
-        yield (
-            f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{drawn}: "
-            f"`trexton train FLIGHT -o MAP --method {best}{learned}`"
-            + (
-                f", then `trexton onboard MAP{flown}`. "
-                if "blurred" in record.values["limits"]
-                else " makes its map, for histograms alone; a camera needs a training flight of "
-                "pictures. "
-            )
-            + "`trexton tune FLIGHT` looks for better settings."
-        )
-
-
-def _settings(record: Record, method: str) -> tuple[str, str, str]:
-    """What the method flew with, in words, and as options of training and of flight."""
-    chosen, words, learned, flown = record.parameters, [], "", ""
-    if "blurred" in record.values["limits"]:  # it flew pictures, of which it drew patches
+    """How to train and fly the best method with the settings that were flown."""
+    best, chosen = best_method(record)[0], record.parameters
+    pictures = "blurred" in record.values["limits"]  # of which it drew patches
+    if not (seconds := record.timings.get(best, {}).get("median_s")):
+        return
+    words, learned, flown = [], "", ""
+    if pictures:
         words = [f"{chosen['textons']} textons", f"{chosen['samples']} samples"]
         learned, flown = f" --textons {chosen['textons']}", f" --samples {chosen['samples']}"
-    if method == "paper":
+    if best == "paper":
         words.append(f"{chosen['particles']} particles")
         flown += f" --particles {chosen['particles']}"
-    return f" with {', '.join(words)}" if words else "", learned, flown
+    drawn = f" with {', '.join(words)}" if words else ""
+    after = (
+        f", then `trexton onboard MAP{flown}`. "
+        if pictures
+        else " makes its map, for histograms alone; a camera needs a training flight of pictures. "
+    )
+    yield (
+        f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{drawn}: "
+        f"`trexton train FLIGHT -o MAP --method {best}{learned}`{after}"
+        "`trexton tune FLIGHT` looks for better settings."
+    )

@@ -10,16 +10,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import cv2
 import numpy as np
 from matplotlib.figure import Figure
 
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.records import Record
 from trexton.base.streams import stream
+from trexton.companion.experiments.advice import STRETCH_S, best_method, limits
 from trexton.companion.experiments.declaration import Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
-    evenly_spread,
     floor_picture,
     frames_of,
     neighbor_means,
@@ -49,14 +48,10 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.methods import compose
 from trexton.localization.roles import make
-from trexton.localization.training import for_method, train_map, training_set, with_parts
-from trexton.localization.training_set import EXCLUDED_SECONDS
+from trexton.localization.training import for_method, train_map, with_parts
 
-BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
-SHARPNESS_FRAMES = 200  # are enough to tell
 PLACES = 3  # hardest places that are named
 APART = 0.15  # of the area's diagonal, between hardest places
-STRETCH_S = 5.0  # of a survey: every other one makes half of it
 FEWEST = 20  # frames that make half a survey
 
 
@@ -107,7 +102,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             name: summarize([track[known]], test.position[known], test.diagonal, rng=rng)
             for name, track in runs.items()
         },
-        "limits": _limits(base, train, test),
+        "limits": limits(base, train, test),
         "counts": {"train": len(base.positions), "test": int(known.sum())},
         "features": train.features,
     }
@@ -183,27 +178,6 @@ def _localizer(texton_map: TextonMap, parameters: Parameters) -> Localizer:
     )
 
 
-def _limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]:
-    """What may be wrong with the flights, as shares of their frames."""
-    known = test.located
-    positions, diagonal = texton_map.positions, train.diagonal
-    gaps = np.array([euclidean(positions, place).min() for place in test.position[known]])
-    limits: dict[str, Any] = {"gap_m": float(np.percentile(gaps, 95))}
-    try:
-        rows = training_set(texton_map).neighbors(1, EXCLUDED_SECONDS)[:, 0]
-        far = euclidean(positions[rows], positions) > diagonal / 4
-        limits["repeated"] = float(far.mean())
-    except TrextonError:  # too short a flight to leave neighbours in time out
-        limits["repeated"] = None
-    if test.has_images:
-        chosen = evenly_spread(len(test), SHARPNESS_FRAMES)
-        sharp = np.array(
-            [cv2.Laplacian(test.image(row)[..., 0], cv2.CV_64F).var() for row in chosen]
-        )
-        limits["blurred"] = float((sharp < BLURRED * np.median(sharp)).mean())
-    return limits
-
-
 def _predicted(predict: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[str, float]]]:
     """The predicted error over the floor, and its hardest places near where was flown."""
     sides = np.diff(np.reshape(flight.area, (2, 2)), axis=1)
@@ -213,20 +187,17 @@ def _predicted(predict: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[
     apart = np.array([euclidean(known, place).min() for place in places])
     near = apart < flight.diagonal / 10
     flown = apart < flight.diagonal / 40
-    hardest: list[dict[str, float]] = []
-    for cell_number in np.argsort(-np.where(flown, error, -np.inf)):
-        place = places[cell_number]
-        if len(hardest) == PLACES or not flown[cell_number]:
-            break
-        if all(
-            np.hypot(place[0] - other["x_m"], place[1] - other["y_m"]) > APART * flight.diagonal
-            for other in hardest
-        ):
-            hardest.append(
-                {"x_m": place[0], "y_m": place[1], "predicted_cm": 100 * float(error[cell_number])}
-            )
+    hardest: list[np.ndarray] = []
+    for place in places[np.argsort(-np.where(flown, error, -np.inf))][: np.count_nonzero(flown)]:
+        if len(hardest) < PLACES and all(euclidean(place, other) > APART * flight.diagonal
+                                         for other in hardest):  # fmt: skip
+            hardest.append(place)
+    named = [
+        {"x_m": place[0], "y_m": place[1], "predicted_cm": 100 * float(predict(place[None])[0])}
+        for place in hardest
+    ]
     heat = np.where(near, error, np.nan).reshape(shape).T
-    return {"error_m": heat.round(4), "extent_m": flight.area}, hardest
+    return {"error_m": heat.round(4), "extent_m": flight.area}, named
 
 
 def finding(record: Record) -> str:
@@ -250,14 +221,6 @@ def finding(record: Record) -> str:
         ratio = times(middle(paper["mean_cm"]) / knn)
         words += f"; the paper's filter is off {ratio} as far as the plain mean of its neighbours"
     return words + "."
-
-
-def best_method(record: Record) -> tuple[str, dict[str, float]]:
-    """The method of least mean error, and that error."""
-    methods = record.parameters["methods"].split()
-    errors = record.values["errors"]
-    name = min(methods, key=lambda method: middle(errors[method]["mean_cm"]))
-    return name, errors[name]["mean_cm"]
 
 
 # name: what it is called, and its colour
@@ -295,13 +258,8 @@ def over_the_floor(record: Record) -> Figure:
         for true, guess in zip(truth[::5], estimate[::5], strict=True):
             plan.plot(*zip(true, guess, strict=True), color=COLORS[color], linewidth=0.6)
         plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="true track")
-        plan.plot(
-            *estimate[::5].T,
-            "o",
-            color=COLORS[color],
-            markersize=3,
-            label=f"{label}, every 5th frame",
-        )
+        label = f"{label}, every 5th frame"
+        plan.plot(*estimate[::5].T, "o", color=COLORS[color], markersize=3, label=label)
         legend_above(plan)
     return figure
 
