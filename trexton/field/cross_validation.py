@@ -5,7 +5,7 @@ by a field of the rest, which gives the field's hyperparameters and a model of i
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import astuple, dataclass
 
 import numpy as np
 from scipy.optimize import nnls
@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
 from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.grid import grid_cells
-from trexton.field.likelihood import Basis, Table, log_prior, rbf_kernel
+from trexton.field.likelihood import Basis, TileTables, log_prior, rbf_kernel, tile_blocks
 from trexton.field.process import Process, select_length
 from trexton.field.tiles import Tiles
 from trexton.localization.base import Area
@@ -51,18 +51,19 @@ def cross_validate(
     signal = np.tile((np.square(residuals) / uncertain[:, None]).mean(axis=0), parts)
     frames = len(rows) // parts
     noise = _noise(residuals.reshape(frames, -1), uncertain.reshape(frames, parts).mean(axis=1))
-    basis = Basis.of(signal, noise, None)
+    blocks_of_noise = tile_blocks(noise, parts)
+    bases = [Basis.of(signal[: len(each)], each, None) for each in blocks_of_noise]
     centers, _ = grid_cells(area, CELLS)
     finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
     flown = np.repeat(places[::every], parts, axis=0)
-    flight = _Flight(places, features @ basis.whiten, blocks, tiles, flown)
-    errors, variances, squared = flight.located(process, basis, row_blocks, centers)
+    flight = _Flight(places, features, blocks, tiles, flown)
+    errors, variances, squared = flight.located(process, bases, row_blocks, centers)
     model = ErrorModel.of(errors, time, finest)
     later = _prediction_distance(centers, places, rows, process.length, tiles)
     wider = blocks_in_space(row_blocks, rows, np.repeat(time[::every], parts), later)
     revisit_inflation = 1.0
     if wider != row_blocks:
-        there, _, _ = flight.located(process, basis, wider, centers)
+        there, _, _ = flight.located(process, bases, wider, centers)
         ratio = ErrorModel.of(there, time, finest).correlated_sigma / model.correlated_sigma
         revisit_inflation = max(1.0, ratio**2)
     return process.length, {
@@ -78,8 +79,8 @@ def cross_validate(
 
 @dataclass(frozen=True, eq=False)
 class _Flight:
-    """Frames to locate: their places, features in a basis, and blocks that are left out; and for
-    each row of a process the place of its frame.
+    """Frames to locate: their places, features, and blocks that are left out; and for each row of a
+    process the place of its frame.
     """
 
     places: np.ndarray
@@ -89,7 +90,11 @@ class _Flight:
     flown: np.ndarray
 
     def located(
-        self, process: Process, basis: Basis, left_out: Sequence[Block], centers: np.ndarray
+        self,
+        process: Process,
+        bases: Sequence[Basis],
+        left_out: Sequence[Block],
+        centers: np.ndarray,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Of each frame, located alone without its block: ``(N, 2)`` errors in metres, ``(N,)`` the
         field's variance at its place, and ``(N,)`` its squared residual a feature at the best cell.
@@ -99,26 +104,21 @@ class _Flight:
         errors, variances, residuals = np.empty_like(places), *np.empty((2, len(places)))
         density = rbf_kernel(centers, self.flown, process.length)
         everywhere = density.sum(axis=1)
-        # The field along the basis is a sum over the tiles.
-        shares = np.split(basis.whiten, len(offsets))
         predictions = zip(
-            *(
-                replace(process, weights=process.weights @ share).predict_without(
-                    left_out, centers + offset
-                )
-                for share, offset in zip(shares, offsets, strict=True)
-            ),
+            *(process.predict_without(left_out, centers + offset) for offset in offsets),
             strict=True,
         )
         for block, parts in zip(self.blocks, predictions, strict=True):
             (gone, *_), means, spreads = zip(*parts, strict=True)
-            mean, variance = sum(means[1:], means[0]), sum(spreads[1:], spreads[0]) / len(parts)
+            variance = sum(spreads[1:], spreads[0]) / len(parts)
             rows = block.rows
             prior = log_prior(everywhere - density[:, gone.left_out].sum(axis=1))
-            table = Table.of(mean, variance, basis.strength)
-            posterior = table.log_likelihood(self.features[rows]) + prior
+            tables = TileTables.of(means, variance, bases)
+            by_tile = tables.log_likelihoods(self.features[rows])
+            posterior = by_tile.sum(axis=0) + prior
             best = posterior.argmax(axis=1)
-            residuals[rows] = table.squared_residual(posterior.max(axis=1) - prior[best], best)
+            at_best = by_tile[:, np.arange(len(rows)), best]
+            residuals[rows] = tables.squared_residual(at_best, best)
             posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
             posterior /= posterior.sum(axis=1, keepdims=True)
             errors[rows] = posterior @ centers - places[rows]

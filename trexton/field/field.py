@@ -20,7 +20,7 @@ from trexton.base.options import option
 from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.features import Features
 from trexton.field.grid import bilinear, grid_cells
-from trexton.field.likelihood import Basis, Table, log_prior, rbf_kernel
+from trexton.field.likelihood import Basis, TileTables, log_prior, rbf_kernel, tile_blocks
 from trexton.localization.base import learned
 from trexton.localization.estimate import ignorance
 from trexton.localization.measurement import MeasurementModel
@@ -171,7 +171,7 @@ class Field(MeasurementModel):
         if len(self.centers) != count:
             raise MapError(f"the field has {count} cells and {d} features that fit no grid")
         self.features = Features(self.axes, bool(self.signed))
-        self._tables: dict[int | None, tuple[np.ndarray, Table]] = {}
+        self._tables: dict[int | None, TileTables] = {}
 
     @cached_property
     def error_model(self) -> ErrorModel:
@@ -189,27 +189,39 @@ class Field(MeasurementModel):
 
     def log_posterior(self, observation: Observation) -> np.ndarray:
         """``(M,)`` log of likelihood times prior at the centres of the cells, less a constant."""
-        whiten, table = self._table(observation.samples)
-        limit = MAX_DEVIATION * np.sqrt(self.signal)
-        features = np.clip(self.features(observation.histogram) - self.center, -limit, limit)
-        return table.log_likelihood(features @ whiten) + self.prior
+        result: np.ndarray = self._by_tile(observation).sum(axis=0) + self.prior
+        return result
 
-    def _table(self, samples: int | None) -> tuple[np.ndarray, Table]:
-        """Axes in which the noise of so many samples is white, and the field along them."""
+    def _by_tile(self, observation: Observation) -> np.ndarray:
+        """``(C, M)`` log likelihood of each tile of the image."""
+        return self.tables(observation.samples).log_likelihoods(
+            self.deviations(observation.histogram)
+        )
+
+    def deviations(self, histograms: np.ndarray) -> np.ndarray:
+        """``(..., d)`` features of histograms ``(..., K)``, less the centre."""
+        limit = MAX_DEVIATION * np.sqrt(self.signal)
+        return np.clip(self.features(histograms) - self.center, -limit, limit)
+
+    def tables(self, samples: int | None) -> TileTables:
+        """Likelihoods of the tiles where so many samples were counted; None: all patches."""
         if samples not in self._tables:
-            basis = Basis.of(self.signal, self.noise, samples)
-            table = Table.of(self.mean @ basis.whiten, self.variance, basis.strength)
-            self._tables[samples] = basis.whiten, table
+            parts = len(self.offsets)
+            noise = tile_blocks(self.noise, parts)
+            signals = np.split(self.signal, parts)
+            bases = [Basis.of(*each, samples) for each in zip(signals, noise, strict=True)]
+            means = np.split(self.mean, parts, axis=1)
+            self._tables[samples] = TileTables.of(means, self.variance, bases)
         return self._tables[samples]
 
     def normalized_residual(self, observation: Observation, log_posterior: np.ndarray) -> float:
         """Squared residual of the frame at its best cell, over that of familiar frames: below 1 for
         nineteen of twenty frames of the survey that were left out.
         """
-        _, table = self._table(observation.samples)
-        cell = int(log_posterior.argmax())
-        squared = table.squared_residual(log_posterior[cell] - self.prior[cell], cell)
-        return float(squared / max(float(self.residual_scale), MIN_VARIANCE))
+        cell = np.array([log_posterior.argmax()])
+        likelihoods = self._by_tile(observation)[:, cell]
+        squared = self.tables(observation.samples).squared_residual(likelihoods, cell)
+        return float(squared[0] / max(float(self.residual_scale), MIN_VARIANCE))
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:
         return bilinear(self.log_posterior(observation).reshape(self.shape), self.area, places)

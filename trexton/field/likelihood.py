@@ -4,11 +4,12 @@ places by where the survey flew.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Basis", "Table", "log_prior", "rbf_kernel"]
+__all__ = ["Basis", "Table", "TileTables", "log_prior", "rbf_kernel", "tile_blocks"]
 
 DEGREES_OF_FREEDOM = 6.0  # of the Student distribution
 UNIFORM_SHARE = 0.1  # of the prior that does not expect the vehicle where the survey was
@@ -75,6 +76,48 @@ class Table:
         return DEGREES_OF_FREEDOM / d * np.expm1((self.log_norm[cells] - likelihood) / half)
 
 
+@dataclass(frozen=True, eq=False)
+class TileTables:
+    """The likelihoods of an image's tiles, each with a Student distribution of its own: a tile that
+    shows what is new there, a rug or a shadow, takes nothing away from what the others tell.
+
+    Attributes
+    ----------
+    bases : sequence of Basis
+        Of each tile's features.
+    tables : sequence of Table
+    """
+
+    bases: Sequence[Basis]
+    tables: Sequence[Table]
+
+    @classmethod
+    def of(
+        cls, means: Sequence[np.ndarray], variance: np.ndarray, bases: Sequence[Basis]
+    ) -> TileTables:
+        """Of the field's ``(M, k)`` mean for each tile, and its ``(M,)`` variance at the cells."""
+        tables = [
+            Table.of(mean @ basis.whiten, variance, basis.strength)
+            for mean, basis in zip(means, bases, strict=True)
+        ]
+        return cls(bases, tables)
+
+    def log_likelihoods(self, features: np.ndarray) -> np.ndarray:
+        """``(C, ..., M)``, tile by tile, for features ``(..., d)``."""
+        tiles = np.split(features, len(self.tables), axis=-1)
+        each = zip(tiles, self.bases, self.tables, strict=True)
+        return np.stack([table.log_likelihood(tile @ basis.whiten) for tile, basis, table in each])
+
+    def squared_residual(self, likelihoods: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """``(N,)`` squared deviations a feature at `cells` ``(N,)`` of frames whose tiles have the
+        `likelihoods` ``(C, N)`` there; the mean over the better half of the tiles.
+        """
+        each = zip(self.tables, likelihoods, strict=True)
+        residuals = np.sort([table.squared_residual(row, cells) for table, row in each], axis=0)
+        result: np.ndarray = residuals[: len(residuals) // 2 + 1].mean(axis=0)
+        return result
+
+
 def rbf_kernel(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:
     """``(M, N)`` radial basis functions around the places, of a third of the length."""
     squared = np.square(centers).sum(axis=1)[:, None] + np.square(places).sum(axis=1)
@@ -89,3 +132,9 @@ def log_prior(density: np.ndarray) -> np.ndarray:
     if mean == 0:
         return np.zeros_like(density)
     return np.log((1 - UNIFORM_SHARE) * density / mean + UNIFORM_SHARE)
+
+
+def tile_blocks(noise: np.ndarray, parts: int) -> list[np.ndarray]:
+    """The blocks ``(d / parts, d / parts)`` of a covariance ``(d, d)`` that belong to each tile."""
+    size = len(noise) // parts
+    return [noise[i : i + size, i : i + size] for i in range(0, len(noise), size)]

@@ -16,7 +16,7 @@ from trexton.localization.roles import ROLES, check_known, check_role, make, nam
 __all__ = ["METHODS", "changed", "compose", "fitting", "parse_choices"]
 
 # What the localizer and training read of every method; a filter says itself what else it needs.
-ROOTS = ("filter", "view", "calibration", "integrity")
+ROOTS = ("filter", "view", "appearance", "calibration", "integrity")
 # A method names a filter, and a part for each other role that is needed; "role.option" gives an
 # option another value.
 METHODS: dict[str, dict[str, Any]] = {
@@ -41,7 +41,12 @@ METHODS: dict[str, dict[str, Any]] = {
         "calibration": "replay",
         "integrity": "elsewhere",
     },
-    "field": {"motion": "singer", "measurement": "field", "filter": "tracks"},
+    "field": {
+        "motion": "singer",
+        "measurement": "field",
+        "filter": "tracks",
+        "appearance": "tracked",
+    },
     "fine": {
         "distance": "euclidean",
         "motion": "random-walk",

@@ -76,6 +76,8 @@ class Pipeline:
         self._nearest, self._mark = nearest, mark or (lambda stage: None)
         self.filter: RunningFilter = parts["filter"].open(parts, texton_map, rng)
         self._judges = [parts[role].open() for role in JUDGES if role in parts]
+        appearance = parts.get("appearance")
+        self._appearance = None if appearance is None else appearance.open(texton_map, rng)
         odometry = parts.get("odometry")
         self._odometry = None if odometry is None else odometry.open(texton_map.period_s)
 
@@ -104,8 +106,9 @@ class Pipeline:
     def reset(self) -> None:
         """Forget where the vehicle was."""
         self.filter.reset()
-        if self._odometry is not None:
-            self._odometry.reset()
+        for part in (self._appearance, self._odometry):
+            if part is not None:
+                part.reset()
         for judge in self._judges:
             judge.reset()
 
@@ -170,6 +173,9 @@ class Pipeline:
         self.filter.step(observation)
         self._mark("filter")
         estimate = self.filter.estimate()
+        if self._appearance is not None:
+            estimate = replace(estimate, lost=estimate.lost or not self._appearance.settled)
+            self._appearance.locate(estimate)
         if self._judges:
             if observation is not None:
                 estimate = replace(estimate, observed=True)
@@ -254,12 +260,17 @@ class Pipeline:
         dictionary = self.map.dictionary
         if dictionary is None or frame.ndim == 1:
             return frame
-        frame = self.view(frame, aiding=aiding)
+        frame, cells = self.view(frame, aiding=aiding), self.map.cells
+        if self._appearance is not None:
+            self._appearance.update(frame)
+            if self._appearance.jumped:
+                self.filter.reset()
+            frame = self._appearance.corrected(frame)
         if self.samples is None:
-            histogram = texton_histogram(frame, dictionary, cells=self.map.cells)
+            histogram = texton_histogram(frame, dictionary, cells=cells)
         else:
             histogram = sampled_histogram(
-                frame, dictionary, self.samples, rng=self.rng, cells=self.map.cells
+                frame, dictionary, self.samples, rng=self.rng, cells=cells
             )
         self._mark("histogram")
         return histogram

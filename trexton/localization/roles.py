@@ -20,6 +20,10 @@ ROLES: dict[str, dict[str, str]] = {
         "chi-square": "trexton.localization.distances:ChiSquare",
     },
     "view": {"nadir": "trexton.localization.view:Nadir"},
+    "appearance": {
+        "none": "trexton.field.appearance:AsSurveyed",
+        "tracked": "trexton.field.appearance:Tracked",
+    },
     "odometry": {"visual": "trexton.localization.odometry:Visual"},
     "motion": {
         "random-walk": "trexton.localization.motion:RandomWalk",

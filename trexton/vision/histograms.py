@@ -20,7 +20,13 @@ from trexton.vision.patches import gather_patches, position_grid, sample_positio
 from trexton.vision.textons import TextonDictionary
 from trexton.vision.threads import in_strips
 
-__all__ = ["texton_histogram", "sampled_histogram", "label_image", "sample_positions"]
+__all__ = [
+    "texton_histogram",
+    "sampled_histogram",
+    "patch_histogram",
+    "label_image",
+    "sample_positions",
+]
 
 
 def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, cells: int = 1) -> np.ndarray:
@@ -96,12 +102,25 @@ def sampled_histogram(
     ParameterError
         `n` or `cells` is no whole number of at least 1, or `rng` is no generator.
     """
-    cells = whole(cells, "cells")
     positions = sample_positions(check_image(image).shape, dictionary.patch, n, rng)
-    labels = dictionary.label(gather_patches(image, positions, dictionary.patch))
+    patches = gather_patches(image, positions, dictionary.patch)
+    return patch_histogram(patches, positions, image.shape, dictionary, cells)
+
+
+def patch_histogram(
+    patches: np.ndarray,
+    positions: np.ndarray,
+    shape: tuple[int, ...],
+    dictionary: TextonDictionary,
+    cells: int = 1,
+) -> np.ndarray:
+    """``(K cells^2,)`` relative frequencies among ``(N, P, P, 3) uint8`` patches, which lie at
+    `positions` ``(N, 2)`` of an image of this shape; errors are those of `sampled_histogram`.
+    """
+    cells, labels = whole(cells, "cells"), dictionary.label(patches)
     if cells == 1:
-        return np.bincount(labels, minlength=dictionary.n_textons) / n
-    row, column = (positions * cells // position_grid(image.shape, dictionary.patch)).T
+        return np.bincount(labels, minlength=dictionary.n_textons) / len(labels)
+    row, column = (positions * cells // position_grid(shape, dictionary.patch)).T
     return _by_cell(labels, row * cells + column, dictionary.n_textons, cells)
 
 
