@@ -47,9 +47,7 @@ LOST_PROBABILITY = 0.05  # of being elsewhere, from which the vehicle is lost
 LOST_FRAMES = 3  # that support no hypothesis, after which it is lost
 NOVELTY_THRESHOLD = 2.5  # normalized residual of frames of no place of the survey: lost
 INFLATION_RESIDUAL = 0.8  # normalized residual from which the correlated error is inflated
-TEMPERING = (
-    4.0  # power of the normalized residual above 1 by which a frame's likelihood is flattened
-)
+TEMPERING = 4.0  # power of a normalized residual above 1 that flattens the likelihood of tiles
 RESIDUAL_TIME_S = 1.0  # time constant of the average normalized residual
 RESIDUAL_LIMIT = 10.0  # what a single frame counts for at most
 
@@ -134,7 +132,8 @@ class TrackFilter:
             return
         log_posterior = self.measurement.log_posterior(observation)
         residual = self.measurement.normalized_residual(observation, log_posterior)
-        log_posterior = log_posterior / max(1.0, residual) ** TEMPERING
+        if len(self.measurement.offsets) > 1:  # tiles that show a rug, say, place it nowhere
+            log_posterior = log_posterior / max(1.0, residual) ** TEMPERING
         peak = log_posterior.max()
         kept = np.flatnonzero(log_posterior > peak - LOG_LIKELIHOOD_RANGE)
         cells, shares = self.measurement.centers[kept], np.exp(log_posterior[kept] - peak)
