@@ -1,0 +1,112 @@
+"""Frames under another light, at another heading: what the field makes of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from trexton.field.appearance import Tracked, corrected_frame, corrected_patches
+from trexton.localization.localizer import Localizer
+from trexton.localization.training import train_map, with_choices
+from trexton.simulator import Floor, Light, Plan, Simulator, random_waypoints, record_flight
+from trexton.vision.camera import Camera
+from trexton.vision.patches import gather_patches, sample_positions
+
+CAMERA = Camera(width=240, height=180, focal=195.0)
+
+
+class Turned(Simulator):
+    """A vehicle that flies at another heading than the survey."""
+
+    heading = 0.0
+
+    @property
+    def state(self):
+        state = Simulator.state.fget(self)
+        return replace(state, attitude=state.attitude + [0.0, 0.0, self.heading])
+
+
+@pytest.fixture(scope="module")
+def surveyed(tmp_path_factory):
+    floor = Floor.painted("hall", 3)
+    flight = record_flight(
+        tmp_path_factory.mktemp("appearance") / "survey",
+        pattern="survey", frames=400, seed=1, floor=floor, every=2, camera=CAMERA,
+    )  # fmt: skip
+    return floor, train_map(flight, method="field", rng=np.random.default_rng(0))
+
+
+def flown(surveyed, light=Light(), heading=0.0, frames=70, **choices):
+    """Errors in metres, whether lost, and the filter of the appearance."""
+    floor, texton_map = surveyed
+    ways, rng = np.random.default_rng(5).spawn(2)
+    plan = Plan(random_waypoints(floor.area, ways))
+    simulator = Turned(floor, camera=CAMERA, light=light, start=plan.start, speed=0.6, rng=rng)
+    simulator.heading = heading
+    localizer = Localizer(with_choices(texton_map, choices), rng=np.random.default_rng(1))
+    errors, lost = [], []
+    for _ in range(frames):
+        for _ in range(2):
+            simulator.step(plan.goal(simulator.vehicle.state.position))
+        estimate = localizer.step(simulator.render())
+        errors.append(np.hypot(*(estimate.position - simulator.state.position[:2])))
+        lost.append(estimate.lost)
+    return np.array(errors), np.array(lost), localizer._appearance
+
+
+def test_another_light_costs_little(surveyed):
+    as_surveyed, _, _ = flown(surveyed)
+    light = Light(gain=0.8, warmth=0.05)
+    blind, _, off = flown(surveyed, light, appearance="none")
+    errors, lost, appearance = flown(surveyed, light)
+    assert off is None
+    assert np.median(errors[10:]) < 1.5 * np.median(as_surveyed[10:]) < np.median(blind[10:])
+    assert np.exp(appearance.mean[0]) == pytest.approx(0.8, abs=0.1)
+    assert lost[:5].all() and lost[10:].mean() < 0.1  # until light and heading are known
+
+
+def test_any_heading_at_the_start_is_noticed(surveyed):
+    heading = np.radians(200)
+    blind, _, _ = flown(surveyed, heading=heading, appearance="none")
+    errors, _, appearance = flown(surveyed, heading=heading)
+    assert np.median(errors[10:]) < 0.3 < np.median(blind[10:])
+    off = (appearance.mean[3] - heading + np.pi) % (2 * np.pi) - np.pi
+    assert abs(off) < np.radians(25)
+
+
+def test_light_alone_leaves_the_heading(surveyed):
+    _, _, appearance = flown(surveyed, frames=12, **{"appearance.turning": False})
+    assert appearance.mean[3] == 0
+
+
+def test_equal_seeds_give_equal_flights(surveyed):
+    first, second = (flown(surveyed, Light(gain=0.9), frames=15)[0] for _ in range(2))
+    assert (first == second).all()
+
+
+def test_a_frame_as_surveyed_is_not_touched(rng):
+    frame = rng.integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    state = np.zeros(4)
+    assert corrected_frame(frame, state) is frame
+    positions = sample_positions(frame.shape, 6, 20, rng)
+    patches = corrected_patches(frame, positions, 6, state)
+    assert (patches == gather_patches(frame, positions, 6)).all()
+
+
+def test_patches_are_those_of_the_corrected_frame(rng):
+    frame = np.repeat(np.repeat(rng.integers(60, 180, (10, 15, 3), dtype=np.uint8), 8, 0), 8, 1)
+    state = np.array([0.1, -0.02, 0.01, 0.4])
+    positions = sample_positions(frame.shape, 6, 50, rng)
+    patches = corrected_patches(frame, positions, 6, state).astype(int)
+    whole = gather_patches(corrected_frame(frame, state), positions, 6).astype(int)
+    assert np.abs(patches - whole).max() <= 3  # remap and warp round positions differently
+
+
+def test_histograms_show_no_light():
+    from small_room import histogram_flight
+
+    texton_map = train_map(histogram_flight("h"), method="field", rng=np.random.default_rng(0))
+    assert texton_map.parts["appearance"].open(texton_map, np.random.default_rng(0)) is None
+    assert isinstance(texton_map.parts["appearance"], Tracked)
