@@ -38,7 +38,10 @@ def surveyed(tmp_path_factory):
     return floor, train_map(flight, method="field", rng=np.random.default_rng(0))
 
 
-def flown(surveyed, light=Light(), heading=0.0, frames=70, **choices):
+AS_SURVEYED = Light()
+
+
+def flown(surveyed, light=AS_SURVEYED, heading=0.0, frames=70, **choices):
     """Errors in metres, whether lost, and the filter of the appearance."""
     floor, texton_map = surveyed
     ways, rng = np.random.default_rng(5).spawn(2)

@@ -1,4 +1,4 @@
-"""Other light: what drifting exposure and another white balance cost each method.
+"""Other light: what another brightness, white balance or drifting exposure costs each method.
 
 All lights share one path over one floor, and all methods one map of the training flight.
 """
@@ -14,13 +14,12 @@ from matplotlib.figure import Figure
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.beyond import VARIANTS
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.floors import lent_floor
 from trexton.companion.experiments.style import COLORS, canvas, legend_above, with_intervals
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import apart, distance, interval, middle, percent
+from trexton.companion.wording import apart, distance, interval, middle
 from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area
@@ -29,17 +28,27 @@ from trexton.localization.training import for_method, with_choices
 from trexton.simulator import Effects, Floor, Light, Plan, Simulator, random_waypoints
 from trexton.vision.camera import Camera
 
-DRIFTS = (0.0, 0.02, 0.05, 0.10)  # standard deviations of the camera's gain, as a share
-WARMTHS = (0.0, 0.03, 0.06)  # shares by which red gains and blue loses
-# variants of `trexton.companion.experiments.beyond` that are compared: label, colour, stroke
-METHODS = {
-    "paper": ("paper", COLORS["paper"], "o-"),
-    "both": ("paper, agile", COLORS["paper"], "s--"),
-    "field": ("field", COLORS["field"], "o-"),
+# Shares, of what differs from the light of the survey: how it differs, in words.
+LIGHTS = {
+    "drift": (0.0, 0.02, 0.05, 0.10),
+    "gain": (-0.2, -0.1, 0.0, 0.1, 0.2),
+    "warmth": (-0.06, -0.03, 0.0, 0.03, 0.06),
 }
+WORDS = {
+    "drift": "gain drifts by {:g} %",
+    "gain": "gain {:+g} %",
+    "warmth": "red {:+g} %, blue the other way",
+}
+# label, colour, stroke, method, choices
+METHODS: dict[str, tuple[str, str, str, str, dict[str, object]]] = {
+    "paper": ("paper", COLORS["paper"], "o-", "paper", {}),
+    "unadapted": (
+        "field, light not followed", COLORS["field"], "s--", "field", {"appearance": "none"},
+    ),
+    "field": ("field", COLORS["field"], "o-", "field", {}),
+}  # fmt: skip
 
-LIGHTS = {"drift": "gain drifts by {:g} %", "warmth": "red gains and blue loses {:g} %"}
-JUDGED = 0.05  # the drift that is compared with none
+JUDGED = "gain -0.2"  # the light that is compared with that of the survey
 
 
 @dataclass(frozen=True)
@@ -66,31 +75,26 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     lent = lent_floor(train)  # before anything is trained
     base, located = map_of(train, parameters), train.select(train.located)
     maps = {
-        name: with_choices(
-            for_method(base, VARIANTS[name].method, flight=located), VARIANTS[name].choices
-        )
-        for name in METHODS
+        name: with_choices(for_method(base, method, flight=located), choices)
+        for name, (*_, method, choices) in METHODS.items()
     }
-    lights = {f"drift {drift:g}": (drift, 0.0) for drift in DRIFTS}
-    lights |= {f"warmth {warmth:g}": (0.0, warmth) for warmth in WARMTHS[1:]}
     errors: dict[str, dict[str, dict[str, float]]] = {}
-    for label, (drift, warmth) in lights.items():
-        frames, truth = _flight(train.area, lent, parameters, drift, Light(warmth=warmth))
-        errors[label] = _errors(maps, frames, truth, parameters)
-    still, moving = errors["drift 0"], errors[f"drift {JUDGED:g}"]
+    for what, shares in LIGHTS.items():
+        for share in shares:
+            drift = share if what == "drift" else 0.0
+            gain, warmth = (share if what == each else 0.0 for each in ("gain", "warmth"))
+            light = Light(gain=1 + gain, warmth=warmth)
+            frames, truth = _flight(train.area, lent, parameters, drift, light)
+            errors[f"{what} {share:g}"] = _errors(maps, frames, truth, parameters)
+    still, changed = errors["drift 0"], errors[JUDGED]
     values: dict[str, Any] = {
         "error_cm": errors,
-        "ratio": {name: middle(moving[name]) / middle(still[name]) for name in METHODS},
+        "ratio": {name: middle(changed[name]) / middle(still[name]) for name in METHODS},
         "frames": parameters.frames,
     }
     series = {
-        "drift": DRIFTS,
-        "warmth": WARMTHS,
-        "by_drift_cm": {n: [errors[f"drift {drift:g}"][n] for drift in DRIFTS] for n in METHODS},
-        "by_warmth_cm": {
-            name: [still[name], *(errors[f"warmth {warmth:g}"][name] for warmth in WARMTHS[1:])]
-            for name in METHODS
-        },
+        f"by_{what}_cm": {n: [errors[f"{what} {share:g}"][n] for share in shares] for n in METHODS}
+        for what, shares in LIGHTS.items()
     }
     return parameters.record(train, values=values, series=series)
 
@@ -136,34 +140,31 @@ def _errors(
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence."""
     errors = record.values["error_cm"]
-    still, moving = errors["drift 0"], errors[f"drift {JUDGED:g}"]
+    still, changed = errors["drift 0"], errors[JUDGED]
 
     def compared(method: str) -> str:
-        words = f"{interval(moving[method], 'cm')}, without drift {interval(still[method], 'cm')}"
+        words = f"{interval(changed[method], 'cm')}, as surveyed {interval(still[method], 'cm')}"
         chance = ", which may be the same but for chance"
-        return words if apart(moving[method], still[method]) else words + chance
+        return words if apart(changed[method], still[method]) else words + chance
 
     return (
-        f"Where the camera's gain drifts by {percent(JUDGED)}, the mean error of method field is "
+        f"Where the light is a fifth dimmer, the mean error of method field is "
         f"{compared('field')}; that of the paper's filter {compared('paper')}."
     )
 
 
 def sweeps(record: Record) -> Figure:
-    """Mean error of each method with its interval over the drift of the gain, and over the white
-    balance.
+    """Mean error of each method with its interval over the drift of the gain, the gain, and the
+    white balance.
     """
-    series = record.series
-    with canvas(1, 2, size=(7.2, 3.2), sharey=True) as (figure, axes):
-        for plot, what, xlabel in (
-            (axes[0, 0], "drift", "drift of the gain (%)"),
-            (axes[0, 1], "warmth", "white balance (%)"),
-        ):
-            shares = 100 * np.array(series[what])
-            for place, (name, errors) in enumerate(series[f"by_{what}_cm"].items()):
-                label, color, stroke = METHODS[name]
+    labels = {"drift": "drift of the gain (%)", "gain": "gain (%)", "warmth": "white balance (%)"}
+    with canvas(1, 3, size=(9.0, 3.2), sharey=True) as (figure, axes):
+        for plot, (what, xlabel) in zip(axes[0], labels.items(), strict=True):
+            shares = 100 * np.array(LIGHTS[what])
+            for place, (name, errors) in enumerate(record.series[f"by_{what}_cm"].items()):
+                label, color, stroke, *_ = METHODS[name]
                 # beside one another, so that no bar hides another
-                places = shares + 0.012 * (place - 1) * shares.max()
+                places = shares + 0.012 * (place - 1) * np.ptp(shares)
                 with_intervals(
                     plot, places, errors, fmt=stroke, color=color, elinewidth=1, label=label
                 )
@@ -174,13 +175,13 @@ def sweeps(record: Record) -> Figure:
 
 
 def table(record: Record) -> pd.DataFrame:
-    """Mean error of each method with its interval, a row for each light; the steady one first."""
+    """Mean error of each method with its interval, a row for each light."""
     rows = [
-        {"light": words.format(100 * share) if share else "steady"}
+        {"light": WORDS[what].format(100 * share)}
         | {METHODS[name][0]: distance(errors[i]) for name, errors in series.items()}
-        for what, words in LIGHTS.items()
+        for what, shares in LIGHTS.items()
         for series in (record.series[f"by_{what}_cm"],)
-        for i, share in enumerate(record.series[what])
+        for i, share in enumerate(shares)
         if share or what == "drift"
     ]
     return pd.DataFrame(rows)
