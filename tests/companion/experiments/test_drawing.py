@@ -1,8 +1,6 @@
-"""What a figure tells of itself: marks, arrows and bars, and of areas nothing."""
+"""What a figure tells of itself: marks and bars, and of areas nothing."""
 
 from __future__ import annotations
-
-import numpy as np
 
 from trexton.companion.experiments.drawing import chart_data
 from trexton.companion.experiments.style import canvas
@@ -15,27 +13,9 @@ def told(draw) -> dict:
     return data
 
 
-def test_dots_are_told_with_a_label_and_without_and_lines_with_one():
-    def draw(plot):
-        plot.scatter([1, 2], [3, 4])
-        plot.hlines([5], 1, 2, label="allowed")
-        plot.hlines([6], 1, 2)
-
-    assert told(draw)["lines"] == [
-        {"label": "", "x": [1, 2], "y": [3, 4]},
-        {"label": "allowed", "x": [1, 2], "y": [5, 5]},
-    ]
-
-
-def test_arrows_are_told_by_what_their_colour_says():
-    lines = told(
-        lambda plot: plot.quiver([0, 1, 2], [0, 0, 1], [1, 1, 1], [0, 0, 0], [0.51, 0.2, 0.511],
-                                 label="deviation (cm)")
-    )["lines"]  # fmt: skip
-    assert lines == [
-        {"label": "deviation (cm): 0.2", "x": [1], "y": [0]},
-        {"label": "deviation (cm): 0.51", "x": [0, 2], "y": [0, 1]},
-    ]
+def test_dots_are_told_without_a_label():
+    lines = told(lambda plot: plot.scatter([1, 2], [3, 4]))["lines"]
+    assert lines == [{"label": "", "x": [1, 2], "y": [3, 4]}]
 
 
 def test_a_map_with_a_name_tells_its_cells():

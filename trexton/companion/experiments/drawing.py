@@ -13,12 +13,11 @@ from typing import Any
 import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection, PathCollection
+from matplotlib.collections import PathCollection
 from matplotlib.container import BarContainer, ErrorbarContainer
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 from matplotlib.patches import Rectangle
-from matplotlib.quiver import Quiver
 from matplotlib.transforms import Bbox
 
 # Scales are small numbers of many digits that count, and no coordinates.
@@ -148,13 +147,8 @@ def _lines(axes: Axes) -> list[dict[str, Any]]:
             if middles:
                 found.append((held.get_label(), *np.array(middles).T))
     for drawn in axes.collections:  # of what fills an area, nothing: its corners tell nothing
-        if isinstance(drawn, LineCollection) and _said(drawn.get_label()):
-            corners = [corner for segment in drawn.get_segments() for corner in segment]
-            found.append((drawn.get_label(), *np.array(corners).reshape(-1, 2).T))
-        elif isinstance(drawn, PathCollection):
+        if isinstance(drawn, PathCollection):
             found.append((drawn.get_label(), *np.asarray(drawn.get_offsets()).reshape(-1, 2).T))
-        elif isinstance(drawn, Quiver):
-            found += _valued(drawn.get_label(), drawn.get_offsets(), drawn.get_array())
     for image in axes.images:
         if _said(image.get_label()) and image.origin == "lower":
             found += _valued(image.get_label(), *_cells(image))
