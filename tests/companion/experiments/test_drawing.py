@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from trexton.companion.experiments.drawing import chart_data
 from trexton.companion.experiments.style import canvas
 
