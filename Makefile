@@ -12,7 +12,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book browser test check coverage test-slow fuzz bench verify full lab lock sbom audit pdf clean
+.PHONY: help env book browser test check coverage test-slow fuzz bench verify full lab lock sbom audit clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -101,9 +101,6 @@ sbom: env  ## what the environment is made of: bom.json (CycloneDX) and licences
 
 audit: env  ## ask the advisory databases about every locked version (needs a network)
 	@$(BIN)/pip-audit --disable-pip --require-hashes -r environment.lock
-
-pdf: env  ## the built book for print: book/_build/trexton.pdf (needs chromium)
-	@$(BIN)/python -m trexton.companion.build.pdf
 
 clean:  ## remove the environment, results, caches and the built book
 	rm -rf .venv .venv-lock results data/cache data/flights book/_build

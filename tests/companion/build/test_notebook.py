@@ -123,14 +123,6 @@ def test_a_table_to_explore_tells_how_many_columns_choose(page):
     assert re.findall("<td>(.*?)</td>", html)[3:] == ["400", "2", ""]
 
 
-def test_the_footer_names_what_there_is_to_take_home(page):
-    (page.folder / f"{page.record.experiment}-errors.svg").write_text("<svg/>")
-    html = page.footer().data
-    assert re.findall("href=\"(.*?)\"", html) == [
-        "mocap_training.ipynb", "mocap_training-errors.svg", "mocap_training.json",
-    ]  # fmt: skip
-
-
 def test_what_is_kept_with_the_code_is_found_and_what_is_not_is_none():
     assert notebook.reference("fine").experiment == "fine" and notebook.swept("suitability")
     assert notebook.reference("nothing") is None and notebook.swept("nothing") is None

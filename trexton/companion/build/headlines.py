@@ -109,7 +109,7 @@ def _compared(pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> s
 
 
 def _better(records: Records) -> Headline | None:
-    """The method beyond the paper; where it was not run, the one number that changes most."""
+    """The method beyond the paper."""
 
     def say(values: Mapping[str, Any]) -> str:
         field, paper = values["field"], values["paper"]
@@ -118,22 +118,10 @@ def _better(records: Records) -> Headline | None:
 
     text, values, page = _on_each(records, "beyond", say)
     if not values:
-        return _noise(records)
+        return None
     says = _compared([(v["field"]["mean_cm"], v["paper"]["mean_cm"]) for v in values])
     text = f"Beyond the paper, a field of histograms {says} the paper's filter: {text}"
     return Headline(f"{text}.", page)
-
-
-def _noise(records: Records) -> Headline | None:
-    def say(values: Mapping[str, Any]) -> str:
-        paper, wide = (middle(values["variants"][k]["mean_cm"]) for k in ("paper", "motion_25"))
-        return f"{number(wide)} instead of {number(paper)} cm"
-
-    text, values, page = _on_each(records, "choices", say)
-    if not values:
-        return None
-    label = values[0]["variants"]["motion_25"]["label"]
-    return Headline(f"With {label} the error is {text}.", page)
 
 
 def _spread(records: Records) -> Headline | None:

@@ -255,21 +255,11 @@ class Page:
         return self.frame(pd.DataFrame(table), caption, name)
 
     def footer(self) -> HTML:
-        """The command that runs this experiment again, its parameters, and the downloads."""
-        record = self.record
-        files = sorted(
-            path.name
-            for path in self.folder.glob(f"{record.experiment}[-.]*")
-            if path.suffix in (".json", ".svg", ".png")
-        )
-        links = " · ".join(
-            f'<a href="{name}" download>{name}</a>'
-            for name in [f"{record.experiment}.ipynb", *files]
-        )
-        settings = ", ".join(f"{key} = {value}" for key, value in record.parameters.items())
+        """The command that runs this experiment again, its parameters; the book adds downloads."""
+        settings = ", ".join(f"{key} = {value}" for key, value in self.record.parameters.items())
         return HTML(
             f'<p>Parameters: {settings}.</p><pre class="command">{self.command()}</pre>'
-            f'<p class="downloads">Take home: {links}</p>'
+            '<p class="downloads"></p>'
         )
 
     def command(self) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from html import unescape
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,6 @@ from trexton.onboard.sinks import SINKS
 from trexton.onboard.sources import SOURCES
 
 __all__ = [
-    "describe_notebook",
-    "description",
     "name_figures",
     "page_names",
     "refer_by_number",
@@ -30,7 +27,6 @@ __all__ = [
 ]
 
 _TABLE = re.compile(r'<table[^>]* id="(\w+)"[^>]*>\s*<caption>Table (\d+)\.')
-_LONGEST = 200  # characters of a description, about what search engines show
 
 
 def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[str, object]:
@@ -167,30 +163,3 @@ def with_flight(
         notebook.cells.append(
             nbformat.v4.new_markdown_cell(f"The same on another flight: {links}.", id="twins")
         )
-
-
-def description(text: str) -> str:
-    """The first sentences of a page of Markdown in plain words, for its meta description."""
-    for paragraph in re.split(r"\n\s*\n", text):
-        plain = re.sub(r"{\w+}`([^`<]*?)\s*(?:<[^`]*>)?`|[*`$]", r"\1", paragraph)
-        plain = re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", plain)
-        plain = re.sub(r"(?m)^:::.*$", "", plain)
-        plain = " ".join(plain.split())
-        if plain and plain[0] not in "#|:<!`-{(":
-            return _shortened(plain)
-    return ""
-
-
-def _shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST else text[:_LONGEST].rsplit(" ", 1)[0] + " …"
-
-
-def describe_notebook(notebook: nbformat.NotebookNode) -> None:
-    """Give an executed notebook its finding, or its first words, as a meta description."""
-    outputs = [o for cell in notebook.cells for o in cell.get("outputs", ())]
-    html = "".join(str(output.get("data", {}).get("text/html", "")) for output in outputs)
-    sentence = re.search(r'<p class="finding">(.*?)</p>', html, re.S)
-    words = "\n\n".join(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
-    text = _shortened(unescape(sentence[1])) if sentence else description(words)
-    if text:
-        notebook.metadata["myst"] = {"html_meta": {"description": text}}

@@ -23,11 +23,6 @@ from trexton.companion.build.icons import with_icons
 __all__ = ["finish_book", "finish_page"]
 
 _UNWANTED = re.compile(r"fontawesome|sphinx-thebe|mathjax")
-# Scripts and styles that only some pages have a use for, and what they serve there.
-_SERVES = {
-    "design-tabs": ".sd-tab-set",
-    "togglebutton": ".toggle, .dropdown, [class*=tag_hide]",
-}
 _SENTENCE = 8  # words
 _COLUMNS = 6  # of numbers, that a phone may scroll
 _DESCRIPTION = 155  # characters of a description that search engines show
@@ -75,10 +70,6 @@ def _head(page: BeautifulSoup) -> None:
         address = f"{element.get('src', '')} {element.get('href', '')}"
         if _UNWANTED.search(address) or re.search("THEBE|MathJax", element.string or ""):
             element.decompose()
-    for name, users in _SERVES.items():
-        if page.select_one(users) is None:
-            for element in head.select(f"[src*='{name}'], [href*='{name}']"):
-                element.decompose()
     # Twice the same would be an error where it says const, and a waste elsewhere.
     scripts: set[str] = set()
     for element in page.find_all("script", src=False):

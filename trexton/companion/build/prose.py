@@ -6,7 +6,6 @@ absent stands in ``{% if %}``.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ from typing import Any
 import jinja2
 
 from trexton.base.errors import DataError
+from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.experiments.printed import published
 from trexton.companion.wording import Tree, template_environment
@@ -28,13 +28,9 @@ def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tre
     values_by_flight: dict[str, dict[str, Any]] = {}
     for outcome in outcomes:
         path = results / outcome.flight / f"{outcome.experiment}.json"
-        if outcome.status in ("ran", "reused") and outcome.flight and path.is_file():
-            record = json.loads(path.read_text(encoding="utf-8"))
-            values = {
-                **record["values"],
-                "parameters": record["parameters"],
-                "timings": record["timings"],
-            }
+        if outcome.good and outcome.flight and path.is_file():
+            record = Record.load(path)
+            values = record.values | {"parameters": record.parameters, "timings": record.timings}
             values_by_flight.setdefault(outcome.flight, {})[outcome.experiment] = values
     return {flight: Tree(experiments) for flight, experiments in values_by_flight.items()}
 

@@ -19,8 +19,6 @@ from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.notebooks import outputs_of
 from trexton.companion.build.pages import (
-    describe_notebook,
-    description,
     name_figures,
     page_names,
     refer_by_number,
@@ -62,11 +60,7 @@ class Contents:
 
     def good(self, flight: str) -> list[str]:
         """Experiments that have results on `flight` ("" for those over every flight)."""
-        ready = {
-            o.experiment
-            for o in self.outcomes
-            if o.flight == flight and o.status in ("ran", "reused")
-        }
+        ready = {o.experiment for o in self.outcomes if o.flight == flight and o.good}
         return [name for name in EXPERIMENTS if name in ready] + sorted(ready - EXPERIMENTS.keys())
 
 
@@ -98,8 +92,7 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
             text = render(source, context, pages, pictures)
             if page in _EXECUTED and recorded:
                 text = with_output(text, recorded, contents.results / f"{page}.json")
-            front = yaml.safe_dump({"myst": {"html_meta": {"description": description(text)}}})
-            (folder / f"{page}.md").write_text(f"---\n{front}---\n{text}", encoding="utf-8")
+            (folder / f"{page}.md").write_text(text, encoding="utf-8")
     for flight in ["", *(pair.name for pair in contents.pairs)]:
         (folder / flight).mkdir(exist_ok=True)
         for name in contents.good(flight):
@@ -111,7 +104,6 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
                         if flight not in ("", pair.name) and name in contents.good(pair.name)
                     }
                     notebook = nbformat.read(path, as_version=4)
-                    describe_notebook(notebook)
                     named = name_figures(notebook, f"{flight}/{name}")
                     refer_by_number(notebook, f"{flight}/{name}", named)
                     with_flight(notebook, flight, twins, figures)
