@@ -7,6 +7,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -49,7 +50,10 @@ def read_log(path: Path) -> PoseTrack | None:
         track = read(path)
     except ImportError as error:
         raise FlightError(f"{path}: needs {error.name}: pip install {error.name}") from None
-    except (OSError, ValueError, TypeError, LookupError, AttributeError, EOFError) as error:
+    except (
+        ArithmeticError, AttributeError, EOFError, LookupError, OSError, TypeError, ValueError,
+        struct.error,
+    ) as error:  # fmt: skip
         raise FlightError(f"{path}: not a readable log ({error}): copy it again") from None
     if track is None or not len(track.time_ns):
         raise FlightError(f"{path}: no position in it: was there a fix, and was it logged?")

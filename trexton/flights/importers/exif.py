@@ -105,7 +105,7 @@ def read_shot(path: Path) -> Shot:
 def _text(value: Any) -> str:
     """Some cameras store the letters as bytes, or as a list of them."""
     if isinstance(value, (tuple, list)):
-        value = bytes(value) if all(isinstance(each, int) for each in value) else value[0]
+        value = bytes(each for each in value if isinstance(each, int) and 0 < each < 128)
     text = value.decode("latin-1") if isinstance(value, bytes) else str(value)
     return text.strip("\0 ")
 

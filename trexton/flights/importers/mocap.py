@@ -18,6 +18,7 @@ from trexton.flights.tables import LENGTHS, TextTable, read_text
 __all__ = ["read_motion_capture"]
 
 _UNITS = {"meters": "m", "metres": "m", "centimeters": "cm", "millimeters": "mm"}
+_NUMBER = re.compile(r"[-+]?\d+(\.\d*)?")
 _VICON = ("objects", "segments", "model outputs", "trajectories")
 
 Row = list[str]
@@ -76,10 +77,10 @@ def read_motion_capture(
     else:
         return None
     lines = text.splitlines()
-    rows = list(csv.reader(lines, delimiter="\t" if read is _qualisys else ","))
     try:
+        rows = list(csv.reader(lines, delimiter="\t" if read is _qualisys else ","))
         export = read(rows)
-    except (LookupError, ValueError, StopIteration) as error:
+    except (LookupError, ValueError, StopIteration, csv.Error) as error:
         raise FlightError(
             f"{path}: begins as an export of motion capture, but its head cannot be read "
             f"({error}): export rigid bodies with their header"
@@ -92,7 +93,10 @@ def read_motion_capture(
     places = export.bodies[names[0]]
     kept, cells = [], []
     for number, row in enumerate(rows[export.first :], export.first):
-        if row and row[0].strip() and len(row) > max(places.values()):
+        if not (row and _NUMBER.fullmatch(row[0].strip())):
+            if kept:
+                break  # another table follows
+        elif len(row) > max(places.values()):
             kept.append(number + 1)
             cells.append([row[place].strip() for place in places.values()])
     if not kept:

@@ -44,7 +44,7 @@ def read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] | 
         # Both tell how the world is turned and moved to the camera (right, down, ahead).
         to_world = Rotation.from_quat(np.array(turns, dtype=float)).inv()
         centres = -to_world.apply(np.array(shifts, dtype=float))
-    except (LookupError, TypeError, ValueError) as error:
+    except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
         raise FlightError(f"{path}: not a reconstruction that can be read ({error})") from None
     attitude, said = camera_attitude(to_world.as_quat(), "camera")
     scale = "" if origin else "; its unit and axes are its own, unless it was aligned"
