@@ -128,6 +128,8 @@ class Forward:
             for item in self._stream:
                 self._next += 1
                 if self._next > row:
+                    if self._next == self._count:
+                        self._stream = None  # what was opened is closed with the last
                     return yuv_from_bgr(self.decoded(item))
         raise FlightError(
             f"{self.source}: frame {row} can no longer be read: record or copy it again"

@@ -91,10 +91,17 @@ def _subtitles(path: Path) -> PoseTrack | None:
     return _earthly(np.array(times), np.array(places, dtype=float).reshape(-1, 3))
 
 
+def _opened(reader: Callable[..., Any], path: Path, *more: Any) -> Any:
+    try:
+        return reader(str(path), *more)
+    except Exception as error:  # whatever a library raises of a damaged log
+        raise ValueError(error) from None
+
+
 def _ardupilot(path: Path) -> PoseTrack | None:
     from pymavlink.DFReader import DFReader_binary
 
-    log = DFReader_binary(str(path))
+    log = _opened(DFReader_binary, path)
     rows: dict[str, list[list[float]]] = {}
     while (message := log.recv_match(type=[*_DEGREES, *_LOCAL, "ATT"])) is not None:
         kind = message.get_type()
@@ -120,7 +127,7 @@ def _ardupilot(path: Path) -> PoseTrack | None:
 def _px4(path: Path) -> PoseTrack | None:
     from pyulog import ULog
 
-    log = ULog(str(path), ["vehicle_local_position"])
+    log = _opened(ULog, path, ["vehicle_local_position"])
     data: dict[str, Any] = next((each.data for each in log.data_list), {})
     if not data:
         return None
