@@ -91,7 +91,8 @@ def read_motion_capture(
             f"{path}: rigid bodies {', '.join(export.bodies) or 'none'}: name one with --body"
         )
     places = export.bodies[names[0]]
-    kept, cells = [], []
+    kept: list[int] = []
+    cells: list[Row] = []
     for number, row in enumerate(rows[export.first :], export.first):
         if not (row and _NUMBER.fullmatch(row[0].strip())):
             if kept:
