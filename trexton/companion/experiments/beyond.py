@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import floor_picture, frames_of, map_of
+from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import Track, fly
@@ -116,25 +116,12 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "protocol": _protocol(),
         "frames": len(test),
     }
-    floor, pictures = floor_picture(test)
+    errors_cm = {
+        name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
+        for name, runs in flown.items()
+    }
     return parameters.record(
-        train,
-        test,
-        values=values,
-        series={
-            "time_s": test.time - test.time[0],
-            "truth_m": truth,
-            "paper_m": flown["paper"][0].position,
-            "field_m": flown["field"][0].position,
-            "errors_cm": {
-                name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
-                for name, runs in flown.items()
-            },
-            "area_m": test.area,
-        }
-        | floor,
-        images=pictures,
-        timings=timings,
+        train, test, values=values, series={"errors_cm": errors_cm}, timings=timings
     )
 
 

@@ -8,34 +8,22 @@ so each axis is a filter of two states.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 ACCELERATION_NOISE = 0.35  # m/s^2 a reading: EKF2_ACC_NOISE, EK3_ACC_P_NSE
 RESET_S = 5.0  # of refusals, then the position is reset to the report
+GATE = 5.0  # deviations beyond which an innovation is refused
 FIRST_SPEED = 2.0  # m/s, prior deviation of the velocity
 
 
-@dataclass(frozen=True)
-class Settings:
-    """What tells the two apart.
-
-    Attributes
-    ----------
-    label : str
-    floor : float
-        Least deviation in metres that a report may claim: EKF2_EVP_NOISE, VISO_POS_M_NSE.
-    gate : float
-        Deviations beyond which an innovation is refused.
-    joint : bool
-        Both axes are refused or taken together.
-    """
+class Settings(NamedTuple):
+    """What tells the two apart."""
 
     label: str
-    floor: float
-    gate: float = 5.0
-    joint: bool = False
+    floor: float  # least deviation in metres of a report: EKF2_EVP_NOISE, VISO_POS_M_NSE
+    joint: bool = False  # whether both axes are refused or taken together
 
 
 RECEIVERS = {"ekf2": Settings("EKF2", 0.1), "ekf3": Settings("EKF3", 0.2, joint=True)}
@@ -86,9 +74,9 @@ class Receiver:
         innovation = position - self.position
         expected = self.variance + noise
         squared: np.ndarray = innovation**2 / expected
-        taken = squared <= self.settings.gate**2
+        taken = squared <= GATE**2
         if self.settings.joint:
-            together = squared.mean(axis=1, keepdims=True) <= self.settings.gate**2
+            together = squared.mean(axis=1, keepdims=True) <= GATE**2
             taken = np.broadcast_to(together, squared.shape)
         gain = np.where(taken, self.variance / expected, 0)
         turned = np.where(taken, self.cross / expected, 0)

@@ -17,7 +17,6 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import runs_by_method
-from trexton.companion.experiments.mocap_training import LANDING_SPREAD_M
 from trexton.companion.experiments.receivers import RECEIVERS, Receiver, Settings, readings
 from trexton.companion.experiments.style import (
     COLORS,
@@ -125,8 +124,6 @@ def _claimed(
     error = np.array([run.errors(test.position)[rows] for run in runs])
     claimed = np.sqrt(np.trace(covariance, axis1=2, axis2=3) / 2)  # deviation along an axis
     lost = np.array([run.lost[rows] for run in runs])
-    widest = np.array([run.spread[rows].max(axis=1) for run in runs])
-    alone = np.concatenate([_measured(run.estimates[rows], truth) for run in runs])
     held, wrong = squared < HELD, squared > WRONG
     values = {
         "error_cm": 100 * error.mean(),
@@ -135,14 +132,9 @@ def _claimed(
         "within_90": mean_with_interval(held, rng),
         "quarters": [part.mean() for part in np.array_split(held, QUARTERS, axis=1)],
         "nees": mean_with_interval(squared, rng),
-        "single_frame": {
-            "within_90": (alone < HELD).mean() if len(alone) else None,
-            "nees": alone.mean() if len(alone) else None,
-        },
         "wrong_rate": wrong.mean(),
         "wrong_lost_rate": lost[wrong].mean() if wrong.any() else None,
         "false_alarm_rate": lost[~wrong].mean() if (~wrong).any() else None,
-        "landing_allowed_rate": (widest < LANDING_SPREAD_M).mean(),
     }
     tenths = np.array_split(np.argsort(claimed, axis=None, kind="stable"), GROUPS)
     groups = [
@@ -153,16 +145,6 @@ def _claimed(
         for tenth in tenths
     ]
     return values, groups
-
-
-def _measured(flown: list[Estimate], truth: np.ndarray) -> np.ndarray:
-    """NEES of what single frames measured, where they did."""
-    both = [
-        (said.measurement, said.measurement.position - place)
-        for said, place in zip(flown, truth, strict=True)
-        if said.measurement is not None
-    ]
-    return np.array([off @ np.linalg.solve(said.covariance, off) for said, off in both])
 
 
 def _fuse(
