@@ -239,14 +239,12 @@ class AppearanceFilter:
                 for state in states
             ]
         )
-        tables = self._field.tables(count)
-        by_tile = tables.log_likelihoods(self._field.deviations(histograms))
-        log_posterior = by_tile.sum(axis=0) + self._field.prior
+        tables, deviations = self._field.tables(count), self._field.deviations(histograms)
+        log_posterior = tables.log_likelihoods(deviations).sum(axis=0) + self._field.prior
         if self._near is not None and self.settled:
             log_posterior = log_posterior + self._near
-        cells = log_posterior.argmax(axis=1)
-        at_best = by_tile[:, np.arange(len(states)), cells]
-        residuals = tables.squared_residual(at_best, cells) / float(self._field.residual_scale)
+        squared = tables.squared_residual(deviations, log_posterior.argmax(axis=1))
+        residuals = squared / float(self._field.residual_scale)
         peak = log_posterior.max(axis=1)
         total = np.exp(log_posterior - peak[:, None]).sum(axis=1)
         return peak + np.log(total), residuals

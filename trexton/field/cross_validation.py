@@ -114,11 +114,8 @@ class _Flight:
             rows = block.rows
             prior = log_prior(everywhere - density[:, gone.left_out].sum(axis=1))
             tables = TileTables.of(means, variance, bases)
-            by_tile = tables.log_likelihoods(self.features[rows])
-            posterior = by_tile.sum(axis=0) + prior
-            best = posterior.argmax(axis=1)
-            at_best = by_tile[:, np.arange(len(rows)), best]
-            residuals[rows] = tables.squared_residual(at_best, best)
+            posterior = tables.log_likelihoods(self.features[rows]).sum(axis=0) + prior
+            residuals[rows] = tables.squared_residual(self.features[rows], posterior.argmax(axis=1))
             posterior = np.exp(posterior - posterior.max(axis=1, keepdims=True))
             posterior /= posterior.sum(axis=1, keepdims=True)
             errors[rows] = posterior @ centers - places[rows]

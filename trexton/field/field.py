@@ -189,14 +189,10 @@ class Field(MeasurementModel):
 
     def log_posterior(self, observation: Observation) -> np.ndarray:
         """``(M,)`` log of likelihood times prior at the centres of the cells, less a constant."""
-        result: np.ndarray = self._by_tile(observation).sum(axis=0) + self.prior
+        deviations = self.deviations(observation.histogram)
+        by_tile = self.tables(observation.samples).log_likelihoods(deviations)
+        result: np.ndarray = by_tile.sum(axis=0) + self.prior
         return result
-
-    def _by_tile(self, observation: Observation) -> np.ndarray:
-        """``(C, M)`` log likelihood of each tile of the image."""
-        return self.tables(observation.samples).log_likelihoods(
-            self.deviations(observation.histogram)
-        )
 
     def deviations(self, histograms: np.ndarray) -> np.ndarray:
         """``(..., d)`` features of histograms ``(..., K)``, less the centre."""
@@ -218,9 +214,11 @@ class Field(MeasurementModel):
         """Squared residual of the frame at its best cell, over that of familiar frames: below 1 for
         nineteen of twenty frames of the survey that were left out.
         """
-        cell = np.array([log_posterior.argmax()])
-        likelihoods = self._by_tile(observation)[:, cell]
-        squared = self.tables(observation.samples).squared_residual(likelihoods, cell)
+        deviations, cell = (
+            self.deviations(observation.histogram),
+            np.array([log_posterior.argmax()]),
+        )
+        squared = self.tables(observation.samples).squared_residual(deviations[None], cell)
         return float(squared[0] / max(float(self.residual_scale), MIN_VARIANCE))
 
     def log_likelihood(self, places: np.ndarray, observation: Observation) -> np.ndarray:

@@ -4,7 +4,7 @@ places by where the survey flew.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,16 +64,20 @@ class Table:
 
     def log_likelihood(self, features: np.ndarray) -> np.ndarray:
         """``(M,)`` for features ``(d,)``, or ``(n, M)`` for ``(n, d)``, up to a constant."""
-        both = np.concatenate([features * features, features], axis=-1).astype(np.float32)
-        squared = np.maximum(both @ self.weights.T + self.constant, 0)
+        squared = np.maximum(_both(features) @ self.weights.T + self.constant, 0)
         half = 0.5 * (DEGREES_OF_FREEDOM + features.shape[-1])
         return self.log_norm - half * np.log1p(squared / DEGREES_OF_FREEDOM)
 
-    def squared_residual(self, likelihood: np.ndarray, cells: np.ndarray | int) -> np.ndarray:
-        """Squared deviations a feature from which `log_likelihood` made `likelihood` at `cells`."""
-        d = self.weights.shape[1] // 2
-        half = 0.5 * (DEGREES_OF_FREEDOM + d)
-        return DEGREES_OF_FREEDOM / d * np.expm1((self.log_norm[cells] - likelihood) / half)
+    def squared_residual(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """``(N,)`` squared deviations a feature of features ``(N, d)``, each at its cell."""
+        products = np.einsum("nd,nd->n", _both(features), self.weights[cells])
+        result: np.ndarray = np.maximum(products + self.constant[cells], 0) / features.shape[-1]
+        return result
+
+
+def _both(features: np.ndarray) -> np.ndarray:
+    """Squares of features and features, side by side, in single precision."""
+    return np.concatenate([features * features, features], axis=-1).astype(np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,18 +108,21 @@ class TileTables:
 
     def log_likelihoods(self, features: np.ndarray) -> np.ndarray:
         """``(C, ..., M)``, tile by tile, for features ``(..., d)``."""
-        tiles = np.split(features, len(self.tables), axis=-1)
-        each = zip(tiles, self.bases, self.tables, strict=True)
-        return np.stack([table.log_likelihood(tile @ basis.whiten) for tile, basis, table in each])
+        return np.stack([table.log_likelihood(tile) for tile, table in self._tiles(features)])
 
-    def squared_residual(self, likelihoods: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """``(N,)`` squared deviations a feature at `cells` ``(N,)`` of frames whose tiles have the
-        `likelihoods` ``(C, N)`` there; the mean over the better half of the tiles.
+    def squared_residual(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """``(N,)`` squared deviations a feature of frames ``(N, d)``, each at its cell: the mean
+        over the better half of the tiles.
         """
-        each = zip(self.tables, likelihoods, strict=True)
-        residuals = np.sort([table.squared_residual(row, cells) for table, row in each], axis=0)
-        result: np.ndarray = residuals[: len(residuals) // 2 + 1].mean(axis=0)
+        rows = [table.squared_residual(tile, cells) for tile, table in self._tiles(features)]
+        result: np.ndarray = np.sort(rows, axis=0)[: len(rows) // 2 + 1].mean(axis=0)
         return result
+
+    def _tiles(self, features: np.ndarray) -> Iterator[tuple[np.ndarray, Table]]:
+        """Features of each tile in its basis, and its table."""
+        tiles = np.split(features, len(self.tables), axis=-1)
+        for tile, basis, table in zip(tiles, self.bases, self.tables, strict=True):
+            yield tile @ basis.whiten, table
 
 
 def rbf_kernel(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:
