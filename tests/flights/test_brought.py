@@ -426,6 +426,21 @@ def test_exports_of_motion_capture(tmp_path, name, head, row):
         read_track(tmp_path / name, TrackColumns(body="nobody"))
 
 
+def test_features_have_a_yaw_and_no_body(tmp_path):
+    rows = [f"{i / 9},1,{i},0.{i},0.5,0.2" for i in range(9)]
+    (tmp_path / "f.csv").write_text("\n".join(["x,y,turn,a,b,c", *rows]))
+    settings = {"yaw": "turn", "degrees": True}
+    flight, _ = import_flight(
+        tmp_path / "f.csv", tmp_path / "out", kind="features", settings=settings
+    )
+    np.testing.assert_allclose(np.degrees(flight.attitude[:, 2]), np.arange(9))
+    assert flight.histograms.shape == (9, 3)
+    with pytest.raises(FlightError, match="no export of motion capture"):
+        import_flight(
+            tmp_path / "f.csv", tmp_path / "no", kind="features", settings={"body": "drone"}
+        )
+
+
 def test_columns_of_motion_capture_may_be_named(tmp_path):
     rows = [f"{i},{i / 100},0,0,0,1,{i},1,5,7" for i in range(9)]
     (tmp_path / "a.csv").write_text(MOTIVE.format("Meters") + "\n".join(rows) + "\n")

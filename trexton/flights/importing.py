@@ -41,7 +41,9 @@ class Common(Options):
     tolerance: float = option(0.1, "seconds between a frame and a position", low=0)
     offset: float = option(0.0, "seconds to add to the stamps of the positions")
     scale: float = option(1.0, "size of the images written, as a share", low=0.01, high=1)
-    undistort: str = option("", "calibration to undistort by: a file of OpenCV or EuRoC, or own")
+    undistort: str = option(
+        "", "calibration to undistort by: file of OpenCV, EuRoC or Kalibr, or own"
+    )
     mask: str = option("", "picture that is black where the vehicle itself is seen")
     split: float = option(
         0.0, "share of the frames for training, the rest for test; 0: no splits", low=0, high=1

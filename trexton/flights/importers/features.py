@@ -11,7 +11,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.options import option
-from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
+from trexton.flights.importers.recording import NANO, Recording, beside
 from trexton.flights.importers.table import column_names
 from trexton.flights.importers.tracks import TrackColumns
 from trexton.flights.tables import read_table
@@ -43,9 +43,10 @@ def read(source: Path, settings: Settings) -> Recording:
     stamps = (np.arange(len(places)) * NANO / settings.rate).astype(np.int64)
     if settings.time:
         stamps = places.nanoseconds(settings.time, settings.time_unit)
-    track = PoseTrack(stamps, settings.places(places))
+    track, said = settings.of(places, stamps=stamps)
     table = places if where == source else read_table(source)
-    used = {settings.x, settings.y, settings.z, settings.time, "frame", "id"}
+    used = {settings.x, settings.y, settings.z, settings.time, settings.yaw, "frame", "id"}
+    used |= set(settings.quaternion.split(","))
     names = [name for name in table.header if name not in (used if where == source else {"frame"})]
     if len(table) != len(places) or not names:
         raise FlightError(
@@ -58,4 +59,5 @@ def read(source: Path, settings: Settings) -> Recording:
         histograms=np.column_stack([table.numbers(name, missing_allowed=False) for name in names]),
         features=settings.features,
         source=f"features of {source.name}",
+        said=said,
     )

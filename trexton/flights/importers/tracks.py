@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from trexton.base.errors import FlightError
 from trexton.base.options import Options, option
 from trexton.flights.importers.autopilot import read_log
 from trexton.flights.importers.axes import (
@@ -45,15 +46,11 @@ class TrackColumns(Options):
     degrees: bool = option(False, "the yaw is in degrees")
     body: str = option("", "of motion capture: the rigid body (default: the only one)")
 
-    def places(self, table: TextTable) -> np.ndarray:
-        """``(N, 3)`` metres; NaN where there is no column."""
-        unknown = np.full(len(table), np.nan)
-        names = (self.x, self.y, self.z)
-        columns = [_column(table, name) if name else unknown for name in names]
-        return LENGTHS[self.unit] * np.column_stack(columns)
-
     def of(
-        self, table: TextTable, mounted: np.ndarray | None = None
+        self,
+        table: TextTable,
+        mounted: np.ndarray | None = None,
+        stamps: np.ndarray | None = None,
     ) -> tuple[PoseTrack, list[str]]:
         """The track in order of its stamps, and what to know of it.
 
@@ -61,18 +58,26 @@ class TrackColumns(Options):
         ----------
         mounted : (3, 3) array, optional
             How the camera is mounted on what the quaternions turn, instead of `axes`.
+        stamps : (N,) int64 array, optional
+            Nanoseconds, where no column has them.
 
         Raises
         ------
         FlightError
             A column is missing, or holds something else.
         """
-        stamps = table.nanoseconds(self.time, self.time_unit)
-        position = self.places(table)
+        if self.body:
+            raise FlightError(f"{table.path}: no export of motion capture that is known: drop body")
+        if stamps is None:
+            stamps = table.nanoseconds(self.time, self.time_unit)
+        unknown = np.full(len(table), np.nan)
+        names = (self.x, self.y, self.z)
+        columns = [_column(table, name) if name else unknown for name in names]
+        position = LENGTHS[self.unit] * np.column_stack(columns)
         where, lines = str(table.path), table.rows
-        if names := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
-            turns = np.column_stack([_column(table, name) for name in names])
-            if len(names) == 9:
+        if parts := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
+            turns = np.column_stack([_column(table, name) for name in parts])
+            if len(parts) == 9:
                 turns = _quaternions(turns)
             return pose_track(stamps, position, turns, self.axes, where, lines, mounted)
         attitude, said = None, []
@@ -150,7 +155,7 @@ def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]
         usual = TrackColumns().as_dict()
         given = {key: getattr(columns, key) for key in usual}
         asked = {key: value for key, value in given.items() if value != usual[key]}
-        track, more = TrackColumns(**{**names, **asked}).of(table)
+        track, more = TrackColumns(**{**names, **asked, "body": ""}).of(table)
         return track, said + more
     if _is_trajectory(path):
         table = read_table(path, trajectory_names(path, TUM.quaternion))
