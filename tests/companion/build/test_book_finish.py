@@ -12,7 +12,6 @@ import pytest
 
 from trexton.base.errors import DataError
 from trexton.companion.build.charts import inline_figure, is_figure
-from trexton.companion.build.icons import with_icons
 from trexton.companion.build.mathematics import mathml
 from trexton.companion.build.postprocessing import finish_page
 from trexton.companion.experiments.drawing import chart_data, to_png, to_svg
@@ -109,15 +108,6 @@ def test_mathematics_is_set_when_the_book_is_built(tex):
 def test_mathematics_that_is_not_understood_stops_the_build():
     with pytest.raises(ValueError, match="unheardof"):
         mathml(r"\unheardof{x}")
-
-
-def test_icons_are_drawn_in_place_inside_scripts_too():
-    html = (
-        '<script>write(`<i class="theme-switch fa-solid fa-sun" data-mode="light"></i>`)</script>'
-    )
-    drawn = with_icons(html)
-    assert 'class="theme-switch fa-solid fa-sun" data-mode="light"><svg' in drawn and "`" in drawn
-    assert with_icons('<span class="plain"></span>') == '<span class="plain"></span>'
 
 
 PAGE = """<html><head><script>const THEBE_JS_URL = "https://x"</script><script src="mathjax/a.js">

@@ -18,7 +18,6 @@ from bs4 import BeautifulSoup, Tag
 
 from trexton.base.files import atomic_file
 from trexton.companion.build.charts import inline_figure, is_figure
-from trexton.companion.build.icons import with_icons
 
 __all__ = ["finish_book", "finish_page"]
 
@@ -47,7 +46,7 @@ def finish_book(html: Path) -> None:
 
 def finish_page(path: Path) -> str:
     """The finished text of one page; tables are written as CSV beside it."""
-    page = BeautifulSoup(with_icons(path.read_text(encoding="utf-8")), "lxml")
+    page = BeautifulSoup(path.read_text(encoding="utf-8"), "lxml")
     _head(page)
     article = page.find("article") or page
     assert isinstance(article, Tag)
