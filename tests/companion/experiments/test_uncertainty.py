@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from small_room import histogram_flight
 
-from trexton.companion.experiments import evaluation, uncertainty
+from trexton.companion.experiments import uncertainty
 from trexton.companion.experiments.receivers import RECEIVERS
 from trexton.companion.experiments.track import Track, tracks
 
@@ -91,7 +91,7 @@ def test_a_method_that_is_lost_all_the_time_sends_nothing(monkeypatch, always):
             for run in tracks(method, *words, **known)
         ]
 
-    monkeypatch.setattr(evaluation, "tracks", flown)
+    monkeypatch.setattr(uncertainty, "tracks", flown)
     record = uncertainty.run(*flights(110), uncertainty.Parameters(repeats=1, vehicles=2))
     assert record.values["silent"] == always and "ekf2" not in record.values["field"]
     assert uncertainty.finding(record).endswith("that it is lost, and sends nothing to fuse.")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -12,7 +12,7 @@ from trexton.base.cache import cached
 from trexton.base.progress import progress
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import MapParameters
-from trexton.companion.experiments.track import Track, tracks
+from trexton.companion.experiments.track import Track
 from trexton.evaluation.metrics import (
     absolute_errors,
     block_rows,
@@ -25,7 +25,7 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import from_arrays, to_arrays
 from trexton.localization.neighbors import NearestHistograms
-from trexton.localization.training import for_method, train_map
+from trexton.localization.training import train_map
 from trexton.vision.camera import MapImage
 from trexton.vision.histograms import sampled_histogram
 
@@ -107,31 +107,6 @@ def neighbor_means(
     return np.array(
         [nearest.query(observer.observe(frame)).position.mean(axis=0) for frame in frames]
     )
-
-
-def runs_by_method(
-    train: Flight,
-    test: Flight,
-    parameters: MapParameters,
-    *,
-    methods: Mapping[str, str],
-    repeats: int,
-    purpose: str,
-) -> Iterator[tuple[str, list[Track]]]:
-    """Each of `methods` (name to label) and its independent runs over the test flight.
-
-    Where there are images, one histogram is drawn for each frame and used in all runs; random
-    numbers of training come from the stream `purpose`.
-    """
-    texton_map, located = map_of(train, parameters), train.select(train.located)
-    for name, label in methods.items():
-        rng = stream(parameters.seed, purpose)
-        method = for_method(texton_map, name, flight=located, rng=rng)
-        histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
-        yield name, tracks(
-            method, histograms, repeats=repeats, seed=parameters.seed, label=label,
-            counted=parameters.samples if test.has_images else None,
-        )  # fmt: skip
 
 
 def drift(

@@ -6,6 +6,7 @@ receivers like EKF2 and EKF3 make of their reports, fused with simulated acceler
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,7 +17,7 @@ from scipy.stats import binom, chi2
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import runs_by_method
+from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.receivers import RECEIVERS, Receiver, Settings, readings
 from trexton.companion.experiments.style import (
     COLORS,
@@ -25,11 +26,12 @@ from trexton.companion.experiments.style import (
     plain_log_ticks,
     with_intervals,
 )
-from trexton.companion.experiments.track import HELD, Track
+from trexton.companion.experiments.track import HELD, Track, tracks
 from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
+from trexton.localization.training import for_method
 
 METHODS = {
     "paper": "the paper's filter",
@@ -64,9 +66,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     quarter_s = float(test.time[-1] - test.time[_settled(test, SETTLED_S)]) / QUARTERS
     values: dict[str, Any] = {"order": list(METHODS), "silent": [], "band": BAND}
     series: dict[str, Any] = {}
-    for name, runs in runs_by_method(
-        train, test, parameters, methods=METHODS, repeats=parameters.repeats, purpose="calibration"
-    ):
+    for name, runs in _runs(train, test, parameters):
         judged, series[name] = _claimed(runs, test, stream(seed, "intervals"))
         flights = [track.estimates for track in runs]
         usable = [not estimate.lost_in(test.area) for flown in flights for estimate in flown]
@@ -96,6 +96,19 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         "test": len(test), "repeats": parameters.repeats, "vehicles": parameters.vehicles
     }  # fmt: skip
     return parameters.record(train, test, values=values, series=series)
+
+
+def _runs(train: Flight, test: Flight, parameters: Parameters) -> Iterator[tuple[str, list[Track]]]:
+    """Each method and its runs over the test flight, all with the same histogram of each frame."""
+    texton_map, located = map_of(train, parameters), train.select(train.located)
+    for name, label in METHODS.items():
+        rng = stream(parameters.seed, "calibration")
+        method = for_method(texton_map, name, flight=located, rng=rng)
+        histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
+        yield name, tracks(
+            method, histograms, repeats=parameters.repeats, seed=parameters.seed, label=label,
+            counted=parameters.samples if test.has_images else None,
+        )  # fmt: skip
 
 
 def _settled(test: Flight, after_s: float) -> int:
