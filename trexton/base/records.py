@@ -25,7 +25,7 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
 
-__all__ = ["Record", "machine", "plain", "software_versions"]
+__all__ = ["Record", "machine", "plain", "read_content", "software_versions"]
 
 SCHEMA = 2
 SECTIONS = ("parameters", "values", "series", "timings", "provenance")
@@ -78,6 +78,16 @@ def machine() -> dict[str, Any]:
         "load": load,
         "system": platform.platform(),
     }
+
+
+def read_content(path: Path) -> dict[str, Any]:
+    """What a record's file holds; `TrextonError` where it is of another schema."""
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    if content["schema"] != SCHEMA:
+        advice = "update trexton" if content["schema"] > SCHEMA else "run it again"
+        found = f"record schema {content['schema']}"
+        raise TrextonError(f"{path}: {found}, expected {SCHEMA}: {advice}")
+    return content
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,11 +156,7 @@ class Record:
 
         path = Path(path)
         try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            if content["schema"] != SCHEMA:
-                advice = "update trexton" if content["schema"] > SCHEMA else "run it again"
-                found = f"record schema {content['schema']}"
-                raise TrextonError(f"{path}: {found}, expected {SCHEMA}: {advice}")
+            content = read_content(path)
             if not all(isinstance(content.get(key, {}), dict) for key in SECTIONS):
                 raise ValueError("a section is none")
             pictures = content.pop("images")

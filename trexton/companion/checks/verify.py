@@ -6,7 +6,6 @@ method multiplies in single precision. What changed is named, with the versions 
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,7 +15,7 @@ from typing import Any
 from trexton.base.cache import kept_results
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json, digest
-from trexton.base.records import Record, software_versions
+from trexton.base.records import Record, read_content, software_versions
 from trexton.companion.executor import environment
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.splits import load_pair
@@ -180,5 +179,5 @@ def _simulated(record: Content, work: Path) -> list[str]:
 def _read(path: Path) -> Content:
     """A record's file as it would be written today, its pictures by their hashes."""
     Record.load(path)  # says what is wrong with it
-    content: Content = json.loads(path.read_text(encoding="utf-8"))
+    content: Content = read_content(path)
     return content
