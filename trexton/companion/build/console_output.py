@@ -4,7 +4,6 @@ say.
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shlex
@@ -20,6 +19,7 @@ from trexton.base.errors import DataError
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.progress import say
 from trexton.base.records import software_versions
+from trexton.companion.build.notebooks import read_content
 from trexton.flights import Flight
 from trexton.flights.exporters import Trajectory, export
 from trexton.flights.frames import ImageFiles
@@ -51,7 +51,8 @@ def with_output(text: str, flight: Flight, kept: Path) -> str:
     blocks: list[str] = _BLOCK.findall(text)
     code = digest(*sorted(_PACKAGE.rglob("*.py")))  # a command may reach any of it
     key = digest(blocks, flight.data_hash, code, software_versions())
-    said = _remembered(kept, key)
+    before = read_content(kept) or {}
+    said = before["said"] if before.get("key") == key else None
     if said is None:
         say("running the commands of a page")
         with TemporaryDirectory() as folder:
@@ -66,14 +67,6 @@ def with_output(text: str, flight: Flight, kept: Path) -> str:
         return match[0] + (f"\n```text\n{output}```\n" if output else "")
 
     return _BLOCK.sub(shown, text)
-
-
-def _remembered(kept: Path, key: str) -> list[str] | None:
-    try:
-        content = json.loads(kept.read_text(encoding="utf-8"))
-        return list(content["said"]) if content["key"] == key else None
-    except (OSError, ValueError, KeyError, TypeError):
-        return None
 
 
 def _run(block: str, folder: Path) -> str:

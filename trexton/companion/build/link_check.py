@@ -20,42 +20,30 @@ _REMOTE = re.compile(r"//|https?:")
 _REMOTE_STYLE = re.compile(r"""url\(["']?(http|//)|@import ["']http""")
 
 
-class _Links:
-    """What one page loads, where it leads, and what may be led to in it."""
-
-    def __init__(self, path: Path):
-        page = BeautifulSoup(path.read_text(encoding="utf-8"), "lxml")
-        links = [each for each in page.select("link[rel]") if _is_loaded(each)]
-        self.loaded = [str(each.get("src", each.get("data"))) for each in page.select(_LOADED)]
-        self.loaded += [str(each.get("href", "")) for each in links]
-        self.links = [str(each["href"]) for each in page.select("a[href]")]
-        self.anchors = {
-            str(each[key]) for key in ("id", "name") for each in page.select(f"[{key}]")
-        }
-        self.undescribed = [
-            str(each.get("src", ""))
-            for each in page.select("img")
-            if not str(each.get("alt", "")).strip()
-        ]
-
-
-def _is_loaded(link: Tag) -> bool:
-    return any(word in _LOADED_LINKS for word in link.get_attribute_list("rel"))
-
-
 def audit(html: Path) -> list[str]:
     """Faults of the built pages below `html`, as sentences; empty if there are none."""
     pages = {
-        path: _Links(path)
+        path: BeautifulSoup(path.read_text(encoding="utf-8"), "lxml")
         for path in sorted(html.rglob("*.html"))
         if "_static" not in path.relative_to(html).parts
     }
+    anchors = {
+        path: {str(each[key]) for key in ("id", "name") for each in page.select(f"[{key}]")}
+        for path, page in pages.items()
+    }
     faults = []
     for path, page in pages.items():
-        remote = [address for address in page.loaded if _REMOTE.match(address)]
-        dead = [link for link in page.links + page.loaded if not _leads(path, link, pages)]
-        said = [f"loads {address} from another host" for address in remote]
-        said += [f"the picture {source} has no alternative text" for source in page.undescribed]
+        links = [each for each in page.select("link[rel]") if _is_loaded(each)]
+        loaded = [str(each.get("src", each.get("data"))) for each in page.select(_LOADED)]
+        loaded += [str(each.get("href", "")) for each in links]
+        followed = [str(each["href"]) for each in page.select("a[href]")]
+        said = [f"loads {each} from another host" for each in loaded if _REMOTE.match(each)]
+        said += [
+            f"the picture {each.get('src', '')} has no alternative text"
+            for each in page.select("img")
+            if not str(each.get("alt", "")).strip()
+        ]
+        dead = [link for link in followed + loaded if not _leads(path, link, anchors)]
         said += [f"the link {link} leads nowhere" for link in dead]
         faults += [f"{path.relative_to(html)}: {each}" for each in said]
     for sheet in sorted(html.rglob("*.css")):
@@ -64,7 +52,11 @@ def audit(html: Path) -> list[str]:
     return faults
 
 
-def _leads(path: Path, link: str, pages: dict[Path, _Links]) -> bool:
+def _is_loaded(link: Tag) -> bool:
+    return any(word in _LOADED_LINKS for word in link.get_attribute_list("rel"))
+
+
+def _leads(path: Path, link: str, anchors: dict[Path, set[str]]) -> bool:
     parts = urlsplit(link)
     if parts.scheme or link.startswith("//") or link in ("", "#"):
         return True
@@ -74,4 +66,4 @@ def _leads(path: Path, link: str, pages: dict[Path, _Links]) -> bool:
     if not target.exists():
         return False
     anchor = unquote(parts.fragment)
-    return not anchor or target not in pages or anchor in pages[target].anchors
+    return not anchor or target not in anchors or anchor in anchors[target]
