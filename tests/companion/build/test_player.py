@@ -19,10 +19,9 @@ from small_room import picture_flight
 from trexton.base.errors import ParameterError
 from trexton.cli.main import main
 from trexton.companion.experiments import mocap_training
-from trexton.companion.experiments.replay import replay
 from trexton.companion.experiments.style import COLORS
 from trexton.companion.player.page import player_html
-from trexton.companion.player.playback import record_replay
+from trexton.companion.player.playback import record_replay, replay
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map
 from trexton.vision.patches import gather_patches

@@ -11,17 +11,23 @@ from typing import Any
 import cv2
 import numpy as np
 
-from trexton.base.errors import ParameterError
+from trexton.base.errors import MapError, ParameterError
+from trexton.base.streams import stream
+from trexton.companion.experiments.declaration import MapParameters
+from trexton.companion.experiments.evaluation import map_of
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer
+from trexton.localization.training import for_method
 from trexton.vision.camera import MapImage
 from trexton.vision.images import bgr_from_yuv
 from trexton.vision.patches import sample_positions
 
-__all__ = ["PlayedFlight", "record_replay"]
+__all__ = ["PlayedFlight", "record_replay", "replay"]
 
+# As the player names them; the first one is shown in detail.
+_METHODS = {"paper": "the paper's filter", "guarded": "guarded", "field": "field", "fine": "fine"}
 _WIDTH = 200  # pixels of a frame on the page
 _FLOOR_WIDTH = 420
 _QUALITY = 38
@@ -51,6 +57,41 @@ class PlayedFlight:
     area: tuple[float, float, float, float]
     frames: list[dict[str, Any]] = field(default_factory=list)
     floor: dict[str, Any] | None = None
+
+
+def replay(train: Flight, test: Flight, parameters: MapParameters) -> PlayedFlight:
+    """What the first run of the experiment sees and draws, beside every method that can learn here.
+
+    Parameters
+    ----------
+    train, test : Flight
+        With images, or with histograms. `fine` is shown where the flight has a picture of its
+        floor, and the camera and its height, with which frames are laid on it.
+    parameters : MapParameters
+        The map's, and the seed.
+    """
+    texton_map = map_of(train, parameters)
+    frames = train.select(train.located)
+    known = (train.floor, train.camera, train.height)
+    laid = test.has_images and all(each is not None for each in known)
+    localizers = {}
+    for method, label in _METHODS.items():
+        rng = stream(parameters.seed, f"training {method}")
+        if method == "fine" and not laid:
+            continue
+        try:
+            learned = for_method(texton_map, method, flight=frames, rng=rng)
+        except MapError:  # too short a flight, for one; the paper's method learns from any
+            if method == "paper":
+                raise
+            continue
+        localizers[label] = Localizer(
+            learned,
+            samples=parameters.samples,
+            rng=stream(parameters.seed, "flight", 0),
+            particles=parameters.particles if method == "paper" else None,
+        )
+    return record_replay(localizers, test)
 
 
 def record_replay(
