@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from trexton.field.appearance import Tracked, corrected_frame, corrected_patches
+from trexton.flights.aiding import Aiding
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map, with_choices
 from trexton.simulator import Floor, Light, Plan, Simulator, random_waypoints, record_flight
@@ -41,7 +42,7 @@ def surveyed(tmp_path_factory):
 AS_SURVEYED = Light()
 
 
-def flown(surveyed, light=AS_SURVEYED, heading=0.0, frames=70, **choices):
+def flown(surveyed, light=AS_SURVEYED, heading=0.0, frames=70, rate=0.0, told=False, **choices):
     """Errors in metres, whether lost, and the filter of the appearance."""
     floor, texton_map = surveyed
     ways, rng = np.random.default_rng(5).spawn(2)
@@ -52,8 +53,10 @@ def flown(surveyed, light=AS_SURVEYED, heading=0.0, frames=70, **choices):
     errors, lost = [], []
     for _ in range(frames):
         for _ in range(2):
+            simulator.heading += rate
             simulator.step(plan.goal(simulator.vehicle.state.position))
-        estimate = localizer.step(simulator.render())
+        aiding = Aiding(yaw=float(simulator.state.attitude[2])) if told else None
+        estimate = localizer.step(simulator.render(), aiding=aiding)
         errors.append(np.hypot(*(estimate.position - simulator.state.position[:2])))
         lost.append(estimate.lost)
     return np.array(errors), np.array(lost), localizer._appearance
@@ -77,6 +80,14 @@ def test_any_heading_at_the_start_is_noticed(surveyed):
     assert np.median(errors[10:]) < 0.3 < np.median(blind[10:])
     off = (appearance.mean[3] - heading + np.pi) % (2 * np.pi) - np.pi
     assert abs(off) < np.radians(25)
+
+
+def test_a_given_yaw_is_used_while_the_vehicle_turns(surveyed):
+    turning = {"rate": np.radians(120) / 140}
+    blind, _, _ = flown(surveyed, **turning, appearance="none")
+    errors, lost, _ = flown(surveyed, **turning, told=True)
+    assert 1.5 * np.median(errors[10:]) < np.median(blind[10:])
+    assert not lost[10:].any()
 
 
 def test_light_alone_leaves_the_heading(surveyed):

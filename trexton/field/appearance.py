@@ -13,15 +13,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from statistics import NormalDist
+from typing import Self
 
 import cv2
 import numpy as np
 
 from trexton.base.options import option
 from trexton.field.field import Field
-from trexton.localization.base import Part
+from trexton.localization.base import Part, learned
 from trexton.localization.estimate import Estimate
 from trexton.localization.texton_map import TextonMap
+from trexton.localization.training_set import Training
 from trexton.vision.histograms import patch_histogram
 from trexton.vision.patches import gather_patches, sample_positions
 
@@ -35,7 +37,7 @@ START_SIGMA = np.array([0.08, 0.02, 0.02, 0.1])  # about a state that was just c
 MIN_SIGMA = np.array([0.006, 0.002, 0.002, 0.004])  # what the patches of a frame can tell
 MEMORY_FRAMES = 400  # time constant of the gains' way back to those of the survey
 HEADING_WALK = 0.012  # radians a frame
-DEADBAND = np.array([0.03, 0.01, 0.01, 0.0])  # below, a frame is taken as it is
+DEADBAND = np.array([0.03, 0.01, 0.01, 0.05])  # below, a frame is taken as it is
 WIDENED = 1.3  # proposals, over the state's own deviation
 SEARCH_FRAMES = 8  # over which the evidence of states from the prior is summed
 SEARCH_STATES = 192
@@ -45,6 +47,7 @@ UNFAMILIAR = 0.8  # average normalized residual of corrected frames that are fol
 RESIDUAL_GAIN = 0.3  # of that average, a frame
 SETTLED_EVERY = 3  # frames between updates once the state is settled
 LOST_FRAMES = 12  # on end, after which light and heading are searched anew
+HELD = 0.98  # mean resultant length of the yaw of a survey that held its heading
 LOCAL_SHARE = 0.7  # of the evidence that is sought near the last estimate
 LOCAL_SIGMA = 0.15  # metres that are added to its deviation
 CHROMA_OFFSET = np.array([0, 128, 128], np.float32)
@@ -84,6 +87,17 @@ class Tracked(Appearance):
     trials: int = option(16, "states tried about the last one", low=8, high=1000)
     patches: int = option(300, "of a frame, on which states are tried", low=20, high=100_000)
     turning: bool = option(True, "search the heading too, not only the light")
+    survey_yaw: np.ndarray = learned()  # () radians, of a survey that held its heading; else NaN
+
+    def fit(self, training: Training) -> Self:
+        """Learn the heading of the survey, from which a yaw in flight is counted."""
+        flight, yaw = training.flight, np.nan
+        if flight is not None and flight.attitude is not None:
+            east, north = np.nanmean(
+                [np.cos(flight.attitude[:, 2]), np.sin(flight.attitude[:, 2])], 1
+            )
+            yaw = float(np.arctan2(north, east)) if np.hypot(east, north) > HELD else np.nan
+        return self.with_learned(survey_yaw=np.array(yaw))
 
     def open(self, texton_map: TextonMap, rng: np.random.Generator) -> AppearanceFilter | None:
         if texton_map.dictionary is None:
@@ -141,13 +155,18 @@ class AppearanceFilter:
         state = np.where(np.abs(self.mean) < DEADBAND, 0, self.mean)
         return corrected_frame(frame, state) if state.any() else frame
 
-    def update(self, frame: np.ndarray) -> None:
-        """One ``(H, W, 3) uint8`` frame later."""
+    def update(self, frame: np.ndarray, yaw: float | None = None) -> None:
+        """One ``(H, W, 3) uint8`` frame later; with a yaw, radians, the heading is known by it."""
         fade = np.r_[np.full(3, np.exp(-1 / MEMORY_FRAMES)), 1.0]
         walk = np.r_[np.square(PRIOR_SIGMA) * (1 - fade[:3] ** 2), HEADING_WALK**2]
         self.mean = fade * self.mean
         self.covariance = self.covariance * np.outer(fade, fade) + np.diag(walk)
         self.jumped = False
+        if yaw is not None and self.options.turning and np.isfinite(self.options.survey_yaw):
+            heading = np.arctan2(*(f(yaw - self.options.survey_yaw) for f in (np.sin, np.cos)))
+            self.mean[HEADING], self._active = heading, np.arange(3)
+            if self._bank is not None:
+                self._bank[:, HEADING] = heading
         if self._bank is not None:
             self._select(frame, self._bank)
         elif self._wait:

@@ -262,7 +262,8 @@ class Pipeline:
             return frame
         frame, cells = self.view(frame, aiding=aiding), self.map.cells
         if self._appearance is not None:
-            self._appearance.update(frame)
+            yaw = None if aiding is None or "view" in self.parts else aiding.yaw
+            self._appearance.update(frame, yaw)
             if self._appearance.jumped:
                 self.filter.reset()
             frame = self._appearance.corrected(frame)
