@@ -147,7 +147,7 @@ def sentence(found: Mapping[str, Any]) -> str:
     return (
         f"Over {found['count']} floors the error predicted from a survey alone ranks them as a "
         f"later flight does with a rank correlation of {interval(rank)}, the paper's loss with "
-        f"{interval(loss)}; the error is typically {number(found['ratio'])} times the "
+        f"{interval(loss)}. The error is typically {number(found['ratio'])} times the "
         f"predicted, and within {percent(LEVEL)} of it on {percent(found['level'])} of the floors."
     )
 
@@ -183,17 +183,13 @@ def predicted_errors(floor: Floor, judged: dict[str, Any]) -> Figure:
 def measured_over_predicted(rows: Rows, kept: Rows) -> Figure:
     """Measured error over the predicted one, and over the paper's loss; `kept` floors open."""
     with canvas(1, 2, size=(7.2, 3.4), sharey=True) as (figure, axes):
-        for points, face in ((kept, "none"), (rows, None)):
-            for painted, marker, label in ((True, "o", "painted"), (False, "s", "photograph")):
-                some = [row for name, row in points.items() if (":" in name) == painted]
-                measured = [row["field_cm"] for row in some]
-                for plot, key in ((axes[0, 0], "predicted_cm"), (axes[0, 1], "loss")):
-                    if some:
-                        plot.plot(
-                            [row[key] for row in some], measured, marker,
-                            color=COLORS["field"], markerfacecolor=face, markersize=5,
-                            label=f"{label}, long run" if face else label,
-                        )  # fmt: skip
+        for points, face, label in ((kept, "none", "long run"), (rows, None, "this run")):
+            measured = [row["field_cm"] for row in points.values()]
+            for plot, key in zip(axes[0], ("predicted_cm", "loss"), strict=True):
+                predicted = [row[key] for row in points.values()]
+                if points:
+                    plot.plot(predicted, measured, "o", color=COLORS["field"],
+                              markerfacecolor=face, markersize=5, label=label)  # fmt: skip
         both = [row[key] for row in (*rows.values(), *kept.values())
                 for key in ("predicted_cm", "field_cm")]  # fmt: skip
         ends = [min(both) / 1.2, max(both) * 1.2]
