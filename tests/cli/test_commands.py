@@ -175,11 +175,10 @@ class Terminal(io.StringIO):
 def test_a_terminal_is_shown_what_runs_and_what_ended(monkeypatch):
     monkeypatch.setattr(sys, "stderr", terminal := Terminal())
     with Display(2) as display:
-        display.moved(0, "room/light")
-        assert "room/light" in terminal.getvalue()
+        display.moved("room/light", 3, 9)
+        assert "room/light 3/9" in terminal.getvalue()
         display.finished(OUTCOMES[1])
         display.finished(OUTCOMES[0])
-        display.moved(0, None)
     assert "ran     room/mocap_training (2.0 s)" in terminal.getvalue()
     assert "reused" not in terminal.getvalue() and "2/2" in terminal.getvalue()
 

@@ -156,18 +156,16 @@ def test_prose_does_not_read_records_of_another_schema(results):
 def test_a_page_is_named_after_its_experiment_and_flight_and_knows_its_twin():
     cells = [nbformat.v4.new_markdown_cell("# A finding\n\nText."), nbformat.v4.new_code_cell("1")]
     notebook = nbformat.v4.new_notebook(cells=cells)
-    with_flight(
-        notebook, "cyberzoo", {"sim-survey": "sim-survey/x"}, {"sim-survey/x": ["its-figure"]}
-    )
+    with_flight(notebook, "cyberzoo", {"sim-survey": "sim-survey/x"})
     assert notebook.cells[0].source == "# A finding: CyberZoo flight (real)\n\nText."
-    twin = "{doc}`Virtual hall (simulated) </sim-survey/x>`, {numref}`its-figure`"
+    twin = "{doc}`Virtual hall (simulated) </sim-survey/x>`"
     assert twin in notebook.cells[-1].source
     assert notebook.cells[-1].id == "twins"  # a drawn one would build the pages every time
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Does it?")])
-    with_flight(notebook, "mine", {}, {})
+    with_flight(notebook, "mine", {})
     assert notebook.cells[0].source.startswith("# Does it? mine\n")
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# The ledger")])
-    with_flight(notebook, "", {}, {})
+    with_flight(notebook, "", {})
     assert notebook.cells[0].source == "# The ledger" and len(notebook.cells) == 1
     assert flight_title("my-flight") == "my-flight"
 

@@ -135,7 +135,6 @@ def with_flight(
     notebook: nbformat.NotebookNode,
     flight: str,
     twins: Mapping[str, str],
-    figures: Mapping[str, Sequence[str]],
 ) -> None:
     """End the heading of an experiment's page with its flight, and the page with its twins.
 
@@ -145,8 +144,6 @@ def with_flight(
         Changed in place.
     twins : mapping of str to str
         The page of the same experiment on other flights, by flight.
-    figures : mapping of str to sequence of str
-        Names of the figures of each page.
     """
     first = notebook.cells[0] if notebook.cells else None
     if not flight or first is None or not first.source.startswith("# "):
@@ -154,11 +151,7 @@ def with_flight(
     heading, _, rest = first.source.partition("\n")
     between = "" if heading.endswith("?") else ":"
     first.source = f"{heading}{between} {flight_title(flight)}\n{rest}"
-    links = ", ".join(
-        f"{{doc}}`{flight_title(each)} </{page}>`"
-        + "".join(f", {{numref}}`{name}`" for name in figures.get(page, ()))
-        for each, page in twins.items()
-    )
+    links = ", ".join(f"{{doc}}`{flight_title(each)} </{page}>`" for each, page in twins.items())
     if links:
         notebook.cells.append(
             nbformat.v4.new_markdown_cell(f"The same on another flight: {links}.", id="twins")

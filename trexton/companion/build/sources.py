@@ -106,7 +106,7 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
                     notebook = nbformat.read(path, as_version=4)
                     named = name_figures(notebook, f"{flight}/{name}")
                     refer_by_number(notebook, f"{flight}/{name}", named)
-                    with_flight(notebook, flight, twins, figures)
+                    with_flight(notebook, flight, twins)
                     _write_notebook(notebook, folder / flight / path.name, contents.good(flight))
                 else:
                     shutil.copyfile(path, folder / flight / path.name)
