@@ -70,3 +70,4 @@ class Display:
             if outcome.status != "reused":
                 self._bar.write(str(outcome), file=sys.stderr)
             self._bar.update(1)
+            self._bar.set_postfix_str(", ".join(self._running.values()))
