@@ -17,10 +17,10 @@ import trexton
 from trexton.base.errors import DataError, TrextonError
 from trexton.companion.build import prepare_flights as book_flights
 from trexton.companion.build.display import Outcome
-from trexton.companion.build.engine import sole_writer
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.link_check import audit
 from trexton.companion.build.make import build_small_book
+from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prepare_flights import prepare_flights
 from trexton.companion.build.prose import render
 from trexton.companion.build.sources import Contents, public_names, stage

@@ -6,7 +6,6 @@ which decides by content what must run, in which order, and remembers. It says w
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import threading
@@ -26,7 +25,7 @@ from trexton.base.errors import TrextonError
 from trexton.base.files import digest
 from trexton.companion.build.display import Display, Outcome
 
-__all__ = ["Fact", "Step", "build", "files_fact", "labelled", "sole_writer"]
+__all__ = ["Fact", "Step", "build", "files_fact", "labelled"]
 
 # Counts up whenever results of an older version of this package must not be taken over.
 _VERSION = "2"
@@ -302,17 +301,3 @@ def _difference(key: str, old: str | None, new: str | None) -> str:
     if key.startswith(("parameter ", "version of ")):
         return f"{key} {old or 'absent'} -> {new or 'absent'}"
     return f"{key} {'is new' if old is None else 'is gone' if new is None else 'changed'}"
-
-
-@contextmanager
-def sole_writer(out: Path) -> Iterator[None]:
-    """Hold the folder of results; the system lets go of it even if this process is killed."""
-    (out / ".engine").mkdir(parents=True, exist_ok=True)
-    with open(out / ".engine" / "writer", "w") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            raise TrextonError(
-                f"another run is writing to {out}: wait for it, or choose another folder"
-            ) from None
-        yield

@@ -17,12 +17,11 @@ from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, digest, put_in_place, work_folder
 from trexton.base.progress import say
 from trexton.companion.build.display import Outcome
-from trexton.companion.build.engine import sole_writer
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.headlines import headlines
 from trexton.companion.build.link_check import audit
 from trexton.companion.build.notebooks import outputs_of
-from trexton.companion.build.plan import run_experiments
+from trexton.companion.build.plan import run_experiments, sole_writer
 from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prepare_flights import prepare_flights
 from trexton.companion.build.prose import records_by_name

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,7 +30,7 @@ from trexton.companion.build.workers import Workers, workers
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 
-__all__ = ["run_experiments"]
+__all__ = ["run_experiments", "sole_writer"]
 
 _LONG_S = 60.0  # experiments that take longer start before others
 
@@ -83,11 +85,25 @@ def run_experiments(
     # What looks at every flight comes after all of them, also where one has failed.
     last = [_Page(notebook, experiments[notebook.name], None, {}) for notebook in everywhere]
     display = Display(len(on_flights) + len(last))
-    with workers(cluster, jobs) as crew, engine.sole_writer(out), display:
+    with workers(cluster, jobs) as crew, sole_writer(out), display:
         run = _Run(out, pairs, crew)
         run.build(on_flights, display)
         run.build(last, display)
     return [run.outcomes[page.name] for page in on_flights + last]
+
+
+@contextmanager
+def sole_writer(out: Path) -> Iterator[None]:
+    """Hold the folder of results; the system lets go of it even if this process is killed."""
+    (out / ".engine").mkdir(parents=True, exist_ok=True)
+    with open(out / ".engine" / "writer", "w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            raise TrextonError(
+                f"another run is writing to {out}: wait for it, or choose another folder"
+            ) from None
+        yield
 
 
 def _choose(

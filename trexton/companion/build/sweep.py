@@ -23,16 +23,12 @@ from trexton.base.options import Options
 from trexton.base.progress import say
 from trexton.base.records import Record, software_versions
 from trexton.companion.build import engine
+from trexton.companion.build import prepare_flights as flown
 from trexton.companion.build.display import Display
 from trexton.companion.build.engine import Fact, Report, Step, files_fact
 from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
 from trexton.companion.build.notebooks import inputs_of
-from trexton.companion.build.prepare_flights import (
-    PATTERNS,
-    flight_step,
-    simulate,
-    simulation_inputs,
-)
+from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.workers import Call, workers
 from trexton.companion.experiments.declaration import Experiment, SeedParameters
 from trexton.companion.experiments.printed import look_up
@@ -130,7 +126,7 @@ def sweep(
     for pair in plan.pairs:
         if obstacle := pair.obstacle(experiment):
             raise ParameterError(f"{plan.experiment} cannot run: {obstacle}")
-    with workers(cluster, jobs) as crew, engine.sole_writer(out), crew.calls() as call:
+    with workers(cluster, jobs) as crew, sole_writer(out), crew.calls() as call:
         flying, cells = _steps(plan, experiment, chosen, out, call)
         steps = flying + [cell.step for cell in cells]
         with Display(len(steps), "cells") as display:
@@ -190,13 +186,13 @@ def _steps(
     flying: list[Step] = []
     flights = [(pair.name, pair, pair.hashes, list[Fact]()) for pair in plan.pairs]
     for name, options in _floors(plan.floors):
-        paths = [out / "flights" / f"{name}-{pattern}" for pattern in PATTERNS]
+        paths = [out / "flights" / f"{name}-{pattern}" for pattern in flown.PATTERNS]
         both = [
-            flight_step(
-                path, simulation_inputs(pattern=pattern, **options),
-                partial(call, simulate, str(path.resolve()), pattern, *options.values()),
+            flown.flight_step(
+                path, flown.simulation_inputs(pattern=pattern, **options),
+                partial(call, flown.simulate, str(path.resolve()), pattern, *options.values()),
             )
-            for path, pattern in zip(paths, PATTERNS, strict=True)
+            for path, pattern in zip(paths, flown.PATTERNS, strict=True)
         ]  # fmt: skip
         flying += both
         facts = [fact for step in both for fact in step.leaves]
