@@ -197,7 +197,7 @@ def build(
                 name for name, one in outcomes.items() if one.status in ("failed", "skipped")
                 and read.intersection(fact.name for fact in by_name[name].leaves)
             )  # fmt: skip
-            settle(step, "skipped", [f"{_last(next(broken))}, which it builds on, failed"])
+            settle(step, "skipped", [f"{Path(next(broken)).name}, which it builds on, failed"])
         elif step.name not in outcomes:
             settle(step, "failed", [_sentence(step.name, report.exc_info[1])])
     if outcomes.keys() < by_name.keys():
@@ -240,10 +240,6 @@ def _session(
     if session.exit_code in (pytask.ExitCode.CONFIGURATION_FAILED, pytask.ExitCode.DAG_FAILED):
         raise TrextonError(f"the workflow engine could not start ({session.exit_code.name})")
     return list(session.execution_reports)
-
-
-def _last(name: str) -> str:
-    return name.rpartition("/")[2]
 
 
 def _sentence(name: str, error: BaseException) -> str:
