@@ -128,11 +128,15 @@ def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(pl
         live, delay, gives, files, reopens, rectified = True, 0.0, "images", (), True, False
 
         def __init__(self, frame):
-            self.read = lambda: frame
+            self.read, self.decoded = lambda: frame, lambda frame: frame
 
-    assert Rectified(One(frame), SMALL).read().picture.shape == (84, 112, 3)
+    def picture(frame):
+        source = Rectified(One(frame), SMALL)
+        return source.decoded(source.read()).picture
+
+    assert picture(frame).shape == (84, 112, 3)
     for other in (None, np.zeros((84, 112, 3), np.uint8), np.zeros(8)):
-        assert Rectified(One(replace(frame, picture=other)), SMALL).read().picture is other
+        assert picture(replace(frame, picture=other)) is other
     assert open_source(str(place / "flight"), Expected()).rectified
     assert not open_source(str(place / "images"), Expected()).rectified
     with pytest.raises(ImageError, match="apply the map's rectification"):

@@ -100,7 +100,7 @@ def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: N
         for path, content in job.records.items():
             (out / path).parent.mkdir(parents=True, exist_ok=True)
             (out / path).write_bytes(content)
-        notebook, error = _run(job, str(out), report)
+        notebook, error = _papermill(job, Path(name), str(out), report)
         text = None if notebook is None else _cleaned(notebook, job.parameters, str(out)).encode()
         if error:
             return Done(error=error.replace(str(out), str(job.parameters["out"])), partial=text)
@@ -115,48 +115,66 @@ def execute(job: Job, report: Callable[[int, int], None] = lambda done, total: N
     return Done(files | {f"{job.name}.ipynb": text or b""})
 
 
-def _run(job: Job, out: str, report: Callable[[int, int], None]) -> tuple[Any, str | None]:
+def _papermill(
+    job: Job, folder: Path, out: str, report: Callable[[int, int], None]
+) -> tuple[Any, str | None]:
     """The notebook as far as it was executed, and a sentence where that failed."""
     import jupytext
     import nbformat
-    from nbclient import NotebookClient
-    from nbclient.exceptions import CellExecutionError
-    from papermill.parameterize import parameterize_notebook
+    import papermill
+    from papermill.exceptions import PapermillExecutionError
 
-    notebook: Any = None
-    given, at = -1, 0
-
-    def started(cell: Any, cell_index: int) -> None:
-        nonlocal at
-        at = cell_index
-        report(at, len(notebook.cells))
-
+    original, executed, error, given = folder / "given.ipynb", folder / "run.ipynb", None, -1
     try:
-        notebook = nbformat.v4.upgrade(jupytext.reads(job.text, fmt="md:myst"))
-        notebook.metadata.papermill = {}
-        for number, cell in enumerate(notebook.cells):
-            if "parameters" in cell.metadata.setdefault("tags", []) and given < 0:
-                given = number
-        notebook = parameterize_notebook(notebook, {**job.parameters, "out": out})
-        client = NotebookClient(
-            notebook, kernel_name="python3", raise_on_iopub_timeout=True, on_cell_start=started
-        )
-        manager = client.create_kernel_manager()
-        _kernels.add(manager)
-        try:
-            client.execute(env=job.environment(), cwd=job.folder, stderr=DEVNULL)
-        finally:
-            _kernels.discard(manager)
-    except CellExecutionError as fault:
-        # Counted as in the source: the cell with the parameters was put in after number `given`.
-        number = at + (at <= given)
-        first = next((line for line in notebook.cells[at].source.splitlines() if line.strip()), "")
+        notebook = jupytext.reads(job.text, fmt="md:myst")
+        tags = [cell.metadata.get("tags", []) for cell in notebook.cells]
+        given = next((at for at, each in enumerate(tags) if "parameters" in each), given)
+        jupytext.write(notebook, original)
+        _register_engine()
+        papermill.execute_notebook(
+            original, executed, parameters={**job.parameters, "out": out}, engine_name="trexton",
+            kernel_name="python3", progress_bar=False, job=job, report=report,
+        )  # fmt: skip
+    except PapermillExecutionError as fault:
+        # Counted as in the source: papermill put a cell of its own in after number `given`.
+        number = fault.cell_index + (fault.cell_index <= given)
+        first = next((line for line in fault.source.splitlines() if line.strip()), "")
         message = _ANSI.sub("", fault.evalue).strip() or "no message"
         where = f"{job.source}, cell {number} ({first.strip()!r} ...)"
-        return notebook, f"{where}: {fault.ename}: {message}"
+        error = f"{where}: {fault.ename}: {message}"
     except Exception as fault:  # a kernel that died, a notebook that cannot be read: others go on
-        return notebook, f"{job.source}: {type(fault).__name__}: {fault}"
-    return notebook, None
+        error = f"{job.source}: {type(fault).__name__}: {fault}"
+    return nbformat.read(executed, as_version=4) if executed.exists() else None, error
+
+
+def _register_engine() -> None:
+    from papermill.clientwrap import PapermillNotebookClient
+    from papermill.engines import Engine, papermill_engines
+
+    class KernelEngine(Engine):  # type: ignore[misc]
+        """Papermill's own engine, with an environment, a word before each cell, and an end."""
+
+        @classmethod
+        def execute_managed_notebook(
+            cls, nb_man: Any, kernel_name: str, *, job: Job, report: Callable[[int, int], None],
+            **options: Any,
+        ) -> None:  # fmt: skip
+            start = nb_man.cell_start
+
+            def cell_start(cell: Any, cell_index: int | None = None, **others: Any) -> None:
+                report(cell_index or 0, len(nb_man.nb.cells))
+                start(cell, cell_index, **others)
+
+            nb_man.cell_start = cell_start
+            client = PapermillNotebookClient(nb_man, kernel_name=kernel_name)
+            manager = client.create_kernel_manager()
+            _kernels.add(manager)
+            try:
+                client.execute(env=job.environment(), cwd=job.folder, stderr=DEVNULL)
+            finally:
+                _kernels.discard(manager)
+
+    papermill_engines.register("trexton", KernelEngine)
 
 
 def _cleaned(notebook: Any, parameters: Mapping[str, Any], work: str) -> str:
