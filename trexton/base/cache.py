@@ -6,7 +6,6 @@ import ast
 import hashlib
 import os
 import re
-import zipfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from trexton.base.arrays import DAMAGE, read_arrays
 from trexton.base.errors import DataError
 from trexton.base.files import atomic_file, digest
 from trexton.base.progress import say
@@ -22,6 +22,7 @@ from trexton.base.records import software_versions
 __all__ = ["cache_folder", "cached", "code_hashes", "kept_results", "repository_root", "shipped"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
+CONTENTS = "contents"  # of a file of the cache: its hash
 _ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")
 
 
@@ -121,18 +122,38 @@ def cached(
     """
     key = digest(kind, inputs, code_hashes(module), software_versions())
     path = cache_folder() / f"{kind}-{key[:24]}.npz"
-    try:
-        with np.load(path, allow_pickle=False) as stored:
-            return dict(stored)
-    except (FileNotFoundError, NotADirectoryError):
-        pass
-    except (OSError, ValueError, zipfile.BadZipFile):
-        path.unlink(missing_ok=True)  # damaged: make it again
-    arrays = compute()
+    if (stored := _stored(path)) is not None:
+        return stored
+    arrays = {name: np.asarray(array) for name, array in compute().items()}
     try:
         with atomic_file(path, "wb") as stream:
             save: Any = np.savez  # whose stubs take every name for an option
-            save(stream, **arrays)
+            save(stream, **arrays, **{CONTENTS: np.array(_contents(arrays))})
     except OSError as error:  # of a disk that is full or not ours: what was computed is right
         say(f"{path.parent}: nothing is kept there ({error.strerror or error})")
-    return {name: np.asarray(array) for name, array in arrays.items()}
+    return arrays
+
+
+def _stored(path: Path) -> dict[str, np.ndarray] | None:
+    """What a file of the cache holds; None where there is none, or none that is whole."""
+    if not path.is_file():
+        return None
+    try:
+        arrays = read_arrays(path)
+        if str(arrays.pop(CONTENTS)) == _contents(arrays):
+            return arrays
+        fault = "it holds other arrays than were written"
+    except (DataError, *DAMAGE) as error:
+        fault = str(error) or type(error).__name__
+    say(f"{path}: not whole ({fault}): made again")
+    path.unlink(missing_ok=True)
+    return None
+
+
+def _contents(arrays: dict[str, np.ndarray]) -> str:
+    """Hash over names, types, shapes and bytes."""
+    total = hashlib.sha256()
+    for name, array in sorted(arrays.items()):
+        total.update(f"{name} {array.dtype.str} {array.shape} ".encode())
+        total.update(np.ascontiguousarray(array).tobytes())
+    return total.hexdigest()

@@ -10,7 +10,7 @@ import re
 import shutil
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import IO, Any
 
@@ -21,7 +21,7 @@ from trexton.base.errors import ParameterError, TrextonError
 __all__ = [
     "atomic_file", "atomic_folder", "canonical_json", "check_not_read", "check_replaceable",
     "check_writable", "clean_leftovers", "digest", "naming", "natural_order", "put_in_place",
-    "replace_folder", "work_folder",
+    "replace_folder", "scratch_folder", "work_folder",
 ]  # fmt: skip
 
 MANIFEST = ".trexton.json"  # in a folder of ours: what was written into it
@@ -76,6 +76,11 @@ def work_folder(path: Path) -> Iterator[Path]:
         yield temporary
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def scratch_folder(kind: str) -> AbstractContextManager[Path]:
+    """A folder of the system's temporary ones; what a killed process left of this kind goes."""
+    return work_folder(Path(tempfile.gettempdir()) / f"trexton-{kind}")
 
 
 @contextmanager

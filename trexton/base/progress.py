@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Iterator
-from typing import TypeVar
+from typing import Any, TextIO, TypeVar
 
-__all__ = ["is_quiet", "progress", "say", "set_quiet"]
+__all__ = ["Shown", "is_quiet", "progress", "say", "set_quiet", "shown"]
 
 T = TypeVar("T")
 _quiet = False
@@ -26,7 +26,28 @@ def is_quiet() -> bool:
 def say(message: str) -> None:
     """Print one line to stderr unless quiet."""
     if not _quiet:
-        print(message, file=sys.stderr, flush=True)
+        print(shown(message), file=sys.stderr, flush=True)
+
+
+def shown(text: str, kept: str = "\n\t\xa0\u202f") -> str:
+    """A text with what a terminal would obey as a code: ``\\x1b``; lines stay lines."""
+    return "".join(
+        each if each.isprintable() or each in kept else ascii(each)[1:-1] for each in text
+    )
+
+
+class Shown:
+    """A stream for people, to which texts go as `shown`."""
+
+    def __init__(self, stream: TextIO):
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        self._stream.write(shown(text))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
 
 
 def progress(items: Iterable[T], label: str, total: int | None = None) -> Iterator[T]:

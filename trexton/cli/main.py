@@ -6,6 +6,7 @@ help.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import os
 import sys
 import traceback
@@ -16,7 +17,7 @@ from pathlib import Path
 from trexton import __version__
 from trexton.base.errors import TrextonError
 from trexton.base.plugins import addresses, import_plugins, resolve
-from trexton.base.progress import set_quiet
+from trexton.base.progress import Shown, set_quiet, shown
 
 __all__ = ["COMMANDS", "build_parser", "main", "sentence", "verbs"]
 
@@ -92,7 +93,9 @@ def main(argv: list[str] | None = None) -> int:
         import_plugins(",".join(first.parse_known_args(argv)[0].plugin))
         arguments = build_parser(chosen, argv).parse_args(argv)
         set_quiet(arguments.quiet)
-        return resolve("commands", arguments.command, COMMANDS).run(arguments) or 0
+        verb = resolve("commands", arguments.command, COMMANDS)
+        with contextlib.redirect_stdout(Shown(sys.stdout)):
+            return verb.run(arguments) or 0
     except KeyboardInterrupt:
         print(f"trexton {chosen}: interrupted", file=sys.stderr)
         return 130
@@ -104,7 +107,7 @@ def main(argv: list[str] | None = None) -> int:
         if words is None:
             traceback.print_exc()
             words = "this is a bug, of trexton unless the last lines above are of your own module"
-        print(f"trexton {chosen}: {words}", file=sys.stderr)
+        print(shown(f"trexton {chosen}: {words}"), file=sys.stderr)
         return 1
 
 

@@ -125,7 +125,7 @@ def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
         header = tomllib.loads(read_text(path))
     except FlightError as error:
         return None, [str(error)]
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:  # TOML's own, or a number of too many digits
         return None, [f"{path}: not valid TOML ({error}): correct it"]
     faults = [f"{path}: {fault}" for fault in _faults(header)]
     return (None if faults else header), faults

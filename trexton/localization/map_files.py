@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import os
-import tokenize
-import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 
-from trexton.base.errors import MapError, ParameterError
+from trexton.base.arrays import DAMAGE, read_arrays
+from trexton.base.errors import DataError, MapError, ParameterError
 from trexton.base.files import atomic_file, canonical_json
 from trexton.localization.base import Part
 from trexton.localization.methods import fitting
@@ -26,12 +24,6 @@ from trexton.vision.textons import TextonDictionary
 __all__ = ["check_map", "from_arrays", "load_map", "save_map", "to_arrays"]
 
 SCHEMA = 2
-MOST_BYTES = 2**32
-# What a damaged file makes NumPy, zip and JSON raise.
-DAMAGE = (
-    OSError, ValueError, LookupError, EOFError, TypeError, AttributeError, OverflowError,
-    MemoryError, RuntimeError, SyntaxError, tokenize.TokenError, zipfile.BadZipFile,
-)  # fmt: skip
 
 
 def save_map(texton_map: TextonMap, path: str | os.PathLike[str]) -> Path:
@@ -53,7 +45,7 @@ def load_map(path: str | os.PathLike[str]) -> TextonMap:
     """
     try:
         return from_arrays(read_arrays(path))
-    except (MapError, ParameterError) as error:
+    except (DataError, MapError, ParameterError) as error:
         raise MapError(f"{path}: {error}") from None
     except FileNotFoundError:
         words = f"{path}: no such map: make one with trexton train FLIGHT -o {path}"
@@ -61,56 +53,6 @@ def load_map(path: str | os.PathLike[str]) -> TextonMap:
     except DAMAGE as error:
         words = f"{path}: not a whole texton map ({error}): copy or train it again"
         raise MapError(words) from None
-
-
-def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
-    """The named arrays of a ``.npz`` file that `save_map` wrote.
-
-    Raises
-    ------
-    MapError
-        It is no regular file, too large, or would unpack to more than it holds.
-    OSError, ValueError, zipfile.BadZipFile
-        It is missing or damaged.
-    """
-    if Path(path).exists() and not Path(path).is_file():
-        raise MapError("not a regular file: give a texton map (.npz)")
-    size = os.stat(path).st_size
-    if size > MOST_BYTES:
-        raise MapError(f"{size} bytes: expected at most {MOST_BYTES}")
-    arrays = {}
-    with zipfile.ZipFile(path) as archive:
-        for member in archive.infolist():
-            # Maps are stored as they are; what unpacks to more was not written by this library.
-            if member.compress_type != zipfile.ZIP_STORED or member.file_size > size:
-                raise MapError(
-                    f"{member.filename} would unpack to {member.file_size} bytes in a file of "
-                    f"{size}: expected a map as trexton train writes it"
-                )
-            with archive.open(member) as stream:
-                _check_header(stream, member)
-                stream.seek(0)
-                name = member.filename.removesuffix(".npy")
-                arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
-    return arrays
-
-
-def _check_header(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
-    """Refuse an array whose header promises more than its bytes."""
-    version = np.lib.format.read_magic(stream)
-    read = {
-        (1, 0): np.lib.format.read_array_header_1_0,
-        (2, 0): np.lib.format.read_array_header_2_0,
-    }
-    if version not in read:
-        raise MapError(f"{member.filename} has the array format {version}: expected 1.0 or 2.0")
-    shape, _, kind = read[version](stream)
-    count = math.prod(shape)
-    if kind.hasobject or count * kind.itemsize > member.file_size:
-        raise MapError(
-            f"{member.filename} promises {shape} of {kind} in {member.file_size} bytes: "
-            "copy or train it again"
-        )
 
 
 def to_arrays(texton_map: TextonMap) -> dict[str, np.ndarray]:

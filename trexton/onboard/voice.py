@@ -13,14 +13,14 @@ import threading
 import time
 from contextlib import suppress
 
-from trexton.base.progress import is_quiet
+from trexton.base.progress import is_quiet, shown
 
 __all__ = ["Voice", "flush", "readable", "say"]
 
 
 def readable(text: str) -> str:
     """The text on one line, with what a terminal would obey as a code: ``\\x1b``."""
-    return "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
+    return shown(text, kept="")
 
 
 class Voice:

@@ -7,6 +7,7 @@ comes out is plain data.
 from __future__ import annotations
 
 import json
+import logging
 import os
 import re
 import tempfile
@@ -131,6 +132,7 @@ def _papermill(
         given = next((at for at, each in enumerate(tags) if "parameters" in each), given)
         jupytext.write(notebook, original)
         _register_engine()
+        logging.getLogger("papermill").setLevel(logging.ERROR)  # parameters need no default
         papermill.execute_notebook(
             original, executed, parameters={**job.parameters, "out": out}, engine_name="trexton",
             kernel_name="python3", progress_bar=False, job=job, report=report,

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +16,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from trexton.base.defaults import SAMPLES, TEXTONS
+from trexton.base.files import scratch_folder
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
@@ -153,8 +152,7 @@ def _over(parameters: Parameters, seed: int, floor: Floor, camera: Camera, heigh
         "floor": floor, "camera": camera, "height": height, "every": 2,
         "effects": Effects(height_ripple=parameters.ripple),
     }  # fmt: skip
-    with TemporaryDirectory(prefix="trexton-aiding-") as name:
-        folder = Path(name)
+    with scratch_folder("aiding") as folder:
         survey = record_flight(folder / "survey", frames=parameters.survey, seed=seed, **common)
         later = record_flight(
             folder / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1, **common

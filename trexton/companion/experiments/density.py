@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +16,7 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from trexton.base.defaults import SAMPLES, TEXTONS
+from trexton.base.files import scratch_folder
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
@@ -112,15 +111,15 @@ def _over(
     if not parameters.floors:
         seed += 1000
     common: dict[str, Any] = {"floor": floor, "camera": camera, "height": height, "every": 2}
-    with TemporaryDirectory(prefix="trexton-density-") as folder:
+    with scratch_folder("density") as folder:
         later = record_flight(
-            Path(folder) / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1,
+            folder / "later", pattern="waypoints", frames=parameters.frames, seed=seed + 1,
             **common,
         )  # fmt: skip
         frames, over = frames_of(later), []
         for times in TIMES:
             survey = record_flight(
-                Path(folder) / f"survey-{times}", frames=times * parameters.survey, seed=seed,
+                folder / f"survey-{times}", frames=times * parameters.survey, seed=seed,
                 **common,
             )  # fmt: skip
             places, _ = grid_cells(survey.area, PLACES)

@@ -12,12 +12,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 
 from trexton.base.errors import ParameterError
+from trexton.base.files import scratch_folder
 from trexton.base.options import Options, option
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
@@ -145,8 +145,8 @@ def judge_floor(
         error of always guessing the middle; ``heat``, predicted error over the floor in metres;
         ``worst_m``, where the field knows least.
     """
-    with TemporaryDirectory(prefix="trexton-floor-") as name:
-        train, test = flights.record(floor, Path(name))
+    with scratch_folder("floor") as name:
+        train, test = flights.record(floor, name)
         frames = frames_of(test)
         base = train_map(train, rng=stream(flights.seed, "map"))
         maps = {

@@ -9,8 +9,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from textwrap import fill
 from typing import Any, NamedTuple
 
@@ -19,6 +17,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from trexton.base.defaults import SAMPLES
+from trexton.base.files import scratch_folder
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.executor import spread
@@ -117,9 +116,9 @@ def _over_painted(parameters: Parameters, index: int) -> tuple[str, dict[str, li
     """Survey one painted floor, and fly over it."""
     seed = FIRST_FLOOR + index
     name, floor = painted_floor(index, seed)
-    with TemporaryDirectory(prefix="trexton-touchdown-") as folder:
+    with scratch_folder("touchdown") as folder:
         survey = record_flight(
-            Path(folder) / name.replace(" ", "-"), seed=seed, floor=floor, frames=parameters.survey
+            folder / name.replace(" ", "-"), seed=seed, floor=floor, frames=parameters.survey
         )
         return name, _over(survey, parameters, parameters.seed + 1000 * seed)
 

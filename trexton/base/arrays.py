@@ -1,0 +1,86 @@
+"""Files of named arrays, read without trust: sizes first, then one array after another.
+
+Offers `read_arrays`, and what a damaged file makes NumPy and zip raise.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import tokenize
+import zipfile
+from pathlib import Path
+from typing import IO
+
+import numpy as np
+
+from trexton.base.errors import DataError
+
+__all__ = ["DAMAGE", "read_arrays"]
+
+MOST_BYTES = 2**32
+MOST_ARRAYS = 1000  # a map of every part has fewer than a hundred
+# What a damaged file makes NumPy, zip and JSON raise.
+DAMAGE = (
+    OSError, ValueError, LookupError, EOFError, TypeError, AttributeError, OverflowError,
+    MemoryError, RuntimeError, SyntaxError, tokenize.TokenError, zipfile.BadZipFile,
+)  # fmt: skip
+
+
+def read_arrays(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
+    """The named arrays of a ``.npz`` file that NumPy wrote uncompressed.
+
+    Raises
+    ------
+    DataError
+        It is no regular file, too large, or would unpack to more than it holds.
+    OSError, ValueError, zipfile.BadZipFile
+        It is missing or damaged.
+    """
+    if Path(path).exists() and not Path(path).is_file():
+        raise DataError("not a regular file: give a file of arrays (.npz)")
+    size = os.stat(path).st_size
+    if size > MOST_BYTES:
+        raise DataError(f"{size} bytes: expected at most {MOST_BYTES}")
+    arrays = {}
+    with zipfile.ZipFile(path) as archive:
+        members = archive.infolist()
+        if len(members) > MOST_ARRAYS:
+            raise DataError(f"{len(members)} arrays: expected at most {MOST_ARRAYS}")
+        # Arrays are stored as they are, each with bytes of its own: what unpacks to more than the
+        # file, or shares bytes with another, was not written by this library.
+        total = sum(member.file_size for member in members)
+        packed = next((each for each in members if each.compress_type != zipfile.ZIP_STORED), None)
+        if packed is not None or total > size:
+            name = members[0].filename if packed is None else packed.filename
+            raise DataError(
+                f"{name} and the others would unpack to {total} bytes in a file of {size}: "
+                "expected arrays stored as they are, as trexton writes them"
+            )
+        if len({member.filename for member in members}) < len(members):
+            raise DataError("two arrays have one name: copy or make it again")
+        for member in members:
+            with archive.open(member) as stream:
+                _check_header(stream, member)
+                stream.seek(0)
+                name = member.filename.removesuffix(".npy")
+                arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
+    return arrays
+
+
+def _check_header(stream: IO[bytes], member: zipfile.ZipInfo) -> None:
+    """Refuse an array whose header promises more than its bytes."""
+    version = np.lib.format.read_magic(stream)
+    read = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }
+    if version not in read:
+        raise DataError(f"{member.filename} has the array format {version}: expected 1.0 or 2.0")
+    shape, _, kind = read[version](stream)
+    count = math.prod(shape)
+    if kind.hasobject or count * kind.itemsize > member.file_size:
+        raise DataError(
+            f"{member.filename} promises {shape} of {kind} in {member.file_size} bytes: "
+            "copy or train it again"
+        )
