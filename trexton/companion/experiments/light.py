@@ -17,7 +17,7 @@ from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import SURVEYED, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.floors import lent_floor
-from trexton.companion.experiments.style import COLORS, canvas, legend_above, with_intervals
+from trexton.companion.experiments.style import COLORS, canvas, with_intervals
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import apart, distance, interval, middle
 from trexton.evaluation.metrics import mean_with_interval
@@ -168,9 +168,10 @@ def sweeps(record: Record) -> Figure:
                 with_intervals(
                     plot, places, errors, fmt=stroke, color=color, elinewidth=1, label=label
                 )
-            plot.set(xlabel=xlabel, ylim=(0, None))
-        axes[0, 0].set_ylabel("mean error (cm)")
-        legend_above(axes[0, 0], 3)
+            plot.set_xlabel(xlabel)
+        axes[0, 0].set(ylabel="mean error (cm)", yscale="log")
+        handles, labels = axes[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside upper left", ncols=3)
     return figure
 
 

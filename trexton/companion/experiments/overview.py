@@ -190,7 +190,6 @@ def _histogram(axes: Axes, record: Record) -> None:
     bare(pictures)
     axes.grid(False, axis="x")
     axes.set(ylabel="frequency (%)")
-    axes.set_xlabel("texton", labelpad=17)
 
 
 def _plan(axes: Axes, record: Record) -> None:
