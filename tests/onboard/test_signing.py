@@ -69,3 +69,30 @@ def test_a_stranger_is_not_believed(peer, sink, key):
     assert eventually(lambda: "autopilot" in sink.status() and "heard" in sink.status())
     assert eventually(lambda: "autopilot 7 heard" in sink.status())
     assert "SEVERAL" not in sink.status()
+
+
+def test_a_computer_whose_clock_was_never_set_signs_all_the_same(peer, tmp_path, monkeypatch):
+    sign_with(peer.codec, KEY).signing.timestamp = 0  # an autopilot that has no clock either
+    monkeypatch.setattr("trexton.onboard.sinks.mavlink.time.time", lambda: 60.0)
+    (tmp_path / "key").write_bytes(KEY)
+    sink = open_sink(
+        f"udpout:127.0.0.1:{peer.port}",
+        surroundings(),
+        mavlink_options(sign_key=str(tmp_path / "key")),
+    )
+    sink.open()
+    try:
+        assert eventually(lambda: peer.of("HEARTBEAT"))
+        assert all(message.get_signed() for message in peer.of("HEARTBEAT"))
+    finally:
+        sink.close()
+
+
+def test_a_key_that_others_can_read_is_warned_of(tmp_path, capsys):
+    (path := tmp_path / "key").write_bytes(KEY)
+    for mode, warned in ((0o600, False), (0o640, True), (0o602, True)):
+        path.chmod(mode)
+        options = mavlink_options(sign_key=str(path))
+        (one,) = options.values()
+        assert one.key() == KEY
+        assert ("others can read or write this key" in capsys.readouterr().err) is warned

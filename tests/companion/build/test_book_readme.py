@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import tomllib
 
 import numpy as np
@@ -30,6 +31,18 @@ def test_the_version_to_cite_is_that_of_the_package():
     cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"]
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert cited == project["version"] == __version__
+    for name in ("codemeta.json", ".zenodo.json"):
+        assert json.loads((ROOT / name).read_text())["version"] == __version__
+
+
+def test_the_evidence_of_the_quality_declaration_is_there():
+    text = (ROOT / "QUALITY.md").read_text()
+    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M)
+    named = re.findall(r"`([^`]+)`", text)
+    assert len(named) > 15
+    for each in named:
+        verb = each.removeprefix("make ")
+        assert verb in targets if verb != each else (ROOT / each).exists(), each
 
 
 def test_the_picture_of_the_readme_moves_and_is_small():

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from trexton.base.errors import ParameterError
 from trexton.base.options import Options, option
+from trexton.base.progress import say
 from trexton.onboard.settings import numbers
 
 __all__ = ["COMPONENT", "MavlinkOptions"]
@@ -71,7 +72,10 @@ class MavlinkOptions(Options):
         if self.sign_key is None:
             return None
         try:
-            key = Path(self.sign_key).read_bytes()
+            path = Path(self.sign_key)
+            key = path.read_bytes()
+            if path.stat().st_mode & 0o077:
+                say(f"{path}: others can read or write this key: chmod 600 {path}")
         except OSError as error:
             raise ParameterError(
                 f"{self.sign_key}: the key cannot be read ({error.strerror})"
