@@ -29,10 +29,10 @@ def record():
 
 
 def test_a_room_that_works_is_said_to(record):
-    assert finding(record).startswith("It works here: with the method `field`")
+    assert finding(record).startswith("It works here. The mean error of the method `field`")
     errors = record.values["errors"]
     assert errors["field"]["mean_cm"]["value"] < 0.5 * errors["centre"]["mean_cm"]["value"]
-    assert any("trexton train FLIGHT -o MAP --method" in sentence for sentence in advice(record))
+    assert any("trexton train loop -o loop.npz --method" in sentence for sentence in advice(record))
 
 
 def test_half_of_the_survey_says_whether_more_of_it_would_help(record):
@@ -106,8 +106,8 @@ def test_the_commands_carry_the_settings_that_were_flown(record):
     pictures = replace(record, values=record.values | {"limits": limits})
     said = advice(pictures)[-1]
     assert " with 20 textons, 400 samples" in said
-    assert "--textons 20`, then `trexton onboard MAP --samples 400" in said
-    assert "`trexton tune FLIGHT` looks for better settings." in said
+    assert f"--textons 20`, then `trexton onboard {pictures.flight}.npz --samples 400" in said
+    assert "looks for better settings." in said
 
 
 def test_what_limits_it_is_said_by_its_share(record):
@@ -130,13 +130,26 @@ def test_the_judgement_follows_the_best_method(record):
             for name, entry in errors.items()
             if name in record.parameters["methods"].split()
         }
-        return finding(replace(record, values=record.values | {"errors": errors | changed}))
+        changed_record = replace(record, values=record.values | {"errors": errors | changed})
+        return finding(changed_record) + " ".join(advice(changed_record, "my flights/room"))
 
     centre = record.values["errors"]["centre"]["mean_cm"]["value"]
     assert judged(0.4 * centre).startswith("It works here")
     assert judged(0.6 * centre).startswith("It works poorly here")
     assert judged(1.1 * centre).startswith("It will not work here")
     assert "as far as the plain mean of its neighbours" in judged(1.1 * centre)
+    assert "`trexton train 'my flights/room' -o loop.npz" in judged(0.4 * centre)
+    for hopeless in (1.1 * centre, 0.99 * record.values["errors"]["centre"]["mean_cm"]["high"]):
+        assert "No method is worth flying here" in judged(hopeless)
+        assert "trexton train" not in judged(hopeless)
+
+
+def test_a_hard_place_is_harder_than_the_others(record):
+    predicted = {"method": "field", "error_cm": 20.0}
+    places = [{"x_m": 1.0, "y_m": y, "predicted_cm": cm} for y, cm in ((1.0, 19.0), (2.0, 30.0))]
+    values = record.values | {"predicted": predicted, "hardest": places}
+    hard = [said for said in advice(replace(record, values=values)) if "Hard place" in said]
+    assert len(hard) == 1 and "y = 2.0 m" in hard[0] and "20 cm on average" in hard[0]
 
 
 def test_places_that_were_never_flown_are_named():
@@ -162,7 +175,7 @@ def test_test_frames_without_a_position_are_flown_and_not_judged():
 
 def test_fields_of_hundreds_of_metres_read_in_metres():
     large = run(make_flight(1, scale=200), make_flight(2, scale=200), Parameters(methods="field"))
-    assert " m on average" in finding(large)
+    assert " m, against " in finding(large)
 
 
 def test_the_report_plays_the_flight_where_there_is_a_player(record, tmp_path):
@@ -194,7 +207,7 @@ def test_figures_draw_what_the_record_holds(record):
         floor.lines[-1].get_xydata(), np.array(record.series["field_m"])[::5]
     )
     shares = error_shares(record).axes[0]
-    assert [line.get_label() for line in shares.lines][-1] == "shuffled neighbours"
+    assert [line.get_label() for line in shares.lines][-1] == "frames drawn at random"
     assert all(line.get_ydata()[-1] == 100 for line in shares.lines)
 
 

@@ -23,17 +23,18 @@ from trexton.companion.wording import as_html, distance, middle, template_enviro
 __all__ = ["write_report"]
 
 
-def write_report(record: Record, path: Path, player: str = "") -> Path:
+def write_report(record: Record, path: Path, player: str = "", flight: str = "") -> Path:
     """Write the report of an `assessment` record to `path`; whole or not at all.
 
-    `player` is the address of a page beside it that plays the test flight.
+    `player` is the address of a page beside it that plays the test flight, `flight` the folder
+    that its commands name.
     """
     with atomic_file(path) as stream:
-        stream.write(_page(record, player))
+        stream.write(_page(record, player, flight))
     return path
 
 
-def _page(record: Record, player: str) -> str:
+def _page(record: Record, player: str, flight: str) -> str:
     figures = [
         (
             assessment.over_the_floor(record), "floor",
@@ -56,7 +57,7 @@ def _page(record: Record, player: str) -> str:
             title=f"Will it work here? {record.flight}",
             style=_style(),
             finding=as_html(assessment.finding(record)),
-            limits=[as_html(sentence) for sentence in advice(record)],
+            limits=[as_html(sentence) for sentence in advice(record, flight)],
             figures=[
                 (_drawn(figure, name, alt), caption) for figure, name, alt, caption in figures
             ],

@@ -41,7 +41,9 @@ def run(arguments: argparse.Namespace) -> int:
         return 1
     record = Record.load(out / pairs[0].name / "assessment.json")
     player = f"{pairs[0].name}/mocap_training-player.html"
-    page = write_report(record, out / "report.html", player if (out / player).is_file() else "")
+    page = write_report(
+        record, out / "report.html", player if (out / player).is_file() else "", arguments.flight
+    )
     from trexton.companion.experiments.assessment import finding
 
     print(finding(record))

@@ -5,6 +5,7 @@ Offers `limits`, measured on the flights, and `advice`, sentences from an assess
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,7 +15,7 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.base.records import Record
 from trexton.companion.experiments.evaluation import evenly_spread
-from trexton.companion.wording import distance, middle, percent
+from trexton.companion.wording import apart, distance, middle, percent
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
@@ -57,10 +58,18 @@ def best_method(record: Record) -> tuple[str, dict[str, float]]:
     return name, errors[name]["mean_cm"]
 
 
-def advice(record: Record) -> list[str]:
-    """What limits it and what to do, a sentence each."""
-    makers = (_of_survey, _of_frames, _of_methods, _of_commands)
-    return [sentence for make in makers for sentence in make(record)]
+def is_useful(record: Record) -> bool:
+    """Whether the best method can be told from always guessing the centre."""
+    _, error = best_method(record)
+    centre = record.values["errors"]["centre"]["mean_cm"]
+    return middle(error) < middle(centre) and apart(error, centre)
+
+
+def advice(record: Record, flight: str | None = None) -> list[str]:
+    """What limits it and what to do, a sentence each; `flight` is the folder for the commands."""
+    makers = (_of_survey, _of_frames, _of_methods)
+    sentences = [sentence for make in makers for sentence in make(record)]
+    return sentences + list(_of_commands(record, flight or record.flight))
 
 
 def _of_survey(record: Record) -> Iterator[str]:
@@ -75,8 +84,8 @@ def _of_survey(record: Record) -> Iterator[str]:
     errors = {name: entry["mean_cm"] for name, entry in values["errors"].items()}
     if predicted := values.get("predicted"):
         yield (
-            f"The error predicted from the training frames alone, for the places of the test, is "
-            f"{distance(predicted['error_cm'])}; the measured one "
+            f"The mean error of `{predicted['method']}` predicted from the training frames alone, "
+            f"for the places of the test, is {distance(predicted['error_cm'])}; the measured one "
             f"{distance(errors[predicted['method']])}."
         )
     if half := values.get("half"):
@@ -118,11 +127,15 @@ def _of_frames(record: Record) -> Iterator[str]:
             f"Blur: {percent(blurred)} of the frames are less than half as sharp as usual. "
             "Shorten the exposure or fly slower."
         )
+    if not (predicted := record.values.get("predicted")):
+        return
     for place in record.values.get("hardest", []):
-        yield (
-            f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m expect to be off "
-            f"by {distance(place['predicted_cm'])}."
-        )
+        if place["predicted_cm"] > predicted["error_cm"]:  # no harder than the others otherwise
+            yield (
+                f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m the predicted "
+                f"mean error of `{predicted['method']}` is {distance(place['predicted_cm'])}, "
+                f"where it is {distance(predicted['error_cm'])} on average."
+            )
 
 
 def _of_methods(record: Record) -> Iterator[str]:
@@ -142,9 +155,13 @@ def _of_methods(record: Record) -> Iterator[str]:
             )
 
 
-def _of_commands(record: Record) -> Iterator[str]:
-    """How to train and fly the best method with the settings that were flown."""
+def _of_commands(record: Record, flight: str) -> Iterator[str]:
+    """How to train and fly the best method with the settings that were flown, if it is any good."""
     best, chosen = best_method(record)[0], record.parameters
+    if not is_useful(record):
+        yield "No method is worth flying here as it is: change the floor or the survey first."
+        return
+    folder, made = shlex.quote(flight), shlex.quote(f"{record.flight}.npz")
     pictures = "blurred" in record.values["limits"]  # of which it drew patches
     if not (seconds := record.timings.get(best, {}).get("median_s")):
         return
@@ -157,12 +174,12 @@ def _of_commands(record: Record) -> Iterator[str]:
         flown += f" --particles {chosen['particles']}"
     drawn = f" with {', '.join(words)}" if words else ""
     after = (
-        f", then `trexton onboard MAP{flown}`. "
+        f", then `trexton onboard {made}{flown}`. "
         if pictures
         else " makes its map, for histograms alone; a camera needs a training flight of pictures. "
     )
     yield (
         f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{drawn}: "
-        f"`trexton train FLIGHT -o MAP --method {best}{learned}`{after}"
-        "`trexton tune FLIGHT` looks for better settings."
+        f"`trexton train {folder} -o {made} --method {best}{learned}`{after}"
+        f"`trexton tune {folder}` looks for better settings."
     )

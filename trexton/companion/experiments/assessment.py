@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.advice import STRETCH_S, best_method, limits
+from trexton.companion.experiments.advice import STRETCH_S, best_method, is_useful, limits
 from trexton.companion.experiments.declaration import Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
     floor_picture,
@@ -205,16 +205,17 @@ def finding(record: Record) -> str:
     best, error = best_method(record)
     errors = record.values["errors"]
     centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
-    if middle(error) >= centre:
-        judgement = "It will not work here: no method does better than always guessing the centre"
+    if not is_useful(record):
+        judgement = "It will not work here: no method can be told from always guessing the centre"
     elif error["high"] > 0.5 * centre:
         judgement = "It works poorly here"
     else:
         judgement = "It works here"
     words = (
-        f"{judgement}: with the method `{best}` the estimate was off by {distance(error)} on "
-        f"average, in one frame of twenty by more than {distance(middle(errors[best]['p95_cm']))}, "
-        f"against {distance(errors['centre']['mean_cm']['value'])} for always guessing the centre"
+        f"{judgement}. The mean error of the method `{best}` is {distance(error)}, against "
+        f"{distance(centre)} for always guessing the centre; 95 % of its frames are off by less "
+        f"than {distance(middle(errors[best]['p95_cm']))}, against "
+        f"{distance(middle(errors['centre']['p95_cm']))}"
     )
     paper = errors.get("paper")
     if paper and middle(paper["mean_cm"]) > 1.1 * knn:
@@ -231,7 +232,7 @@ LABELS = {
     "fine": ("fine", "fine"),
     "knn": ("neighbours alone", "neighbors"),
     "centre": ("always the centre", "zone"),
-    "shuffled": ("shuffled neighbours", "neighbors"),
+    "shuffled": ("frames drawn at random", "neighbors"),
 }
 
 
