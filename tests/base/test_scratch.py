@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 
-from trexton.base.files import scratch_folder
+from trexton.base.files import atomic_file, scratch_folder
 from trexton.base.progress import shown
 from trexton.cli.main import main
 
@@ -18,6 +18,14 @@ def test_the_next_scratch_folder_removes_what_a_killed_process_left(tmp_path, mo
     with scratch_folder("floor") as folder:
         assert folder.parent == tmp_path and not left.exists()
     assert not folder.exists()
+
+
+def test_a_link_stays_a_link(tmp_path):
+    (tmp_path / "far").mkdir()
+    (link := tmp_path / "map.npz").symlink_to(tmp_path / "far" / "map.npz")
+    with atomic_file(link) as stream:
+        stream.write("new")
+    assert link.is_symlink() and (tmp_path / "far" / "map.npz").read_text() == "new"
 
 
 def test_codes_are_shown_and_not_obeyed(tmp_path, capsys):

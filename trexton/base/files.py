@@ -31,9 +31,10 @@ MANIFEST = ".trexton.json"  # in a folder of ours: what was written into it
 def atomic_file(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[Any]]:
     """Open a temporary file beside `path`; it is renamed to `path` if the block succeeds.
 
-    It is deleted otherwise; an `OSError` of the disk names `path`.
+    It is deleted otherwise; an `OSError` of the disk names `path`. A link stays one: the file that
+    it names is written.
     """
-    path = Path(path)
+    path = Path(os.path.realpath(path)) if Path(path).is_symlink() else Path(path)
     with naming(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         clean_leftovers(path)
