@@ -115,7 +115,7 @@ def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, mon
     said = capsys.readouterr()
     assert "frames 0 to 71 of 120 train, the later ones test" in said.err
     assert said.out.endswith(f"{out / 'report.html'}\n")
-    assert "with the method `paper`" in said.out
+    assert "the method `paper`" in said.out
     assert (out / "report.html").read_text("utf-8").rstrip().endswith("</html>")
 
     failed = [Outcome("loop", "assessment", "failed", ("oops",))]
