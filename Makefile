@@ -12,7 +12,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book browser test check coverage test-slow fuzz bench verify full lab lock sbom audit clean
+.PHONY: help env book prose browser test check coverage test-slow fuzz bench verify full lab lock sbom audit clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -46,6 +46,9 @@ check: env  ## format, lint, types, import directions, dead code
 	@$(BIN)/mypy
 	@$(BIN)/lint-imports --no-logo
 	@$(BIN)/vulture
+
+prose: env  ## length of sentences and pages, numbers, idiom: 1 where the book breaks a bound
+	@$(BIN)/python -m trexton.companion.checks.prose
 
 # Two kernels are Python where they are not compiled: what calls them is run again without.
 coverage: env  ## branch coverage by module, 95 % at least, with the lines and branches that no test reaches

@@ -1,0 +1,79 @@
+"""The book is written plainly: what ``make prose`` counts, and that no page breaks a bound."""
+
+from __future__ import annotations
+
+import pytest
+from conftest import ROOT
+
+from trexton.companion.checks.prose import BOOK, Page, measure, pages
+
+PAGES = pages(ROOT)
+# Written before the bounds were. The list gets shorter.
+OLD = {
+    "README", "CHANGELOG", "ambiguities", "autopilots", "data", "glossary", "hall", "intro", "library",
+    "method", "onboard", "paper_map", "raspberry_pi", "real_flight", "references", "run_again",
+    "simulated_room", "small", "your_flight", "aiding", "assessment", "beyond", "claims", "density",
+    "heading", "homography_baseline", "homography_training", "kidnapping", "light", "map_loss",
+    "mocap_training", "suitability", "timing", "touchdown", "trade_off", "trust", "fine", "uncertainty",
+}  # fmt: skip
+
+
+def test_a_page_is_counted_as_it_is_read(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text("""# Not counted: a heading
+
+The error is {{ error.mean_cm | span }} cm; see {doc}`the field </beyond>` and `code here`.
+{% if more is defined %}It was told nothing.{% endif %}
+
+```bash
+not counted
+```
+
+| not in the mean | but held to length |
+|---|---|
+| a cell | $x = 1$ |
+
+```{code-cell} ipython3
+page.say(r\"\"\"
+Said by a cell.
+\"\"\")
+```
+""")
+    counted = measure(page)
+    assert counted.paragraphs == [
+        "The error is 7 [7, 7] cm; see the field and code. It was told nothing.",
+        "Said by a cell.",
+    ]
+    assert counted.cells == ["not in the mean", "but held to length", "a cell", "x"]
+    assert counted.measures() == {
+        "words": 20,
+        "mean": pytest.approx(20 / 3),
+        "marks": pytest.approx(1 / 3),
+        "numbers": pytest.approx(15),
+        "idiom": pytest.approx(50),
+    }
+    assert [fault.split(":")[0] for fault in counted.faults()] == ["marks", "numbers", "idiom"]
+
+
+def test_long_sentences_cells_paragraphs_and_pages_are_named():
+    sentence = "Word " + "word " * 35 + "end."
+    faults = Page("page", [sentence] * 30, [sentence]).faults()
+    assert sum(f"37 words, at most 35: {sentence}" == fault for fault in faults) == 31
+    assert "mean: 37, at most 18.0" in faults and "words: 1110, at most 900" in faults
+    short = "A word or two. " * 30
+    assert Page("page", [short], []).faults() == [f"120 words, at most 90: {short}"]
+    assert Page("README", ["Four words stand here."] * 120, []).faults() == [
+        "words: 480, at most 450"
+    ]
+    assert not Page("glossary", ["Four words stand here."] * 300, []).faults()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_no_page_breaks_a_bound(page):
+    faults = page.faults()
+    assert page.name in OLD or not faults, "\n".join(faults)
+
+
+@pytest.mark.xfail(reason="some pages are older than the bound")
+def test_the_book_is_not_too_long():
+    assert sum(page.measures()["words"] for page in PAGES[2:]) <= BOOK

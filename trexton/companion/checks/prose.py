@@ -1,0 +1,146 @@
+"""How plainly the book is written: every page is measured, and what is out of bounds is named.
+
+``measure`` reads a page as a reader meets it: its template with every value there, without code,
+equations and figures. ``make prose`` prints all pages, and a test holds them to the bounds.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markdown_it import MarkdownIt
+from mdit_py_plugins.deflist import deflist_plugin
+
+from trexton.base.cache import repository_root
+from trexton.companion.wording import template_environment
+
+__all__ = ["BOOK", "Page", "measure", "pages"]
+
+# Looked up, not read: as long as they must be. The other bounds hold for them too.
+REFERENCE = {"CHANGELOG", "claims", "glossary", "library", "paper_map", "references", "trust"}
+SENTENCE, PARAGRAPH, PAGE, README, BOOK = 35, 90, 900, 450, 16_000  # words at most
+MOST = {"mean": 18.0, "marks": 0.15, "numbers": 2.0, "idiom": 3.0}
+# What this project said to itself, and nobody could look up.
+IDIOM = re.compile(
+    r"\b(?:told|foretold|foretells?|unheard|misled|misleads?|heeds?|gives? way|askew|surprise"
+    r"|bumps|doubts|strange(?:ness)?|carried away|errs?|what (?:is|it) claim(?:s|ed)"
+    r"|claims? too (?:much|little)|looks? at a place|contradicted|in vain|to and fro|speaks? for)\b"
+)
+WORD = re.compile(r"[^\W_]+(?:['’.,/-][^\W_]+)*")
+END = re.compile(r"(?<=[.!?])[\"')*]*\s+(?=[\"'(*\[]*[A-Z0-9])")
+CELL = re.compile(r"^```\{code-cell\}.*?^```", re.M | re.S)
+ASIDE = re.compile(
+    r"\A---\n.*?\n---\n|\$\$.*?\$\$|<[!/a-z].*?>|^:{3,}.*?$|^:[\w-]+:.*?$|\{cite[:a-z]*\}`[^`]*`",
+    re.M | re.S,
+)
+
+
+class _There(jinja2.ChainableUndefined):
+    """Stands for every value of a record: it is there, is true, and reads 7."""
+
+    def itself(self, *_: object, **__: object) -> Any:
+        return self
+
+    __add__ = __radd__ = __mul__ = __rmul__ = __sub__ = __truediv__ = __call__ = itself
+    __lt__ = __le__ = __gt__ = __ge__ = itself
+
+    def __bool__(self) -> Any:
+        return True
+
+    def __iter__(self) -> Any:
+        return iter((self, self))
+
+    def __str__(self) -> str:
+        return "7"
+
+
+@dataclass
+class Page:
+    """The paragraphs and items of a page, and the cells of its tables, as plain text."""
+
+    name: str
+    paragraphs: list[str]
+    cells: list[str]
+
+    def measures(self) -> dict[str, float]:
+        """Words; the mean sentence; semicolons and colons in one; numbers in a hundred words,
+        idiom in a thousand.
+        """
+        text = "\n".join(self.paragraphs)
+        words, sentences = max(_words(text), 1), _sentences(self.paragraphs)
+        return {
+            "words": words,
+            "mean": words / max(len(sentences), 1),
+            "marks": len(re.findall(r"[;:](?!\S)", text)) / max(len(sentences), 1),
+            "numbers": 100 * len(re.findall(r"(?<![\w.])\d[\d,.]*", text)) / words,
+            "idiom": 1000 * len(IDIOM.findall(text.lower())) / words,
+        }
+
+    def faults(self) -> list[str]:
+        """Every bound that the page breaks, and the sentence that does."""
+        most = MOST | {"words": README if self.name == "README" else PAGE}
+        measures = self.measures()
+        if self.name in REFERENCE:
+            del most["words"]
+        found = [f"{k}: {measures[k]:.4g}, at most {m}" for k, m in most.items() if measures[k] > m]
+        texts = [(each, SENTENCE) for each in _sentences(self.paragraphs + self.cells)]
+        texts += [(each, PARAGRAPH) for each in self.paragraphs]
+        return found + [f"{n} words, at most {m}: {t}" for t, m in texts if (n := _words(t)) > m]
+
+
+def _words(text: str) -> int:
+    return len(WORD.findall(text))
+
+
+def _sentences(texts: list[str]) -> list[str]:
+    return [each for text in texts for each in END.split(text) if _words(each)]
+
+
+def measure(path: Path) -> Page:
+    """One page of Markdown; of a notebook's cells, what they say counts too."""
+    text = path.read_text(encoding="utf-8")
+    text = CELL.sub(lambda c: "\n\n".join(re.findall(r'say\(r"""\n(.*?)"""', c[0], re.S)), text)
+    text = ASIDE.sub("", re.sub(r"\{(?:doc|term)\}`([^`<]*?) ?(?:<[^`]*>)?`", r"\1", text))
+    environment = template_environment().overlay(undefined=_There)
+    environment.tests = dict.fromkeys(environment.tests, lambda *_: True)
+    environment.filters = environment.filters | dict.fromkeys(
+        ("fixed", "number", "percent", "round", "int"), lambda value, *_: value
+    )
+    environment.filters |= {"span": lambda *_: "7 [7, 7]", "text": lambda *_: "words"}
+    filled = environment.from_string(text).render(see=lambda page, words: words)
+    page = Page(path.stem, [], [])
+    kind = ""
+    for token in MarkdownIt().enable("table").use(deflist_plugin).parse(filled):
+        if token.type == "inline" and not kind.startswith("heading"):
+            parts = (
+                "code" if each.type == "code_inline" else each.content or " "
+                for each in token.children or ()
+                if each.type != "image"
+            )
+            plain = re.sub(r"\$[^$]+\$", "x", "".join(parts))
+            (page.cells if kind.startswith(("td", "th")) else page.paragraphs).append(plain)
+        kind = token.type
+    return page
+
+
+def pages(root: Path) -> list[Page]:
+    """README, CHANGELOG and the pages of the book."""
+    places = ("README.md", "CHANGELOG.md", "book/*.md", "notebooks/*.md")
+    return [measure(path) for place in places for path in sorted(root.glob(place))]
+
+
+if __name__ == "__main__":
+    book = pages(repository_root() or Path("."))
+    total = sum(each.measures()["words"] for each in book[2:])
+    for page in book:
+        print(f"{page.name:20}", *(f"{key} {v:6.3g} " for key, v in page.measures().items()))
+    faults = [f"{page.name}: {fault}" for page in book for fault in page.faults()]
+    if total > BOOK:
+        faults.append(f"book: {total:,} words, at most {BOOK:,}")
+    print(f"{len(book)} pages, {total:,} words without README and CHANGELOG", *faults, sep="\n")
+    sys.exit(bool(faults))
