@@ -72,8 +72,8 @@ def code_hashes(module: str) -> dict[str, str]:
     waiting = [module]
     while waiting:
         name = waiting.pop()
-        if name not in hashes and (found := _hash_and_imports(name)):
-            hashes[name], imported = found
+        if name not in hashes and (entry := _hash_and_imports(name)):
+            hashes[name], imported = entry
             waiting += [*imported, name.rpartition(".")[0]]  # its package too, with what lies there
     return dict(sorted(hashes.items()))
 

@@ -98,10 +98,10 @@ def number(
 ) -> float:
     """A finite float in a range as of `option`; raises `ParameterError`, which says `what`."""
     try:
-        found: Any = Option(what, (float,), 1.0, "", low, high, above, below).check(value)
+        checked: Any = Option(what, (float,), 1.0, "", low, high, above, below).check(value)
     except ParameterError as error:
         raise ParameterError(str(error).removeprefix("parameter ")) from None
-    return float(found)
+    return float(checked)
 
 
 @dataclass(frozen=True)
@@ -221,13 +221,15 @@ class Options:
         ParameterError
             A name is unknown (the message lists those of `owner`), a type or a range does not fit.
         """
-        known = {each.name: each for each in cls.declared()}
+        options = {each.name: each for each in cls.declared()}
         for name in settings:
-            if name not in known:
-                names = ", ".join(known) or "none"
+            if name not in options:
+                names = ", ".join(options) or "none"
                 raise ParameterError(f"{owner} has no parameter {name!r}: it has {names}")
         return {
-            name: known[name].parse(value) if isinstance(value, str) else known[name].check(value)
+            name: options[name].parse(value)
+            if isinstance(value, str)
+            else options[name].check(value)
             for name, value in settings.items()
         }
 

@@ -85,8 +85,8 @@ def read_content(path: Path) -> dict[str, Any]:
     content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     if content["schema"] != SCHEMA:
         advice = "update trexton" if content["schema"] > SCHEMA else "run it again"
-        found = f"record schema {content['schema']}"
-        raise TrextonError(f"{path}: {found}, expected {SCHEMA}: {advice}")
+        problem = f"record schema {content['schema']}"
+        raise TrextonError(f"{path}: {problem}, expected {SCHEMA}: {advice}")
     return content
 
 

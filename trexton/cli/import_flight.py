@@ -22,9 +22,9 @@ def _let_words_follow_options(parser: argparse.ArgumentParser) -> None:
     parse = parser.parse_known_args
 
     def intermixed(args: Any = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        found, left = parse(args, namespace)
-        found.what += [word for word in left if not word.startswith("-")]
-        return found, [word for word in left if word.startswith("-")]
+        parsed, left = parse(args, namespace)
+        parsed.what += [word for word in left if not word.startswith("-")]
+        return parsed, [word for word in left if word.startswith("-")]
 
     parser.parse_known_args = intermixed  # type: ignore[method-assign]
 
@@ -34,8 +34,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     from trexton.flights.importers import IMPORTERS, importer
     from trexton.flights.importing import Common
 
-    known = f"{', '.join(IMPORTERS)} (guessed unless given), and file or folder"
-    parser.add_argument("what", nargs="+", metavar="[KIND] SOURCE", help=known)
+    kinds = f"{', '.join(IMPORTERS)} (guessed unless given), and file or folder"
+    parser.add_argument("what", nargs="+", metavar="[KIND] SOURCE", help=kinds)
     _let_words_follow_options(parser)
     parser.add_argument("--out", metavar="FLIGHT", help="the Flight folder to write")
     parser.add_argument(

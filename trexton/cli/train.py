@@ -81,9 +81,9 @@ def run(arguments: argparse.Namespace) -> int:
     path = save_map(texton_map, arguments.output)
     say(f"{len(texton_map.positions)} frames of {flight.name} became {path}")
     others = [
-        f"{each.method} {100 * found.error_m:.0f} cm"
-        for each, found in tried
-        if each is not texton_map and found
+        f"{each.method} {100 * other.error_m:.0f} cm"
+        for each, other in tried
+        if each is not texton_map and other
     ]
     why = "" if options.method else ", chosen for flying" + "".join(f" ({o})" for o in others)
     say(f"method {texton_map.method}{why}: {_verdict(assessment)}")
@@ -120,21 +120,22 @@ def _trained(
     frames = flight.select(np.isfinite(np.ma.filled(flight.position, np.nan)).all(axis=1))
     looks = frames if method == "fine" else None
     try:
-        found = assess(texton_map, looks, rng=stream(options.seed, "assessment"))
+        assessment = assess(texton_map, looks, rng=stream(options.seed, "assessment"))
     except MapError:
         return texton_map, None
-    provenance = texton_map.provenance | {"assessment": found.as_dict()}
-    return replace(texton_map, provenance=provenance), found
+    provenance = texton_map.provenance | {"assessment": assessment.as_dict()}
+    return replace(texton_map, provenance=provenance), assessment
 
 
-def _verdict(found: Assessment | None) -> str:
+def _verdict(assessment: Assessment | None) -> str:
     """What to expect of a map, and how honest its covariances are."""
-    if found is None:
+    if assessment is None:
         return "the flight is too short to tell what to expect of it"
-    words = f"{100 * found.error_m:.0f} cm mean error on left-out parts of this flight"
-    if found.coverage_90 is None or found.lost_share > MOST_LOST:
-        return f"{words}. LOST in {found.lost_share:.0%} of frames: record a longer, closer survey"
-    words += f", lost in {found.lost_share:.0%} of frames.\nThe 90 % region held the true position "
-    words += f"in {found.coverage_90:.0%} of the others: "
-    honest = found.coverage_90 >= LEAST_COVERAGE
+    error, lost = 100 * assessment.error_m, assessment.lost_share
+    words = f"{error:.0f} cm mean error on left-out parts of this flight"
+    if assessment.coverage_90 is None or lost > MOST_LOST:
+        return f"{words}. LOST in {lost:.0%} of frames: record a longer, closer survey"
+    words += f", lost in {lost:.0%} of frames.\nThe 90 % region held the true position "
+    words += f"in {assessment.coverage_90:.0%} of the others: "
+    honest = assessment.coverage_90 >= LEAST_COVERAGE
     return words + ("honest" if honest else "OVERCONFIDENT, do not steer by it")

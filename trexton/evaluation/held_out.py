@@ -78,16 +78,16 @@ def assess(
         The flight is too short.
     """
     flown = list(replay(texton_map, samples=SAMPLES, rng=rng, apart=APART[-1:], flight=flight))
-    sure = [each for each in flown if not each.estimate.lost_in(texton_map.area)]
+    trusted = [each for each in flown if not each.estimate.lost_in(texton_map.area)]
     inside = [
         each.error @ np.linalg.solve(each.estimate.about_position, each.error) <= CHI2_90
-        for each in sure
+        for each in trusted
     ]
     return Assessment(
         len(flown),
         float(np.mean([np.hypot(*each.error) for each in flown])),
-        1 - len(sure) / len(flown),
-        float(np.mean(inside)) if sure else None,
+        1 - len(trusted) / len(flown),
+        float(np.mean(inside)) if trusted else None,
     )
 
 
@@ -182,8 +182,8 @@ def _others(time: np.ndarray, rows: np.ndarray) -> np.ndarray:
 
 def _on_the_way(aidings: Sequence[Aiding | None] | None, last: int, row: int) -> Aiding | None:
     """The velocity from one row to the next, or back: it came with the later of them."""
-    known = None if aidings is None else aidings[max(last, row)]
-    if known is None or known.velocity is None:
+    given = None if aidings is None else aidings[max(last, row)]
+    if given is None or given.velocity is None:
         return None
-    velocity = known.velocity if row > last else -known.velocity
-    return Aiding(velocity=velocity, velocity_sigma=known.velocity_sigma)
+    velocity = given.velocity if row > last else -given.velocity
+    return Aiding(velocity=velocity, velocity_sigma=given.velocity_sigma)

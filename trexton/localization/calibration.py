@@ -74,7 +74,7 @@ class Replay(Calibration):
         single = SingleFrames.of(training, self.samples)
         measurement = ErrorScale.fit(single.features, single.errors, single.claimed)
         frames = independent_after(single.white(measurement), single.runs)
-        found = {
+        learned = {
             "of_estimate": np.empty(0),
             "of_measurement": measurement.to_array(),
             "independent_s": np.asarray(frames * training.period_s),
@@ -82,8 +82,8 @@ class Replay(Calibration):
         deviations = measurement.deviation(single.features)
         if not self.trusting:
             scale, deviations = self._of_estimate(training)
-            found["of_estimate"] = scale.to_array()
-        return self.with_learned(**found, usual=np.asarray(np.median(deviations)))
+            learned["of_estimate"] = scale.to_array()
+        return self.with_learned(**learned, usual=np.asarray(np.median(deviations)))
 
     def _of_estimate(self, training: Training) -> tuple[ErrorScale, np.ndarray]:
         assert training.fly is not None  # as it is for whatever judges a method
@@ -165,9 +165,9 @@ class SingleFrames:
         """Of the neighbours' mean, those near in time left out as for the measurement model."""
         _, neighbors = training.resampled(samples)
         errors, about, claimed = [], [], []
-        for row, found in enumerate(neighbors):
-            nobody = Estimate(found.position.mean(axis=0), np.eye(2))
-            evidence = Evidence.of(nobody, found)
+        for row, nearest in enumerate(neighbors):
+            nobody = Estimate(nearest.position.mean(axis=0), np.eye(2))
+            evidence = Evidence.of(nobody, nearest)
             errors.append(evidence.measured.position - training.positions[row])
             about.append(evidence.about_measurement)
             claimed.append(evidence.measured.covariance)

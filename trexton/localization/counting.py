@@ -42,8 +42,8 @@ def full_histograms(
         return _counted(flight, dictionary, cells, bar)
     parts = [flight.select(slice(first, first + CHUNK)) for first in range(0, len(flight), CHUNK)]
     kept = [_kept(part, dictionary, cells, bar) for part in parts]
-    if found := sum(len(histograms) for histograms, fresh in kept if not fresh):
-        say(f"{found} of {len(flight)} frames had been counted before")
+    if reused := sum(len(histograms) for histograms, fresh in kept if not fresh):
+        say(f"{reused} of {len(flight)} frames had been counted before")
     return np.concatenate([histograms for histograms, _ in kept])
 
 

@@ -37,7 +37,7 @@ def learned_lens(flight: Flight, advice: str, *, attitudes: bool = False) -> np.
         "images": flight.has_images, "its camera": flight.camera is not None,
         "the camera's heights": flight.height is not None, "attitudes": tilted or not attitudes,
     }  # fmt: skip
-    lacking = [what for what, known in has.items() if not known]
+    lacking = [what for what, present in has.items() if not present]
     if flight.camera is None or flight.height is None or lacking:
         raise MapError(
             f"flight {flight.name!r} lacks {' and '.join(lacking)}: add them to the flight, "

@@ -140,11 +140,11 @@ def check_map(texton_map: TextonMap) -> None:
     MapError
         The first thing that is wrong.
     """
-    for holds, what, found in _demands(texton_map):
+    for holds, what, value in _demands(texton_map):
         if not holds:
-            if isinstance(found, np.ndarray):
-                found = f"{found.dtype} of shape {found.shape}"
-            raise MapError(f"in a map {what}, found {found}: copy or train it again")
+            if isinstance(value, np.ndarray):
+                value = f"{value.dtype} of shape {value.shape}"
+            raise MapError(f"in a map {what}, found {value}: copy or train it again")
 
 
 def _demands(whole: TextonMap) -> Iterator[tuple[bool, str, object]]:

@@ -187,6 +187,6 @@ def neighbors_in_flight(
         )
     result = np.empty((len(time), k), dtype=np.int64)
     for row in progress(range(len(time)), "neighbours", len(time)):
-        found = nearest.query(histograms[row], k + last[row] - first[row]).index
-        result[row] = found[(found < first[row]) | (found >= last[row])][:k]
+        rows = nearest.query(histograms[row], k + last[row] - first[row]).index
+        result[row] = rows[(rows < first[row]) | (rows >= last[row])][:k]
     return result

@@ -123,26 +123,26 @@ class RunningVisual:
 
     def aid(self, frame: np.ndarray, aiding: Aiding | None, time: float | None) -> Aiding | None:
         """What is known beside the frame, with its velocity if it shows one."""
-        known = Aiding() if aiding is None else aiding
+        given = Aiding() if aiding is None else aiding
         now = self._now(time)
         if not 0 < now - self._time <= MAX_INTERVAL_S:
             self._odometry.reset()
         self._time, self._missed = now, 0
-        motion = self._shift(frame, known, now)
+        motion = self._shift(frame, given, now)
         if motion is None or motion.sure < self._part.sure:
             return aiding
         with_attitude, without = self._part.sigma.tolist()
-        sigma = without if known.roll is None or known.pitch is None else with_attitude
-        return replace(known, velocity=motion.velocity, velocity_time=now, velocity_sigma=sigma)
+        sigma = without if given.roll is None or given.pitch is None else with_attitude
+        return replace(given, velocity=motion.velocity, velocity_time=now, velocity_sigma=sigma)
 
     def _now(self, time: float | None) -> float:
         if time is not None:
             return time
         return self._time + (1 + self._missed) * self._period_s if np.isfinite(self._time) else 0.0
 
-    def _shift(self, frame: np.ndarray, known: Aiding, now: float) -> Motion | None:
-        height = known_or(known.height, self._height)
-        angles = [known_or(angle, 0.0) for angle in (known.roll, known.pitch, known.yaw)]
+    def _shift(self, frame: np.ndarray, given: Aiding, now: float) -> Motion | None:
+        height = known_or(given.height, self._height)
+        angles = [known_or(angle, 0.0) for angle in (given.roll, given.pitch, given.yaw)]
         if not believable(np.array(angles[:2]), height, self._height):
             height, angles = self._height, [0.0, 0.0, angles[2]]
         return self._odometry.step(frame, now, height=height, attitude=angles)

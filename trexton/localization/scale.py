@@ -46,10 +46,10 @@ class ErrorScale:
             shapes = _shapes(claimed, blend)
             squared = np.einsum("ni,nij,nj->n", errors, np.linalg.inv(shapes), errors)
             weights = _regress(_design(features, center, width), squared)
-            found = cls(center, width, weights, blend)
-            ratio = squared / found.deviation(features) ** 2
+            fitted = cls(center, width, weights, blend)
+            ratio = squared / fitted.deviation(features) ** 2
             fit = float(
-                (2 * np.log(found.deviation(features))).mean()
+                (2 * np.log(fitted.deviation(features))).mean()
                 + (DEGREES / 2 + 1) * np.log1p(ratio / DEGREES).mean()
             )
             if best is None or fit < best[0]:

@@ -89,10 +89,10 @@ def train_map(
         raise ParameterError(
             f"positions have shape {given.shape}: expected ({len(flight)}, 2), one for each frame"
         )
-    known = np.isfinite(given).all(axis=1)
-    if known.sum() < 3:
+    located = np.isfinite(given).all(axis=1)
+    if located.sum() < 3:
         raise MapError(
-            f"flight {flight.name!r} has {known.sum()} frames with a position: "
+            f"flight {flight.name!r} has {located.sum()} frames with a position: "
             "training needs at least 3"
         )
     if cells > 1 and not flight.has_images:
@@ -100,7 +100,7 @@ def train_map(
             f"flight {flight.name!r} came as histograms: there is no image to cut into "
             f"{cells} x {cells} parts, leave cells at 1"
         )
-    trained, place, looked = flight.select(known), given[known], flight
+    trained, place, looked = flight.select(located), given[located], flight
     shape = trained.image(0).shape[:2] if flight.has_images else None
     rectified = flight.rectification if flight.has_images else None
     if rectified and shape and rectified.size[::-1] != shape:
@@ -125,7 +125,7 @@ def train_map(
     }  # fmt: skip
     untrained = TextonMap(
         dictionary,
-        full_histograms(looked.select(known), dictionary, cells),
+        full_histograms(looked.select(located), dictionary, cells),
         place,
         trained.time,
         flight.area,

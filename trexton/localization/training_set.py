@@ -104,5 +104,5 @@ class Training:
             distance.between(each[None], self.histograms[near])[0]
             for each, near in zip(histograms, rows, strict=True)
         ]
-        found = zip(rows, apart, self.positions[rows], strict=True)
-        return histograms, [Neighbors(*each) for each in found]
+        neighbors = zip(rows, apart, self.positions[rows], strict=True)
+        return histograms, [Neighbors(*each) for each in neighbors]

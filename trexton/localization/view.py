@@ -128,11 +128,11 @@ class _Seen:
         from trexton.base.cache import code_hashes  # which an onboard computer never needs
 
         kind = type(self.view)
-        known = [(each.roll, each.pitch, each.yaw, each.height) for each in self.aiding]
+        measured = [(each.roll, each.pitch, each.yaw, each.height) for each in self.aiding]
         return digest(
             self.frames.digest, kind.__qualname__, code_hashes(__name__),
             code_hashes(kind.__module__) or _own_code(kind), self.view.as_dict(),
-            np.array(known, dtype=float), *self.view.arrays().values(),
+            np.array(measured, dtype=float), *self.view.arrays().values(),
         )  # fmt: skip
 
 

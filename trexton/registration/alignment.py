@@ -91,15 +91,15 @@ class Aligner:
             What is known of the pose beforehand, and its standard deviations (inf: nothing).
         """
         seen = flattened(frame)
-        found = self._once(seen, start, expected, deviation)
+        aligned = self._once(seen, start, expected, deviation)
         for _ in range(2):
-            if not _FAR < found.flow < np.inf:
+            if not _FAR < aligned.flow < np.inf:
                 break
-            found = self._once(seen, found.pose, expected, deviation)
-        if found.flow < np.inf:
-            picture, mask = self.view(self._world(found.pose))
-            found = replace(found, score=_score(seen, flattened(picture, mask), mask))
-        return found
+            aligned = self._once(seen, aligned.pose, expected, deviation)
+        if aligned.flow < np.inf:
+            picture, mask = self.view(self._world(aligned.pose))
+            aligned = replace(aligned, score=_score(seen, flattened(picture, mask), mask))
+        return aligned
 
     def center(self, pose: np.ndarray) -> np.ndarray:
         """``(2,)`` metres: the floor point that the image centre shows."""
@@ -115,9 +115,9 @@ class Aligner:
         """One view, one flow, one solution."""
         world = self._world(start)
         picture, mask = self.view(world)
-        known = flattened(picture, mask)
+        view = flattened(picture, mask)
         moved, status, _ = cv2.calcOpticalFlowPyrLK(
-            seen, known, self._points, self._points.copy(),
+            seen, view, self._points, self._points.copy(),
             winSize=_WINDOW, maxLevel=_LEVELS, criteria=_STOP,
         )  # fmt: skip
         moved = np.asarray(moved, np.float32)
@@ -201,10 +201,10 @@ def flattened(image: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
     return level if mask is None else np.where(mask > 0, level, 128).astype(np.uint8)
 
 
-def _score(seen: np.ndarray, known: np.ndarray, mask: np.ndarray) -> float:
+def _score(seen: np.ndarray, view: np.ndarray, mask: np.ndarray) -> float:
     """Correlation of two flattened images where the mask is nonzero."""
     if cv2.countNonZero(mask) < 0.1 * mask.size:
         return 0.0
-    (a, sa), (b, sb) = (cv2.meanStdDev(each, mask=mask) for each in (seen, known))
-    product = cv2.mean(cv2.multiply(seen, known, dtype=cv2.CV_32F), mask=mask)[0]
+    (a, sa), (b, sb) = (cv2.meanStdDev(each, mask=mask) for each in (seen, view))
+    product = cv2.mean(cv2.multiply(seen, view, dtype=cv2.CV_32F), mask=mask)[0]
     return float((product - a * b).item() / max((sa * sb).item(), 1e-6))

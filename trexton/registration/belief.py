@@ -59,8 +59,8 @@ class CellBelief:
         least = max(_NEGLIGIBLE * float(peak.max()), 3 * _ANYWHERE * float(self._even.max()))
 
         def spanned(profile: Array) -> slice:
-            found = np.flatnonzero(profile > least)
-            first, last = (found[0], found[-1]) if len(found) else (0, len(profile))
+            above = np.flatnonzero(profile > least)
+            first, last = (above[0], above[-1]) if len(above) else (0, len(profile))
             return slice(max(0, int(first) - margin), min(len(profile), int(last) + margin + 1))
 
         return spanned(peak.max(axis=1)), spanned(peak.max(axis=0))
@@ -100,7 +100,7 @@ class CellBelief:
         Only those that hold at least `share` of the belief, and the first whatever it holds.
         """
         left = self.mass.sum(axis=0)
-        found: list[tuple[int, int, int, float]] = []
+        modes: list[tuple[int, int, int, float]] = []
         for _ in range(count):
             row, column = np.unravel_index(int(np.argmax(left)), left.shape)
             around = (
@@ -108,12 +108,12 @@ class CellBelief:
                 slice(max(0, column - radius), column + radius + 1),
             )
             held = float(left[around].sum())
-            if found and held < share:
+            if modes and held < share:
                 break
             heading = int(np.argmax(self.mass[(slice(None), *around)].sum(axis=(1, 2))))
-            found.append((heading, int(row), int(column), held))
+            modes.append((heading, int(row), int(column), held))
             left[around] = 0
-        return found
+        return modes
 
     def around(self, place: Array, radius: int) -> float:
         """The belief within `radius` cells of a place (column, row)."""

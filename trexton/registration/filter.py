@@ -200,10 +200,10 @@ class RunningRegistration:
         fix = self._fix
         if fix is None or not np.isfinite(fix.position).all():
             return self._nothing
-        found = Measurement(fix.position, fix.covariance) if fix.observed and not fix.lost else None
+        own = Measurement(fix.position, fix.covariance) if fix.observed and not fix.lost else None
         velocity, joint = self._motion(fix.covariance)
         return Estimate(
-            fix.position, fix.covariance, lost=fix.lost, observed=fix.observed, measurement=found,
+            fix.position, fix.covariance, lost=fix.lost, observed=fix.observed, measurement=own,
             velocity=velocity, joint=joint, tilt_bias=self.tracker.tilt_bias,
         )  # fmt: skip
 
@@ -224,10 +224,10 @@ class RunningRegistration:
 
 def _attitude(aiding: Aiding) -> np.ndarray | None:
     """Roll, pitch and yaw, NaN for what is not known; None where nothing is."""
-    known = (aiding.roll, aiding.pitch, aiding.yaw)
-    if all(angle is None for angle in known):
+    angles = (aiding.roll, aiding.pitch, aiding.yaw)
+    if all(angle is None for angle in angles):
         return None
-    return np.array([np.nan if angle is None else angle for angle in known])
+    return np.array([np.nan if angle is None else angle for angle in angles])
 
 
 def _stored(trust: Trust) -> np.ndarray:

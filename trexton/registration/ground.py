@@ -67,17 +67,17 @@ class Ground:
         if grey.ndim == 3:
             grey = cv2.cvtColor(grey, cv2.COLOR_BGR2GRAY)
         luma = grey.astype(np.float32)
-        known = np.ones_like(luma) if picture.mask is None else picture.mask.astype(np.float32)
+        mapped = np.ones_like(luma) if picture.mask is None else picture.mask.astype(np.float32)
         corner = np.array([low[0] + cell / 2, high[1] - cell / 2])
         source = _from_world(cell, corner) @ picture.world_from_pixel
         # What a cell averages must be averaged first: a warp alone would alias.
         factor = max(1, round(1 / np.sqrt(abs(np.linalg.det(source[:2, :2])))))
-        weighted, known = shrink(luma * known, factor), shrink(known, factor)
+        weighted, mapped = shrink(luma * mapped, factor), shrink(mapped, factor)
         source = source @ np.array(
             [[factor, 0, (factor - 1) / 2], [0, factor, (factor - 1) / 2], [0, 0, 1]]
         )
         weighted = cv2.warpPerspective(weighted, source, (width, height))
-        weight = cv2.warpPerspective(known, source, (width, height))
+        weight = cv2.warpPerspective(mapped, source, (width, height))
         mask = (weight > 0.5).astype(np.float32)
         if not mask.any():
             raise MapError("nothing of the map image is mapped: give one whose mask is not empty")

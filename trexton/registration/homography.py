@@ -84,11 +84,11 @@ def detect_keypoints(
         mask = None if mask is None else cv2.resize(mask, size, interpolation=cv2.INTER_NEAREST)
     # Without the precise upscale every keypoint lies a quarter of a pixel too far right and down.
     sift = cv2.SIFT.create(nfeatures=limit, enable_precise_upscale=True)
-    found, descriptors = sift.detectAndCompute(luma, mask)
-    if not found:
+    detected, descriptors = sift.detectAndCompute(luma, mask)
+    if not detected:
         return Keypoints(np.empty((0, 2)), np.empty((0, 128), np.float32))
     # SIFT may return more than asked for where strengths are equal.
-    points = np.array([keypoint.pt for keypoint in found[: limit or None]])
+    points = np.array([keypoint.pt for keypoint in detected[: limit or None]])
     if scale != 1:
         points = (points + 0.5) * ratio - 0.5  # pixel centres have whole coordinates
     return Keypoints(points, descriptors[: limit or None])

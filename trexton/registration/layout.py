@@ -55,9 +55,9 @@ def layout(count: int, links: Links, anchors: Anchors, focal: float) -> np.ndarr
     piece = connected(count, links.pairs)[anchors.rows]
     least = _LEAST_SPREAD * np.abs(links.points).max()
     unit, origin = _fit(place[anchors.rows], goal, piece, least)
-    known, held = np.zeros(count, complex), np.zeros(count)
-    known[anchors.rows], held[anchors.rows] = (goal - origin) / unit, 1.0
-    place = solve(graph + steady + diagonal(held), pull @ move + known)
+    fixed, held = np.zeros(count, complex), np.zeros(count)
+    fixed[anchors.rows], held[anchors.rows] = (goal - origin) / unit, 1.0
+    place = solve(graph + steady + diagonal(held), pull @ move + fixed)
     return _level_poses(unit * place + origin, unit * similarity, focal)
 
 

@@ -106,9 +106,9 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
     def follow(pair: tuple[int, int]) -> Matched | None:
         return _match(keypoints, camera, pair, *still) or _match(keypoints, camera, pair)
 
-    found = _all_links(follow, [(row, row + 1) for row in range(len(keypoints) - 1)], "linking")
-    found = _steadied(found, keypoints, camera)
-    chain = {first: homography for (first, _), homography, _ in found}
+    links = _all_links(follow, [(row, row + 1) for row in range(len(keypoints) - 1)], "linking")
+    links = _steadied(links, keypoints, camera)
+    chain = {first: homography for (first, _), homography, _ in links}
 
     def leap(pair: tuple[int, int]) -> Matched | None:
         predicted = np.eye(3)
@@ -119,16 +119,16 @@ def successive_links(keypoints: list[Keypoints], camera: Camera) -> Links:
         return _match(keypoints, camera, pair, predicted, _CHAINED * camera.width)
 
     pairs = [(row, row + step) for step in _STEPS for row in range(len(keypoints) - step)]
-    return _as_links(found + _all_links(leap, pairs, "linking"), camera)
+    return _as_links(links + _all_links(leap, pairs, "linking"), camera)
 
 
-def _steadied(found: list[Linked], keypoints: list[Keypoints], camera: Camera) -> list[Linked]:
+def _steadied(links: list[Linked], keypoints: list[Keypoints], camera: Camera) -> list[Linked]:
     """The links; those that jump looked for again where the motion before and after says."""
     center = np.array([camera.principal_point])
-    moved = [transform_points(homography, center)[0] for _, homography, _ in found]
+    moved = [transform_points(homography, center)[0] for _, homography, _ in links]
     shift = np.array(moved).reshape(-1, 2) - center
     result = []
-    for place, link in enumerate(found):
+    for place, link in enumerate(links):
         usual = np.median(shift[max(0, place - _WINDOW) : place + _WINDOW + 1], axis=0)
         if np.abs(shift[place] - usual).max() > _STEADY * camera.width:
             predicted = np.array([[1, 0, usual[0]], [0, 1, usual[1]], [0, 0, 1]])
@@ -144,7 +144,7 @@ def spatial_links(
     camera: Camera,
     count: int,
     reach: float,
-    known: set[tuple[int, int]],
+    linked: set[tuple[int, int]],
 ) -> Links:
     """Links of frames that their ``(N, 8)`` `poses` put over the same floor on different passes.
 
@@ -154,7 +154,7 @@ def spatial_links(
         Most partners looked for, for each frame.
     reach : float
         Of a frame's width: how far a keypoint may be from where the poses put it.
-    known : set of pairs
+    linked : set of pairs
         Left out; the pairs found are added to it.
     """
     matrices = [world_from_pixel(pose, camera) for pose in poses]
@@ -164,13 +164,13 @@ def spatial_links(
         predicted = np.linalg.solve(matrices[second], matrices[first])
         return _match(keypoints, camera, pair, predicted, reach * camera.width)
 
-    found = _all_links(revisit, _spatial_pairs(poses, camera, count, known), "linking passes")
-    known.update(pair for pair, _, _ in found)
-    return _as_links(found, camera)
+    links = _all_links(revisit, _spatial_pairs(poses, camera, count, linked), "linking passes")
+    linked.update(pair for pair, _, _ in links)
+    return _as_links(links, camera)
 
 
 def _spatial_pairs(
-    poses: np.ndarray, camera: Camera, count: int, known: set[tuple[int, int]]
+    poses: np.ndarray, camera: Camera, count: int, linked: set[tuple[int, int]]
 ) -> list[tuple[int, int]]:
     """For each frame up to `count` others of other passes, by overlap, spread along the path."""
     seen = float(np.median(poses[:, 2])) / camera.focal * np.array([camera.width, camera.height])
@@ -190,7 +190,7 @@ def _spatial_pairs(
             if not taken or np.abs(path[taken] - path[other]).min() > _APART * seen.max():
                 taken.append(int(other))
                 pairs.add((min(row, int(other)), max(row, int(other))))
-    return sorted(pairs - known)
+    return sorted(pairs - linked)
 
 
 def _match(
@@ -209,12 +209,12 @@ def _all_links(
     # another.
     with threadpool_limits(1, "blas"), threads() as pool:
         matched = progress(pool.map(match, pairs), label, len(pairs))
-        return [(pair, *found) for pair, found in zip(pairs, matched, strict=False) if found]
+        return [(pair, *links) for pair, links in zip(pairs, matched, strict=False) if links]
 
 
-def _as_links(found: list[Linked], camera: Camera) -> Links:
-    pairs = np.array([pair for pair, _, _ in found], dtype=np.int64).reshape(-1, 2)
-    points = np.array([points for _, _, points in found]).reshape(-1, 2, _POINTS, 2)
+def _as_links(links: list[Linked], camera: Camera) -> Links:
+    pairs = np.array([pair for pair, _, _ in links], dtype=np.int64).reshape(-1, 2)
+    points = np.array([points for _, _, points in links]).reshape(-1, 2, _POINTS, 2)
     return Links(pairs, points - np.array(camera.principal_point))
 
 

@@ -95,29 +95,29 @@ def stitch(flight: Flight, *, anchors: int | None = None) -> Mosaic:
     if anchors is None:
         anchors = _FEW if flight.origin is None else len(flight)
     camera = flight_camera(flight)
-    found: list[Mosaic] = []
+    mosaics: list[Mosaic] = []
     for search in _SEARCHES:
         try:
-            found.append(_stitched(flight, camera, anchors, *search))
+            mosaics.append(_stitched(flight, camera, anchors, *search))
         except MapError:
-            if search == _SEARCHES[-1] and not found:
+            if search == _SEARCHES[-1] and not mosaics:
                 raise
             continue
-        if found[-1].used.mean() >= _ENOUGH:
+        if mosaics[-1].used.mean() >= _ENOUGH:
             break
-    return max(found, key=lambda mosaic: int(mosaic.used.sum()))
+    return max(mosaics, key=lambda mosaic: int(mosaic.used.sum()))
 
 
 def _stitched(flight: Flight, camera: Camera, anchors: int, scale: float, keypoints: int) -> Mosaic:
     described = flight_keypoints(flight, scale=scale, limit=keypoints)
     links = successive_links(described, camera)
-    known = _choose_anchors(flight, links, anchors)
-    poses = adjust(layout(len(flight), links, known, camera.focal), links, known, camera.focal)
+    held = _choose_anchors(flight, links, anchors)
+    poses = adjust(layout(len(flight), links, held, camera.focal), links, held, camera.focal)
     linked: set[tuple[int, int]] = set()
     for reach in _REACHES:
         links = links + spatial_links(described, poses, camera, _NEIGHBORS, reach, linked)
-        poses = adjust(poses, links, known, camera.focal, widths=(8, 4, 2))
-    return _finished(flight, poses, links, known, camera)
+        poses = adjust(poses, links, held, camera.focal, widths=(8, 4, 2))
+    return _finished(flight, poses, links, held, camera)
 
 
 def map_from_links(flight: Flight, links: Links, *, anchors: int) -> Mosaic:
@@ -127,23 +127,23 @@ def map_from_links(flight: Flight, links: Links, *, anchors: int) -> Mosaic:
     place again.
     """
     camera = flight_camera(flight)
-    known = _choose_anchors(flight, links, anchors)
-    poses = adjust(layout(len(flight), links, known, camera.focal), links, known, camera.focal)
-    return _finished(flight, poses, links, known, camera)
+    held = _choose_anchors(flight, links, anchors)
+    poses = adjust(layout(len(flight), links, held, camera.focal), links, held, camera.focal)
+    return _finished(flight, poses, links, held, camera)
 
 
 def _finished(
-    flight: Flight, poses: np.ndarray, links: Links, known: Anchors, camera: Camera
+    flight: Flight, poses: np.ndarray, links: Links, held: Anchors, camera: Camera
 ) -> Mosaic:
     """Drop the links that contradict the others, adjust once more, blend."""
     agreeing = _median_errors(poses, links, camera) < _TRUSTED
     links, rejected = links[agreeing], int((~agreeing).sum())
-    used = _placed(len(flight), links, known.rows)
-    poses = adjust(poses, links, known, camera.focal, widths=(2,))
+    used = _placed(len(flight), links, held.rows)
+    poses = adjust(poses, links, held, camera.focal, widths=(2,))
     pixels_per_metre = _GRAIN * camera.focal / float(np.median(poses[used, 2]))
     picture = blend(flight, poses, used, camera, pixels_per_metre)
     errors = _median_errors(poses, links, camera)
-    return Mosaic(picture, poses, used, known.rows, links, errors, rejected)
+    return Mosaic(picture, poses, used, held.rows, links, errors, rejected)
 
 
 def _median_errors(poses: np.ndarray, links: Links, camera: Camera) -> np.ndarray:

@@ -115,19 +115,19 @@ class PosePrior:
             change = steps * self._change
             share = _TILT**2 / (_TILT**2 + change)  # of a tilt that stays within its bounds
             mean[3:5], deviation[3:5] = share * last[3:5], np.sqrt(share * change)
-        known = np.isfinite(measured)
-        heading = float(measured[2]) if known[2] else None
-        known[2] &= self.uses_heading
-        tilt = measured[:2] if known[:2].all() else None
+        given = np.isfinite(measured)
+        heading = float(measured[2]) if given[2] else None
+        given[2] &= self.uses_heading
+        tilt = measured[:2] if given[:2].all() else None
         if tilt is not None:
             better = self.tilt.deviation < deviation[3:5]
             mean[3:5] = np.where(better, self.tilt.corrected(tilt), mean[3:5])
             deviation[3:5] = np.where(better, self.tilt.deviation, deviation[3:5])
-        if known[2]:
+        if given[2]:
             mean[5], deviation[5] = measured[2], self.attitude_sigma
         if height is not None and self.uses_heading:
             mean[2], deviation[2] = height, self.height_sigma
-        return Prior(mean, deviation, bool(known[2]), tilt, heading, height, last, steps)
+        return Prior(mean, deviation, bool(given[2]), tilt, heading, height, last, steps)
 
     def learn(self, prior: Prior, aligned: Alignment) -> None:
         """From a frame that was found where `aligned` says, its `prior` counted in."""

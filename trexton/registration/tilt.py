@@ -79,18 +79,18 @@ class TiltError:
         rough = np.maximum(squares - self._least, 0)
         return np.copysign(np.sqrt(mean**2 + rough), -mean)
 
-    def learn(self, measured: np.ndarray, found: np.ndarray, variance: np.ndarray) -> None:
+    def learn(self, measured: np.ndarray, seen: np.ndarray, variance: np.ndarray) -> None:
         """Learn from a frame that was found.
 
         Parameters
         ----------
-        measured, found : (2,) arrays
+        measured, seen : (2,) arrays
             Roll and pitch as measured, and as the frame alone has them, in radians.
         variance : (2,) array
-            Of what was found.
+            Of what was seen.
         """
         informative = variance < _UNINFORMATIVE * self.deviation**2
-        apart = found - _CONVENTIONS @ measured - self._mean
+        apart = seen - _CONVENTIONS @ measured - self._mean
         self._variance = self._variance + _DRIFT**2
         rest = apart**2 - self._variance - variance
         self._squares = self._squares + np.where(informative, (rest - self._squares) / _MEMORY, 0.0)

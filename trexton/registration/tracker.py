@@ -203,7 +203,7 @@ class FloorTracker:
                 nearest, held = len(starts), self.belief.around(followed, _MODE)
             starts[nearest : nearest + 1] = [(followed, seen.prior.mean[5], held)]
             continued = nearest
-        found = []
+        candidates = []
         for index, (place, heading, held) in enumerate(starts):
             start = np.array([*seen.prior.mean[:5], heading])
             start[:2] = self.coarse.ground.to_world(place) - self.aligner.center(start)
@@ -212,21 +212,23 @@ class FloorTracker:
             if index == continued:
                 deviation = np.array([*[KNOWN * self.coarse.ground.cell] * 2, *deviation[2:]])
             aligned = self.aligner.align(seen.frame, start, expected, deviation)
-            found.append(_Candidate(place, held, aligned))
-        return found
+            candidates.append(_Candidate(place, held, aligned))
+        return candidates
 
-    def _settle(self, seen: _Seen, found: list[_Candidate]) -> tuple[FloorFix, Alignment]:
+    def _settle(self, seen: _Seen, candidates: list[_Candidate]) -> tuple[FloorFix, Alignment]:
         """Weigh the candidates by how well they fit once aligned, and take the best."""
-        gains = self.trust.gain(np.array([each.aligned.score for each in found]), self.trust.fine)
+        gains = self.trust.gain(
+            np.array([each.aligned.score for each in candidates]), self.trust.fine
+        )
         factors = np.exp(gains - gains.max())
-        weights = factors * [each.held for each in found]
-        if len(found) > 1:
-            for each, factor in zip(found, factors, strict=True):
+        weights = factors * [each.held for each in candidates]
+        if len(candidates) > 1:
+            for each, factor in zip(candidates, factors, strict=True):
                 self.belief.scale(each.place, _MODE, float(factor))
             self.belief.normalize()
-        chosen = found[int(np.argmax(weights))]
+        chosen = candidates[int(np.argmax(weights))]
         best = chosen.aligned
-        others = max(0.0, 1 - sum(each.held for each in found))
+        others = max(0.0, 1 - sum(each.held for each in candidates))
         held = float(weights.max() / (weights.sum() + others))
         if best.score >= self.trust.least:
             self._view.aim(self.aligner.center(best.pose))

@@ -173,9 +173,9 @@ class Floor:
             )  # fmt: skip
             return
         mask = self.picture.mask[..., None].astype(np.float32)
-        known = cv2.warpPerspective(image * mask, target_from_pixel, extent)
+        painted = cv2.warpPerspective(image * mask, target_from_pixel, extent)
         alpha = cv2.warpPerspective(mask, target_from_pixel, extent)[..., None]
-        target[:] = np.rint(known + (1 - alpha) * target)
+        target[:] = np.rint(painted + (1 - alpha) * target)
 
 
 def _side(side: str, metres: float) -> float:

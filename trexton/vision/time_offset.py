@@ -79,11 +79,11 @@ def turns(frames: Iterable[np.ndarray]) -> NDArray[np.float64]:
     array
         NaN for the first, and where too little of a frame is in the next.
     """
-    found, before = [], None
+    turns, before = [], None
     for frame in frames:
-        found.append(np.nan if before is None else _turn(before, frame))
+        turns.append(np.nan if before is None else _turn(before, frame))
         before = frame
-    return np.array(found, dtype=float)
+    return np.array(turns, dtype=float)
 
 
 def small(image: np.ndarray) -> np.ndarray:
@@ -134,11 +134,11 @@ def time_offset(
     began, ended = time[:-several], time[several:]
     turn = np.convolve(seen[1:], np.ones(several), "valid")
     # The same frames at every offset, or those that are left over would choose it.
-    known = (began - LONGEST_S >= yaw_s[0]) & (ended - EARLIEST_S <= yaw_s[-1])
-    known &= np.isfinite(turn)
-    if known.sum() < FEWEST:
+    within = (began - LONGEST_S >= yaw_s[0]) & (ended - EARLIEST_S <= yaw_s[-1])
+    within &= np.isfinite(turn)
+    if within.sum() < FEWEST:
         return None
-    began, ended, turn = began[known], ended[known], turn[known]
+    began, ended, turn = began[within], ended[within], turn[within]
     offsets = np.arange(EARLIEST_S, LONGEST_S + STEP_S / 2, STEP_S)
     late = offsets[:, None]
     by_yaw = np.interp(ended - late, yaw_s, yaw) - np.interp(began - late, yaw_s, yaw)
@@ -155,7 +155,7 @@ def time_offset(
     middle = min(max(best, BEND), len(offsets) - 1 - BEND)
     bend = 2 * common[middle] - common[middle - BEND] - common[middle + BEND]
     steepness = max(bend / (BEND * STEP_S) ** 2, 1e-12) / max(slope, 1e-9)
-    sigma = float(np.std(turn - by_yaw[best]) / steepness / np.sqrt(known.sum() / several))
+    sigma = float(np.std(turn - by_yaw[best]) / steepness / np.sqrt(within.sum() / several))
     return TimeOffset(float(offsets[best]), max(sigma, STEP_S / 2), float(correlation[best]))
 
 
