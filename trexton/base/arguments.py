@@ -1,4 +1,5 @@
-"""Declared options as arguments of a command: a group for a class of options, ``--set`` for pairs.
+"""Declared options become arguments of a command. Offers `add_options`, a group for a class of
+options, and `add_assignments`, ``--set`` for pairs.
 
 ::
 

@@ -1,4 +1,5 @@
-"""Intermediate results, keyed by all that went in: code, parameters, data; not by file name."""
+"""Intermediate results are keyed by all that went in: code, parameters and data, never a file's
+name. Offers `cached`, the hashes of code behind it, and where the clone keeps its files."""
 
 from __future__ import annotations
 

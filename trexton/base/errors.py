@@ -1,4 +1,5 @@
-"""The one error family: a message says what was found, what was expected, and what to do."""
+"""One error family: a message says what was found, what was expected, and what to do. Offers
+`TrextonError` and one class for each kind of thing that can be wrong."""
 
 __all__ = ["TrextonError", "FlightError", "ImageError", "MapError", "ParameterError", "DataError"]
 

@@ -1,4 +1,5 @@
-"""Writing goes through one place: to a temporary name, then renamed: nothing is half-written."""
+"""Nothing is half-written: every file and folder has a temporary name until it is whole. Offers
+`atomic_file`, `atomic_folder`, the checks before a person's files are replaced, and `digest`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Progress on stderr; `--quiet` silences it for the whole process."""
+"""What a person reads while something runs goes to stderr; `--quiet` silences it. Offers
+`progress`, `say`, and `shown`, which escapes a terminal's codes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Random numbers by name: every draw belongs to a stream, and no two streams meet."""
+"""Randomness has names: every draw belongs to a stream, and no two streams meet. Offers `stream`,
+which makes the generator of a seed and a name."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""Processing time per frame: of each stage of a localizer, measured where it happens, and medians
-with intervals as records hold them, in milliseconds or as a rate.
-"""
+"""Processing time of a frame, measured in the stages of the localizer themselves. Offers
+`StageTimer`, and medians with intervals as records hold them, in milliseconds or as a rate."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""Leave-neighbours-out cross-validation of a training flight: blocks of it are left out and located
-by a field of the rest, which gives the field's hyperparameters and a model of its errors.
-"""
+"""Leave-neighbours-out cross-validation: blocks of a training flight are located by a field of the
+rest. Offers `cross_validate`, which gives the field's hyperparameters and a model of its errors."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""How the errors of single frames are correlated in time, and how they grow with the field's
-variance.
-"""
+"""Errors of single frames are correlated in time and grow with the field's variance. Offers
+`ErrorModel`, which says so in numbers, and the terms it is fitted to."""
 
 from __future__ import annotations
 

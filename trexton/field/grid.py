@@ -1,4 +1,5 @@
-"""A floor in squares: their centres, and values between them."""
+"""A floor is divided into squares on which densities are held. Offers their centres (`grid_cells`)
+and values between them (`bilinear`)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
-"""The likelihood of a histogram's features over the cells of a floor, and the prior density of
-places by where the survey flew.
+"""A frame's features are more or less likely at each cell of a floor. Offers tables of that
+likelihood for whole images and for tiles, and the prior density of places by where the survey flew.
 """
 
 from __future__ import annotations

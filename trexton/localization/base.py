@@ -1,4 +1,5 @@
-"""What every part of a method has: options, needs, what it learns, arrays in and out (`Part`)."""
+"""A method is made of parts. Offers `Part`, which says what each has: options, needs, what it
+learns, arrays in and out."""
 
 from __future__ import annotations
 

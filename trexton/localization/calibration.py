@@ -1,4 +1,5 @@
-"""Calibration: posterior covariances that hold, learned by cross-validation."""
+"""A posterior covariance should hold as often as it says. Offers calibrations that learn by
+cross-validation how far it must be scaled."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What one step of the localizer gives: `Estimate`, and the `Measurement` that others may fuse."""
+"""What one step of the localizer gives. Offers `Estimate`, and the `Measurement` that an autopilot
+may fuse."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Point estimates from a particle set."""
+"""A particle set becomes one position. Offers the weighted mean, the best particle and the maximum
+a posteriori."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Land where the position says so: zone and trigger (paper, Analysis, "Triggered Landing")."""
+"""Land where the position says so (paper, Analysis, "Triggered Landing"). Offers the zone with its
+trigger, and one that weighs where the vehicle would touch down."""
 
 from __future__ import annotations
 

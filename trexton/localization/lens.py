@@ -1,4 +1,5 @@
-"""The camera and usual height of a training flight, for parts that look at images themselves."""
+"""Parts that look at images themselves need the camera and its usual height. Offers both as learned
+from a training flight, and checks on them."""
 
 from __future__ import annotations
 

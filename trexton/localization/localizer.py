@@ -1,4 +1,4 @@
-"""A map and a frame become a position: `Localizer`, for flights as for notebooks."""
+"""A map and a frame become a position. Offers `Localizer`, the same in flight as in a notebook."""
 
 from __future__ import annotations
 

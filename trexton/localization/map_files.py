@@ -1,4 +1,5 @@
-"""A map as arrays, and its file read without trust: sizes first, then all that flight needs."""
+"""A map is a file of arrays, read without trust: sizes first, then all that flight needs. Offers
+`save_map`, `load_map` and their halves without a file."""
 
 from __future__ import annotations
 

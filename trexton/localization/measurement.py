@@ -1,4 +1,5 @@
-"""Measurement models: how likely an observation is at each place."""
+"""A measurement model says how likely an observation is at each place. Offers the paper's mixture
+over nearest neighbours, and covariances by rank."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What a frame brings to a filter: the picture, and what is computed from it when a part asks."""
+"""What a frame brings to a filter: the picture, and what a part asks for. Offers `Observation`,
+which computes histograms and the like once and only when asked."""
 
 from __future__ import annotations
 

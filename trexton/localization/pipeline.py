@@ -1,4 +1,5 @@
-"""Algorithm 1 of the paper over the trained parts of a map: frame in, estimate out."""
+"""Algorithm 1 of the paper over the trained parts of a map. Offers `Pipeline`: frame in, estimate
+out."""
 
 from __future__ import annotations
 

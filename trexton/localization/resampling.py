@@ -1,4 +1,5 @@
-"""How a particle set is drawn anew in proportion to its weights."""
+"""A particle set is drawn anew in proportion to its weights. Offers systematic resampling and the
+paper's wheel."""
 
 from __future__ import annotations
 

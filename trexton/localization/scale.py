@@ -1,4 +1,5 @@
-"""Heteroscedastic errors: the scale of a covariance as a log-linear function of features."""
+"""Errors are heteroscedastic: some frames deserve a wider covariance. Offers `ErrorScale`, its
+scale as a log-linear function of features."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""What the parts of a method learn from: a training set, and neighbours at other times."""
+"""What the parts of a method learn from. Offers `Training`: a training set, and neighbours at other
+times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The camera's pose to a fraction of a pixel: an expected view, optical flow, least squares."""
+"""The camera's pose to a fraction of a pixel, by optical flow against an expected view. Offers
+`Aligner`, which solves for it by least squares."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A belief over the cells of a floor: moved as the view moved, weighed by how well a frame fits."""
+"""A belief over the cells of a floor moves as the view moved. Offers `CellBelief`, which weighs it
+by how well a frame fits."""
 
 from __future__ import annotations
 

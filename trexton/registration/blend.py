@@ -1,4 +1,5 @@
-"""One picture of many frames in known places: a mean that favours the middle of sharp frames."""
+"""Many frames in known places become one picture. Offers `blend`, a mean that favours the middle of
+sharp frames."""
 
 from __future__ import annotations
 

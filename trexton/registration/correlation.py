@@ -1,4 +1,5 @@
-"""Where on the floor a frame may lie: coarse normalised cross-correlation, masks respected."""
+"""Normalised cross-correlation says where on the floor a frame may lie. Offers `CoarseMatcher`,
+which respects what is not mapped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Coarse to fine as a filter: it looks at the frame itself and at a picture of the floor."""
+"""Method `fine` as a filter: it compares the frame itself with a picture of the floor. Offers
+`Registration`, which is trained, and what runs in flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The floor as the registration sees it: luma in square cells, north up, and what is mapped."""
+"""The floor as registration sees it: luma in square cells, north up. Offers `Ground`, which also
+says what is mapped."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""A first layout of the frames, from similarities between linked ones: linear, without a guess."""
+"""Linked frames lie beside each other by similarities. Offers `layout`, a first layout of all of
+them: linear, without a guess."""
 
 from __future__ import annotations
 

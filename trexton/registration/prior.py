@@ -1,6 +1,5 @@
-"""What is expected of a frame's pose before it is looked at: what the autopilot tells, as far as it
-deserves belief, and else what the frame before had.
-"""
+"""What is expected of a frame's pose before it is compared with the floor. Offers `PosePrior`,
+which joins the autopilot's attitude, as far as it agrees, with the frame before."""
 
 from __future__ import annotations
 

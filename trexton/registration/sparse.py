@@ -1,6 +1,5 @@
-"""Sparse matrices of layout and adjustment, by SciPy, which no vehicle needs; offers those that it
-has not: `differences`, `steps`, `pick`, `assemble`, and `solve` for symmetric systems.
-"""
+"""Sparse matrices of layout and adjustment, by SciPy. Offers those that it has not: `differences`,
+`steps`, `pick`, `assemble`, and `solve` for symmetric systems."""
 
 from __future__ import annotations
 

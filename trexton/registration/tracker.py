@@ -1,4 +1,5 @@
-"""Frame after frame on the floor: coarse correlation says where about, alignment where exactly."""
+"""Frame after frame on the floor: correlation says where about, alignment where exactly. Offers
+`FloorTracker`, which follows the vehicle and finds it again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""How far a frame's fit can be trusted: what is assumed, and how it is learned from a flight."""
+"""How far a frame's fit can be trusted. Offers `Trust`: what is assumed, and how it is learned from
+a flight."""
 
 from __future__ import annotations
 

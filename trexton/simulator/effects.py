@@ -1,6 +1,5 @@
-"""What stands between a perfect picture of the floor and a camera's frame: `Effects`, each a
-number, 0 for off, and the hall's `Light`.
-"""
+"""What stands between a perfect picture of the floor and a camera's frame. Offers `Effects`, each a
+number with 0 for off, and the hall's `Light`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The floor of the virtual room: a picture with a place, plain ground and light (`Floor`)."""
+"""The floor of the virtual room. Offers `Floor`: a picture with a place, plain ground around it,
+and light."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The virtual hall: a floor of 5 m x 5 m, painted from a random generator alone."""
+"""The virtual hall: a floor of 5 m x 5 m. Offers `paint_hall`, which paints it from a random
+generator alone."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where to fly: a survey that covers the area in lanes, and random waypoints."""
+"""Where a virtual vehicle flies. Offers a survey in lanes, and random waypoints."""
 
 from __future__ import annotations
 

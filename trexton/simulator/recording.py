@@ -1,4 +1,5 @@
-"""A virtual flight, recorded as a Flight folder."""
+"""A virtual flight is recorded as a person's would be. Offers `record_flight`, which writes a
+Flight folder."""
 
 from __future__ import annotations
 

@@ -1,6 +1,5 @@
-"""The image sensor (`Sensor`): light to bytes, in integers, so that equal scenes give equal frames
-everywhere.
-"""
+"""The image sensor turns light to bytes, in integers, so that equal scenes give equal frames
+everywhere. Offers `Sensor`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The virtual room, live (`Simulator`): a vehicle over a floor, and what its camera sees."""
+"""The virtual room, live. Offers `Simulator`: a vehicle over a floor, and what its camera sees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""The sequential part of dictionary learning: one update a patch, in the order given."""
+"""The sequential part of learning a dictionary, compiled. Offers one update a patch, in the order
+given."""
 
 from __future__ import annotations
 
