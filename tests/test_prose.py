@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 from itertools import islice
 from time import perf_counter
 from types import SimpleNamespace
@@ -50,7 +51,7 @@ PYTHON = [
 
 @pytest.fixture(scope="module")
 def names(tmp_path_factory):
-    """What a reader of any page has at hand: a small flight in its usual place, a map, imports."""
+    """What a reader of any page has: small flights in their usual places, a map, imports."""
     folder = tmp_path_factory.mktemp("clone")
     hall = cv2.resize(Floor.hall().picture.image, (1280, 1280), interpolation=cv2.INTER_AREA)
     cv2.imwrite(str(folder / "hall.png"), hall)
@@ -62,6 +63,8 @@ def names(tmp_path_factory):
         floor=floor,
         camera=Camera(width=640, height=480, focal=520.0),
     )
+    flights = folder / "data" / "flights"
+    shutil.copytree(flights / "sim-survey", flights / "sim-waypoints")
     texton_map = trexton.train_map(flight, n_textons=8, rng=np.random.default_rng(0))
     localizer = trexton.Localizer(
         texton_map, samples=100, particles=50, rng=np.random.default_rng(0)
@@ -118,7 +121,11 @@ def test_python_runs_as_printed(code, names, monkeypatch):
     if "TouchdownZone" in code:  # whose map would know a velocity: it stands over the zone
         there = Estimate(names["center"], 0.01 * np.eye(2), False)
         localizer = SimpleNamespace(step=lambda image, aiding=None: there)
-    exec(compile(code, "page", "exec"), names | {"rng": rng, "localizer": localizer})
+    complete = code.startswith("import numpy")  # from its first line on: as copied, with nothing else
+    exec(
+        compile(code, "page", "exec"),
+        {} if complete else names | {"rng": rng, "localizer": localizer},
+    )
 
 
 def commands(page):

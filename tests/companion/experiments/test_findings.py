@@ -89,8 +89,10 @@ def test_jitter_is_named_as_the_cause_only_where_it_orders_the_errors(noise, sai
 def test_landing():
     one = {"inside": 13, "landings": 38, "never_triggered": 12, "attempts": 50}
     one |= {"inside_rate": entry(13 / 38, 0.212, 0.501), "trigger_error_cm": {"median": 82.3}}
-    text = found("triggered_landing", one | {"perfect": {"landings": 46, "inside": 41}})
-    for words in ("13 of 38", "34 % [21, 50]", "12 of 50", "4 of 6", "41 of 46", "82.3 cm"):
+    one |= {"perfect": {"landings": 46, "inside": 41}, "first_flights": {"inside": 1}}
+    text = found("triggered_landing", one)
+    for words in ("13 of 50 flights", "38 landed, 34 % [21, 50]", "12 never", "4 of 6", "first, 1",
+                  "41 flights inside", "82.3 cm"):  # fmt: skip
         assert words in text
     none = {"landings": 0, "attempts": 3}
     assert found("triggered_landing", none) == "None of 3 flights triggered a landing."

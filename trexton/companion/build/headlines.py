@@ -149,8 +149,8 @@ def _landing(records: Records) -> Headline | None:
     values = records[flight]["triggered_landing"]
     printed, perfect = published()["triggered_landing"], values["perfect"]
     return Headline(
-        f"{values['inside']} of {values['landings']} triggered landings end inside the zone "
-        f"{PLACES[flight]}, where the paper had {printed['inside']} of {printed['landings']} and "
-        f"the true position gives {perfect['inside']} of {perfect['landings']}.",
+        f"{values['inside']} of {values['attempts']} flights land inside the zone by the paper's "
+        f"trigger {PLACES[flight]}, where the true position gives {perfect['inside']}, and the "
+        f"paper had {printed['inside']} of {printed['landings']} landings.",
         f"{flight}/triggered_landing",
     )

@@ -13,18 +13,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from trexton.base.cache import repository_root
+from trexton.base.cache import kept_results, repository_root
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
 from trexton.base.records import Record
-from trexton.companion.build.headlines import PLACES
+from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import look_up
 from trexton.companion.wording import middle, number, percent
-from trexton.evaluation.metrics import mean_over_groups
 
-__all__ = ["is_current", "kept_numbers", "results_table", "with_table"]
+__all__ = ["floors", "is_current", "kept_numbers", "results_table", "with_table"]
 
 _KEPT = Path("data") / "reference" / "readme.json"
 _PICTURE = Path("book") / "_static" / "flight.webp"
@@ -33,23 +30,20 @@ _BEGIN, _END = (
     "<!-- end of results -->",
 )
 _MOST_BYTES = 300_000
-_FLOORS = Path("data") / "reference" / "sweep-suitability.json"  # a long run, kept with the code
-_OVER_FLOORS = {
-    "the paper's filter": "mean.paper_cm",
-    "`field`, beyond the paper": "mean.field_cm",
+_FLIGHT = "cyberzoo"
+# label: experiment and place of the mean error, and of the share that the 90 % region covers
+_ROWS: dict[str, tuple[tuple[str, str], ...]] = {
+    "the paper's filter": (("mocap_training", "filter.mean_cm"),),
+    "its neighbours alone": (("mocap_training", "knn.mean_cm"),),
+    "`field`": (("beyond", "field.mean_cm"), ("beyond", "field.held")),
 }
-# label: experiment, mean distance to the truth, share of frames that the 90 % region holds
-_ROWS: dict[str, tuple[str, str, tuple[str, str] | None]] = {
-    "the paper's filter": ("mocap_training", "filter.mean_cm", ("beyond", "paper.held")),
-    "its neighbours alone": ("mocap_training", "knn.mean_cm", None),
-    "`field`, beyond the paper": ("beyond", "field.mean_cm", ("beyond", "field.held")),
-    "`field`, with odometry": (
-        "beyond",
-        "field_camera.mean_cm",
-        ("beyond", "field_camera.held"),
-    ),
-    "`fine`, which compares images": ("fine", "flight.stitched.free.mean_cm", None),
+# The same of the long runs over ten floors, which are kept with the code.
+_FLOORS = {
+    "the paper's filter": ("aiding", "error_cm.paper.nothing"),
+    "`field`": ("aiding", "error_cm.field.nothing"),
+    "`field`, with a velocity": ("aiding", "error_cm.field.velocity"),
 }
+_FINE = "`fine`, which registers images"
 
 
 def kept_numbers(results: Path) -> dict[str, Any]:
@@ -58,81 +52,64 @@ def kept_numbers(results: Path) -> dict[str, Any]:
     Raises
     ------
     TrextonError
-        There are no results of either flight.
+        There are no results of the real flight.
     """
-    flights: dict[str, Any] = {}
-    for flight in PLACES:
-        records = {
-            path.stem: Record.load(path)
-            for path in sorted((results / flight).glob("*.json"))
-            if path.stem in {"mocap_training", "beyond", "fine"}
-        }
-        rows = {label: _row(records, *place) for label, place in _ROWS.items()}
-        if rows := {label: row for label, row in rows.items() if row}:
-            flights[flight] = {
-                "rows": rows,
-                "from": {
-                    name: {"parameters": each.parameters, "provenance": each.provenance}
-                    for name, each in records.items()
-                },
-            }
-    if not flights:
-        raise TrextonError(f"{results}: no records of {', '.join(PLACES)}: make book first")
-    return flights | _over_floors()
+    records = {
+        name: Record.load(path)
+        for name in ("mocap_training", "beyond")
+        if (path := results / _FLIGHT / f"{name}.json").is_file()
+    }
+    rows = {
+        label: _row(*(look_up(records[name].values, key) for name, key in places))
+        for label, places in _ROWS.items()
+        if all(name in records for name, _ in places)
+    }
+    if not rows:
+        raise TrextonError(f"{results}: no records of {_FLIGHT}: make book first")
+    sources = {
+        name: {"parameters": each.parameters, "provenance": each.provenance}
+        for name, each in records.items()
+    }
+    return {_FLIGHT: {"rows": rows, "from": sources}, "floors": floors()}
 
 
-def _over_floors() -> dict[str, Any]:
-    """Means over the floors of the kept sweep, with intervals over floors; {} without a clone."""
-    root = repository_root()
-    if root is None:
-        return {}
-    kept = json.loads((root / _FLOORS).read_text("utf-8"))["rows"]
-    rows = {}
-    for label, key in _OVER_FLOORS.items():
-        mean = mean_over_groups(np.array([row[key] for row in kept]), 0.0, np.inf)
-        rows[label] = {"cm": mean["value"], "low": mean["low"], "high": mean["high"]}
-    return {"floors": {"rows": rows, "count": len(kept), "from": _FLOORS.as_posix()}}
+def floors() -> dict[str, Any]:
+    """Mean errors over the floors of the kept long runs, with intervals over floors."""
+    kept = {path.stem: path for path in kept_results() if path.stem in ("aiding", "fine")}
+    records = {name: Record.load(path) for name, path in kept.items()}
+    rows = {
+        label: _row(look_up(records[name].values, key))
+        for label, (name, key) in _FLOORS.items()
+        if name in records
+    }
+    if "fine" in records:
+        rows[_FINE] = _row(over_floors(records["fine"], "free", "mean_cm"))
+    return {"rows": rows, "from": [f"data/reference/{name}.json" for name in records]}
 
 
-def _row(
-    records: Mapping[str, Record], experiment: str, place: str, held: tuple[str, str] | None
-) -> dict[str, Any] | None:
-    entry = _value(records, experiment, place)
-    if entry is None:
-        return None
-    row = {"cm": middle(entry)}
-    if isinstance(entry, dict):
-        row |= {"low": entry["low"], "high": entry["high"]}
-    share = _value(records, *held) if held else None
-    return row if share is None else row | {"held": middle(share)}
-
-
-def _value(records: Mapping[str, Record], experiment: str, place: str) -> Any:
-    return look_up(records[experiment].values, place) if experiment in records else None
+def _row(error: Any, held: Any = None) -> dict[str, float]:
+    row = {"cm": middle(error), "low": error["low"], "high": error["high"]}
+    return row if held is None else row | {"held": middle(held)}
 
 
 def results_table(flights: Mapping[str, Any]) -> str:
-    """The table as Markdown: a row a method, a column a flight."""
-    names = dict(PLACES)
-    if floors := flights.get("floors"):
-        names["floors"] = f"over {floors['count']} floors, simulated"
-    columns = {name: flights[name]["rows"] for name in names if name in flights}
-    heads = ["mean distance to the truth", *(names[name] for name in columns)]
-    lines = [heads, ["---"] * len(heads)]
-    for label in _ROWS:
-        cells = [_cell(rows.get(label)) for rows in columns.values()]
-        if any(cells):
-            lines.append([label, *cells])
+    """The table as Markdown: a row a method, a column a kind of floor."""
+    heads = {
+        "floors": "ten simulated floors",
+        _FLIGHT: "the authors' real flight (0.39 times as much if its unit is 1/256 m)",
+    }
+    lines = [["mean error", *heads.values()], ["---"] * (1 + len(heads))]
+    labels = [*_ROWS, *(label for label in flights["floors"]["rows"] if label not in _ROWS)]
+    lines += [[label, *(_cell(flights[name]["rows"].get(label)) for name in heads)]
+              for label in labels]  # fmt: skip
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 def _cell(row: Mapping[str, float] | None) -> str:
     if row is None:
         return ""
-    text = f"{number(row['cm'])} cm"
-    if "low" in row:
-        text += f" [{number(row['low'])}, {number(row['high'])}]"
-    return text + (f", 90 % region holds {percent(row['held'])}" if "held" in row else "")
+    text = f"{number(row['cm'])} cm [{number(row['low'])}, {number(row['high'])}]"
+    return text + (f", 90 % region covers {percent(row['held'])}" if "held" in row else "")
 
 
 def with_table(text: str, table: str) -> str:
@@ -166,7 +143,7 @@ def main(root: Path, results: Path) -> None:
     player = next(
         (
             p
-            for f in reversed(PLACES)
+            for f in ("sim-survey", _FLIGHT)
             if (p := results / f / "mocap_training-player.html").is_file()
         ),
         None,

@@ -164,14 +164,16 @@ def finding(record: Record) -> str:
     if not values["landings"]:
         return f"None of {values['attempts']} flights triggered a landing."
     text = (
-        f"{values['inside']} of {values['landings']} landings ended inside the zone "
-        f"({percent(values['inside_rate'])}; the paper had {PAPER_INSIDE} of {PAPER_LANDINGS}), "
-        f"and {values['never_triggered']} of {values['attempts']} flights never triggered."
+        f"{values['inside']} of {values['attempts']} flights ended inside the zone: "
+        f"{values['landings']} landed, {percent(values['inside_rate'])} of them inside, and "
+        f"{values['never_triggered']} never triggered. The paper had {PAPER_INSIDE} of "
+        f"{PAPER_LANDINGS} landings inside; of as many flights, the first, "
+        f"{values['first_flights']['inside']} ended inside."
     )
     perfect = values["perfect"]
     if perfect["landings"]:
         text += (
-            f" The true position would have landed {perfect['inside']} of {perfect['landings']}; "
+            f" The true position would have brought {perfect['inside']} flights inside; "
             f"the estimate was {number(values['trigger_error_cm']['median'])} cm off in the "
             "median when it triggered."
         )
