@@ -121,7 +121,9 @@ def test_python_runs_as_printed(code, names, monkeypatch):
     if "TouchdownZone" in code:  # whose map would know a velocity: it stands over the zone
         there = Estimate(names["center"], 0.01 * np.eye(2), False)
         localizer = SimpleNamespace(step=lambda image, aiding=None: there)
-    complete = code.startswith("import numpy")  # from its first line on: as copied, with nothing else
+    complete = code.startswith(
+        "import numpy"
+    )  # from its first line on: as copied, with nothing else
     exec(
         compile(code, "page", "exec"),
         {} if complete else names | {"rng": rng, "localizer": localizer},
