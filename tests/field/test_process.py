@@ -46,7 +46,9 @@ def test_left_out_blocks_are_those_of_a_fit_without_them(flown):
     blocks = blocks_in_time(time)
     errors, variances = process.residuals(blocks)
     asked = np.array([[1.0, 1.0], [3.0, 0.5]])
-    for block, mean, variance in process.predict_without(blocks, asked):
+    sets = [asked, asked[::-1]]
+    for block, ((mean, variance), other) in process.predict_without(blocks, sets):
+        np.testing.assert_array_equal(other[0], mean[::-1])
         kept = np.setdiff1d(np.arange(len(places)), block.left_out)
         without = Process.fit(places[kept], features[kept], 1.0)
         there, doubt = (each(places[block.rows]) for each in (without.mean, without.variance))

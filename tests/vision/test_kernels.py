@@ -66,10 +66,14 @@ def test_the_label_kernel_counts_what_it_labels(rng):
 
     dictionary = TextonDictionary(rng.integers(0, 256, (6, 4, 4, 3), dtype=np.uint8))
     image = rng.integers(0, 256, (12, 80, 3), dtype=np.uint8)
-    labels, counts = np.empty((9, 77), np.uint8), np.ones(6, np.int64)
-    label_rows(image.reshape(12, -1), dictionary.words, dictionary.words_bias, labels, counts)
+    labels, counts = np.empty((9, 77), np.uint8), np.ones(12, np.int64)
+    down, right = np.zeros(9, np.int64), np.repeat([0, 6], [40, 37])
+    words = dictionary.words, dictionary.words_bias
+    label_rows(image.reshape(12, -1), *words, labels, counts, down, right)
     assert np.array_equal(labels, plain_labels(image, dictionary.textons))
-    assert np.array_equal(counts, 1 + np.bincount(labels.ravel(), minlength=6))
+    for part, first in ((labels[:, :40], 0), (labels[:, 40:], 6)):
+        expected = 1 + np.bincount(part.ravel(), minlength=6)
+        assert np.array_equal(counts[first : first + 6], expected)
 
 
 def test_large_particle_sets_share_threads_and_keep_their_bits(rng, monkeypatch):

@@ -103,12 +103,10 @@ class _Flight:
         errors, variances, residuals = np.empty_like(places), *np.empty((2, len(places)))
         density = rbf_kernel(centers, self.flown, process.length)
         everywhere = density.sum(axis=1)
-        predictions = zip(
-            *(process.predict_without(left_out, centers + offset) for offset in offsets),
-            strict=True,
-        )
-        for block, parts in zip(self.blocks, predictions, strict=True):
-            (gone, *_), means, spreads = zip(*parts, strict=True)
+        footprints = [centers + offset for offset in offsets]
+        predictions = process.predict_without(left_out, footprints)
+        for block, (gone, parts) in zip(self.blocks, predictions, strict=True):
+            means, spreads = zip(*parts, strict=True)
             variance = sum(spreads[1:], spreads[0]) / len(parts)
             rows = block.rows
             prior = log_prior(everywhere - density[:, gone.left_out].sum(axis=1))

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from trexton.field.blocks import Block
+from trexton.vision.threads import in_threads
 
 __all__ = ["Process", "select_length", "matern", "merge_places", "nlpd"]
 
@@ -27,11 +28,23 @@ MAX_PLACES = 1600  # places a process holds; more are merged, so that its price 
 
 def matern(places: np.ndarray, others: np.ndarray, length: float) -> np.ndarray:
     """``(N, M)`` Matern kernel with nu = 3/2 (R&W 4.17): rough enough for the edges of a floor."""
+    return _matern(_distances(places, others), length)
+
+
+def _distances(places: np.ndarray, others: np.ndarray) -> np.ndarray:
     squared = np.square(places).sum(axis=1)[:, None] + np.square(others).sum(axis=1)
     squared -= 2 * places @ others.T
-    distance = np.sqrt(np.maximum(squared, 0, out=squared), out=squared)
-    distance *= np.sqrt(3) / length
-    return (1 + distance) * np.exp(-distance)
+    return np.sqrt(np.maximum(squared, 0, out=squared), out=squared)
+
+
+def _matern(distances: np.ndarray, length: float) -> np.ndarray:
+    """The kernel at these distances, with no more than one array beside the result."""
+    result = distances * (np.sqrt(3) / length)
+    decay = np.negative(result)
+    np.exp(decay, out=decay)
+    result += 1
+    result *= decay
+    return result
 
 
 def merge_places(
@@ -92,9 +105,13 @@ class Process:
         features: np.ndarray,
         length: float,
         counts: np.ndarray | None = None,
+        distances: np.ndarray | None = None,
     ) -> Process:
-        """Condition the processes on features of mean zero; `counts` as of `merge_places`."""
-        matrix = matern(places, places, length)
+        """Condition the processes on features of mean zero; `counts` as of `merge_places`, and
+        `distances` ``(N, N)`` of the places where they are at hand.
+        """
+        apart = _distances(places, places) if distances is None else distances
+        matrix = _matern(apart, length)
         matrix[np.diag_indices(len(places))] += NOISE / (1 if counts is None else counts)
         precision = np.linalg.inv(matrix)
         return cls(places, length, precision, precision @ features)
@@ -127,17 +144,28 @@ class Process:
         return errors, np.maximum(variances, NOISE)
 
     def predict_without(
-        self, blocks: Sequence[Block], places: np.ndarray
-    ) -> Iterator[tuple[Block, np.ndarray, np.ndarray]]:
-        """For each block mean ``(M, K)`` and variance ``(M,)`` at `places` without it."""
-        kernel = matern(places, self.places, self.length)
-        gain = kernel @ self.precision
-        mean, variance = kernel @ self.weights, 1 - np.einsum("ij,ij->i", gain, kernel)
+        self, blocks: Sequence[Block], places: Sequence[np.ndarray]
+    ) -> Iterator[tuple[Block, list[tuple[np.ndarray, np.ndarray]]]]:
+        """For each block mean ``(M, K)`` and variance ``(M,)`` without it at each of the sets of
+        `places` ``(M, 2)``.
+        """
+
+        def everywhere(each: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            kernel = matern(each, self.places, self.length)
+            gain = kernel @ self.precision
+            return gain, kernel @ self.weights, 1 - np.einsum("ij,ij->i", gain, kernel)
+
+        known = in_threads(everywhere, places)
         for block in blocks:
             out = block.left_out
-            lost = gain[:, out] @ np.linalg.inv(self.precision[np.ix_(out, out)])
-            without = variance + np.einsum("ij,ij->i", lost, gain[:, out])
-            yield block, mean - lost @ self.weights[out], np.maximum(without, 0)
+            covariance = np.linalg.inv(self.precision[np.ix_(out, out)])
+            found = []
+            for gain, mean, variance in known:
+                gone = gain[:, out]
+                lost = gone @ covariance
+                without = variance + np.einsum("ij,ij->i", lost, gone)
+                found.append((mean - lost @ self.weights[out], np.maximum(without, 0)))
+            yield block, found
 
 
 def nlpd(process: Process, blocks: Sequence[Block]) -> tuple[float, np.ndarray, np.ndarray]:
@@ -156,9 +184,11 @@ def select_length(
     places: np.ndarray, features: np.ndarray, blocks: Sequence[Block], diagonal: float
 ) -> tuple[Process, np.ndarray, np.ndarray]:
     """The process with the least `nlpd` of left-out blocks, with their residuals and variances."""
-    processes = (
-        Process.fit(places, features, float(length)) for length in diagonal * np.array(LENGTHS)
-    )
-    judged = ((process, *nlpd(process, blocks)) for process in processes)
-    process, _, errors, variances = min(judged, key=lambda each: each[1])
+    distances = _distances(places, places)
+
+    def judged(share: float) -> tuple[Process, float, np.ndarray, np.ndarray]:
+        process = Process.fit(places, features, diagonal * share, distances=distances)
+        return process, *nlpd(process, blocks)
+
+    process, _, errors, variances = min(in_threads(judged, LENGTHS), key=lambda each: each[1])
     return process, errors, variances

@@ -6,6 +6,7 @@ So a training that was stopped goes on where it was, and holds no more than a fr
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -15,6 +16,7 @@ from trexton.base.progress import progress, say
 from trexton.flights.flight import Flight
 from trexton.vision.histograms import texton_histogram
 from trexton.vision.textons import TextonDictionary
+from trexton.vision.threads import ahead
 
 __all__ = ["CHUNK", "full_histograms"]
 
@@ -74,5 +76,6 @@ def _kept(
 def _counted(
     part: Flight, dictionary: TextonDictionary, cells: int, bar: Iterator[int]
 ) -> np.ndarray:
-    seen = zip(part.images(), bar, strict=False)
-    return np.stack([texton_histogram(image, dictionary, cells=cells) for image, _ in seen])
+    images = (image for image, _ in zip(part.images(), bar, strict=False))
+    counted = partial(texton_histogram, dictionary=dictionary, cells=cells)
+    return np.stack(list(ahead(counted, images)))

@@ -55,12 +55,8 @@ def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, cells: int
     ParameterError
         `cells` is no whole number of at least 1.
     """
-    cells = whole(cells, "cells")
-    labels, counts = _label(image, dictionary)
-    if cells == 1:
-        return counts / labels.size
-    rows, columns = (np.arange(length) * cells // length for length in labels.shape)
-    return _by_cell(labels, rows[:, None] * cells + columns, dictionary.n_textons, cells)
+    labels, counts = _label(image, dictionary, whole(cells, "cells"))
+    return counts / labels.size
 
 
 def label_image(image: np.ndarray, dictionary: TextonDictionary) -> np.ndarray:
@@ -121,26 +117,29 @@ def patch_histogram(
     if cells == 1:
         return np.bincount(labels, minlength=dictionary.n_textons) / len(labels)
     row, column = (positions * cells // position_grid(shape, dictionary.patch)).T
-    return _by_cell(labels, row * cells + column, dictionary.n_textons, cells)
+    both = (row * cells + column) * dictionary.n_textons + labels
+    return np.bincount(both, minlength=dictionary.n_textons * cells**2) / len(labels)
 
 
-def _by_cell(labels: np.ndarray, cell: np.ndarray, n_textons: int, cells: int) -> np.ndarray:
-    """``(K cells^2,)`` frequencies of labels that lie in the cells of these numbers."""
-    both = cell.astype(np.int64) * n_textons + labels
-    return np.bincount(both.ravel(), minlength=n_textons * cells**2) / labels.size
-
-
-def _label(image: np.ndarray, dictionary: TextonDictionary) -> tuple[np.ndarray, np.ndarray]:
-    """Labels of all positions, and how often each occurs."""
+def _label(
+    image: np.ndarray, dictionary: TextonDictionary, cells: int = 1
+) -> tuple[np.ndarray, np.ndarray]:
+    """Labels of all positions, and how often each occurs in each of the cells."""
     from trexton.vision.kernels.label_rows import label_rows  # numba takes a while to load
 
     labels = np.empty(position_grid(check_image(image).shape, dictionary.patch), dtype=np.uint8)
     flat = np.ascontiguousarray(image).reshape(len(image), -1)
+    # Where the counts of a row's and of a column's cell begin.
+    down, right = (
+        np.arange(length) * cells // length * step * dictionary.n_textons
+        for length, step in zip(labels.shape, (cells, 1), strict=True)
+    )
 
     def work(rows: slice) -> np.ndarray:
         strip = flat[rows.start : rows.stop + dictionary.patch - 1]
-        counts = np.zeros(dictionary.n_textons, dtype=np.int64)
-        label_rows(strip, dictionary.words, dictionary.words_bias, labels[rows], counts)
+        counts = np.zeros(dictionary.n_textons * cells**2, dtype=np.int64)
+        words = dictionary.words, dictionary.words_bias
+        label_rows(strip, *words, labels[rows], counts, down[rows], right)
         return counts
 
     return labels, np.sum(in_strips(work, len(labels)), axis=0)

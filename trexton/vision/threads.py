@@ -1,18 +1,26 @@
 """Work of one frame spread over the processor's cores: equal strips of rows, a thread each.
 
-Offers `in_strips` for kernels and products that release Python's lock, and how many cores there are
-to use.
+Offers `in_strips` and `in_threads` for kernels and products that release Python's lock, `ahead` for
+frames that are decoded in order while others are worked on, and how many cores there are to use.
 """
 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TypeVar
 
-__all__ = ["in_strips", "thread_count", "usable_cores"]
+__all__ = ["ahead", "in_strips", "in_threads", "thread_count", "usable_cores"]
 
+S = TypeVar("S")
 T = TypeVar("T")
+_THIS = threading.local()  # thread
+
+
+def _work() -> None:
+    _THIS.works = True
 
 
 def usable_cores() -> int:
@@ -21,25 +29,54 @@ def usable_cores() -> int:
 
 
 def thread_count() -> int:
-    """``$OMP_NUM_THREADS``, else the processors that this process may use."""
+    """``$OMP_NUM_THREADS``, else the processors that this process may use; 1 within a thread of
+    this module's, which has the others beside it.
+    """
+    if getattr(_THIS, "works", False):
+        return 1
     given = os.environ.get("OMP_NUM_THREADS", "")
     return int(given) if given.isdecimal() and int(given) else usable_cores()
 
 
 def in_strips(work: Callable[[slice], T], rows: int) -> list[T]:
-    """Call `work` on equal slices of `rows` rows, one a thread; kernels and products release
-    Python's lock.
+    """Call `work` on equal slices of `rows` rows, one a thread."""
+    strips = min(thread_count(), rows)
+    bounds = [rows * i // strips for i in range(strips + 1)]
+    slices = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
+    return in_threads(work, slices)
+
+
+def in_threads(work: Callable[[S], T], items: Sequence[S]) -> list[T]:
+    """Call `work` on each of the items, the first of them in this thread.
 
     Threads live for one call only: a pool kept would not survive a fork, and would spin or sleep
     beside the BLAS's own.
     """
-    strips = min(thread_count(), rows)
-    bounds = [rows * i // strips for i in range(strips + 1)]
-    slices = [slice(first, last) for first, last in zip(bounds, bounds[1:], strict=False)]
-    if strips == 1:
-        return [work(slices[0])]
+    others = min(thread_count(), len(items)) - 1
+    if others < 1:
+        return [work(item) for item in items]
     from concurrent.futures import ThreadPoolExecutor  # it takes a while to load
 
-    with ThreadPoolExecutor(strips - 1) as pool:
-        waiting = [pool.submit(work, strip) for strip in slices[1:]]
-        return [work(slices[0]), *(future.result() for future in waiting)]
+    with ThreadPoolExecutor(others, initializer=_work) as pool:
+        waiting = [pool.submit(work, item) for item in items[1:]]
+        return [work(items[0]), *(future.result() for future in waiting)]
+
+
+def ahead(work: Callable[[S], T], items: Iterable[S]) -> Iterator[T]:
+    """`work` of each of the items in order: they are taken in this thread, and worked on in
+    others, two for each of them at a time.
+    """
+    others = thread_count() - 1
+    if others < 1:
+        yield from map(work, items)
+        return
+    from concurrent.futures import Future, ThreadPoolExecutor
+
+    waiting: deque[Future[T]] = deque()
+    with ThreadPoolExecutor(others, initializer=_work) as pool:
+        for item in items:
+            waiting.append(pool.submit(work, item))
+            if len(waiting) > 2 * others:
+                yield waiting.popleft().result()
+        for future in waiting:
+            yield future.result()

@@ -127,11 +127,12 @@ def _fill_plane(line, start, plane):  # pragma: no cover - compiled
 
 
 @njit(cache=True, nogil=True)
-def label_rows(image, weights, bias, labels, counts):  # pragma: no cover - compiled
-    """Label all positions of an image (or a strip of one) and count the labels.
+def label_rows(image, weights, bias, labels, counts, down, right):  # pragma: no cover - compiled
+    """Label all positions of an image (or a strip of one) and count the labels in cells.
 
     image (H, 3 W) uint8; weights (G, P words, GROUP) int32, each four signed bytes; bias (G GROUP,)
-    int32; labels (H - P + 1, W - P + 1) uint8, written; counts (K,) int64, added to.
+    int32; labels (H - P + 1, W - P + 1) uint8, written; counts (K cells,) int64, added to, at the
+    label and what down (H - P + 1,) and right (W - P + 1,) int64 say of the position's cell.
     """
     (height, n_bytes), (rows, columns) = image.shape, labels.shape
     patch = height - rows + 1
@@ -155,4 +156,4 @@ def label_rows(image, weights, bias, labels, counts):  # pragma: no cover - comp
             _label_block(planes, x, offsets, weights, bias, out[x:])  # type: ignore[call-arg]  # numba passes the context
         for x in range(columns):
             labels[y, x] = out[x]
-            counts[out[x]] += 1
+            counts[down[y] + right[x] + out[x]] += 1
