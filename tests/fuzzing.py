@@ -30,13 +30,13 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.base.progress import set_quiet
 from trexton.base.records import Record
+from trexton.cli.replay import replayed
 from trexton.flights import Flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.importers import importer
 from trexton.flights.importers.calibration import read_calibration
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
-from trexton.onboard.logbook import replayed
 from trexton.vision.images import read_image
 
 CORPUS = Path(__file__).parent / "fuzz_corpus"

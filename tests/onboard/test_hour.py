@@ -16,7 +16,7 @@ from trexton.localization.training import train_map
 from trexton.onboard import Onboard
 from trexton.onboard.sinks import Guard, open_sink
 from trexton.onboard.sources import Frame, Source
-from trexton.onboard.sources.flight import FlightSource
+from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.tally import Tally
 from trexton.simulator import Plan, random_waypoints
 

@@ -14,7 +14,7 @@ from patience import eventually
 from trexton.onboard import Onboard
 from trexton.onboard.sinks import Guard, Sink
 from trexton.onboard.sources import CameraLost, Frame
-from trexton.onboard.sources.wrapped import Paced
+from trexton.onboard.sources.changes import Paced
 from trexton.onboard.tally import Tally
 
 

@@ -21,7 +21,7 @@ from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.onboard import Fix, Onboard
-from trexton.onboard.sources.flight import FlightSource
+from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.tally import Tally
 from trexton.simulator import Plan, random_waypoints
 

@@ -19,9 +19,9 @@ from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.training import train_map
 from trexton.onboard.intake import Aids
 from trexton.onboard.sinks import Guard
-from trexton.onboard.sources import Delayed, Frame
-from trexton.onboard.sources.flight import FlightSource
-from trexton.onboard.sources.wrapped import Paced
+from trexton.onboard.sources import Frame
+from trexton.onboard.sources.changes import Delay, Paced
+from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.tally import Tally
 from trexton.simulator import record_flight
 
@@ -131,6 +131,11 @@ def test_the_columns_of_a_flight_come_with_its_frames_also_when_it_is_paced(flig
     assert bare.roll is None and bare.height is None and test.area == AREA
 
 
+def late_by(source, seconds):
+    source.delay, source.changes = seconds, (Delay(seconds),)
+    return source
+
+
 def test_a_camera_whose_delay_is_known_is_localized_by_the_attitude_of_its_exposure(fine, flights):
     test, late = flights[1], 0.24
     stamped = replace(test, time=test.time + late, attitude=None, height=None)
@@ -143,7 +148,7 @@ def test_a_camera_whose_delay_is_known_is_localized_by_the_attitude_of_its_expos
     errors = {}
     for known in (0.0, late):
         localizer = Localizer(fine, rng=np.random.default_rng(2))
-        source = Delayed(FlightSource(stamped), known)
+        source = late_by(FlightSource(stamped), known)
         fixes, _, _ = run(localizer, source, sink=Told(), aiding="tilt")
         error = np.array([fix.position for fix in fixes]) - test.position
         errors[known] = float(np.hypot(*error[30:].T).mean())
@@ -152,7 +157,7 @@ def test_a_camera_whose_delay_is_known_is_localized_by_the_attitude_of_its_expos
 
 
 def test_what_a_camera_is_late_by_is_no_deadline_that_the_computer_missed(fine, flights):
-    source = Delayed(Paced(FlightSource(flights[1].select(slice(0, 30)))), 0.3)
+    source = late_by(Paced(FlightSource(flights[1].select(slice(0, 30)))), 0.3)
     localizer = Localizer(fine, rng=np.random.default_rng(2))
     localizer.step(flights[1].image(0))  # the first takes longer
     _, tally, summary = run(localizer, source, rate=4.0)

@@ -14,7 +14,7 @@ from conftest import ROOT, small_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.training import train_map
 from trexton.onboard import Onboard
-from trexton.onboard.sources.flight import FlightSource
+from trexton.onboard.sources.recorded import FlightSource
 from trexton.onboard.status import Service
 from trexton.onboard.tally import Tally
 

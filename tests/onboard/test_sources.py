@@ -29,11 +29,11 @@ from trexton.onboard.sources import (
     open_source,
     video,
 )
-from trexton.onboard.sources.flight import FlightSource
+from trexton.onboard.sources.changes import Paced
+from trexton.onboard.sources.recorded import FlightSource, VideoFile
 from trexton.onboard.sources.simulator import SimulatorSource
 from trexton.onboard.sources.v4l2 import V4l2Source
-from trexton.onboard.sources.video import JPEG, StreamSource, VideoFile
-from trexton.onboard.sources.wrapped import Paced
+from trexton.onboard.sources.video import JPEG, StreamSource
 from trexton.onboard.tally import Tally
 from trexton.vision.images import yuv_from_bgr, yuv_from_uyvy
 

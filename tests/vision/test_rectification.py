@@ -16,7 +16,8 @@ from trexton.flights.importing import import_flight
 from trexton.localization.localizer import Localizer
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
-from trexton.onboard.sources import Expected, Frame, Rectified, open_source
+from trexton.onboard.sources import Expected, Frame, open_source
+from trexton.onboard.sources.changes import Rectify
 from trexton.simulator import record_flight
 from trexton.vision.camera import Camera
 from trexton.vision.images import yuv_from_bgr
@@ -124,15 +125,8 @@ def test_cameras_are_asked_for_their_own_size_and_recordings_left_as_they_are(pl
     texton_map = train_map(imported, n_textons=8, rng=np.random.default_rng(1))
     frame = Frame(0.0, np.zeros((192, 256, 3), np.uint8))
 
-    class One:
-        live, delay, gives, files, reopens, rectified = True, 0.0, "images", (), True, False
-
-        def __init__(self, frame):
-            self.read, self.decoded = lambda: frame, lambda frame: frame
-
     def picture(frame):
-        source = Rectified(One(frame), SMALL)
-        return source.decoded(source.read()).picture
+        return Rectify(SMALL)(frame).picture
 
     assert picture(frame).shape == (84, 112, 3)
     for other in (None, np.zeros((84, 112, 3), np.uint8), np.zeros(8)):

@@ -80,6 +80,11 @@ class Estimate:
     tilt_bias : (2,) array or None
         Of the aiding roll and pitch, radians, where the frames leave no doubt and it is worth a
         warning; None where it is not, or there are none.
+    heading : float or None
+        Yaw of the vehicle's nose, radians anticlockwise from the map's +y, as this frame shows it;
+        None where it does not, or where the method estimates none.
+    heading_sigma : float or None
+        Its standard deviation, radians.
     """
 
     position: np.ndarray
@@ -96,6 +101,8 @@ class Estimate:
     joint: np.ndarray | None = None
     velocity_bias: np.ndarray | None = None
     tilt_bias: np.ndarray | None = None
+    heading: float | None = None
+    heading_sigma: float | None = None
 
     def ahead(self, seconds: float) -> tuple[np.ndarray, np.ndarray]:
         """``(2,)`` position and ``(2, 2)`` covariance in metres if the velocity lasts so long.

@@ -22,7 +22,8 @@ from trexton.onboard.loop import Onboard
 from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.files import JsonLines
-from trexton.onboard.sources import Delayed, Expected, Rectified, open_source
+from trexton.onboard.sources import Expected, open_source
+from trexton.onboard.sources.changes import Delay, Rectify
 from trexton.onboard.tally import Tally
 
 __all__ = ["build"]
@@ -53,9 +54,10 @@ def build(settings: Settings) -> Onboard:
             "textons: train a map on a flight with images"
         )
     if rectification is not None and not source.rectified:
-        source = Rectified(source, rectification)
+        source.changes += (Rectify(rectification),)
     if source.live and flying.camera_delay:
-        source = Delayed(source, flying.camera_delay)
+        source.changes += (Delay(flying.camera_delay),)
+        source.delay = flying.camera_delay
     around = Surroundings(
         settings.of(MapPlacement).local,
         texton_map.area,

@@ -45,13 +45,19 @@ class Grabber:
         if not self._source.live:
             frame = self._source.read()
             self.ended = frame is None
-            return frame and self._source.decoded(frame)
+            return frame and self._decoded(frame)
         with self._changed:
             self._changed.wait_for(lambda: self._newest is not None or self.ended, timeout)
             if self._failure is not None:
                 raise self._failure
             frame, self._newest = self._newest, None
-        return frame and self._source.decoded(frame)
+        return frame and self._decoded(frame)
+
+    def _decoded(self, frame: Frame) -> Frame:
+        frame = self._source.decoded(frame)
+        for change in self._source.changes:
+            frame = change(frame)
+        return frame
 
     def reopen(self) -> None:
         """Have the source closed and opened again, if that may help."""

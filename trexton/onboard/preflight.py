@@ -23,8 +23,7 @@ from trexton.onboard.loop import CAUSES, Onboard
 from trexton.onboard.settings import LONGEST_DELAY, Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import SINKS
 from trexton.onboard.sinks.base import Check
-from trexton.onboard.sources import Frame, Playback, Source
-from trexton.onboard.sources.wrapped import Wrapped
+from trexton.onboard.sources import Frame, Playback
 from trexton.registration import FloorTracker
 from trexton.registration.filter import Registration
 from trexton.vision.images import blur_effect
@@ -41,18 +40,18 @@ MIRROR_MARGIN = 0.05  # by which a floor's mirror image must fit better: some fl
 NOVELTY = 0.99  # quantile of training distances: one place in a hundred alarms in vain
 
 
-class _Watched(Wrapped):
-    """A source of which the latest frames are kept, with what is known beside each; and of all that
-    came their small luma, with the yaw that aiding gave meanwhile."""
+class _Watch:
+    """Keeps the latest frames, with what is known beside each; and of all that came their small
+    luma, with the yaw that aiding gave meanwhile."""
 
-    def __init__(self, source: Source, aids: Aids):
-        super().__init__(source)
+    def __init__(self, aids: Aids, delay: float):
+        self.delay = delay
         self.frames: deque[Frame] = deque(maxlen=INSPECTED_FRAMES)
         self.small: deque[tuple[float, np.ndarray]] = deque(maxlen=MAX_TURN_FRAMES)
         self.yaw: dict[float, float] = {}  # by its stamp
         self._aids = aids
 
-    def changed(self, frame: Frame) -> Frame:
+    def __call__(self, frame: Frame) -> Frame:
         if frame.picture is None:
             return frame
         self.frames.append(replace(frame, aiding=self._aids.of(frame, frame.time)))
@@ -86,7 +85,8 @@ def preflight(settings: Settings, seconds: float = DURATION) -> list[Check]:
     }
     quiet = replace(settings, outputs=autopilots, options={**settings.options, **changes})
     onboard, stop = build(quiet), threading.Event()
-    onboard.source = watched = _Watched(onboard.source, onboard.aids)
+    watched = _Watch(onboard.aids, onboard.source.delay)
+    onboard.source.changes += (watched,)
     timer = threading.Timer(seconds, stop.set)
     timer.start()
     try:
@@ -234,7 +234,7 @@ def _best_fit(tracker: FloorTracker, frames: list[Frame], step: int) -> float:
     return max(scores)
 
 
-def _of_delay(watched: _Watched) -> Iterator[Check]:
+def _of_delay(watched: _Watch) -> Iterator[Check]:
     """Whether the picture turns when the vehicle turns, and as it does."""
     if not watched.yaw:
         return

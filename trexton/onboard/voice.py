@@ -15,12 +15,7 @@ from contextlib import suppress
 
 from trexton.base.progress import is_quiet, shown
 
-__all__ = ["Voice", "flush", "readable", "say"]
-
-
-def readable(text: str) -> str:
-    """The text on one line, with what a terminal would obey as a code: ``\\x1b``."""
-    return shown(text, kept="")
+__all__ = ["Voice", "flush", "say"]
 
 
 class Voice:
@@ -81,7 +76,7 @@ _VOICE = Voice()  # standard error is one for the process, and so is what writes
 def say(line: str) -> None:
     """One line for people, unless the command is quiet; never waits, never fails."""
     if not is_quiet():
-        _VOICE.say(readable(line))
+        _VOICE.say(shown(line, kept=""))
 
 
 def flush(patience: float = 0.5) -> None:

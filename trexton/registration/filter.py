@@ -24,7 +24,7 @@ from trexton.localization.training_set import Training
 from trexton.registration.ground import Ground, fine_cell
 from trexton.registration.tracker import FloorTracker
 from trexton.registration.trust import FloorFix, Trust, learn_trust
-from trexton.vision.camera import MapImage
+from trexton.vision.camera import MapImage, wrapped
 
 if TYPE_CHECKING:
     from trexton.flights.flight import Flight
@@ -203,9 +203,12 @@ class RunningRegistration:
             return self._nothing
         own = Measurement(fix.position, fix.covariance) if fix.observed and not fix.lost else None
         velocity, joint = self._motion(fix.covariance)
+        seen = np.isfinite(fix.heading_sigma)
         return Estimate(
             fix.position, fix.covariance, lost=fix.lost, observed=fix.observed, measurement=own,
             velocity=velocity, joint=joint, tilt_bias=self.tracker.tilt_bias,
+            heading=float(wrapped(fix.pose[5])) if seen else None,
+            heading_sigma=fix.heading_sigma if seen else None,
         )  # fmt: skip
 
     def _motion(self, covariance: np.ndarray) -> tuple[np.ndarray | None, np.ndarray | None]:

@@ -242,7 +242,9 @@ class FloorTracker:
         covariance = self.trust.covariance(best.covariance)
         if lost:
             covariance = self.belief.moments()[1] * self.coarse.ground.cell**2
-        return FloorFix(best.pose, covariance, best.score, held, lost, True), best
+        alone = not lost and not seen.prior.turned  # a compass must not be told its own yaw
+        sigma = self.trust.heading_sigma(best.covariance, self.height) if alone else np.nan
+        return FloorFix(best.pose, covariance, best.score, held, lost, True, sigma), best
 
     def _coast(self, fix: FloorFix, moved: Array, seen: _Seen) -> FloorFix:
         """The floor was not recognized: move the last pose on by odometry for a while."""
@@ -251,7 +253,7 @@ class FloorTracker:
             if self._pose is not None and not seen.prior.turned:
                 self.belief.reset(ALL_HEADINGS)
             self._pose = self._view.velocity = None
-            self._last = replace(fix, lost=True)
+            self._last = replace(fix, lost=True, heading_sigma=np.nan)
             return self._last
         cell = self.coarse.ground.cell
         metres = moved * (1, -1) * cell
@@ -259,7 +261,9 @@ class FloorTracker:
         self._view.aimed = self._view.aimed + metres
         wider = self._last.covariance + (_DRIFT * seen.prior.steps * cell) ** 2 * np.eye(2)
         unsure = self._last.lost or seen.sure < _CERTAIN
-        self._last = replace(fix, pose=self._pose, covariance=wider, lost=unsure)
+        self._last = replace(
+            fix, pose=self._pose, covariance=wider, lost=unsure, heading_sigma=np.nan
+        )
         return self._last
 
     def _remember(self, fix: FloorFix) -> None:
@@ -281,7 +285,9 @@ class FloorTracker:
         pose[:2] += moved
         wider = last.covariance + (strays * self._gone * cell) ** 2 * np.eye(2)
         lost = last.lost or self._gone >= _PATIENCE
-        return replace(last, pose=pose, covariance=wider, lost=lost, observed=False)
+        return replace(
+            last, pose=pose, covariance=wider, lost=lost, observed=False, heading_sigma=np.nan
+        )
 
 
 @dataclass(frozen=True, eq=False)

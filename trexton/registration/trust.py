@@ -16,6 +16,7 @@ __all__ = ["FloorFix", "Trust", "learn_trust"]
 Array = NDArray[Any]
 _REGION, _QUANTILE = 0.9, 4.605  # the region that must hold, and its chi-squared bound in the plane
 _RIGHT = 0.25  # of the height: a fix further off is a wrong place and says nothing about precision
+_YAW_SIGMA = 0.006  # radians: a rolling shutter under way shears the frame, which turns it
 _FEWEST = 30  # frames that were located
 _SCALES = np.geomspace(0.25, 400, 40)
 _FLOORS = np.concatenate([[0.0], np.geomspace(1e-7, 1e-2, 30)])  # of the height, squared
@@ -54,6 +55,10 @@ class Trust:
         """``(2, 2)`` of an alignment's position, from its ``(6, 6)`` covariance."""
         return np.asarray(self.scale * aligned[:2, :2] + self.floor * np.eye(2))
 
+    def heading_sigma(self, aligned: Array, height: float) -> float:
+        """Standard deviation in radians of the yaw of an alignment at such a height, in metres."""
+        return float(np.sqrt(self.scale * aligned[5, 5] + self.floor / height**2 + _YAW_SIGMA**2))
+
 
 @dataclass(frozen=True, eq=False)
 class FloorFix:
@@ -73,6 +78,8 @@ class FloorFix:
         The pose must not be trusted.
     observed : bool
         False where no frame came.
+    heading_sigma : float
+        Standard deviation of the yaw in radians; NaN where no frame shows it by itself.
     """
 
     pose: Array
@@ -81,6 +88,7 @@ class FloorFix:
     held: float
     lost: bool
     observed: bool
+    heading_sigma: float = np.nan
 
     @property
     def position(self) -> Array:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
+from pymavlink.quaternion import QuaternionBase
 
 from trexton.localization.estimate import ignorance
 from trexton.onboard.local import LocalFrame, decoupled
@@ -132,14 +133,8 @@ def quality(spread: np.ndarray, area: tuple[float, float, float, float]) -> int:
 
 def quaternion(roll: float, pitch: float, yaw: float) -> list[float]:
     """w, x, y, z of the rotation from body to local frame."""
-    half = np.array([roll, pitch, yaw]) / 2
-    (sr, sp, sy), (cr, cp, cy) = np.sin(half).tolist(), np.cos(half).tolist()
-    return [
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    ]
+    numbers: list[float] = QuaternionBase([roll, pitch, yaw]).q.tolist()
+    return numbers
 
 
 def heartbeat() -> Any:

@@ -179,13 +179,6 @@ class Speaker:
         position = self._position(now)
         return out if position is None else [*out, position]
 
-    def next_due(self, now: float) -> float:
-        """Seconds until something may be due again."""
-        wait = self._due.get("heartbeat", now) - now
-        if self._fix is not None:
-            wait = min(wait, self._next_at - now)
-        return max(0.0, wait)
-
     def _requests(self, target: tuple[int, int], now: float) -> list[Any]:
         out = []
         if self._boots != self.listener.boots:

@@ -4,7 +4,6 @@ with."""
 from __future__ import annotations
 
 import select
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 __all__ = ["MavlinkSink"]
 
 FIRST_PAUSE, LONGEST_PAUSE = 0.2, 5.0
-MAX_WAIT = 0.05
+WAIT = 0.005  # seconds that a position may wait for the wire; its stamp does not change
 MIN_MESSAGE_BYTES = 8  # bytes; what the parser waits for before it knows more
 
 
@@ -65,9 +64,6 @@ class MavlinkSink(Sink):
         self._options = options or MavlinkOptions()
         self._codec = self._new_codec()
         self._lock, self._stop = threading.Lock(), threading.Event()
-        self._alarm, self._bell = socket.socketpair()  # a new fix ends the thread's wait
-        self._alarm.setblocking(False)
-        self._bell.setblocking(False)
         self._thread: threading.Thread | None = None
         self.connected = self._was_present = False
         self._why = ""  # the link failed last, as it was said
@@ -121,14 +117,12 @@ class MavlinkSink(Sink):
     def write(self, fix: Fix) -> None:
         with self._lock:
             self.speaker.tell(fix, self._clock())
-        self._wake()
 
     def land(self, confirmation: int) -> bool:
         """Command a landing; False while no autopilot is there to obey it, or it is in doubt which
         one would."""
         with self._lock:
             queued = self.connected and self.speaker.land(confirmation, self._clock())
-        self._wake()
         return queued
 
     def answers(self) -> list[Any]:
@@ -174,16 +168,9 @@ class MavlinkSink(Sink):
 
     def close(self) -> None:
         self._stop.set()
-        self._wake()
         if self._thread is not None:
             self._thread.join(timeout=2.0)
             self._thread = None
-
-    def _wake(self) -> None:
-        try:
-            self._bell.send(b"!")
-        except BlockingIOError:
-            pass  # it has been rung often enough
 
     def _new_codec(self) -> Any:
         from trexton.onboard.mavlink.messages import mavlink
@@ -231,15 +218,11 @@ class MavlinkSink(Sink):
     def _exchange(self) -> None:
         """Say what is due, then listen until the next may be."""
         with self._lock:
-            now = self._clock()
-            due = self.speaker.due(now)
-            wait = min(self.speaker.next_due(now), MAX_WAIT)
+            due = self.speaker.due(self._clock())
         for message in due:
             self._link.send(message.pack(self._codec))
             self._tally.count(f"sent {message.get_type()}")
-        ready, _, _ = select.select([self._link.fileno(), self._alarm.fileno()], [], [], wait)
-        if self._alarm.fileno() in ready:
-            self._alarm.recv(4096)
+        select.select([self._link.fileno()], [], [], WAIT)
         messages = self._parsed(self._link.receive())
         with self._lock:
             now, listener = self._clock(), self.speaker.listener

@@ -15,21 +15,20 @@ from trexton.base.options import Options
 from trexton.base.plugins import addresses
 from trexton.onboard.edges import edge_at, edge_classes
 from trexton.onboard.sources.base import CameraLost, Expected, Frame, Playback, Source
-from trexton.onboard.sources.wrapped import Delayed, Paced, Rectified
+from trexton.onboard.sources.changes import Paced
 
 __all__ = [
-    "CameraLost", "Delayed", "Frame", "Playback", "Rectified", "SOURCES", "Source", "Expected",
-    "open_source",
+    "CameraLost", "Frame", "Playback", "SOURCES", "Source", "Expected", "open_source",
 ]  # fmt: skip
 
 # kind: module and class, in the order in which they are asked
 SOURCES = {
     "simulator": "trexton.onboard.sources.simulator:SimulatorSource",
     "v4l2": "trexton.onboard.sources.v4l2:V4l2Source",
-    "flight": "trexton.onboard.sources.flight:FlightSource",
-    "images": "trexton.onboard.sources.images:ImageFolder",
+    "flight": "trexton.onboard.sources.recorded:FlightSource",
+    "images": "trexton.onboard.sources.recorded:ImageFolder",
     "stream": "trexton.onboard.sources.video:StreamSource",
-    "video": "trexton.onboard.sources.video:VideoFile",
+    "video": "trexton.onboard.sources.recorded:VideoFile",
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,6 +89,7 @@ class Source(Edge, ABC):
     delay = 0.0  # seconds by which a live one's frames are old when they arrive
     gives: str | None = None  # "images" or "histograms", where that is known beforehand
     files: tuple[str, ...] = ()  # files and folders that are read: no output may go there
+    changes: tuple[Callable[[Frame], Frame], ...] = ()  # made to each frame once it is decoded
 
     @staticmethod
     def matches(address: str) -> bool:

@@ -1,8 +1,8 @@
-"""Any video file or URL that OpenCV opens: files are replayed, streams are live."""
+"""A live stream: any URL, pipe or device that OpenCV opens (`StreamSource`), and its pictures as
+they are localized (`Pictures`)."""
 
 from __future__ import annotations
 
-import math
 import re
 import stat
 import time
@@ -16,16 +16,16 @@ import numpy as np
 
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import Options
-from trexton.onboard.sources.base import CameraLost, Expected, Frame, Playback, Source
+from trexton.onboard.sources.base import CameraLost, Expected, Frame, Source
 from trexton.vision.images import decode_image, yuv_from_bgr
 
-__all__ = ["StreamSource", "VideoFile"]
+__all__ = ["Pictures", "StreamSource", "is_stream"]
 
 Capture = Callable[..., Any]
 JPEG = b"\xff\xd8"
 
 
-def _is_stream(address: str) -> bool:
+def is_stream(address: str) -> bool:
     """A URL, a GStreamer pipeline, a camera or a named pipe: what goes on whether it is read or
     not."""
     if re.match(r"\w+://", address) or " ! " in address:
@@ -37,7 +37,7 @@ def _is_stream(address: str) -> bool:
     return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode)
 
 
-class _Pictures:
+class Pictures:
     """Pictures of a capture, decoded here where it is JPEG.
 
     OpenCV's video reader fills up a JPEG that was cut short, and bends a picture of another size to
@@ -75,7 +75,7 @@ class StreamSource(Source):
 
     @staticmethod
     def matches(address: str) -> bool:
-        return _is_stream(address)
+        return is_stream(address)
 
     @classmethod
     def make(cls, address: str, options: Options, around: Expected) -> Source:
@@ -100,7 +100,7 @@ class StreamSource(Source):
                 f"{self.address}: cannot be opened: "
                 "check that the stream runs and that OpenCV knows its kind"
             )
-        self._pictures = _Pictures(self._capture)
+        self._pictures = Pictures(self._capture)
 
     def read(self) -> Frame | None:
         if not self._capture.grab():
@@ -111,63 +111,6 @@ class StreamSource(Source):
 
     def decoded(self, frame: Frame) -> Frame:
         return replace(frame, picture=self._pictures.picture(frame.picture))
-
-    def close(self) -> None:
-        if self._capture is not None:
-            self._capture.release()
-            self._capture = None
-
-
-class VideoFile(Source):
-    """A recorded video, every frame of it; stamps by its frame rate."""
-
-    addresses = {"floor.avi": "a video file, every frame of it"}
-    options = Playback
-    live = False
-    gives = "images"
-
-    @staticmethod
-    def matches(address: str) -> bool:
-        return Path(address).is_file()
-
-    @classmethod
-    def make(cls, address: str, options: Playback, around: Expected) -> Source:
-        if _is_stream(address) or address.startswith("/dev/"):
-            return StreamSource.make(address, Options(), around)
-        if not Path(address).is_file():
-            raise ImageError(
-                f"{address}: no such video: give a file, a URL or a GStreamer pipeline"
-            )
-        return cls(address, options, around)
-
-    def __init__(self, path: str, options: Playback, around: Expected):
-        self.path, self.playback, self.around = path, options, around
-        self.files = (path,)
-        self._capture: Any = None
-        self._index, self._lap = 0, 0
-
-    def open(self) -> None:
-        self._capture = cv2.VideoCapture(self.path)
-        if not self._capture.isOpened():
-            raise ImageError(
-                f"{self.path}: not a video that OpenCV can open: "
-                "convert it, or give a folder of images"
-            )
-        rate = self._capture.get(cv2.CAP_PROP_FPS)
-        self.period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.around.period_s
-        self._pictures = _Pictures(self._capture)
-
-    def read(self) -> Frame | None:
-        arrived, image = self._capture.read()
-        while not arrived:
-            self._lap += 1
-            if self._lap >= self.playback.laps:
-                return None
-            self.close()
-            self.open()
-            arrived, image = self._capture.read()
-        self._index += 1
-        return Frame((self._index - 1) * self.period_s, self._pictures.picture(image))
 
     def close(self) -> None:
         if self._capture is not None:
