@@ -27,13 +27,14 @@ QUIET = (
 
 
 def page_names(book: Path) -> list[str]:
-    """Every page of the book by its path, but the players and what only leads to the first page."""
-    names = sorted(str(path.relative_to(book)) for path in book.rglob("*.html"))
-    return [
-        name
-        for name in names
-        if not name.startswith("_static") and not name.endswith(("-player.html", "index.html"))
-    ]
+    """Every page of the book by its path, but the players and what only leads to another page."""
+    return sorted(
+        str(path.relative_to(book))
+        for path in book.rglob("*.html")
+        if "_static" not in path.parts
+        and not path.name.endswith("-player.html")
+        and 'http-equiv="refresh"' not in path.read_text(encoding="utf-8")[:400].lower()
+    )
 
 
 @pytest.fixture(scope="session")

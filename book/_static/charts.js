@@ -175,6 +175,12 @@
       make("button", { type: "button", className: "enlarge", textContent: "Enlarge", onclick: () => enlarge(figure, svg) }, figure);
     });
     document.querySelectorAll("table[data-explore]").forEach(explore);
+    /* The flight that is chosen once is shown everywhere. */
+    document.querySelectorAll(".flights > input").forEach((input) => input.addEventListener("change", () => {
+      const top = input.getBoundingClientRect().top;
+      document.querySelectorAll(`.flights > input[value="${input.value}"]`).forEach((other) => { other.checked = true; });
+      scrollBy({ top: input.getBoundingClientRect().top - top, behavior: "instant" });
+    }));
     coming.disconnect();
     document.querySelectorAll("iframe.player").forEach((frame) => frame.addEventListener("load", theme));
     new MutationObserver(theme).observe(document.documentElement, { attributes: true, attributeFilter: ["data-theme"] });

@@ -22,8 +22,8 @@ from trexton.companion.build.link_check import audit
 from trexton.companion.build.make import build_small_book
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prepare_flights import prepare_flights
-from trexton.companion.build.prose import render
-from trexton.companion.build.sources import Contents, public_names, stage
+from trexton.companion.build.prose import context, public_names, render
+from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
 from trexton.companion.wording import Tree
 from trexton.flights import read_flight, write_flight
 from trexton.localization.landing import TouchdownZone
@@ -42,10 +42,10 @@ def built_book() -> Path:
 def page(tmp_path):
     """Render the text of one page."""
 
-    def page(text: str, pages=frozenset(), pictures=None, **context) -> str:
+    def page(text: str, **names) -> str:
         path = tmp_path / "page.md"
         path.write_text(text)
-        return render(path, context, set(pages), pictures or {})
+        return render(path, context(tmp_path, {}, lambda page, words: words) | names)
 
     return page
 
@@ -78,9 +78,16 @@ def test_a_name_that_no_record_has_stops_the_build(page, text, message):
         page(text, sim=Tree({"mocap_training": {"error": 1}}))
 
 
-def test_links_to_absent_pages_become_plain_text(page):
-    text = '{{ see("data", "the data") }} and {{ see("moon", "the moon") }}'
-    assert page(text, pages={"data"}) == "{doc}`the data </data>` and the moon"
+def test_links_lead_to_pages_and_to_experiments_on_them_or_are_plain_text(results):
+    pairs, outcomes, folder = results
+    book = Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes)
+    assert book.see("your_flight", "yours") == "{doc}`yours </your_flight>`"
+    assert book.see("mocap_training", "it") == "{doc}`it </mocap_training>`"
+    assert book.see("moon", "the moon") == book.see("mosaic", "the moon") == "the moon"
+    small = Contents(
+        ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes, toc_file="_toc_small.yml"
+    )
+    assert small.pages == {"small": [], "mocap_training": ["mocap_training"]}
 
 
 def test_mathematics_and_attributes_of_myst_survive(page):
@@ -117,9 +124,7 @@ def results(tmp_path):
                 )
             ],
         ),
-        nbformat.v4.new_markdown_cell(
-            'Take home: <a href="mocap_training.json" download>the record</a>'
-        ),
+        nbformat.v4.new_markdown_cell('<p class="downloads" data-of="small/mocap_training"></p>'),
     ]
     nbformat.write(nbformat.v4.new_notebook(cells=cells), folder / "mocap_training.ipynb")
     outcomes = [
@@ -133,22 +138,17 @@ def test_the_contents_name_only_pages_that_are_there(results, tmp_path):
     pairs, outcomes, folder = results
     staged = tmp_path / "staged"
     staged.mkdir()
+    small = "_toc_small.yml"
     stage(
-        Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes),
-        staged,
-        "_toc_small.yml",
+        Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes, toc_file=small), staged
     )
-    assert (staged / "small" / "mocap_training.ipynb").is_file() and (
-        staged / "small" / "mocap_training.json"
-    ).is_file()
+    assert (staged / "small" / "mocap_training.json").is_file()
     toc = (staged / "_toc.yml").read_text()
-    assert "small/mocap_training" in toc and "mosaic" not in toc and "claims" not in toc
+    assert "file: mocap_training" in toc and "mosaic" not in toc and "claims" not in toc
     assert "small has no images" in (staged / "small.md").read_text()
     # A link to an experiment without a page is plain text, and no fault of the build.
-    assert (
-        "See [itself](mocap_training.ipynb), the map."
-        in (staged / "small" / "mocap_training.ipynb").read_text()
-    )
+    text = (staged / "mocap_training.ipynb").read_text()
+    assert "See {doc}`itself </mocap_training>`, the map." in text
 
 
 def test_a_page_that_does_not_exist_stops_the_build(results, tmp_path):
@@ -158,9 +158,10 @@ def test_a_page_that_does_not_exist_stops_the_build(results, tmp_path):
     (source / "_toc_small.yml").write_text("root: small\nparts:\n- chapters:\n  - file: moon\n")
     with pytest.raises(DataError, match="the page 'moon' does not exist"):
         stage(
-            Contents(source, ROOT / "notebooks", folder, pairs, outcomes),
+            Contents(
+                source, ROOT / "notebooks", folder, pairs, outcomes, toc_file="_toc_small.yml"
+            ),
             tmp_path,
-            "_toc_small.yml",
         )
 
 
@@ -179,7 +180,7 @@ def test_the_whole_book_can_be_staged_without_the_real_flight(results, tmp_path)
         ),
         staged,
     )
-    for page in ("intro", "data", "real_flight"):
+    for page in ("intro", "run_again"):
         assert "the net is down" in (staged / f"{page}.md").read_text()
 
 
@@ -191,9 +192,10 @@ def test_a_small_book_is_built_audited_and_reused(results, capsys):
     index = build_small_book(pairs, outcomes, folder, own)
     assert "book: built" in capsys.readouterr().err
     assert (index.parent / "small" / "mocap_training.md").read_text() == "# What ran"
-    page = (index.parent / "small" / "mocap_training.html").read_text()
+    page = (index.parent / "mocap_training.html").read_text()
     assert 'alt="a black box"' in page and "<math" in page and "MathJax" not in page
     assert "THEBE" not in page and "fontawesome" not in page and 'name="description"' in page
+    assert 'href="small/mocap_training.json"' in page
     assert (index.parent / "small" / "mocap_training.json").is_file()
     assert sorted(path.name for path in (folder / "book").iterdir()) == [".book.stamp", "html"]
     build_small_book(pairs, outcomes, folder)
@@ -306,14 +308,36 @@ def test_the_built_book_passes_the_audit(built_book):
     assert audit(built_book) == []
 
 
-def test_every_experiment_page_offers_its_notebook_record_and_figures(built_book):
-    pages = [path for path in built_book.glob("*/*.html") if path.with_suffix(".ipynb").exists()]
-    assert pages
-    for path in pages:
-        hrefs = re.findall(r'href="([^"]+)"', path.read_text())
-        figures = [figure.name for figure in path.parent.glob(f"{path.stem}-*.svg")]
-        missing = {f"{path.stem}.ipynb", f"{path.stem}.json", *figures} - set(hrefs)
-        assert not missing, f"{path} does not offer {missing}"
+def test_every_page_offers_the_notebooks_records_and_figures_of_its_experiments(built_book):
+    text = "".join(path.read_text() for path in built_book.glob("*.html"))
+    records = [path for path in built_book.glob("*/*.json") if path.with_suffix(".ipynb").exists()]
+    assert records
+    hrefs = set(re.findall(r'href="([^"]+)"', text))
+    for path in records:
+        figures = path.parent.glob(f"{path.stem}-*.svg")
+        names = {f"{path.parent.name}/{file.name}" for file in (path, *figures)}
+        assert not names - hrefs, f"no page offers {names - hrefs}"
+
+
+def test_old_addresses_lead_to_the_pages_that_took_their_place(results, tmp_path):
+    pairs, outcomes, folder = results
+    outcomes = [*outcomes, Outcome("small", "light", "ran")]
+    (folder / "small" / "light.ipynb").write_text(
+        (folder / "small" / "mocap_training.ipynb").read_text()
+    )
+    html = tmp_path / "html"
+    (html / "cyberzoo").mkdir(parents=True)
+    (html / "references.html").write_text("a page")
+    book = Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes)
+    lead_from_old_addresses(book, html)
+    for old, new in (
+        ("data", "your_flight.html"),
+        ("sim-survey/mocap_training", "../mocap_training.html#mocap-training"),
+        ("cyberzoo/light", "../rooms.html#light"),
+    ):
+        assert f'content="0; url={new}"' in (html / f"{old}.html").read_text()
+    assert not (html / "cyberzoo" / "mosaic.html").exists()  # which this book has not
+    assert (html / "references.html").read_text() == "a page"
 
 
 # --- the page on the library

@@ -112,31 +112,37 @@ def test_mathematics_that_is_not_understood_stops_the_build():
 
 PAGE = """<html><head><script>const THEBE_JS_URL = "https://x"</script><script src="mathjax/a.js">
 </script></head><body><article><h1>Title#</h1><p class="finding">It errs by 5 cm.</p>
-<table><thead><tr><th></th><th>cm</th></tr></thead><tbody><tr><td>a</td><td>1
+<table id="axes"><caption>Table 7. Axes.</caption>
+<thead><tr><th></th><th>cm</th></tr></thead><tbody><tr><td>a</td><td>1
 <small>[0, 2]</small></td>
 </tr></tbody></table><img alt="a curve" src="_images/curve.svg"><pre>code --a 5 cm</pre>
-<p class="downloads">old</p></article></body></html>"""
+<p class="downloads" data-of="room/page">old</p>
+<a class="to-table" href="#axes">the table</a>
+<a class="to-table" href="#no">none</a>
+</article></body></html>"""
 
 
 def test_a_page_is_finished(tmp_path, figure):
     (tmp_path / "_images").mkdir()
     (tmp_path / "_images" / "curve.svg").write_bytes(to_svg(figure))
-    (tmp_path / "page.json").write_text("{}")
-    (tmp_path / "page-curve.svg").write_text("")
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room" / "page.json").write_text("{}")
+    (tmp_path / "room" / "page-curve.svg").write_text("")
     (tmp_path / "page.html").write_text(PAGE)
     text = finish_page(tmp_path / "page.html")
     assert "THEBE" not in text and "mathjax" not in text
     assert '<meta content="It errs by 5 cm." name="description"/>' in text
     assert (tmp_path / "page-table-1.csv").read_text() == ',cm\na,"1 [0, 2]"\n'
     assert (
-        '<caption>Table 1. Title <a aria-label="CSV of: Table 1. Title"' in text
+        '<caption>Table 1. Axes. <a aria-label="CSV of: Table 1. Axes."' in text
         and 'role="region"' in text
     )
+    assert '<a class="to-table" href="#axes">Table 1</a>\nnone' in text
     assert "<figcaption>a curve.</figcaption>" in text and 'aria-label="a curve"' in text
     assert '<pre tabindex="0">' in text and "errs by 5\N{NO-BREAK SPACE}cm" in text
     assert "[0,\N{NO-BREAK SPACE}2]" in text
     assert "a 5 cm" in text  # what is typed in is copied as it is typed
-    for name in ("page.json", "page-curve.svg", "page-table-1.csv"):
+    for name in ("room/page.json", "room/page-curve.svg", "page-table-1.csv"):
         assert f'href="{name}"' in text
 
 

@@ -15,14 +15,9 @@ from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.headlines import headlines
 from trexton.companion.build.notebook import show_table
-from trexton.companion.build.pages import (
-    name_figures,
-    page_names,
-    refer_by_number,
-    with_flight,
-)
+from trexton.companion.build.pages import figure_names, joined
 from trexton.companion.build.paper_map import load_map, map_table
-from trexton.companion.build.prose import records_by_name
+from trexton.companion.build.prose import context, records_by_name
 from trexton.companion.claims.ledger import load_claims
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import EXPERIMENTS
@@ -63,7 +58,7 @@ def test_the_first_page_says_what_the_records_say():
         },
     }
     accuracy, filtered, spread, landing = headlines(records)
-    assert accuracy.page == "cyberzoo/mocap_training" and "is reproduced" in accuracy.text
+    assert accuracy.page == "mocap_training" and "is reproduced" in accuracy.text
     assert numbers(accuracy.text) == [60, 57, 48, 66, 68, 59, 77]
     assert accuracy.claim.endswith("is reproduced") and accuracy.detail.startswith(
         ": 57 [48, 66] cm on"
@@ -73,7 +68,7 @@ def test_the_first_page_says_what_the_records_say():
         87, 82, 92, 33, 30, 36, 1.5, 102, 97, 107, 48, 45, 51, 1.5,
     ]  # fmt: skip
     assert "too sure" in spread.text and numbers(spread.text) == [57, 22, 60, 2, 600]
-    assert landing.page == "sim-survey/triggered_landing"
+    assert landing.page == "triggered_landing"
     assert numbers(landing.text) == [13, 50, 41, 4, 6]
 
 
@@ -87,7 +82,7 @@ def test_a_method_beyond_the_paper_takes_the_third_place():
     )
     field["mean_cm"] = entry(70, 50, 90)
     assert "errs about as much as the paper's filter" in headlines(records)[0].text
-    assert better.page == "cyberzoo/beyond" and numbers(better.text) == [
+    assert better.page == "beyond" and numbers(better.text) == [
         21, 18, 25, 87, 55, 126, 90, 88, 80, 95,
     ]  # fmt: skip
 
@@ -131,17 +126,20 @@ def results(tmp_path):
 
 def test_the_map_shows_theirs_beside_ours_with_links_to_pages_that_are_there(results):
     outcomes = [Outcome(f, "triggered_landing", "ran", (), 1.0) for f in ("sim-survey", "cyberzoo")]
-    names = page_names(results, records_by_name(results, outcomes))
-    pages = {"sim-survey/triggered_landing"}
-    table = names["paper_map"](lambda p, t: f"{{doc}}`{t} </{p}>`" if p in pages else t)
+    names = context(
+        results,
+        records_by_name(results, outcomes),
+        lambda name, words: f"<{name}: {words}>" if name == "triggered_landing" else words,
+    )
+    table = names["paper_map"]()
     row = next(line for line in table.splitlines() if line.startswith("| Triggered landing |"))
     cells = [cell.strip() for cell in row.strip("|").split(" | ")]
-    assert cells[1] == "Triggered landing: {doc}`Virtual hall </sim-survey/triggered_landing>`"
+    assert cells[1] == "<triggered_landing: Triggered landing>"
     assert re.sub("<[^>]*>", "", cells[2]) == "landing rate 0.67; landing outliers 16 cm"
     assert '<abbr title="Four of six triggered landings end inside the zone">' in cells[2]
     assert "not testable here" in cells[3] and "0.66" in cells[4] and "reproduced" in cells[4]
     assert table.splitlines()[0].count("|") == row.count("|")
-    assert names["version"] and names["headlines"][0].page == "cyberzoo/triggered_landing"
+    assert names["version"] and names["headlines"][0].page == "triggered_landing"
     assert "Table, homography baseline" in map_table({}, lambda page, text: text)
 
 
@@ -153,55 +151,85 @@ def test_prose_does_not_read_records_of_another_schema(results):
         records_by_name(results, outcomes)
 
 
-def test_a_page_is_named_after_its_experiment_and_flight_and_knows_its_twin():
-    cells = [nbformat.v4.new_markdown_cell("# A finding\n\nText."), nbformat.v4.new_code_cell("1")]
-    notebook = nbformat.v4.new_notebook(cells=cells)
-    with_flight(notebook, "cyberzoo", {"sim-survey": "sim-survey/x"})
-    assert notebook.cells[0].source == "# A finding: CyberZoo flight (real)\n\nText."
-    twin = "{doc}`Virtual hall (simulated) </sim-survey/x>`"
-    assert twin in notebook.cells[-1].source
-    assert notebook.cells[-1].id == "twins"  # a drawn one would build the pages every time
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# Does it?")])
-    with_flight(notebook, "mine", {})
-    assert notebook.cells[0].source.startswith("# Does it? mine\n")
-    notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_markdown_cell("# The ledger")])
-    with_flight(notebook, "", {})
-    assert notebook.cells[0].source == "# The ledger" and len(notebook.cells) == 1
+def markdown(text):
+    return nbformat.v4.new_markdown_cell(text)
+
+
+def code(source, *shown, figure=False):
+    """A code cell, and what it shows: words, HTML or a drawing."""
+    kinds = {"<p": "text/html", "<t": "text/html", "<i": "text/html", "<s": "image/svg+xml"}
+    outputs = [
+        nbformat.v4.new_output("display_data", {kinds.get(each[:2], "text/markdown"): each})
+        for each in shown
+    ]
+    cell = nbformat.v4.new_code_cell(source, outputs=outputs)
+    if figure:
+        cell.metadata["mystnb"] = {"figure": {"caption": "A floor."}}
+    return cell
+
+
+def room(number):
+    """The notebook of one flight, its numbers its own."""
+    table = show_table(pd.DataFrame({"x": [number]}), "Table 1. Axes.", "axes").data
+    return nbformat.v4.new_notebook(
+        cells=[
+            markdown(
+                "# A finding\n\nSee [the plan](#floor), [all](trade_off.ipynb), [this](#axes)."
+            ),
+            code("page.finding()", f'<p class="finding">It errs by {number} cm.</p>'),
+            code('page.show("floor", x)', f"<svg>{number}</svg>", figure=True),
+            code("page.frame()", table),
+            markdown("```python\n# a comment\n```\n\n## How"),
+            code("page.say()", "Equal, as [the plan](#floor) has it."),
+            code("page.play()", '<iframe src="overview-player.html">'),
+            code("secret", "told"),
+        ]
+    )
+
+
+def test_flights_share_a_page_and_what_differs_is_labelled():
+    flights = {"cyberzoo": room(5), "sim-survey": room(7)}
+    for notebook in flights.values():
+        notebook.cells[-1].metadata["tags"] = ["remove-cell"]
+    page = joined({"overview": flights}, lambda name, words: f"<{name}: {words}>", "# Page\n\nOn.")
+    texts = [cell.source for cell in page.cells if cell.cell_type == "markdown"]
+    assert texts[0] == "# Page\n\nOn." and texts[1] == (
+        "(overview)=\n## A finding\n\nSee {numref}`overview-cyberzoo-floor`, <trade_off: all>, "
+        '<a class="to-table" href="#overview-cyberzoo-axes">this</a>.'
+    )
+    assert "```python\n# a comment\n```\n\n### How" in texts  # the page has the first rank
+    shown = [list(o.data.values())[0] for c in page.cells for o in c.get("outputs", ())]
+    assert shown[:2] == [f'<p class="finding">It errs by {n} cm.</p>' for n in (5, 7)]
+    assert shown[2] == "<svg>5</svg>" and 'id="overview-cyberzoo-axes"' in shown[3]
+    assert shown[4] == "<svg>7</svg>" and 'id="overview-sim-survey-axes"' in shown[5]
+    assert shown[6] == "Equal, as {numref}`overview-cyberzoo-floor` has it."
+    assert shown[7:] == [f'<iframe src="{f}/overview-player.html">' for f in flights]
+    assert sum(text.startswith('<div class="flights"') for text in texts) == 2
+    assert "".join(texts).count("<div") == "".join(texts).count("</div>")
+    names = [c.metadata["mystnb"]["figure"]["name"] for c in page.cells if "mystnb" in c.metadata]
+    assert names == figure_names("overview", flights)
+    assert len({cell.id for cell in page.cells}) == len(page.cells)
+    assert page == joined(
+        {"overview": flights}, lambda name, words: f"<{name}: {words}>", "# Page\n\nOn."
+    )  # a name that is drawn would build the pages every time
+
+
+def test_a_notebook_of_one_flight_says_which_and_stands_where_prose_has_its_place():
+    one = {"timing": {"sim-survey": room(3)}, "claims": {"": room(1)}}
+    page = joined(one, lambda name, words: words, "# T\n\nFirst.\n\n% notebook: claims\n\nLast.")
+    texts = [cell.source.strip() for cell in page.cells if cell.cell_type == "markdown"]
+    assert texts[0] == "# T\n\nFirst." and texts[1].startswith("(claims)=\n## A finding")
+    at = texts.index("Last.")
+    assert texts[at + 1].startswith("(timing)=\n## A finding")
+    assert texts[at + 2] == f'<p class="flight-name">{flight_title("sim-survey")}</p>'
+    assert not any("flight-name" in text for text in texts[:at])
     assert flight_title("my-flight") == "my-flight"
 
 
-def test_figures_are_named_after_their_page_where_they_were_drawn():
-    cells = [nbformat.v4.new_code_cell(f'page.show("{name}", x)') for name in ("floor", "other")]
-    for cell in cells:
-        cell.metadata["mystnb"] = {"figure": {"caption": "A floor."}}
-    cells[0].outputs = [nbformat.v4.new_output("display_data", {"image/svg+xml": "<svg/>"})]
-    notebook = nbformat.v4.new_notebook(cells=cells)
-    assert name_figures(notebook, "cyberzoo/mocap_training") == ["cyberzoo-mocap-training-floor"]
-    assert cells[0].metadata["mystnb"]["figure"]["name"] == "cyberzoo-mocap-training-floor"
-    assert "name" not in cells[1].metadata["mystnb"]["figure"]
-
-
-def test_a_link_to_a_figure_or_table_of_the_page_becomes_its_number():
-    said = nbformat.v4.new_output(
-        "display_data", {"text/markdown": "As [the plan](#floor) has it."}
-    )
-    html = show_table(pd.DataFrame({"x": [1]}), "Table 2. Axes.", "axes").data
-    table = nbformat.v4.new_output("display_data", {"text/html": html})
-    notebook = nbformat.v4.new_notebook(
-        cells=[
-            nbformat.v4.new_markdown_cell(
-                "See [the plan](#floor), [one](#none), [all](a.ipynb), [these](#axes)."
-            ),
-            nbformat.v4.new_code_cell("page.say()", outputs=[said, table]),
-        ]
-    )
-    refer_by_number(notebook, "room/mocap_training", ["room-mocap-training-floor"])
-    text, code = notebook.cells
-    assert text.source == (
-        'See {numref}`room-mocap-training-floor`, one, [all](a.ipynb), <a href="#axes">Table 2</a>.'
-    )
-    shown = code.outputs[0].data["text/markdown"]
-    assert shown == "As {numref}`room-mocap-training-floor` has it."
+def test_figures_have_names_where_they_were_drawn():
+    drawn, empty = code('page.show("a_b", x)', "<svg/>", figure=True), code('page.show("c", x)')
+    notebook = nbformat.v4.new_notebook(cells=[drawn, empty])
+    assert figure_names("map_loss", {"room": notebook}) == ["map-loss-room-a-b"]
 
 
 @pytest.mark.parametrize("path", sorted((ROOT / "notebooks").glob("*.md")), ids=lambda p: p.stem)

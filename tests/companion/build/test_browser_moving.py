@@ -11,7 +11,7 @@ pytest_plugins = ["browser_book"]
 
 
 def first_page(book, pattern: str) -> str:
-    found = sorted(book.rglob(pattern))
+    found = sorted(book.rglob(pattern) if "player" in pattern else book.glob(pattern))
     if not found:
         pytest.skip(f"this book has no {pattern}")
     return str(found[-1].relative_to(book))
@@ -74,8 +74,7 @@ def test_without_scripts_the_player_says_so(open_page, book):
 
 @pytest.mark.parametrize("width", [360, 1400])
 def test_a_page_gives_its_player_the_height_that_it_takes(open_page, book, width):
-    name = first_page(book, "*-player.html").replace("-player", "")
-    page, _ = open_page(name, width)
+    page, _ = open_page(first_page(book, "mocap_training.html"), width)
     page.eval_on_selector("iframe.player", "frame => frame.scrollIntoView({behavior: 'instant'})")
     page.wait_for_function("document.querySelector('iframe.player').style.height")
     room = "f => f.clientHeight - f.contentDocument.documentElement.offsetHeight"
@@ -145,6 +144,24 @@ def test_sliders_tell_the_cell_of_their_table(open_page, book):
                 [i, columns[i].index(row[i])],
             )
         assert row[heads] in page.inner_text(".explore output.answer")
+
+
+def test_tabs_show_one_flight_without_scripts_and_the_one_chosen_everywhere_with(open_page, book):
+    name = first_page(book, "mocap_training.html")
+    page, _ = open_page(name, scripts=False)
+    groups = page.query_selector_all("div.flights")
+    if not groups:
+        pytest.skip("this book has one flight")
+    shown = "g => [...g.querySelectorAll(':scope > .of-flight')].map(f => f.offsetHeight > 0)"
+    assert [group.evaluate(shown) for group in groups] == [[True, False]] * len(groups)
+    groups[0].query_selector("label:nth-of-type(2)").click()
+    assert groups[0].evaluate(shown) == [False, True]
+    page.emulate_media(media="print")
+    assert groups[0].evaluate(shown) == [True, True]
+    page, _ = open_page(name)
+    groups = page.query_selector_all("div.flights")
+    groups[0].query_selector("label:nth-of-type(2)").click()
+    assert [group.evaluate(shown) for group in groups] == [[False, True]] * len(groups)
 
 
 def test_filters_of_the_ledger_change_what_is_counted(open_page, book):

@@ -17,7 +17,7 @@ from trexton.base.errors import DataError
 from trexton.cli.main import main
 from trexton.companion.build import console_output
 from trexton.companion.build.console_output import with_output
-from trexton.companion.build.prose import render
+from trexton.companion.build.prose import context, render
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.importers import IMPORTERS, importer
 
@@ -57,7 +57,7 @@ def test_the_first_commands_of_the_page_leave_what_it_says(tmp_path, monkeypatch
 
 
 def test_the_table_lists_every_importer_with_all_it_can_be_told():
-    text = render(PAGE, {}, {"data"}, {})
+    text = render(PAGE, context(PAGE.parent, {}, lambda page, words: words))
     for kind in IMPORTERS:
         row = next(line for line in text.splitlines() if line.startswith(f"| `{kind}` |"))
         for each in importer(kind).Settings.declared():
@@ -65,9 +65,9 @@ def test_the_table_lists_every_importer_with_all_it_can_be_told():
 
 
 def test_the_whole_header_of_the_data_page_is_read(tmp_path):
-    text = re.search(r"^```toml\n(.*?)^```", (ROOT / "book" / "data.md").read_text(), re.M | re.S)[
-        1
-    ]
+    text = re.search(
+        r"^```toml\n(.*?)^```", (ROOT / "book" / "your_flight.md").read_text(), re.M | re.S
+    )[1]
     flight = Flight(
         "f", np.arange(1200), np.arange(1200) * 0.1, np.full((1200, 2), 1.0), (0.0, 5.0, 0.0, 4.0),
         histograms=np.full((1200, 4), 0.25),

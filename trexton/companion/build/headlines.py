@@ -23,7 +23,7 @@ _DETAIL = re.compile(r"(?=: |, where |, and )")
 
 @dataclass(frozen=True)
 class Headline:
-    """A sentence, and the page that shows it."""
+    """A sentence, and the experiment that shows it."""
 
     text: str
     page: str
@@ -54,16 +54,16 @@ def headlines(records: Records) -> list[Headline]:
 
 def _on_each(
     records: Records, experiment: str, say: Callable[[Mapping[str, Any]], str]
-) -> tuple[str, list[Mapping[str, Any]], str]:
-    """``A on the real flight and B in the virtual hall``, the values behind it, the first page."""
+) -> tuple[str, list[Mapping[str, Any]]]:
+    """``A on the real flight and B in the virtual hall``, and the values behind it."""
     flights = [flight for flight in PLACES if experiment in records.get(flight, {})]
     values = [records[flight][experiment] for flight in flights]
     said = [f"{say(each)} {PLACES[flight]}" for flight, each in zip(flights, values, strict=True)]
-    return " and ".join(said), values, f"{flights[0]}/{experiment}" if flights else ""
+    return " and ".join(said), values
 
 
 def _accuracy(records: Records) -> Headline | None:
-    text, values, page = _on_each(
+    text, values = _on_each(
         records, "mocap_training", lambda v: interval(v["filter"]["axis_mean_cm"], "cm")
     )
     if not values:
@@ -79,7 +79,9 @@ def _accuracy(records: Records) -> Headline | None:
         if held
         else "does not hold here"
     )
-    return Headline(f"The paper's accuracy of {number(printed)} cm an axis {where}: {text}.", page)
+    return Headline(
+        f"The paper's accuracy of {number(printed)} cm an axis {where}: {text}.", "mocap_training"
+    )
 
 
 def _filter(records: Records) -> Headline | None:
@@ -87,12 +89,12 @@ def _filter(records: Records) -> Headline | None:
         error, knn = (interval(values[name]["mean_cm"], "cm") for name in ("filter", "knn"))
         return f"{error} against {knn}, {number(values['lag']['s'])} s late,"
 
-    text, values, page = _on_each(records, "mocap_training", say)
+    text, values = _on_each(records, "mocap_training", say)
     if not values:
         return None
     says = _compared([(v["filter"]["mean_cm"], v["knn"]["mean_cm"]) for v in values])
     text = f"Its particle filter {says} the plain mean of its own neighbours: {text}"
-    return Headline(f"{text}.", page)
+    return Headline(f"{text}.", "mocap_training")
 
 
 def _compared(pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> str:
@@ -116,18 +118,16 @@ def _better(records: Records) -> Headline | None:
         error = f"{interval(field['mean_cm'], 'cm')} instead of {interval(paper['mean_cm'], 'cm')}"
         return f"{error} (its 90 % region holds {percent(field['held'])})"
 
-    text, values, page = _on_each(records, "beyond", say)
+    text, values = _on_each(records, "beyond", say)
     if not values:
         return None
     says = _compared([(v["field"]["mean_cm"], v["paper"]["mean_cm"]) for v in values])
     text = f"Beyond the paper, a field of histograms {says} the paper's filter: {text}"
-    return Headline(f"{text}.", page)
+    return Headline(f"{text}.", "beyond")
 
 
 def _spread(records: Records) -> Headline | None:
-    text, values, page = _on_each(
-        records, "mocap_training", lambda v: percent(v["spread"]["within_two"])
-    )
+    text, values = _on_each(records, "mocap_training", lambda v: percent(v["spread"]["within_two"]))
     if not values:
         return None
     wide = sum(each["spread"]["frames_wider_than_landing"] for each in values)
@@ -138,7 +138,7 @@ def _spread(records: Records) -> Headline | None:
     return Headline(
         f"{claim}: of the errors, twice their spread covers {text}, and the landing threshold of "
         f"{limit} cm holds back {wide:.0f} of {number(frames)} frames.",
-        page,
+        "mocap_training",
     )
 
 
@@ -152,5 +152,5 @@ def _landing(records: Records) -> Headline | None:
         f"{values['inside']} of {values['attempts']} flights land inside the zone by the paper's "
         f"trigger {PLACES[flight]}, where the true position gives {perfect['inside']}, and the "
         f"paper had {printed['inside']} of {printed['landings']} landings.",
-        f"{flight}/triggered_landing",
+        "triggered_landing",
     )

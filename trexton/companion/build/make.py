@@ -26,7 +26,7 @@ from trexton.companion.build.postprocessing import finish_book
 from trexton.companion.build.prepare_flights import prepare_flights
 from trexton.companion.build.prose import records_by_name
 from trexton.companion.build.readme import is_current
-from trexton.companion.build.sources import Contents, stage
+from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
 
 _BUILDERS = ("jupyter-book", "sphinx", "sphinx-book-theme", "myst-nb", "latex2mathml")
 
@@ -98,19 +98,19 @@ def build_small_book(
         Another run is writing to `results`, or Jupyter Book or the audit finds a fault.
     """
     place = shipped("notebooks") if notebooks is None else Path(notebooks)
-    contents = Contents(shipped("book"), place, results, pairs, outcomes)
-    say(_build(contents, results / "book" / "html", "_toc_small.yml"))
+    contents = Contents(shipped("book"), place, results, pairs, outcomes, toc_file="_toc_small.yml")
+    say(_build(contents, results / "book" / "html"))
     return results / "book" / "html" / "index.html"
 
 
-def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
+def _build(contents: Contents, html: Path) -> str:
     """Stage and build, unless the sources are those of the last build; returns a sentence."""
     html.parent.mkdir(parents=True, exist_ok=True)
     stamp = html.parent / ".book.stamp"
     with sole_writer(contents.results), work_folder(html) as work:
         source = work / "source"
         source.mkdir()
-        stage(contents, source, toc_file)
+        stage(contents, source)
         key = digest(
             _tree_hash(source),
             code_hashes("trexton.companion.build.make"),
@@ -123,6 +123,7 @@ def _build(contents: Contents, html: Path, toc_file: str = "_toc.yml") -> str:
         built = _jupyter_book(source, work)
         _put_beside(contents, built)
         finish_book(built)
+        lead_from_old_addresses(contents, built)
         if faults := audit(built.resolve()):
             raise TrextonError("the built book has faults:\n" + "\n".join(faults))
         put_in_place(built, html)

@@ -258,8 +258,10 @@ class Page:
         """The command that runs this experiment again, its parameters; the book adds downloads."""
         settings = ", ".join(f"{key} = {value}" for key, value in self.record.parameters.items())
         return HTML(
-            f'<p>Parameters: {settings}.</p><pre class="command">{self.command()}</pre>'
-            '<p class="downloads"></p>'
+            f"<details class='again'><summary>Run it again: command, parameters, files</summary>"
+            f'<pre class="command">{self.command()}</pre><p>Parameters: {settings}.</p>'
+            f'<p class="downloads" data-of="{self.record.flight}/{self.record.experiment}"></p>'
+            "</details>"
         )
 
     def command(self) -> str:

@@ -1,158 +1,225 @@
-"""Names that prose may use beside the records: the headlines, the paper map, the version."""
+"""A page of the book: executed notebooks of its experiments, those of all flights as one.
+
+What flights share stands once. What differs is labelled: text one below the other, figures and
+tables as tabs, which need no script. Offers `joined`.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from importlib.metadata import version
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from copy import deepcopy
+from itertools import groupby, zip_longest
 from typing import Any
 
 import nbformat
 
-from trexton.companion.build.headlines import headlines
-from trexton.companion.build.paper_map import map_table
-from trexton.companion.claims.ledger import load_records
 from trexton.flights.registry import flight_title
-from trexton.localization.training_set import EXCLUDED_SECONDS
-from trexton.onboard.edges import Edge, classes_of_options, edge_classes
-from trexton.onboard.sinks import SINKS
-from trexton.onboard.sources import SOURCES
 
-__all__ = [
-    "name_figures",
-    "page_names",
-    "refer_by_number",
-    "with_flight",
-]
+__all__ = ["figure_names", "joined", "label_of"]
 
-_TABLE = re.compile(r'<table[^>]* id="(\w+)"[^>]*>\s*<caption>Table (\d+)\.')
+Cells = Sequence[nbformat.NotebookNode]
+_PLACE = re.compile(r"^% notebook: (\w+)$", re.M)  # where a notebook goes in the prose around it
+_LINK = re.compile(r"\[(?P<words>[^\]]*)\]\((?:#(?P<here>\w+)|(?P<page>\w+)\.ipynb)\)")
+_HEADING = re.compile(r"^```.*?^```|^#", re.M | re.S)  # outside of what is quoted
+_TABLE = re.compile(r'(?<=<table)([^>]*) id="(\w+)"')
+_PLAYER = re.compile(r'(?<=src=")(?=\w+-player\.html")')
 
 
-def page_names(results: Path, values: Mapping[str, Mapping[str, Any]]) -> dict[str, object]:
-    """``headlines``, ``paper_map`` (a function of ``see``), ``version``, ``excluded_s``, and the
-    tables of ``sinks`` and ``sources`` as they declare themselves.
-
-    Parameters
-    ----------
-    results : Path
-        Folder of records.
-    values : mapping
-        Values by flight and experiment of the pages that the book has.
-    """
-
-    def paper_map(see: Callable[[str, str], str]) -> str:
-        records = {
-            flight: {name: each for name, each in own.items() if name in values[flight]}
-            for flight, own in load_records(results).items()
-            if flight in values
-        }
-        return map_table(records, see)
-
-    return {
-        "headlines": headlines(values),
-        "paper_map": paper_map,
-        "version": version("trexton"),
-        "excluded_s": EXCLUDED_SECONDS,
-        "sinks": _table(edge_classes("sinks", SINKS), "--output"),
-        "sources": _table(edge_classes("sources", SOURCES), "--camera"),
-    }
+def label_of(experiment: str) -> str:
+    """The identifier of the heading of an experiment."""
+    return experiment.replace("_", "-")
 
 
-def _table(edges: Iterable[type[Edge]], flag: str) -> str:
-    """A table of sinks or sources: addresses and what they mean, then the options."""
-    edges = list(dict.fromkeys(edges))
-    rows = [f"| `{flag}` | |", "|---|---|"]
-    rows += [f"| `{address}` | {meaning} |" for edge in edges
-             for address, meaning in edge.addresses.items()]  # fmt: skip
-    options = [(kind, each) for kind in classes_of_options(edges) for each in kind.declared()]
-    if options:
-        rows += ["", "| option | default | |", "|---|---|---|"]
-    for kind, each in options:
-        default = "" if each.default in (None, "", False) else f"`{each.default}`"
-        rows.append(f"| `{kind.flag(each.name)}` | {default} | {each.meaning} |")
-    return "\n".join(rows) + "\n"
-
-
-def name_figures(notebook: nbformat.NotebookNode, page: str) -> list[str]:
-    """Give each captioned figure of an executed notebook the name by which text refers to it.
-
-    Returns
-    -------
-    list of str
-        The names, in order: the page's and the figure's, as in ``cyberzoo-mocap-training-floor``.
-    """
-    names = []
-    for cell in notebook.cells:
-        figure = cell.metadata.get("mystnb", {}).get("figure")
-        shown = re.search(r"""page\.show\(\s*["'](\w+)["']""", cell.source)
-        drawn = any("image/svg+xml" in output.get("data", {}) for output in cell.get("outputs", ()))
-        if figure is not None and shown and drawn:
-            figure["name"] = _figure_name(page, shown[1])
-            names.append(figure["name"])
-    return names
-
-
-def refer_by_number(notebook: nbformat.NotebookNode, page: str, figures: Sequence[str]) -> None:
-    """Make links to a page's own figures and tables numbered references: ``[the plan](#floor)``.
+def joined(
+    notebooks: Mapping[str, Mapping[str, nbformat.NotebookNode]],
+    see: Callable[[str, str], str],
+    prose: str = "",
+) -> nbformat.NotebookNode:
+    """One notebook for a page.
 
     Parameters
     ----------
-    notebook : nbformat.NotebookNode
-        Changed in place: its text, and the text that its cells show.
-    figures : sequence of str
-        Names of the figures that are there; a link to what is not becomes the words it stands on.
+    notebooks : mapping
+        Executed notebooks by experiment and flight ("" for what runs over all flights).
+    see : callable
+        ``see(name, words)``: a link to a page or an experiment, or the words alone.
+    prose : str
+        What stands before them, or around: ``% notebook: NAME`` is the place of one of them.
     """
-    shown = (
-        output.get("data", {}).get("text/html", "")
+    page, left = _Page(see), dict(notebooks)
+    pieces = _PLACE.split(prose)
+    for text, name in zip_longest(pieces[::2], pieces[1::2]):
+        if text.strip():
+            page.say(text)
+        if name in left:
+            page.add(name, left.pop(name))
+    for name, flights in left.items():
+        page.add(name, flights)
+    return nbformat.v4.new_notebook(cells=page.cells)
+
+
+def figure_names(experiment: str, flights: Mapping[str, nbformat.NotebookNode]) -> list[str]:
+    """Names of the captioned figures of an experiment, those of the first flight first."""
+    return [
+        _name(experiment, flight, shown)
+        for flight, notebook in flights.items()
         for cell in notebook.cells
-        for output in cell.get("outputs", ())
-    )
-    tables = {name: number for html in shown for name, number in _TABLE.findall(html)}
+        if (shown := _figure(cell))
+    ]
 
-    def refer(match: re.Match[str]) -> str:
-        name = match["name"]
-        if (figure := _figure_name(page, name)) in figures:
-            return f"{{numref}}`{figure}`"
-        return f'<a href="#{name}">Table {tables[name]}</a>' if name in tables else match["words"]
 
-    def referred(text: str) -> str:
-        return re.sub(r"\[(?P<words>[^\]]+)\]\(#(?P<name>\w+)\)", refer, text)
+class _Page:
+    """The cells of a page as they are put together."""
 
-    for cell in notebook.cells:
+    def __init__(self, see: Callable[[str, str], str]):
+        self.see = see
+        self.cells: list[nbformat.NotebookNode] = []
+        self._groups = 0
+
+    def say(self, text: str) -> None:
+        # A drawn id would build the page anew every time.
+        self.cells.append(nbformat.v4.new_markdown_cell(text, id=f"cell-{len(self.cells)}"))
+
+    def add(self, experiment: str, flights: Mapping[str, nbformat.NotebookNode]) -> None:
+        """Append an experiment: the cells of all flights, those that are alike once."""
+        below = bool(self.cells)
+        columns = [
+            [cell for cell in notebook.cells if "remove-cell" not in cell.metadata.get("tags", ())]
+            for notebook in flights.values()
+        ]
+        names = set(figure_names(experiment, flights))
+        prepared = {
+            flight: [self._prepared(cell, experiment, flight, flights, names) for cell in column]
+            for flight, column in zip(flights, columns, strict=True)
+        }
+        rows = list(zip(*columns, strict=True))  # as many cells: the same notebook, run twice
+        at = 0
+        for kind, run in groupby(rows, key=_kind):
+            end = at + len(list(run))
+            shown = {flight: cells[at:end] for flight, cells in prepared.items()}
+            if kind == "alike":
+                for number, cell in enumerate(next(iter(shown.values())), start=at):
+                    self._append(cell, "" if number else experiment, below)
+                    if not number and len(flights) == 1 and "" not in flights:
+                        self.say(_named(next(iter(flights))))
+            else:
+                self._beside(shown, tabs=kind == "shown")
+            at = end
+
+    def _append(self, cell: Any, experiment: str = "", below: bool = False) -> None:
+        """Append a cell; the first of an `experiment` is its heading, `below` the page's own."""
         if cell.cell_type == "markdown":
-            cell.source = referred(cell.source)
+            if below:
+                cell.source = _HEADING.sub(lambda it: "##" if it[0] == "#" else it[0], cell.source)
+            if experiment and cell.source.startswith("#"):
+                cell.source = f"({experiment})=\n{cell.source}"
+        cell["id"] = f"cell-{len(self.cells)}"
+        self.cells.append(cell)
+
+    def _beside(self, shown: Mapping[str, Cells], tabs: bool) -> None:
+        """What cells show on each flight, under its name."""
+        shown = {
+            flight: cells
+            for flight, cells in shown.items()
+            if any(cell.get("outputs") for cell in cells)
+        }
+        tabs = tabs and len(shown) > 1
+        if tabs:
+            self._groups += 1
+            self.say(_tabs(f"flights-{self._groups}", list(shown)))
+        for flight, cells in shown.items():
+            self.say(f'<div class="of-flight">\n{_named(flight)}')
+            for cell in cells:
+                self._append(cell)
+            self.say("</div>")
+        if tabs:
+            self.say("</div>")
+
+    def _prepared(
+        self,
+        cell: nbformat.NotebookNode,
+        experiment: str,
+        flight: str,
+        flights: Mapping[str, object],
+        figures: set[str],
+    ) -> nbformat.NotebookNode:
+        """A copy whose figures, tables and links have names that are their own in the book."""
+        cell = deepcopy(cell)
+
+        def link(match: re.Match[str]) -> str:
+            if match["page"]:
+                return self.see(match["page"], match["words"])
+            own = [_name(experiment, each, match["here"]) for each in (flight, *flights)]
+            if figure := next((name for name in own if name in figures), None):
+                return f"{{numref}}`{figure}`"
+            return f'<a class="to-table" href="#{own[0]}">{match["words"]}</a>'
+
+        if cell.cell_type == "markdown":
+            cell.source = _LINK.sub(link, cell.source)
+        elif name := _figure(cell):
+            cell.metadata["mystnb"]["figure"]["name"] = _name(experiment, flight, name)
         for output in cell.get("outputs", ()):
-            if said := output.get("data", {}).get("text/markdown"):
-                output.data["text/markdown"] = referred(said)
+            data = output.get("data", {})
+            if "text/markdown" in data:
+                data["text/markdown"] = _LINK.sub(link, data["text/markdown"])
+            if "text/html" in data and flight:
+                html = _PLAYER.sub(f"{flight}/", data["text/html"])
+                data["text/html"] = _TABLE.sub(
+                    lambda found: f'{found[1]} id="{_name(experiment, flight, found[2])}"', html
+                )
+        return cell
 
 
-def _figure_name(page: str, figure: str) -> str:
-    return re.sub(r"[/_]", "-", f"{page}-{figure}").lower()
+def _name(experiment: str, flight: str, shown: str) -> str:
+    return re.sub(r"[/_]", "-", f"{experiment}-{flight}-{shown}").lower()
 
 
-def with_flight(
-    notebook: nbformat.NotebookNode,
-    flight: str,
-    twins: Mapping[str, str],
-) -> None:
-    """End the heading of an experiment's page with its flight, and the page with its twins.
+def _figure(cell: nbformat.NotebookNode) -> str | None:
+    """The name under which a cell shows a captioned figure; None if it shows none."""
+    captioned = "figure" in cell.metadata.get("mystnb", {})
+    shown = re.search(r"""page\.show\(\s*["'](\w+)["']""", cell.source)
+    drawn = any("image/svg+xml" in output.get("data", {}) for output in cell.get("outputs", ()))
+    return shown[1] if captioned and shown and drawn else None
 
-    Parameters
-    ----------
-    notebook : nbformat.NotebookNode
-        Changed in place.
-    twins : mapping of str to str
-        The page of the same experiment on other flights, by flight.
-    """
-    first = notebook.cells[0] if notebook.cells else None
-    if not flight or first is None or not first.source.startswith("# "):
-        return
-    heading, _, rest = first.source.partition("\n")
-    between = "" if heading.endswith("?") else ":"
-    first.source = f"{heading}{between} {flight_title(flight)}\n{rest}"
-    links = ", ".join(f"{{doc}}`{flight_title(each)} </{page}>`" for each, page in twins.items())
-    if links:
-        notebook.cells.append(
-            nbformat.v4.new_markdown_cell(f"The same on another flight: {links}.", id="twins")
-        )
+
+def _kind(row: Cells) -> str:
+    """``alike`` on all flights; else ``told``, in words, or ``shown``, in pictures or tables."""
+    first = row[0]
+    if len(row) == 1 or all(
+        cell.source == first.source and _said(cell) == _said(first) and not _has_player(cell)
+        for cell in row
+    ):
+        return "alike"
+    return "told" if all(_is_text(data) for cell in row for data in _said(cell)) else "shown"
+
+
+def _said(cell: nbformat.NotebookNode) -> list[Mapping[str, Any]]:
+    return [
+        output.get("data", {"text/plain": output.get("text", "")})
+        for output in cell.get("outputs", ())
+    ]
+
+
+def _has_player(cell: nbformat.NotebookNode) -> bool:
+    """Whether it shows a page beside it, which differs though its address does not."""
+    return any(_PLAYER.search(str(data.get("text/html", ""))) for data in _said(cell))
+
+
+def _is_text(data: Mapping[str, Any]) -> bool:
+    html = str(data.get("text/html", ""))
+    return "image/svg+xml" not in data and (not html or html.startswith('<p class="finding"'))
+
+
+def _named(flight: str) -> str:
+    return f'<p class="flight-name">{flight_title(flight)}</p>'
+
+
+def _tabs(group: str, flights: Sequence[str]) -> str:
+    """The beginning of an area with a tab for each flight, the first chosen."""
+    choices = "".join(
+        f'<input type="radio" name="{group}" id="{group}-{i}" value="{flight}"'
+        f'{"" if i else " checked"}><label for="{group}-{i}">{flight_title(flight)}</label>'
+        for i, flight in enumerate(flights)
+    )
+    return f'<div class="flights" role="group" aria-label="Flights">{choices}'

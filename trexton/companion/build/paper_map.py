@@ -19,7 +19,7 @@ from trexton.flights.registry import flight_title
 __all__ = ["Item", "load_map", "map_table"]
 
 
-_PROSE = {"method": "The method", "ambiguities": "What is open", "data": "The data"}
+_PROSE = {"method": "The method", "ambiguities": "What is open", "run_again": "The data"}
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def map_table(records: dict[str, dict[str, Record]], see: Callable[[str, str], s
     records : dict
         By flight and experiment.
     see : callable
-        ``see(page, text)``: a link to a page of the book, or plain text where it has none.
+        ``see(name, text)``: a link to a page or an experiment, or plain text where there is none.
     """
     flights = sorted(records)
     rows = {claim.id: (claim, findings) for claim, findings in judge_all(records)}
@@ -63,19 +63,14 @@ def map_table(records: dict[str, dict[str, Record]], see: Callable[[str, str], s
     lines = [" | ".join(heads), " | ".join("---" for _ in heads)]
     for item in load_map():
         own = [rows[name] for name in item.claims]
-        cells = [item.name, _pages(item.page, flights, see), _printed([c for c, _ in own])]
+        cells = [item.name, see(item.page, _title(item.page)), _printed([c for c, _ in own])]
         cells += [_ours([(c, findings[i]) for c, findings in own]) for i in range(len(flights))]
         lines.append(" | ".join(cells))
     return "\n".join(f"| {line} |" for line in lines)
 
 
-def _pages(page: str, flights: Sequence[str], see: Callable[[str, str], str]) -> str:
-    if page not in EXPERIMENTS:
-        return see(page, _PROSE.get(page, page))
-    links = [see(f"{flight}/{page}", flight_title(flight).partition(" (")[0]) for flight in flights]
-    made = [link for link in links if link.startswith("{doc}")]
-    title = EXPERIMENTS[page].title
-    return f"{title}: {', '.join(made)}" if made else title
+def _title(page: str) -> str:
+    return EXPERIMENTS[page].title if page in EXPERIMENTS else _PROSE.get(page, page)
 
 
 def _grouped(parts: Sequence[tuple[str, str]], unit: str) -> str:

@@ -53,7 +53,7 @@ def finish_page(path: Path) -> str:
     for element in page.select("#jb-print-docs-body"):  # a second title and contents, never shown
         element.decompose()
     _frame(page)
-    if path.stem not in ("search", "genindex"):
+    if path.stem not in ("search",):
         _figures(article, path)
         _tables(article, path)
         _downloads(article, path)
@@ -139,7 +139,7 @@ def _figures(article: Tag, path: Path) -> None:
 
 def _tables(article: Tag, path: Path) -> None:
     """Every table: an area that scrolls by keyboard, a number, the heading above, and its CSV."""
-    count = 0
+    count, numbers = 0, {}
     for table in article.find_all("table"):
         if table.find_parent("table"):
             continue
@@ -160,8 +160,12 @@ def _tables(article: Tag, path: Path) -> None:
         caption = table.caption
         if caption is None:
             caption = _new("caption")
-            caption.append(f"Table {count}. {title}")
+            caption.append(title)
             table.insert(0, caption)
+        said = caption.find(string=True, recursive=False)
+        numbered = f"Table {count}. {re.sub(r'^Table [0-9]+[.] ', '', str(said or ''))}"
+        said.replace_with(numbered) if said else caption.insert(0, numbered)
+        numbers[table.get("id")] = count
         classes = {*map(str, table.get_attribute_list("class"))}
         if _wordy(rows) or _wide(rows):
             classes.add("stacked")
@@ -179,6 +183,11 @@ def _tables(article: Tag, path: Path) -> None:
             area = table.wrap(_new("div", class_="pst-scrollable-table-container"))
         area["tabindex"], area["role"] = "0", "region"
         area["aria-label"] = words
+    for link in article.select("a.to-table"):
+        if number := numbers.get(str(link["href"])[1:]):
+            link.string = f"Table {number}"
+        else:
+            link.unwrap()
     for block in article.find_all("pre"):
         block["tabindex"] = "0"
 
@@ -208,23 +217,22 @@ def _cells(row: Tag) -> list[str]:
 
 
 def _downloads(article: Tag, path: Path) -> None:
-    """What the page's last paragraph offers: everything that lies beside it under its name."""
-    place = article.select_one("p.downloads")
-    if place is None:
-        return
-    place.clear()
-    place.append("Take home: ")
-    files = sorted(
-        (each for each in path.parent.glob(f"{path.stem}[-.]*") if each.suffix != ".html"),
-        key=lambda each: (each.suffix not in (".json", ".ipynb", ".md"), each.name),
-    )
-    for index, file in enumerate(files):
-        link = _new("a", href=file.name, download="")
-        name = file.name.removeprefix(path.stem).strip("-.")
-        link.string = _FORMATS.get(name, name)
-        place.append(link)
-        if index + 1 < len(files):
-            place.append(" · ")
+    """What a paragraph of downloads offers: all files of the record that it names."""
+    for place in article.select("p.downloads"):
+        record = path.parent / str(place["data-of"])
+        place.clear()
+        place.append("Take home: ")
+        files = sorted(
+            (each for each in record.parent.glob(f"{record.name}[-.]*") if each.suffix != ".html"),
+            key=lambda each: (each.suffix not in (".json", ".ipynb", ".md"), each.name),
+        )
+        for index, file in enumerate(files):
+            link = _new("a", href=file.relative_to(path.parent).as_posix(), download="")
+            name = file.name.removeprefix(record.name).strip("-.")
+            link.string = _FORMATS.get(name, name)
+            place.append(link)
+            if index + 1 < len(files):
+                place.append(" · ")
 
 
 def _images(article: Tag, path: Path) -> None:

@@ -6,21 +6,32 @@ absent stands in ``{% if %}``.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import jinja2
 
+import trexton
 from trexton.base.errors import DataError
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
+from trexton.companion.build.headlines import headlines
+from trexton.companion.build.paper_map import map_table
+from trexton.companion.claims.ledger import load_records
 from trexton.companion.experiments.printed import published
 from trexton.companion.wording import Tree, template_environment
 from trexton.flights.importers import describe
 from trexton.localization.landing import TouchdownZone
+from trexton.localization.training_set import EXCLUDED_SECONDS
+from trexton.onboard.edges import Edge, classes_of_options, edge_classes
+from trexton.onboard.sinks import SINKS
+from trexton.onboard.sources import SOURCES
 
-__all__ = ["records_by_name", "render"]
+__all__ = ["context", "public_names", "records_by_name", "render"]
+
+See = Callable[[str, str], str]
 
 
 def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tree]:
@@ -35,41 +46,78 @@ def records_by_name(results: Path, outcomes: Iterable[Outcome]) -> dict[str, Tre
     return {flight: Tree(experiments) for flight, experiments in values_by_flight.items()}
 
 
-def render(path: Path, context: dict[str, Any], pages: set[str], pictures: dict[str, str]) -> str:
-    """The page `path` with its numbers filled in.
+def context(results: Path, values: Mapping[str, Mapping[str, Any]], see: See) -> dict[str, Any]:
+    """The names that every page may use.
 
     Parameters
     ----------
-    context : dict
-        Names that the page may use; ``paper`` (the published values) and ``touchdown`` (a zone with
-        its defaults) are added.
-    pages : set of str
-        Pages that are in the book: ``{{ see("page", "text") }}`` links to one, or is plain text.
-    pictures : dict of str to str
-        The first figure of each experiment, for ``{{ picture("overview") }}``.
+    results : Path
+        Folder of records.
+    values : mapping
+        Values by flight and experiment of the pages that the book has.
+    see : callable
+        ``{{ see("page", "text") }}`` links to a page or an experiment, or is plain text.
+    """
+
+    def paper_map() -> str:
+        records = {
+            flight: {name: each for name, each in own.items() if name in values[flight]}
+            for flight, own in load_records(results).items()
+            if flight in values
+        }
+        return map_table(records, see)
+
+    return {
+        "sim": values.get("sim-survey", {}),
+        "cyberzoo": values.get("cyberzoo", {}),
+        "records": values,
+        "see": see,
+        "headlines": headlines(values),
+        "paper": Tree(published()),
+        "paper_map": paper_map,
+        "version": version("trexton"),
+        "excluded_s": EXCLUDED_SECONDS,
+        "sinks": edge_table(edge_classes("sinks", SINKS), "--output"),
+        "sources": edge_table(edge_classes("sources", SOURCES), "--camera"),
+        "importers": describe,
+        "touchdown": TouchdownZone((0.0, 0.0)),  # what it asks for by default
+        "public_names": public_names(),
+    }
+
+
+def public_names() -> list[tuple[str, str]]:
+    """The names that the library declares, each with ``class`` or ``function``, as autodoc asks."""
+    names = [name for name in trexton.__all__ if callable(getattr(trexton, name))]
+    kinds = {True: "class", False: "function"}
+    return [(name, kinds[isinstance(getattr(trexton, name), type)]) for name in names]
+
+
+def edge_table(edges: Iterable[type[Edge]], flag: str) -> str:
+    """A table of sinks or sources: addresses and what they mean, then the options."""
+    edges = list(dict.fromkeys(edges))
+    rows = [f"| `{flag}` | |", "|---|---|"]
+    rows += [f"| `{address}` | {meaning} |" for edge in edges
+             for address, meaning in edge.addresses.items()]  # fmt: skip
+    options = [(kind, each) for kind in classes_of_options(edges) for each in kind.declared()]
+    if options:
+        rows += ["", "| option | default | |", "|---|---|---|"]
+    for kind, each in options:
+        default = "" if each.default in (None, "", False) else f"`{each.default}`"
+        rows.append(f"| `{kind.flag(each.name)}` | {default} | {each.meaning} |")
+    return "\n".join(rows) + "\n"
+
+
+def render(path: Path, names: Mapping[str, Any]) -> str:
+    """The page `path` with its numbers filled in, from the `names` that it may use.
 
     Raises
     ------
     DataError
         The page names something that is not there, or its template is broken.
     """
-
-    def see(page: str, text: str) -> str:
-        return f"{{doc}}`{text} </{page}>`" if page in pages else text
-
     environment = template_environment()
     try:
-        template = environment.from_string(path.read_text(encoding="utf-8"))
-        return template.render(
-            context
-            | {
-                "paper": Tree(published()),
-                "see": see,
-                "picture": pictures.get,
-                "importers": describe,
-                "touchdown": TouchdownZone((0.0, 0.0)),  # what it asks for by default
-            }
-        )
+        return environment.from_string(path.read_text(encoding="utf-8")).render(names)
     except jinja2.TemplateSyntaxError as error:
         raise DataError(
             f"{path}, line {error.lineno}: {error.message}: correct the template"

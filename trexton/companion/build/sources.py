@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-import re
 import shutil
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import Any
 
 import nbformat
 import yaml
 
-import trexton
 from trexton.base.errors import DataError
 from trexton.companion.build.console_output import with_output
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.headlines import PLACES
 from trexton.companion.build.notebooks import outputs_of
-from trexton.companion.build.pages import (
-    name_figures,
-    page_names,
-    refer_by_number,
-    with_flight,
-)
-from trexton.companion.build.prose import records_by_name, render
+from trexton.companion.build.pages import figure_names, joined, label_of
+from trexton.companion.build.prose import context, records_by_name, render
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights.frames import ImageFiles
 
-__all__ = ["Contents", "public_names", "stage"]
+__all__ = ["Contents", "lead_from_old_addresses", "stage"]
 
 # Pages whose commands are run, in order, on a part of a flight with images.
 _EXECUTED = {"your_flight"}
@@ -41,7 +37,7 @@ class Contents:
     Attributes
     ----------
     source : Path
-        Folder of prose, ``_config.yml``, ``_toc.yml`` and ``_static``.
+        Folder of prose, ``_config.yml``, tables of contents and ``_static``.
     notebooks : Path
         Folder of the notebooks that ran.
     results : Path
@@ -49,6 +45,8 @@ class Contents:
     outcomes : sequence of Outcome
     absent : mapping of str to str
         Flights that the book would have liked, and why they are not there.
+    toc_file : str
+        The table of contents: see `toc`.
     """
 
     source: Path
@@ -57,14 +55,75 @@ class Contents:
     pairs: Sequence[FlightPair]
     outcomes: Sequence[Outcome]
     absent: Mapping[str, str] = field(default_factory=dict)
+    toc_file: str = "_toc.yml"
 
     def good(self, flight: str) -> list[str]:
         """Experiments that have results on `flight` ("" for those over every flight)."""
         ready = {o.experiment for o in self.outcomes if o.flight == flight and o.good}
         return [name for name in EXPERIMENTS if name in ready] + sorted(ready - EXPERIMENTS.keys())
 
+    @cached_property
+    def executed(self) -> dict[str, dict[str, nbformat.NotebookNode]]:
+        """Executed notebooks by experiment and flight, the book's real flight first."""
+        names = [pair.name for pair in self.pairs]
+        notebooks: dict[str, dict[str, nbformat.NotebookNode]] = {}
+        for flight in ["", *sorted(names, key=lambda name: name not in list(PLACES)[:1])]:
+            for name in self.good(flight):
+                path = self.results / flight / f"{name}.ipynb"
+                if path.is_file():
+                    own = nbformat.read(path, as_version=4)
+                    notebooks.setdefault(name, {})[flight] = own
+        return notebooks
 
-def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
+    @cached_property
+    def toc(self) -> dict[str, Any]:
+        """The table of contents. Each chapter has a ``file``, its prose, or ``notebooks``, or both.
+
+        A page of notebooks none of which ran is left out. ``notebooks: "*"`` stands for a page for
+        each experiment that stands on no other.
+
+        Raises
+        ------
+        DataError
+            A page of prose does not exist.
+        """
+        file = self.source / self.toc_file
+        toc: dict[str, Any] = yaml.safe_load(file.read_text(encoding="utf-8"))
+        chapters = [chapter for part in toc["parts"] for chapter in part["chapters"]]
+        named = {name for chapter in chapters for name in chapter.get("notebooks", ())}
+        others = [
+            {"file": each, "notebooks": [each]} for each in self.executed if each not in named
+        ]
+        for part in toc["parts"]:
+            kept = []
+            for chapter in part["chapters"]:
+                for one in others if chapter.get("notebooks") == "*" else [chapter]:
+                    ran = [name for name in one.get("notebooks", ()) if name in self.executed]
+                    if ran or (self.source / f"{one['file']}.md").is_file():
+                        kept.append({**one, "notebooks": ran})
+                    elif "notebooks" not in one:
+                        raise DataError(
+                            f"{file}: the page {one['file']!r} does not exist: write it or drop it"
+                        )
+            part["chapters"] = kept
+        toc["parts"] = [part for part in toc["parts"] if part["chapters"]]
+        return toc
+
+    @cached_property
+    def pages(self) -> dict[str, list[str]]:
+        """The experiments of each page."""
+        chapters = [chapter for part in self.toc["parts"] for chapter in part["chapters"]]
+        return {self.toc["root"]: []} | {each["file"]: each["notebooks"] for each in chapters}
+
+    def see(self, name: str, text: str) -> str:
+        """A link to a page or to an experiment on one; plain text where the book has it not."""
+        if name in self.pages:
+            return f"{{doc}}`{text} </{name}>`"
+        shown = any(name in experiments for experiments in self.pages.values())
+        return f"{{ref}}`{text} <{name}>`" if shown else text
+
+
+def stage(contents: Contents, folder: Path) -> None:
     """Fill `folder` with the sources of the book, ready for Jupyter Book.
 
     Raises
@@ -72,63 +131,38 @@ def stage(contents: Contents, folder: Path, toc_file: str = "_toc.yml") -> None:
     DataError
         A page of the table of contents does not exist, or asks for a value no record has.
     """
-    toc = _table_of_contents(contents, toc_file)
-    pages = {
-        toc["root"],
-        *(chapter["file"] for part in toc["parts"] for chapter in part["chapters"]),
-    }
-    context, pictures, figures = _context(contents), _pictures(contents), _figures(contents)
+    names = _names(contents)
     flights = (pair.test for pair in contents.pairs)
     recorded = next((one for one in flights if isinstance(one.frames, ImageFiles)), None)
-
-    def first_figure(page: str) -> str:
-        """A reference to the first figure of a page, in brackets; nothing where it has none."""
-        return f" ({{numref}}`{figures[page][0]}`)" if figures.get(page) else ""
-
-    context["first_figure"] = first_figure
-    for page in sorted(pages):
-        source = contents.source / f"{page}.md"
+    for page, experiments in contents.pages.items():
+        source, text = contents.source / f"{page}.md", ""
         if source.is_file():
-            text = render(source, context, pages, pictures)
+            text = render(source, names)
             if page in _EXECUTED and recorded:
                 text = with_output(text, recorded, contents.results / f"{page}.json")
+        if experiments:
+            own = {name: contents.executed[name] for name in experiments}
+            nbformat.write(joined(own, contents.see, text), folder / f"{page}.ipynb")
+        else:
             (folder / f"{page}.md").write_text(text, encoding="utf-8")
     for flight in ["", *(pair.name for pair in contents.pairs)]:
         (folder / flight).mkdir(exist_ok=True)
         for name in contents.good(flight):
             for path in outputs_of(contents.results / flight, name):
-                if path.suffix == ".ipynb":
-                    twins = {
-                        pair.name: f"{pair.name}/{name}"
-                        for pair in contents.pairs
-                        if flight not in ("", pair.name) and name in contents.good(pair.name)
-                    }
-                    notebook = nbformat.read(path, as_version=4)
-                    named = name_figures(notebook, f"{flight}/{name}")
-                    refer_by_number(notebook, f"{flight}/{name}", named)
-                    with_flight(notebook, flight, twins)
-                    _write_notebook(notebook, folder / flight / path.name, contents.good(flight))
-                else:
+                if path.suffix != ".ipynb":
                     shutil.copyfile(path, folder / flight / path.name)
-    for name in ("_config.yml", "references.bib"):
-        shutil.copyfile(contents.source / name, folder / name)
+    for file in ("_config.yml", "references.bib"):
+        shutil.copyfile(contents.source / file, folder / file)
     shutil.copytree(contents.source / "_static", folder / "_static")
+    parts = [
+        {**part, "chapters": [{"file": each["file"]} for each in part["chapters"]]}
+        for part in contents.toc["parts"]
+    ]
+    toc = {"format": "jb-book", "root": contents.toc["root"], "parts": parts}
     (folder / "_toc.yml").write_text(yaml.safe_dump(toc, sort_keys=False), encoding="utf-8")
 
 
-def _write_notebook(notebook: nbformat.NotebookNode, target: Path, pages: list[str]) -> None:
-    """Write an executed notebook; links to experiments that have no page become plain text."""
-
-    def link(match: re.Match[str]) -> str:
-        return match[0] if match["page"] in pages else match["text"]
-
-    for cell in notebook.cells:
-        if cell.cell_type == "markdown":
-            cell.source = re.sub(r"\[(?P<text>[^\]]*)\]\((?P<page>\w+)\.ipynb\)", link, cell.source)
-    nbformat.write(notebook, target)
-
-
-def _context(contents: Contents) -> dict[str, Any]:
+def _names(contents: Contents) -> dict[str, Any]:
     """The names that prose may use."""
     records = records_by_name(contents.results, contents.outcomes)
     flights = [
@@ -145,31 +179,19 @@ def _context(contents: Contents) -> dict[str, Any]:
         }
         for pair in contents.pairs
     ]  # fmt: skip
-    named = {flight["name"]: flight for flight in flights}
-    return page_names(contents.results, records) | {
-        "sim": records.get("sim-survey", {}), "cyberzoo": records.get("cyberzoo", {}),
-        "records": records, "flights": flights, "flight": named, "absent": dict(contents.absent),
-        "public_names": public_names(),
-    }  # fmt: skip
 
+    def first_figure(experiment: str) -> str:
+        """A reference to the first figure of an experiment, in brackets, if it has one."""
+        figures = figure_names(experiment, contents.executed.get(experiment, {}))
+        return f" ({{numref}}`{figures[0]}`)" if figures else ""
 
-def public_names() -> list[tuple[str, str]]:
-    """The names that the library declares, each with ``class`` or ``function``, as autodoc asks."""
-    names = [name for name in trexton.__all__ if callable(getattr(trexton, name))]
-    kinds = {True: "class", False: "function"}
-    return [(name, kinds[isinstance(getattr(trexton, name), type)]) for name in names]
-
-
-def _figures(contents: Contents) -> dict[str, list[str]]:
-    """Names of the figures of each experiment's page."""
-    names = {}
-    for pair in contents.pairs:
-        for name in contents.good(pair.name):
-            path = contents.results / pair.name / f"{name}.ipynb"
-            if path.is_file():
-                notebook = nbformat.read(path, as_version=4)
-                names[f"{pair.name}/{name}"] = name_figures(notebook, f"{pair.name}/{name}")
-    return names
+    return context(contents.results, records, contents.see) | {
+        "flights": flights,
+        "flight": {flight["name"]: flight for flight in flights},
+        "absent": dict(contents.absent),
+        "picture": _pictures(contents).get,
+        "first_figure": first_figure,
+    }
 
 
 def _pictures(contents: Contents) -> dict[str, str]:
@@ -177,13 +199,9 @@ def _pictures(contents: Contents) -> dict[str, str]:
     first: dict[str, str] = {}
     for pair in contents.pairs:
         for name in contents.good(pair.name):
-            figures = [
-                path
-                for path in outputs_of(contents.results / pair.name, name)
-                if path.suffix == ".svg"
-            ]
-            if figures:
-                first.setdefault(name, f"{pair.name}/{figures[0].name}")
+            for path in outputs_of(contents.results / pair.name, name):
+                if path.suffix == ".svg":
+                    first.setdefault(name, f"{pair.name}/{path.name}")
     return first
 
 
@@ -191,33 +209,25 @@ def _title(name: str) -> str:
     return EXPERIMENTS[name].title if name in EXPERIMENTS else name
 
 
-def _table_of_contents(contents: Contents, toc_file: str) -> dict[str, Any]:
-    """``_toc.yml`` with ``- flight: NAME`` replaced by the pages of that flight.
-
-    A chapter marked ``optional: true`` is left out where its page is not there.
-    """
-    toc = yaml.safe_load((contents.source / toc_file).read_text(encoding="utf-8"))
-    here = {pair.name for pair in contents.pairs}
-    for part in toc["parts"]:
-        chapters = []
-        for chapter in part["chapters"]:
-            if "flight" in chapter:
-                names = sorted(here) if chapter["flight"] == "*" else [chapter["flight"]]
-                chapters += [
-                    {"file": f"{name}/{page}", "title": _title(page)}
-                    for name in names
-                    if name in here
-                    for page in contents.good(name)
-                ]
-            elif (contents.source / f"{chapter['file']}.md").is_file() or chapter[
-                "file"
-            ] in contents.good(""):
-                chapters.append({"file": chapter["file"]})
-            elif not chapter.get("optional"):
-                raise DataError(
-                    f"{contents.source / toc_file}: the page {chapter['file']!r} does not exist: "
-                    "write it or drop it"
+def lead_from_old_addresses(contents: Contents, html: Path) -> None:
+    """Small pages where others once stood: one a flight and experiment, and those of ``moved``."""
+    moved = {
+        f"*/{name}": f"{page}.html#{label_of(name)}"
+        for page, experiments in contents.pages.items()
+        for name in experiments
+    }
+    for old, page in contents.toc.get("moved", {}).items():
+        moved.setdefault(old, f"{page}.html")
+    for old, new in moved.items():
+        for flight in PLACES if old.startswith("*") else [""]:
+            path = html / f"{old.replace('*', flight)}.html"
+            if new.partition("#")[0].removesuffix(".html") in contents.pages and not path.exists():
+                path.parent.mkdir(exist_ok=True)
+                target = escape("../" * old.count("/") + new)
+                path.write_text(
+                    '<!DOCTYPE html><html lang="en"><head><meta charset="utf-8">'
+                    f'<meta http-equiv="refresh" content="0; url={target}"><title>Moved</title>'
+                    f'</head><body><p>This page is <a href="{target}">here</a> now.</p></body>'
+                    "</html>\n",
+                    encoding="utf-8",
                 )
-        part["chapters"] = chapters
-    toc["parts"] = [part for part in toc["parts"] if part["chapters"]]
-    return toc
