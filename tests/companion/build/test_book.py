@@ -327,7 +327,7 @@ def test_old_addresses_lead_to_the_pages_that_took_their_place(results, tmp_path
     )
     html = tmp_path / "html"
     (html / "cyberzoo").mkdir(parents=True)
-    (html / "references.html").write_text("a page")
+    (html / "trust.html").write_text("a page")
     book = Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes)
     lead_from_old_addresses(book, html)
     for old, new in (
@@ -337,7 +337,7 @@ def test_old_addresses_lead_to_the_pages_that_took_their_place(results, tmp_path
     ):
         assert f'content="0; url={new}"' in (html / f"{old}.html").read_text()
     assert not (html / "cyberzoo" / "mosaic.html").exists()  # which this book has not
-    assert (html / "references.html").read_text() == "a page"
+    assert (html / "trust.html").read_text() == "a page"
 
 
 # --- the page on the library
