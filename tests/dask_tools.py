@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from conftest import ROOT
@@ -19,19 +20,21 @@ __all__ = ["Cluster"]
 class Cluster:
     """Started with so many workers of one thread each; ends them all on leaving."""
 
-    def __init__(self, folder: Path, workers: int = 2):
-        self.folder, self.size = folder, workers
+    def __init__(self, folder: Path, workers: int = 2, options: Sequence[str] = ()):
+        self.folder, self.size, self.options = folder, workers, options
         self.processes: list[subprocess.Popen] = []
         tests = Path(__file__).parent  # and the folder of the tests whose functions are called
         paths = os.pathsep.join(map(str, [ROOT, tests, tests / "companion" / "build"]))
         self.environment = os.environ | {"PYTHONPATH": paths}
 
     def __enter__(self) -> Cluster:
-        file = self.folder / "scheduler.json"
-        self._start("scheduler", "--host", "127.0.0.1", "--port", "0", "--scheduler-file", file)
+        file, host = self.folder / "scheduler.json", "127.0.0.1"
+        if self.options:  # of TLS
+            host = f"tls://{host}"
+        self._start("scheduler", "--host", host, "--port", "0", "--scheduler-file", file)
         for _ in range(self.size):
             options = ["--nthreads", "1", "--no-nanny", "--local-directory", self.folder]
-            self._start("worker", "--scheduler-file", file, "--host", "127.0.0.1", *options)
+            self._start("worker", "--scheduler-file", file, "--host", host, *options)
         with connect(self._address(file)) as client:
             if self.size:
                 client.wait_for_workers(self.size, timeout=120)
@@ -43,7 +46,13 @@ class Cluster:
         return [process.poll() for process in self.processes].count(None)
 
     def _start(self, kind: str, *words: object) -> None:
-        command = [sys.executable, "-m", f"distributed.cli.dask_{kind}", "--no-dashboard"]
+        command = [
+            sys.executable,
+            "-m",
+            f"distributed.cli.dask_{kind}",
+            "--no-dashboard",
+            *self.options,
+        ]
         with open(self.folder / f"{kind}-{len(self.processes)}.log", "w") as log:
             self.processes.append(
                 subprocess.Popen(

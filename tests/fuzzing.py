@@ -192,6 +192,71 @@ def _euroc(folder: Path) -> bytes:
     return "\n".join([header, *(f"{i * 10**8},{i},2,1,1,0,0,0" for i in range(5))]).encode()
 
 
+def _video(folder: Path) -> bytes:
+    path = str(folder / "sound.avi")
+    writer = cv2.VideoWriter(path, cv2.VideoWriter_fourcc(*"MJPG"), 2.0, (32, 24))
+    for shade in (40, 120, 200):
+        writer.write(np.full((24, 32, 3), shade, np.uint8))
+    writer.release()
+    return Path(path).read_bytes()
+
+
+def _bag_file(folder: Path) -> Callable[[bytes], object]:
+    """Reads a bag of the container that its first bytes name, every image too."""
+    module = importer("bag")
+
+    def target(data: bytes) -> object:
+        suffixes = {b"#ROS": ".bag", b"SQLi": ".db3", b"\x89MCA": ".mcap"}
+        suffix = next((each for head, each in suffixes.items() if data.startswith(head)), ".bag")
+        path = folder / f"b{suffix}"
+        path.write_bytes(data)
+        recording = module.read(path, module.Settings())
+        return [recording.frames[i] for i in range(len(recording.frames))]
+
+    return target
+
+
+def _bags() -> list[bytes]:
+    """Sound ones of every container: ROS 1, and SQLite and MCAP of ROS 2."""
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    def written(open_writer, store, serialize: str, *sequence: int) -> bytes:
+        types, serialized = store.types, getattr(store, serialize)
+        with tempfile.TemporaryDirectory() as place:
+            with open_writer(Path(place) / "x.bag") as writer:
+                kinds = "sensor_msgs/msg/Image", "geometry_msgs/msg/PoseStamped"
+                topics = [
+                    writer.add_connection(name, kind, typestore=store)
+                    for name, kind in zip(("/camera", "/pose"), kinds, strict=True)
+                ]
+                for second in (1, 2):
+                    stamp = types["builtin_interfaces/msg/Time"](second, 0)
+                    head = types["std_msgs/msg/Header"](*sequence, stamp, "")
+                    pixels = np.full(8 * 6, 40 * second, np.uint8)
+                    point = types["geometry_msgs/msg/Point"](float(second), 2.0, 1.0)
+                    turn = types["geometry_msgs/msg/Quaternion"](1.0, 0.0, 0.0, 0.0)
+                    messages = (
+                        types[kinds[0]](head, 6, 8, "mono8", 0, 8, pixels),
+                        types[kinds[1]](head, types["geometry_msgs/msg/Pose"](point, turn)),
+                    )
+                    for topic, kind, message in zip(topics, kinds, messages, strict=True):
+                        writer.write(topic, second * 10**9, serialized(message, kind))
+            files = [Path(place) / "x.bag", *Path(place).glob("x.bag/*.[md][cb]*")]
+            return next(each for each in files if each.is_file()).read_bytes()
+
+    def second(plugin):
+        return lambda path: rosbag2.Writer(path, version=9, storage_plugin=plugin)
+
+    ros1, ros2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
+    containers = rosbag2.StoragePlugin
+    return [
+        written(rosbag1.Writer, ros1, "serialize_ros1", 0),
+        written(second(containers.SQLITE3), ros2, "serialize_cdr"),
+        written(second(containers.MCAP), ros2, "serialize_cdr"),
+    ]
+
+
 def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[bytes]]]:
     """Each target by name, with sound inputs to begin from."""
     parts = {
@@ -237,7 +302,7 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
         "import features": (_importer("features", "v.csv", folder), [values]),
         "import video": (
             _importer("video", "v.avi", folder, positions="p.csv", offset="0"),
-            [b"RIFF" + bytes(60)],
+            [_video(folder)],
         ),
         "import photos": (
             _importer("photos", "a.jpg", parts["photos"], True),
@@ -269,7 +334,7 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
                 b"flight:FLIGHT",
             ],
         ),
-        "import bag": (_importer("bag", "b.bag", folder), [b"#ROSBAG V2.0\n" + bytes(60)]),
+        "import bag": (_bag_file(folder), _bags()),
     }
 
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
+import sys
 
-from trexton.base.files import atomic_file, scratch_folder
+from trexton.base.files import scratch_folder
 from trexton.base.progress import shown
 from trexton.cli.main import main
 
@@ -20,14 +22,6 @@ def test_the_next_scratch_folder_removes_what_a_killed_process_left(tmp_path, mo
     assert not folder.exists()
 
 
-def test_a_link_stays_a_link(tmp_path):
-    (tmp_path / "far").mkdir()
-    (link := tmp_path / "map.npz").symlink_to(tmp_path / "far" / "map.npz")
-    with atomic_file(link) as stream:
-        stream.write("new")
-    assert link.is_symlink() and (tmp_path / "far" / "map.npz").read_text() == "new"
-
-
 def test_codes_are_shown_and_not_obeyed(tmp_path, capsys):
     assert shown("5\xa0cm\n\x1b[2J\x9b") == "5\xa0cm\n\\x1b[2J\\x9b"
     flight = tmp_path / "f\x1b]0;OWNED\x07"
@@ -38,3 +32,23 @@ def test_codes_are_shown_and_not_obeyed(tmp_path, capsys):
     main(["check", str(flight)])
     said = capsys.readouterr()
     assert "\x1b" not in said.out + said.err and "\\x1b" in said.out + said.err
+
+
+def test_a_verb_that_is_terminated_removes_its_own(tmp_path):
+    code = (
+        "import sys, time\nfrom trexton.base.files import scratch_folder\n"
+        "from trexton.cli import check, main\n"
+        "def works(arguments):\n"
+        "    with scratch_folder('floor'):\n"
+        "        print('begun', file=sys.stderr, flush=True)\n"
+        "        time.sleep(60)\n"
+        "check.run = works\nsys.exit(main.main(['check', 'flight']))"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code], env=os.environ | {"TMPDIR": str(tmp_path)},
+        stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert process.stderr.readline() == "begun\n" and any(tmp_path.iterdir())
+    process.terminate()
+    assert process.communicate()[1] == "trexton check: interrupted\n"
+    assert process.returncode == 143 and not any(tmp_path.iterdir())

@@ -205,8 +205,9 @@ def test_photographs_with_exif(tmp_path):
     assert flight.image(3).shape == (48, 64, 3)
 
 
-def write_bag(path):
-    from rosbags.rosbag2 import StoragePlugin, Writer
+def write_bag(path, container="SQLITE3", packed=None):
+    """`packed` is what is compressed: STORAGE (of MCAP), MESSAGE or FILE."""
+    from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
     from rosbags.typesys import Stores, get_typestore
 
     store = get_typestore(Stores.ROS2_HUMBLE)
@@ -214,7 +215,10 @@ def write_bag(path):
     header = lambda ns: types["std_msgs/msg/Header"](  # noqa: E731
         stamp=types["builtin_interfaces/msg/Time"](sec=ns // 10**9, nanosec=ns % 10**9), frame_id=""
     )
-    with Writer(path, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+    writing = Writer(path, version=9, storage_plugin=StoragePlugin[container])
+    if packed:
+        writing.set_compression(CompressionMode[packed], CompressionFormat.ZSTD)
+    with writing as writer:
         image = writer.add_connection("/camera", "sensor_msgs/msg/Image", typestore=store)
         odometry = writer.add_connection("/pose", "geometry_msgs/msg/PoseStamped", typestore=store)
         for i in range(5):

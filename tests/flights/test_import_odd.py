@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sqlite3
+from contextlib import closing
 
 import cv2
 import numpy as np
@@ -14,6 +16,7 @@ from trexton.flights import importing, read_flight
 from trexton.flights.importers.recording import PoseTrack
 from trexton.flights.importers.video import estimate_offset
 from trexton.flights.importing import import_flight
+from trexton.onboard.sources import open_source
 from trexton.vision.images import check_size
 
 
@@ -192,3 +195,57 @@ def test_rows_without_an_image_are_positions_between_the_frames(tmp_path):
     assert read_flight(tmp_path / "flight").position[:, 0].tolist() == [0, 4, 16, 36, 64, 100]
     with pytest.raises(TrextonError, match="no row of column 'image' names an image"):
         import_flight(table(tmp_path / "none", ["1,0,0,", "2,0,1,"]), tmp_path / "other")
+
+
+@pytest.mark.parametrize("bound", ["MOST_PIXELS", "MOST_BYTES"])
+def test_images_of_a_bag_that_are_too_large_are_refused(tmp_path, monkeypatch, bound):
+    """A bag of kilobytes may declare pixels of gigabytes."""
+    write_bag(tmp_path / "bag")
+    monkeypatch.setattr(f"trexton.flights.importers.bag.{bound}", 1000)
+    with pytest.raises(TrextonError, match="/camera .* expected at most 1,000"):
+        import_flight(tmp_path / "bag", tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("container", "packed"), [("MCAP", "STORAGE"), ("SQLITE3", "MESSAGE"), ("SQLITE3", "FILE")]
+)
+def test_a_packed_bag_is_read_but_not_one_that_unpacks_to_gigabytes(
+    tmp_path, monkeypatch, container, packed
+):
+    write_bag(tmp_path / "bag", container, packed)
+    assert len(import_flight(tmp_path / "bag", tmp_path / "out")[0]) == 5
+    for bound in ("MOST_BYTES", "MOST_TIMES"):
+        monkeypatch.setattr(f"trexton.flights.importers.bag.{bound}", 1)
+    with pytest.raises(TrextonError, match="would unpack to more than"):
+        import_flight(tmp_path / "bag", tmp_path / "other")
+
+
+@pytest.mark.parametrize(
+    "computed",
+    [
+        "CREATE VIEW v AS WITH RECURSIVE r(i) AS (VALUES(1) UNION SELECT i + 1 FROM r) SELECT 1",
+        "CREATE TABLE t (a, b GENERATED ALWAYS AS (zeroblob(900000000)))",
+    ],
+)
+def test_a_bag_whose_messages_are_computed_is_refused(tmp_path, computed):
+    write_bag(tmp_path / "bag")
+    (file,) = (tmp_path / "bag").glob("*.db3")
+    with closing(sqlite3.connect(file)) as base:
+        base.execute(computed)
+    with pytest.raises(TrextonError, match="is computed: expected stored messages"):
+        import_flight(tmp_path / "bag", tmp_path / "out")
+
+
+def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_path, monkeypatch):
+    path = tmp_path / "v.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 20, (64, 48))
+    for i in range(4):
+        writer.write(picture(i))
+    writer.release()
+    (tmp_path / "p.csv").write_text("t,x,y\n0,1,2\n1,1,2\n")
+    monkeypatch.setattr("trexton.vision.images.MOST_PIXELS", 1000)
+    with pytest.raises(TrextonError, match="v.avi: declares 64x48 pixels"):
+        import_flight(path, tmp_path / "out", settings={"positions": "p.csv", "offset": "0"})
+    with pytest.raises(TrextonError, match="v.avi: declares 64x48 pixels"):
+        open_source(str(path)).read()

@@ -375,7 +375,7 @@ class Stream:
     isOpened = release = set = lambda self, *value: True  # noqa: N815
 
     def get(self, name):
-        return cv2.VideoWriter_fourcc(*"MJPG")
+        return cv2.VideoWriter_fourcc(*"MJPG") if name == cv2.CAP_PROP_FOURCC else 64
 
     def grab(self):
         self.read += 1

@@ -220,3 +220,9 @@ def test_cells_that_are_none_are_refused(rng, cells):
 def test_samples_are_a_count_that_memory_holds(rng, count):
     with pytest.raises(ParameterError, match="the number of samples is"):
         sample_positions((20, 20), 6, count, rng)
+
+
+def test_without_compiled_code_labels_are_refused_in_a_sentence(rng, monkeypatch):
+    monkeypatch.setattr("numba.config.DISABLE_JIT", 1)
+    with pytest.raises(ParameterError, match="unset NUMBA_DISABLE_JIT"):
+        label_image(*reversed(random_case(rng)))

@@ -8,11 +8,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import signal
 import sys
+import threading
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from pathlib import Path
+from types import FrameType
 
 from trexton import __version__
 from trexton.base.errors import TrextonError
@@ -94,11 +97,11 @@ def main(argv: list[str] | None = None) -> int:
         arguments = build_parser(chosen, argv).parse_args(argv)
         set_quiet(arguments.quiet)
         verb = resolve("commands", arguments.command, COMMANDS)
-        with contextlib.redirect_stdout(Shown(sys.stdout)):
+        with _interrupted_by_sigterm(), contextlib.redirect_stdout(Shown(sys.stdout)):
             return verb.run(arguments) or 0
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
         print(f"trexton {chosen}: interrupted", file=sys.stderr)
-        return 130
+        return 128 + (signal.SIGTERM if stop.args else signal.SIGINT)
     except BrokenPipeError:
         sys.stderr.close()
         return 1
@@ -122,6 +125,26 @@ def _open_standard_streams() -> None:
             os.open(os.devnull, os.O_RDWR)  # takes the lowest number that is free
     if sys.stderr is None:  # else `print` would take standard output for it
         sys.stderr = open(os.devnull, "w", encoding="utf-8")
+
+
+@contextlib.contextmanager
+def _interrupted_by_sigterm() -> Iterator[None]:
+    """Within the block SIGTERM ends a verb as Ctrl+C does, so that it cleans up; a second one ends
+    it at once.
+    """
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        signal.signal(number, signal.SIG_DFL)
+        raise KeyboardInterrupt(number)
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def sentence(error: Exception) -> str | None:

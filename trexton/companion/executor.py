@@ -23,8 +23,8 @@ from trexton.base.errors import ParameterError
 from trexton.base.progress import progress
 
 __all__ = [
-    "CLUSTER", "PROCESSES", "THREAD_VARIABLES", "connect", "end_with_parent", "environment",
-    "limited", "limited_threads", "spread", "working_on",
+    "CLUSTER", "PROCESSES", "THREAD_VARIABLES", "TLS_VARIABLES", "connect", "end_with_parent",
+    "environment", "limited", "limited_threads", "spread", "working_on",
 ]  # fmt: skip
 
 T = TypeVar("T")
@@ -36,6 +36,12 @@ THREAD_VARIABLES = (
     "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS",
     "NUMBA_NUM_THREADS", "OPENCV_FOR_THREADS_NUM",
 )  # fmt: skip
+# Dask's own, so that its workers may be given them too: what `Security` calls them, their names.
+TLS_VARIABLES = {
+    "tls_ca_file": "DASK_DISTRIBUTED__COMM__TLS__CA_FILE",
+    "tls_client_cert": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__CERT",
+    "tls_client_key": "DASK_DISTRIBUTED__COMM__TLS__CLIENT__KEY",
+}
 _GREETING_S = 30.0
 _task: Callable[[Any], Any] | None = None
 
@@ -135,12 +141,16 @@ def _apply(item: Any) -> Any:
 
 def connect(address: str) -> Any:
     """A client of the Dask scheduler at `address`; raises `ParameterError` if none answers."""
-    from distributed import Client
+    from distributed import Client, Security
     from distributed.comm.addressing import parse_address, parse_host_port
     from distributed.comm.registry import get_backend
 
+    files = {name: os.environ[key] for name, key in TLS_VARIABLES.items() if key in os.environ}
     try:
         scheme, place = parse_address(address)
+        security = Security(**files)
+        if scheme == "tls" and not security.get_connection_args("client").get("ssl_context"):
+            raise ParameterError(f"{address}: name --tls-ca, --tls-cert and --tls-key")
         get_backend(scheme)  # a client of an unknown one takes minutes to close
         # Where nothing listens it is known at once. A scheduler greets whoever comes: a client of
         # something else, such as a web server, would wait for that for ever.
@@ -149,7 +159,9 @@ def connect(address: str) -> Any:
                 there.settimeout(_GREETING_S)
                 if scheme == "tcp" and not there.recv(1):
                     raise OSError("it hung up")
-        return Client(address, timeout="60s", set_as_default=False)
+        return Client(address, timeout="60s", set_as_default=False, security=security)
+    except ParameterError:
+        raise
     except (OSError, ValueError) as error:
         raise ParameterError(
             f"no Dask scheduler answers at {address} ({error}): start one with dask scheduler, and "

@@ -19,7 +19,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.files import digest
-from trexton.vision.images import read_image, yuv_from_bgr
+from trexton.vision.images import check_capture, read_image, yuv_from_bgr
 
 __all__ = [
     "Forward",
@@ -155,6 +155,7 @@ def stamped_frames(video: Path) -> Iterator[tuple[float, np.ndarray]]:
     """Stamp in seconds and BGR of each frame; where stamps are missing, by the stated rate."""
     capture = cv2.VideoCapture(str(video))
     try:
+        check_capture(capture, video)
         rate = capture.get(cv2.CAP_PROP_FPS) or 25.0
         last, number = -1.0, 0
         while True:

@@ -14,6 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from trexton.base.defaults import SAMPLES
+from trexton.base.errors import ParameterError
 from trexton.base.options import whole
 from trexton.vision.images import check_image
 from trexton.vision.patches import gather_patches, position_grid, sample_positions
@@ -125,8 +126,12 @@ def _label(
     image: np.ndarray, dictionary: TextonDictionary, cells: int = 1
 ) -> tuple[np.ndarray, np.ndarray]:
     """Labels of all positions, and how often each occurs in each of the cells."""
+    from numba import config
+
     from trexton.vision.kernels.label_rows import label_rows  # numba takes a while to load
 
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]  # numba sets it as it is imported
+        raise ParameterError("images are labelled by compiled code: unset NUMBA_DISABLE_JIT")
     labels = np.empty(position_grid(check_image(image).shape, dictionary.patch), dtype=np.uint8)
     flat = np.ascontiguousarray(image).reshape(len(image), -1)
     # Where the counts of a row's and of a column's cell begin.

@@ -11,6 +11,7 @@ import os
 import re
 import stat
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
@@ -18,8 +19,8 @@ import numpy as np
 from trexton.base.errors import ImageError
 
 __all__ = [
-    "bgr_from_yuv", "blur_effect", "check_image", "check_size", "checked_bytes", "decode",
-    "decode_image", "read_image", "read_picture", "yuv_from_bgr", "yuv_from_uyvy",
+    "bgr_from_yuv", "blur_effect", "check_capture", "check_image", "check_size", "checked_bytes",
+    "decode", "decode_image", "read_image", "read_picture", "yuv_from_bgr", "yuv_from_uyvy",
 ]  # fmt: skip
 
 MOST_PIXELS = 50_000_000
@@ -151,6 +152,24 @@ def _jpeg_ends(data: bytes) -> bool:
         if kind != 0x01:  # what the others mark has a length; pixels follow without
             place += int.from_bytes(data[place : place + 2], "big")
     return False
+
+
+def check_capture(capture: Any, source: object) -> None:
+    """Refuse an opened video whose frames are larger than a camera's picture can be.
+
+    Raises
+    ------
+    ImageError
+        They have more than `MOST_PIXELS`.
+    """
+    width, height = (
+        capture.get(kind) for kind in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+    )
+    if width * height > MOST_PIXELS:
+        raise ImageError(
+            f"{source}: declares {width:.0f}x{height:.0f} pixels: "
+            f"expected at most {MOST_PIXELS:,}, shrink it"
+        )
 
 
 def check_size(path: Path) -> tuple[int, int]:

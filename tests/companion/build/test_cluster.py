@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -14,6 +15,7 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 
+import dask
 import numpy as np
 import pytest
 from conftest import ROOT, small_flight
@@ -23,11 +25,12 @@ from tiny_experiment import tiny
 from tiny_notebooks import BODY, write_notebook
 
 from trexton.base.errors import ParameterError, TrextonError
+from trexton.cli.main import main
 from trexton.companion.build.execution import Job, execute
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
 from trexton.companion.build.workers import workers
-from trexton.companion.executor import connect, spread, working_on
+from trexton.companion.executor import TLS_VARIABLES, connect, environment, spread, working_on
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.flights import write_flight
 
@@ -229,3 +232,50 @@ def test_finished_tasks_survive_an_interrupt(cluster, flight, tmp_path, where):
         [FlightPair(str(flight))], tmp_path / "out", notebooks=notebooks, experiments=experiments
     )
     assert [outcome.status for outcome in outcomes] == ["reused", "ran"]
+
+
+@pytest.fixture
+def pem(tmp_path):
+    """A key and a certificate that vouches for itself."""
+    if shutil.which("openssl") is None:
+        pytest.skip("openssl makes the certificate")
+    files = [str(tmp_path / name) for name in ("cert.pem", "cert.pem", "key.pem")]
+    words = "req -x509 -newkey ec -pkeyopt ec_paramgen_curve:prime256v1 -nodes -days 2 -subj /CN=me"
+    made = [*words.split(), "-out", files[0], "-keyout", files[2]]
+    subprocess.run(["openssl", *made], check=True, capture_output=True)
+    return files
+
+
+def test_a_cluster_is_reached_with_tls(tmp_path, pem, flight):
+    """The verb names the files, and the kernels of the notebooks are given them."""
+    kinds = ("--tls-ca", "--tls-cert", "--tls-key")
+    options = [
+        word for kind, file in zip(kinds, pem, strict=True) for word in (f"{kind}-file", file)
+    ]
+    options = [word.replace("-cert-file", "-cert").replace("-key-file", "-key") for word in options]
+    named = [word for kind, file in zip(kinds, pem, strict=True) for word in (kind, file)]
+    with (
+        environment(dict(zip(TLS_VARIABLES.values(), pem, strict=True))),
+        Cluster(tmp_path, workers=1, options=options) as running,
+    ):
+        address = running.address
+        for key in TLS_VARIABLES.values():
+            del os.environ[key]
+        read_before = ("ca-file", "client.cert", "client.key")
+        with dask.config.set({f"distributed.comm.tls.{key}": None for key in read_before}):
+            words = ["run", str(flight), "--only", "mocap_training", "--no-book", "--quiet"]
+            words += ["--set", "particles=5", "repeats=1", "neighbors=2", "--cluster", address]
+            with pytest.raises(ParameterError, match="name --tls-ca, --tls-cert and --tls-key"):
+                connect(address)
+            assert main([*words, "--out", str(tmp_path / "out"), *named]) == 0
+    assert address.startswith("tls://")
+    assert (tmp_path / "out" / "small" / "mocap_training.json").is_file()
+
+
+def test_files_of_tls_are_for_an_address_of_tls_and_there(tmp_path, flight, capsys):
+    words = ["run", str(flight), "--out", str(tmp_path / "out"), "--cluster", "tcp://127.0.0.1:1"]
+    assert main([*words, "--tls-ca", __file__]) == 1
+    assert "expected an address tls://HOST:PORT" in capsys.readouterr().err
+    assert main([*words, "--tls-ca", str(tmp_path / "none")]) == 1
+    assert "none: no such file" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()

@@ -11,7 +11,7 @@ from conftest import small_flight
 
 from trexton.base.errors import ParameterError
 from trexton.cli import main as cli
-from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.flight_pairs import FlightPair, check_names
 from trexton.companion.build.sweep import Floors, SweepPlan, sweep
 from trexton.companion.experiments import mocap_training
 from trexton.flights import write_flight
@@ -37,6 +37,8 @@ def test_every_combination_is_run_once_and_then_reused(flight, tmp_path):
     assert sorted(zip(table.particles, table.seed, strict=True)) == [(5, 1), (5, 2), (7, 1), (7, 2)]
     assert table["filter.mean_cm.value"].nunique() == 4
     before = (tmp_path / "out" / "sweep.json").read_bytes()
+    sweep(plan, tmp_path / "again", jobs=1)
+    assert (tmp_path / "again" / "sweep.json").read_bytes() == before, "two sweeps, one result"
 
     again = sweep(plan, tmp_path / "out", jobs=1)
     assert again.counts == {"ran": 0, "reused": 4, "failed": 0}
@@ -70,7 +72,10 @@ def test_a_value_that_no_record_has_is_no_empty_column(flight, tmp_path):
     assert not (tmp_path / "out" / "sweep.csv").exists()
     mended = replace(plan, values=("filter.mean_cm.value", "timings.step_s.median"))
     swept = sweep(mended, tmp_path / "out", jobs=1)
-    assert swept.counts["reused"] == 1 and swept.rows[0]["timings.step_s.median"] > 0
+    assert swept.counts["reused"] == 1 and swept.times[0]["timings.step_s.median"] > 0
+    assert "timings.step_s.median" not in swept.rows[0]
+    assert "timings" not in (tmp_path / "out" / "sweep.csv").read_text()
+    assert pd.read_csv(tmp_path / "out" / "times.csv").columns[-1] == "timings.step_s.median"
 
 
 def test_the_plan_is_a_file_and_words_take_its_place(flight, tmp_path, capsys):
@@ -94,6 +99,12 @@ def test_a_parameter_is_given_once_with_all_its_values(flight, tmp_path, capsys)
     assert cli.main([*words, "--set", "seed=1", "--set", "seed=2"]) == 1
     told = "--set has seed twice, '1' and '2': give it once, as key=a,b,c"
     assert told in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("name", ["book", "report.html"])
+def test_a_flight_named_as_a_result_is_refused(name):
+    with pytest.raises(ParameterError, match=f"named '{name}', as a result is"):
+        check_names(["room", name])
 
 
 def test_two_flights_of_one_name_are_refused(flight, tmp_path):

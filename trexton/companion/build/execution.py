@@ -48,6 +48,8 @@ class Job:
         what it spreads runs in as many processes as there are processors.
     cluster : str
         Address for what the notebook spreads; empty: in place.
+    tls : dict of str to str
+        Variables that name the files of TLS with which it is reached.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Job:
     work: str
     threads: int | None = None
     cluster: str = ""
+    tls: Mapping[str, str] = field(default_factory=dict)
 
     def environment(self) -> dict[str, str]:
         """Of the kernel."""
@@ -71,7 +74,7 @@ class Job:
         }
         if self.threads is not None:
             chosen |= dict.fromkeys(THREAD_VARIABLES, str(self.threads))
-        return dict(os.environ) | chosen
+        return {**os.environ, **chosen, **self.tls}
 
 
 @dataclass(frozen=True)

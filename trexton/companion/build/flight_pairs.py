@@ -25,8 +25,11 @@ def check_names(names: Iterable[str]) -> None:
     Raises
     ------
     ParameterError
-        A name comes twice.
+        A name comes twice, or is that of something that lies beside them.
     """
+    names = list(names)
+    if ours := [name for name in names if name in ("book", "report.html")]:
+        raise ParameterError(f"a flight is named {ours[0]!r}, as a result is: name it otherwise")
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise ParameterError(
             f"two flights are named {twice[0]!r}: give each its own name in flight.toml"

@@ -27,6 +27,7 @@ from trexton.companion.build.notebooks import (
     read_content,
 )
 from trexton.companion.build.workers import Workers, workers
+from trexton.companion.executor import TLS_VARIABLES
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import EXPERIMENTS
 
@@ -260,6 +261,7 @@ class _Run:
             work=str(self.root.resolve()),
             threads=self.crew.threads(alone),
             cluster="" if alone else self.crew.cluster,
+            tls={key: os.environ[key] for key in TLS_VARIABLES.values() if key in os.environ},
         )
 
 

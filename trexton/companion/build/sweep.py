@@ -38,6 +38,8 @@ from trexton.simulator.layouts import LAYOUTS
 
 __all__ = ["Floors", "SweepPlan", "Swept", "sweep"]
 
+Rows = list[dict[str, Any]]
+
 
 @dataclass(frozen=True)
 class Floors:
@@ -52,17 +54,15 @@ class Floors:
     frames: int | None = None
 
     def __post_init__(self) -> None:
-        if self.count < 1 or self.every < 1 or not self.layouts:
+        counts = (self.count, self.every, len(self.layouts), self.frames)
+        if any(each is not None and each < 1 for each in counts):
             raise ParameterError(
-                f"{self.count} floors of layouts {list(self.layouts)}, every {self.every}: "
-                "expected 1 or more of each"
+                f"{self.count} floors of layouts {list(self.layouts)}, every {self.every}, "
+                f"{self.frames} frames: expected 1 or more of each"
             )
-        if self.frames is not None and self.frames < 1:
-            raise ParameterError(f"{self.frames} frames: expected 1 or more")
         if unknown := [name for name in self.layouts if name not in LAYOUTS]:
-            raise ParameterError(
-                f"layout {unknown[0]!r} is unknown: choose one of {', '.join(LAYOUTS)}"
-            )
+            known = ", ".join(LAYOUTS)
+            raise ParameterError(f"layout {unknown[0]!r} is unknown: choose one of {known}")
 
 
 @dataclass(frozen=True)
@@ -91,9 +91,13 @@ class SweepPlan:
 
 @dataclass(frozen=True)
 class Swept:
-    """The finished table: rows of the cells that succeeded, and why others did not."""
+    """The finished tables, one row for a cell that succeeded, and why others did not.
 
-    rows: list[dict[str, Any]]
+    Columns of times, which no two sweeps share, are kept apart.
+    """
+
+    rows: Rows
+    times: Rows
     failed: dict[str, str]
     counts: dict[str, int]
 
@@ -106,7 +110,7 @@ def sweep(
     cluster: str | None = None,
     experiments: Mapping[str, Experiment] = EXPERIMENTS,
 ) -> Swept:
-    """Run what is not there yet; write ``sweep.json`` and ``sweep.csv`` into `out`.
+    """Run what is not there yet; write ``sweep.json``, ``sweep.csv`` and ``times.csv`` into `out`.
 
     Raises
     ------
@@ -134,22 +138,21 @@ def sweep(
     failed = {name: one.reasons[0] for name, one in outcomes.items() if not one.good}
     results = {cell: _results(cell) for cell in cells if cell.step.name not in failed}
     _check_values(plan.values, list(results.values()))
-    rows = [_row(plan, cell, each) for cell, each in results.items()]
+    rows, times = ([_row(plan, *one, timed) for one in results.items()] for timed in (False, True))
     if rows:  # a table is not replaced by nothing
-        _write(plan, out, rows)
+        _write(plan, out, rows, times)
     statuses = [outcomes[cell.step.name].status for cell in cells]
     counts = {status: statuses.count(status) for status in ("ran", "reused")}
-    return Swept(rows, failed, counts | {"failed": len(cells) - len(results)})
+    return Swept(rows, times, failed, counts | {"failed": len(cells) - len(results)})
 
 
 def _grid(plan: SweepPlan, experiment: Experiment) -> list[Options]:
     """All combinations of the settings, as checked parameters."""
     declared = experiment.parameters
-    names = list(plan.settings)
     if empty := [name for name, values in plan.settings.items() if not values]:
         raise ParameterError(f"{empty[0]} has no values to sweep: give some, or leave it out")
     return [
-        declared.parse(dict(zip(names, values, strict=True)), plan.experiment)
+        declared.parse(dict(zip(plan.settings, values, strict=True)), plan.experiment)
         for values in itertools.product(*plan.settings.values())
     ]
 
@@ -217,8 +220,8 @@ def _steps(
 def _floors(floors: Floors | None) -> Iterator[tuple[str, dict[str, Any]]]:
     """Names, and the options of `simulate` in their order."""
     if floors is not None:
+        given = {"every": floors.every, "frames": floors.frames}
         for layout, seed in itertools.product(floors.layouts, range(floors.count)):
-            given = {"every": floors.every, "frames": floors.frames}
             yield f"{layout}-{seed}", {"layout": layout, "seed": seed, **given}
 
 
@@ -229,7 +232,7 @@ def _present(path: Path) -> list[Path]:
 def _measure_here(
     call: Call, module: str, pair: FlightPair, parameters: Options, path: Path, report: Report
 ) -> None:
-    paths = [None if p is None else str(Path(p).resolve()) for p in (pair.flight, pair.test_flight)]
+    paths = [p and str(Path(p).resolve()) for p in (pair.flight, pair.test_flight)]
     text = call(_measure, module, *paths, parameters.as_dict())
     with atomic_file(path) as stream:
         stream.write(text)
@@ -252,11 +255,9 @@ def _results(cell: _Cell) -> dict[str, Any]:
 
 def _check_values(paths: Sequence[str], trees: Sequence[Mapping[str, Any]]) -> None:
     """Refuse a path that leads nowhere in any record: its column would be empty, as if measured."""
-    if not trees:
-        return
     recorded = sorted({name for tree in trees for name, _ in _numbers("", tree)})
     for path in paths:
-        if all(look_up(tree, path) is None for tree in trees) and path not in recorded:
+        if trees and all(look_up(tree, path) is None for tree in trees) and path not in recorded:
             near = get_close_matches(path, recorded, n=3, cutoff=0) or ["nothing"]
             raise ParameterError(
                 f"no record has a value {path!r}: it has {', '.join(near)} and the like, "
@@ -264,13 +265,12 @@ def _check_values(paths: Sequence[str], trees: Sequence[Mapping[str, Any]]) -> N
             )
 
 
-def _row(plan: SweepPlan, cell: _Cell, results: Mapping[str, Any]) -> dict[str, Any]:
+def _row(plan: SweepPlan, cell: _Cell, results: Mapping[str, Any], timed: bool) -> dict[str, Any]:
+    """What was flown, with its results, or with the times they took."""
     parameters = {name: cell.parameters.as_dict()[name] for name in plan.settings}
-    if plan.values:
-        values = {path: look_up(results, path) for path in plan.values}
-    else:
-        values = dict(_numbers("", results))
-    return {"flight": cell.flight, **parameters, **values}
+    values = {path: look_up(results, path) for path in plan.values} or dict(_numbers("", results))
+    chosen = {path: each for path, each in values.items() if path.startswith("timings.") == timed}
+    return {"flight": cell.flight, **parameters, **chosen}
 
 
 def _numbers(prefix: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
@@ -282,7 +282,7 @@ def _numbers(prefix: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{key}", value
 
 
-def _write(plan: SweepPlan, out: Path, rows: Sequence[Mapping[str, Any]]) -> None:
+def _write(plan: SweepPlan, out: Path, rows: Rows, times: Rows) -> None:
     import pandas as pd
 
     content = {
@@ -291,9 +291,10 @@ def _write(plan: SweepPlan, out: Path, rows: Sequence[Mapping[str, Any]]) -> Non
         "floors": plan.floors and asdict(plan.floors),
         "flights": {pair.name: pair.hashes for pair in plan.pairs},
         "versions": software_versions(),
-        "rows": list(rows),
+        "rows": rows,
     }
     with atomic_file(out / "sweep.json") as stream:
         stream.write(canonical_json(content))
-    with atomic_file(out / "sweep.csv") as stream:
-        pd.DataFrame(rows).to_csv(stream, index=False)
+    for name, table in (("sweep.csv", rows), ("times.csv", times)):
+        with atomic_file(out / name) as stream:
+            pd.DataFrame(table).to_csv(stream, index=False)

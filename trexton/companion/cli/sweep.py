@@ -14,6 +14,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import Options, option
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.sweep import Floors, SweepPlan, sweep
+from trexton.companion.cli.run import add_cluster_arguments, reaching_cluster
 
 __all__ = ["add_arguments", "run"]
 
@@ -43,12 +44,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--out", required=True, metavar="DIR", help="where results go")
     parser.add_argument("--jobs", type=int, metavar="N", help="cells at once")
-    parser.add_argument("--cluster", metavar="ADDRESS", help="run on a Dask cluster")
+    add_cluster_arguments(parser)
 
 
 def run(arguments: argparse.Namespace) -> int:
     out = Path(arguments.out)
-    swept = sweep(_plan(arguments), out, jobs=arguments.jobs, cluster=arguments.cluster)
+    with reaching_cluster(arguments):
+        swept = sweep(_plan(arguments), out, jobs=arguments.jobs, cluster=arguments.cluster)
     for name, reason in swept.failed.items():
         print(f"failed  {name}: {reason}", file=sys.stderr)
     print(", ".join(f"{count} {status}" for status, count in swept.counts.items() if count))

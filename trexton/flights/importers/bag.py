@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+import re
+import sqlite3
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import IO, Any
 
 import cv2
 import numpy as np
@@ -17,10 +23,12 @@ from trexton.flights.frames import Forward
 from trexton.flights.importers.axes import axes_option
 from trexton.flights.importers.recording import NANO, Recording
 from trexton.flights.importers.tracks import pose_track
-from trexton.vision.images import decode
+from trexton.vision.images import MOST_PIXELS, decode
 
 __all__ = ["Settings", "read", "recognises"]
 
+MOST_BYTES = 3 * MOST_PIXELS  # of a message, and of a piece of the file unpacked
+MOST_TIMES = 200  # what a packed bag becomes
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 # where the pose of each kind of message is
 POSES = {
@@ -108,17 +116,24 @@ class _Bag:
             self.topics = {each.topic: str(each.msgtype) for each in reader.connections}
 
     def _open(self) -> Any:
-        from rosbags.highlevel import AnyReader, AnyReaderError
+        from rosbags.highlevel import AnyReader
         from rosbags.typesys import Stores, get_typestore
 
+        _bound_unpacking()
         try:
+            for file in self.source.glob("*.db3") if self.source.is_dir() else [self.source]:
+                _check_tables(file)
             reader = AnyReader([self.source], default_typestore=get_typestore(Stores.ROS2_HUMBLE))
             reader.open()
-        except (AnyReaderError, OSError, ValueError, KeyError, MemoryError) as error:
-            raise FlightError(
-                f"{self.source}: not a readable bag ({error}): record it again"
-            ) from None
+        except Exception as error:  # whatever a damaged bag makes the reader raise
+            raise self._unreadable(error) from None
         return closing(reader)
+
+    def _unreadable(self, error: Exception) -> FlightError:
+        if isinstance(error, FlightError):
+            return error
+        said = (str(error).splitlines() or [type(error).__name__])[0]
+        return FlightError(f"{self.source}: not a readable bag ({said}): record it again")
 
     def topic(self, types: tuple[str, ...], wanted: str) -> str:
         fitting = [topic for topic, kind in self.topics.items() if kind in types]
@@ -132,15 +147,79 @@ class _Bag:
         """Stamps of the header and of the bag in nanoseconds, and message."""
         with self._open() as reader:
             chosen = [each for each in reader.connections if each.topic == topic]
-            for connection, recorded, data in reader.messages(chosen):
-                try:
+            try:
+                for connection, recorded, data in reader.messages(chosen):
+                    if len(data) > MOST_BYTES:
+                        raise FlightError(
+                            f"{self.source}: a message of {topic} has {len(data):,} bytes: "
+                            f"expected at most {MOST_BYTES:,}"
+                        )
                     message = reader.deserialize(data, connection.msgtype)
-                except Exception as error:  # whatever a damaged message raises
-                    raise FlightError(
-                        f"{self.source}: a message of {topic} is damaged ({error}): record it again"
-                    ) from None
-                stamp = message.header.stamp
-                yield int(stamp.sec) * NANO + int(stamp.nanosec), recorded, message
+                    stamp = message.header.stamp
+                    yield int(stamp.sec) * NANO + int(stamp.nanosec), recorded, message
+            except Exception as error:  # whatever a damaged message raises
+                raise self._unreadable(error) from None
+
+
+def _bound_unpacking() -> None:
+    """Have the reader unpack no more than `MOST_BYTES` of a piece: kilobytes may hold gigabytes."""
+    from bz2 import BZ2Decompressor
+
+    from lz4.frame import LZ4FrameDecompressor
+
+    first, second, mcap = (
+        vars(import_module(f"rosbags.{name}"))
+        for name in ("rosbag1.reader", "rosbag2.reader", "rosbag2.storage_mcap")
+    )
+    bz2, lz4 = _bounded(BZ2Decompressor), _bounded(LZ4FrameDecompressor)
+    zstd = _bounded(mcap["zstd"].ZstdDecompressor)
+    first["decompressors"].update(bz2=bz2, lz4=lz4)
+    mcap["DECOMPRESSORS"].update(lz4=lz4, zstd=zstd)
+    unpack = partial(_BoundedFile, mcap["zstd"].open)
+    second["zstd"] = SimpleNamespace(decompress=zstd, open=unpack)
+
+
+def _bounded(kind: Callable[[], Any]) -> Callable[..., bytes]:
+    def unpack(data: bytes, size: int = 0) -> bytes:
+        unpacking = kind()
+        whole: bytes = unpacking.decompress(data, MOST_BYTES)
+        if not unpacking.eof:
+            raise ValueError(f"a piece is cut, or would unpack to more than {MOST_BYTES:,} bytes")
+        return whole
+
+    return unpack
+
+
+class _BoundedFile(closing[Any]):
+    """A packed bag as its reader unpacks it to the disk: no more than `MOST_TIMES` its size."""
+
+    def __init__(self, unpack: Callable[..., Any], packed: IO[bytes], mode: str):
+        self._stream = unpack(packed, mode)
+        self._left = MOST_TIMES * os.fstat(packed.fileno()).st_size
+        super().__init__(self)
+
+    def read(self, size: int) -> bytes:
+        data: bytes = self._stream.read(size)
+        self._left -= len(data)
+        if self._left < 0:
+            raise ValueError(f"it would unpack to more than {MOST_TIMES} times its size")
+        return data
+
+    def close(self) -> None:
+        self._stream.close()
+
+
+def _check_tables(file: Path) -> None:
+    """Refuse a database whose messages are computed as they are read: they may never end."""
+    with open(file, "rb") as stream:
+        if not stream.read(16).startswith(b"SQLite format 3"):
+            return
+    with closing(
+        sqlite3.connect(f"{file.resolve().as_uri()}?mode=ro&immutable=1", uri=True)
+    ) as base:
+        for kind, name, made in base.execute("SELECT type, name, sql FROM sqlite_master"):
+            if kind == "view" or re.search(r"\bas\b", made or "", re.IGNORECASE):
+                raise ValueError(f"its {kind} {name!r} is computed: expected stored messages")
 
 
 def _pose(message: Any) -> list[float]:
@@ -178,6 +257,10 @@ class BagFrames(Forward):
         kind, channels, conversion = _ENCODINGS[item.encoding.lower()]
         kind = (">" if item.is_bigendian else "<") + kind
         rows, columns, step = int(item.height), int(item.width), int(item.step)
+        if rows * columns > MOST_PIXELS:
+            raise FlightError(
+                f"{where} declares {columns}x{rows} pixels: expected at most {MOST_PIXELS:,}"
+            )
         width = columns * channels * np.dtype(kind).itemsize
         if len(item.data) < rows * step or step < width:
             raise FlightError(f"{where} is shorter than its {columns}x{rows} pixels")

@@ -187,7 +187,8 @@ class VideoFile(Recording):
     def lap(self) -> Iterator[Frame]:
         if self._capture is None:
             self.open()
-        rate, pictures = self._capture.get(cv2.CAP_PROP_FPS), Pictures(self._capture)
+        pictures = Pictures(self._capture, self.path)
+        rate = self._capture.get(cv2.CAP_PROP_FPS)
         period_s = 1 / rate if math.isfinite(rate) and rate > 0 else self.around.period_s
         row = 0
         while (read := self._capture.read())[0]:

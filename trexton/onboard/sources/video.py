@@ -17,7 +17,7 @@ import numpy as np
 from trexton.base.errors import ImageError, ParameterError
 from trexton.base.options import Options
 from trexton.onboard.sources.base import CameraLost, Expected, Frame, Source
-from trexton.vision.images import decode_image, yuv_from_bgr
+from trexton.vision.images import check_capture, decode_image, yuv_from_bgr
 
 __all__ = ["Pictures", "StreamSource", "is_stream"]
 
@@ -44,7 +44,8 @@ class Pictures:
     the first one's, and says nothing of either.
     """
 
-    def __init__(self, capture: Any):
+    def __init__(self, capture: Any, address: str):
+        check_capture(capture, address)
         self._capture = capture
         code = int(capture.get(cv2.CAP_PROP_FOURCC)) & 0xFFFFFFFF
         raw = code.to_bytes(4, "little") in (b"MJPG", b"mjpg", b"JPEG", b"jpeg")
@@ -100,7 +101,7 @@ class StreamSource(Source):
                 f"{self.address}: cannot be opened: "
                 "check that the stream runs and that OpenCV knows its kind"
             )
-        self._pictures = Pictures(self._capture)
+        self._pictures = Pictures(self._capture, self.address)
 
     def read(self) -> Frame | None:
         if not self._capture.grab():
