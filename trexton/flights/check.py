@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import os
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -81,71 +82,85 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     raised.
     """
     reading = load_folder(Path(path))
-    sizes = _check_images(reading)
-    facts = [] if reading.flight is None else _facts(reading.flight, sizes)
-    warnings = reading.warnings
+    images = _Images.of(reading)
+    facts = [] if reading.flight is None else _facts(reading.flight, images.sizes)
+    faults, warnings = reading.faults + list(images.unusable.values()), reading.warnings
+    warnings += [images.doubt] * bool(images.doubt)
     if reading.flight is not None:
         try:
             reading.flight.floor  # noqa: B018 - reads the picture
         except (FlightError, ImageError) as error:
-            reading.faults.append(str(error))
-        warnings = warnings + [f"{path}: {said}" for said in plausibility.warnings(reading.flight)]
-    return Report(Path(path), facts, reading.faults, warnings)
+            faults.append(str(error))
+        warnings += [f"{path}: {said}" for said in plausibility.warnings(reading.flight)]
+    return Report(Path(path), facts, faults, warnings)
 
 
-def _check_images(reading: Reading) -> dict[tuple[int, int], int]:
-    """Decode every image; count the sizes (width, height), and add a fault for each odd one out."""
-    sizes: dict[tuple[int, int], int] = {}
-    contents: set[bytes] = set()
-    before, repeats = b"", []  # rows of frames.csv, whose picture is that of another file before
-    places: list[tuple[int, Path, tuple[int, int]]] = []
-    for row, file in progress(reading.image_files, "images"):
-        try:
-            image = read_image(file)
-        except ImageError as error:
-            reading.faults.append(f"frames.csv, row {row}: {error}")
-            continue
-        content = _hash(image)
-        contents.add(content)
-        if content == before and file != places[-1][1]:
-            repeats.append(row)
-        before = content
-        height, width = image.shape[:2]
-        sizes[width, height] = sizes.get((width, height), 0) + 1
-        places.append((row, file, (width, height)))
-    camera = reading.flight.camera if reading.flight else None
-    usual = max(sizes, key=lambda size: sizes[size], default=(0, 0))
-    expected = (camera.width, camera.height) if camera else usual
-    whose = "[camera] says" if camera else "most are"
-    for row, file, size in places:
-        if size != expected:
-            reading.faults.append(
-                f"frames.csv, row {row}: {file} is {_size(size)} where {whose} {_size(expected)}: "
-                "all images of a flight have one size"
+@dataclass
+class _Images:
+    """What the images of a flight are.
+
+    Attributes
+    ----------
+    sizes : counts by (width, height)
+    unusable : dict of int to str
+        Rows of frames.csv whose image cannot be read or is of another size, with a sentence.
+    frozen : list of int
+        Rows whose picture is that of another file before to the bit.
+    doubt : str
+    """
+
+    sizes: Counter[tuple[int, int]] = field(default_factory=Counter)
+    unusable: dict[int, str] = field(default_factory=dict)
+    frozen: list[int] = field(default_factory=list)
+    doubt: str = ""
+
+    @classmethod
+    def of(cls, reading: Reading) -> _Images:
+        """By decoding every one that is there."""
+        found, contents = cls(), set()
+        before: tuple[Path, bytes] | None = None
+        places: dict[int, tuple[Path, tuple[int, int]]] = {}
+        for row, file in progress(reading.image_files, "images"):
+            try:
+                image = read_image(file)
+            except ImageError as error:
+                found.unusable[row] = f"frames.csv, row {row}: {error}"
+                continue
+            content = hashlib.sha256(np.ascontiguousarray(image).data).digest()
+            if before and content == before[1] and file != before[0]:
+                found.frozen.append(row)
+            before = file, content
+            contents.add(content)
+            places[row] = file, (image.shape[1], image.shape[0])
+        found.sizes.update(size for _, size in places.values())
+        camera = reading.flight.camera if reading.flight else None
+        usual = found.sizes.most_common(1)[0][0] if places else (0, 0)
+        expected = (camera.width, camera.height) if camera else usual
+        whose = "[camera] says" if camera else "most are"
+        for row, (file, size) in places.items():
+            if size != expected:
+                found.unusable[row] = (
+                    f"frames.csv, row {row}: {file} is {_size(size)} where {whose} "
+                    f"{_size(expected)}: all images of a flight have one size"
+                )
+        names = {file for file, _ in places.values()}
+        if len(places) > 2 and 2 * len(contents) < len(places):
+            if len(names) > 1:
+                found.doubt = (
+                    f"{reading.image_files[0][1].parent}: {len(names)} image files hold only "
+                    f"{len(contents)} different pictures: check what was recorded"
+                )
+            found.frozen = []
+        elif found.frozen:
+            found.doubt = (
+                f"{reading.image_files[0][1].parent}: {count_of(len(found.frozen), 'picture')} "
+                f"like the one before to the byte (first: frames.csv, row {found.frozen[0]}): "
+                "where the camera was frozen, leave the frames out"
             )
-    if len(places) > 2 and 2 * len(contents) < len(places):
-        names = len({file for _, file, _ in places})
-        if names > 1:
-            reading.warnings.append(
-                f"{reading.image_files[0][1].parent}: {names} image files hold only "
-                f"{len(contents)} different "
-                "pictures: check what was recorded"
-            )
-    elif repeats:
-        reading.warnings.append(
-            f"{reading.image_files[0][1].parent}: {count_of(len(repeats), 'picture')} like the one "
-            f"before to the byte (first: frames.csv, row {repeats[0]}): where the camera was "
-            "frozen, leave the frames out"
-        )
-    return sizes
+        return found
 
 
-def _hash(image: np.ndarray) -> bytes:
-    """Equal for pictures that are equal to the last bit."""
-    return hashlib.sha256(np.ascontiguousarray(image).data).digest()
-
-
-def _facts(flight: Flight, sizes: dict[tuple[int, int], int]) -> list[tuple[str, str]]:
+def _facts(flight: Flight, sizes: Counter[tuple[int, int]]) -> list[tuple[str, str]]:
     located, time = flight.located, flight.time
     facts = {
         "flight": flight.name,
@@ -210,7 +225,18 @@ def repair_flight(
     reading = load_folder(Path(path), done)
     if reading.flight is None:
         raise FlightError(reading.faults[0])
-    flight = _without_bad_images(reading.flight, done)
+    flight, images = reading.flight, _Images.of(reading)
+    for rows, what in (
+        (set(images.unusable), "whose images cannot be read, or are of another size"),
+        (set(images.frozen), "whose picture is the one before"),
+    ):
+        if rows:
+            done.append(f"{count_of(len(rows), 'frame')} left out {what}")
+    left_out = {*images.unusable, *images.frozen}
+    if left_out:
+        if len(left_out) == len(flight):
+            raise FlightError(f"{path}/{next(iter(images.unusable.values()))}")
+        flight = flight.select(np.array([row not in left_out for row, _ in reading.image_files]))
     for _ in range(MOST_ROUNDS):
         doubt = next((each for each in plausibility.warnings(flight) if each.mend), None)
         if doubt is None or doubt.mend is None:
@@ -220,23 +246,3 @@ def repair_flight(
     done += [f"not repaired: {each}" for each in plausibility.warnings(flight)]
     write_flight(replace(flight, notes=(*flight.notes, *done)), out, replaced)
     return done or ["nothing to repair"]
-
-
-def _without_bad_images(flight: Flight, done: list[str]) -> Flight:
-    """The flight without frames whose picture cannot be read, or is the one before to the byte."""
-    if flight.frames is None:
-        return flight
-    rows, contents = [], []
-    for row in range(len(flight)):
-        try:
-            contents.append(_hash(flight.image(row)))
-            rows.append(row)
-        except (FlightError, ImageError):
-            continue
-    if bad := len(flight) - len(rows):
-        done.append(f"{bad} frames left out whose images cannot be read, or are of another size")
-    frozen = np.array([False, *(a == b for a, b in zip(contents, contents[1:], strict=False))])
-    if frozen.any() and 2 * frozen.sum() < len(rows):
-        done.append(f"{frozen.sum()} frames left out whose picture is the one before")
-        rows = np.array(rows)[~frozen].tolist()
-    return flight.select(np.array(rows, dtype=int)) if len(rows) < len(flight) else flight

@@ -15,8 +15,14 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.flights.importers.axes import looks_away
-from trexton.flights.repair import Doubt, count_of, scaled, without_positions
+from trexton.flights.importers.axes import (
+    AXES,
+    TAKEN,
+    looks_away,
+    quaternions_from_attitude,
+    readings,
+)
+from trexton.flights.repair import Doubt, count_of, scaled, with_poses_of, without_positions
 from trexton.flights.tracking import lost_rows, ranges
 from trexton.vision.camera import wrapped
 from trexton.vision.time_offset import small, time_offset, turns
@@ -25,6 +31,7 @@ __all__ = ["warnings"]
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
+_SMALLER = (("millimetres", 1e-3), ("centimetres", 1e-2))
 _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("milliseconds", 1e-3, 0.0))
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
@@ -42,32 +49,28 @@ def warnings(flight: Flight) -> list[Doubt]:
 
 def _outside(flight: Flight) -> Iterator[str]:
     rows = np.flatnonzero(flight.located)
-    x, y = flight.position[rows].T
-    x_min, x_max, y_min, y_max = flight.area
+    place = flight.position[rows]
+    low, high = np.reshape(flight.area, (2, 2)).T
     slack = 0.01 * flight.diagonal
 
-    def inside(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        fits = (first >= x_min - slack) & (first <= x_max + slack)
-        fits &= (second >= y_min - slack) & (second <= y_max + slack)
-        return fits
+    def beyond(place: np.ndarray) -> np.ndarray:
+        return ((place < low - slack) | (place > high + slack)).any(axis=1)
 
-    out = ~inside(x, y)
+    out = beyond(place)
     if not out.any():
         return
     first = _first(flight, rows, out)
     found = f"{out.sum()} of {len(rows)} positions lie outside area_m (first: frame {first})"
-    if out.mean() > 0.05 and (~inside(y, x)).sum() < 0.2 * out.sum():
+    if out.mean() > 0.05 and beyond(place[:, ::-1]).sum() < 0.2 * out.sum():
         yield Doubt(
             f"{found}, but inside when x and y are exchanged: exchange the columns, or area_m",
             "x and y exchanged",
             lambda flight: replace(flight, position=flight.position[:, ::-1]),
         )
         return
-    for unit, factor in (("millimetres", 1e-3), ("centimetres", 1e-2)):
-        fits = inside(factor * x, factor * y).mean() > 0.9 and (
-            factor * max(np.ptp(x), np.ptp(y)) > 0.2 * min(x_max - x_min, y_max - y_min)
-        )
-        if out.mean() > 0.5 and fits:
+    for unit, factor in _SMALLER:
+        wide = factor * np.ptp(place, axis=0).max() > 0.2 * (high - low).min()
+        if out.mean() > 0.5 and wide and beyond(factor * place).mean() < 0.1:
             yield Doubt(
                 f"{found}, but inside when read as {unit}: write metres",
                 f"positions read as {unit}",
@@ -102,7 +105,7 @@ def _speed(flight: Flight) -> Iterator[str]:
     steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
     speed = float(np.median(steps / np.diff(flight.time[rows])))
     if speed > MAX_MEDIAN_SPEED:
-        unit, factor = ("millimetres", 1e-3) if speed > 300 else ("centimetres", 1e-2)
+        unit, factor = _SMALLER[speed <= 300]
         yield Doubt(
             f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
             "write metres and seconds",
@@ -132,7 +135,7 @@ def _heights(flight: Flight) -> Iterator[str]:
             scaled(-1.0, "height"),
         )
     elif usual > max(MAX_HEIGHT_RATIO * flight.diagonal, 10):
-        unit, factor = ("millimetres", 1e-3) if usual > 300 else ("centimetres", 1e-2)
+        unit, factor = _SMALLER[usual <= 300]
         yield Doubt(
             f"the camera is {usual:.4g} m high in half of the frames, over an area of "
             f"{flight.diagonal:.3g} m from corner to corner: heights in {unit}? write metres",
@@ -164,8 +167,20 @@ def _angles(flight: Flight) -> Iterator[str]:
 
 
 def _view(flight: Flight) -> Iterator[str]:
-    if flight.attitude is not None and (doubt := looks_away(flight.attitude)):
+    if flight.attitude is None or not (doubt := looks_away(flight.attitude)):
+        return
+    # As the import that wrote them took them; else they are taken for what they should be.
+    noted = (note.removeprefix(TAKEN) for note in flight.notes if note.startswith(TAKEN))
+    taken = AXES.get(next(noted, ""), AXES["rfu"])
+    words, better = next(readings(quaternions_from_attitude(flight.attitude, taken)), ("", None))
+    if better is None:
         yield doubt
+    else:
+        yield Doubt(
+            f"{doubt} ({words} would look down)",
+            f"attitudes read as of {words}",
+            lambda flight: replace(flight, attitude=better),
+        )
 
 
 def _time_offset(flight: Flight) -> Iterator[str]:
@@ -188,10 +203,13 @@ def _time_offset(flight: Flight) -> Iterator[str]:
             lambda flight: replace(flight, attitude=np.array((1, 1, -1)) * flight.attitude),
         )
     elif found.noticeable:
-        late = "after" if found.seconds > 0 else "before"
-        yield (
-            f"the pictures turn {abs(found.seconds):.2f} s {late} the yaw does: their stamps and "
-            "those of attitude and position are not of one clock: shift the one by that"
+        seconds = found.seconds
+        late = f"{abs(seconds):.2f} s {'after' if seconds > 0 else 'before'}"
+        yield Doubt(
+            f"the pictures turn {late} the yaw does: their stamps and those of attitude and "
+            "position are not of one clock: shift the one by that",
+            f"each frame given the position and attitude of its picture, whose stamp is {late} it",
+            lambda flight: with_poses_of(flight, seconds),
         )
 
 

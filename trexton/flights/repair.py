@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from trexton.flights.flight import Flight, area_around
+from trexton.flights.importers.recording import NANO, PoseTrack, match
 
-__all__ = ["Doubt", "count_of", "scaled", "without_positions"]
+__all__ = ["Doubt", "count_of", "scaled", "with_poses_of", "without_positions"]
 
 
 class Doubt(str):
@@ -54,6 +55,22 @@ def without_positions(rows: np.ndarray) -> Callable[[Flight], Flight]:
         return replace(flight, position=position, height=height, area=area)
 
     return mend
+
+
+def with_poses_of(flight: Flight, seconds: float) -> Flight:
+    """The flight with the poses of so many seconds before each stamp; empty where there are none."""
+    unknown = np.full(len(flight), np.nan)
+    height = unknown if flight.height is None else flight.height
+    stamps = np.rint((flight.time - flight.time[0]) * NANO).astype(np.int64)
+    track = PoseTrack(stamps, np.column_stack([flight.position, height]), flight.attitude)
+    between = max(0.1, float(np.median(np.diff(flight.time))))
+    placed, _ = match(stamps, track.shifted(seconds), between)
+    return replace(
+        flight,
+        position=placed.position[:, :2],
+        height=None if flight.height is None else placed.position[:, 2],
+        attitude=placed.attitude,
+    )
 
 
 def count_of(number: int, what: str) -> str:

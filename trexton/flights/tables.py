@@ -9,7 +9,7 @@ from __future__ import annotations
 import csv
 import io
 import stat
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
 from pathlib import Path
@@ -55,21 +55,24 @@ class TextTable:
     Attributes
     ----------
     path : Path
-    header : list of str
-    cells : dict of str to tuple of str
-        A column each; of columns with one name the last.
-    rows : list of int
+    cells : dict of str to sequence of str
+        A column each, in the order of the file.
+    rows : sequence of int
         The number of each row in the file, as editors count.
     separator, decimal : str
         The sign between fields (a blank for any number of blanks), and the decimal point.
     """
 
     path: Path
-    header: list[str]
-    cells: dict[str, tuple[str, ...]]
-    rows: list[int]
-    separator: str
-    decimal: str
+    cells: Mapping[str, Sequence[str]]
+    rows: Sequence[int]
+    separator: str = ","
+    decimal: str = "."
+
+    @property
+    def header(self) -> list[str]:
+        """The names of the columns."""
+        return list(self.cells)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -163,20 +166,13 @@ def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
         The file cannot be read, has no rows, a name twice, or a row has another number of fields.
     """
     text = read_text(path)
-    first = next(
-        (
-            line
-            for line in text.splitlines()
-            if line.strip() and not (names and line.lstrip().startswith("#"))
-        ),
-        "",
-    )
+    lines = (line for line in text.splitlines() if line.strip())
+    first = next((line for line in lines if not (names and line.lstrip().startswith("#"))), "")
     separator = next((each for each in ";\t," if each in first), " ")
+    stream = io.StringIO(text, newline="")
     try:
-        lines = csv.reader(
-            io.StringIO(text, newline=""), delimiter=separator, skipinitialspace=True
-        )
-        table = [(lines.line_num, row) for row in lines if any(cell.strip() for cell in row)]
+        reader = csv.reader(stream, delimiter=separator, skipinitialspace=True)
+        table = [(reader.line_num, row) for row in reader if any(cell.strip() for cell in row)]
     except csv.Error as error:
         raise FlightError(f"{path}: not a text table ({error}): write it as UTF-8 CSV") from None
     if not names and table:
@@ -190,28 +186,16 @@ def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
         raise FlightError(f"{path}: column {twice[0]!r} appears twice: name each column once")
     for number, row in table:
         if len(row) < len(names) or any(cell.strip() for cell in row[len(names) :]):
-            raise _uneven(path, number, len(row), list(names), separator)
-    columns = list(zip(*(row[: len(names)] for _, row in table), strict=True))
-    comma = separator != "," and any("," in cell for column in columns for cell in column)
-    return TextTable(
-        path,
-        list(names),
-        dict(zip(names, columns, strict=True)),
-        [number for number, _ in table],
-        separator,
-        "," if comma else ".",
+            hint = "complete the row" if len(row) < len(names) else "remove the extra fields"
+            if separator == "," and len(names) < len(row) <= 2 * len(names):
+                hint += "; decimal commas must become points"
+            raise FlightError(
+                f"{path}, row {number}: {len(row)} fields where {len(names)} are named "
+                f"({', '.join(names[:6])}): {hint}"
+            )
+    cells = dict(
+        zip(names, zip(*(row[: len(names)] for _, row in table), strict=True), strict=True)
     )
-
-
-def _uneven(path: Path, row: int, found: int, names: list[str], separator: str) -> FlightError:
-    hint = "complete the row"
-    if found > len(names):
-        hint = "remove the extra fields" + (
-            "; decimal commas must become points"
-            if separator == "," and found <= 2 * len(names)
-            else ""
-        )
-    return FlightError(
-        f"{path}, row {row}: {found} fields where {len(names)} are named "
-        f"({', '.join(names[:6])}): {hint}"
-    )
+    comma = separator != "," and any("," in cell for column in cells.values() for cell in column)
+    decimal = "," if comma else "."
+    return TextTable(path, cells, [number for number, _ in table], separator, decimal)

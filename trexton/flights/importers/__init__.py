@@ -1,8 +1,8 @@
-"""Flights from the formats that people have: one file each, and one line here.
+"""Flights from the formats that people have: a module or a class each, and one line here.
 
-A module declares its options (`Settings`, a dataclass of `trexton.base.options`), says whether a
-source looks like its own (``recognises(path)``) and reads it (``read(path, settings) ->
-Recording``). Command line, checks and the table in the documentation are made from these.
+It declares its options (`Settings`, a dataclass of `trexton.base.options`), says whether a source
+looks like its own (``recognises(path)``) and reads it (``read(path, settings) -> Recording``).
+Command line, checks and the table in the documentation are made from these.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ from trexton.flights.importers.recording import Recording
 __all__ = ["IMPORTERS", "Importer", "describe", "guess_kind", "importer"]
 
 IMPORTERS = {
-    "euroc": "trexton.flights.importers.euroc",
-    "tum": "trexton.flights.importers.tum",
+    "euroc": "trexton.flights.importers.listed:Euroc",
+    "tum": "trexton.flights.importers.listed:Tum",
     "video": "trexton.flights.importers.video",
     "bag": "trexton.flights.importers.bag",
     "photos": "trexton.flights.importers.photos",
-    "csv": "trexton.flights.importers.table",
-    "features": "trexton.flights.importers.features",
+    "csv": "trexton.flights.importers.listed:Table",
+    "features": "trexton.flights.importers.listed:Features",
 }
 
 
 class Importer(Protocol):
-    """What a module of an importer offers; its first docstring line describes it."""
+    """What an importer offers; the first sentence of its docstring describes it."""
 
     Settings: type[Options]
 
@@ -53,7 +53,7 @@ def describe() -> str:
     lines = ["| kind | reads | its own settings |", "|---|---|---|"]
     for kind in IMPORTERS:
         module = importer(kind)
-        first = " ".join((module.__doc__ or "").strip().partition("\n\n")[0].split()).rstrip(".")
+        first = " ".join((module.__doc__ or "").partition("\n\n")[0].split()).rstrip(".")
         settings = "<br>".join(
             f"`--{each.name.replace('_', '-')}` {each.meaning}"
             for each in module.Settings.declared()

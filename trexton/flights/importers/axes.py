@@ -1,29 +1,39 @@
 """Attitudes from the quaternions of other systems, whose axes are named, given or guessed.
 
 `AXES` has the usual ones; `camera_attitude` takes them by name, `attitude_from_quaternions` by
-matrix; `looks_away` says where the camera then looks and what may be wrong.
+matrix. `looks_away` says where the camera then looks, `readings` which others look down.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from trexton.base.options import option
 
-__all__ = ["AXES", "attitude_from_quaternions", "axes_option", "camera_attitude", "looks_away"]
+__all__ = [
+    "AXES",
+    "TAKEN",
+    "attitude_from_quaternions",
+    "axes_option",
+    "camera_attitude",
+    "looks_away",
+    "quaternions_from_attitude",
+    "readings",
+]
 
 LOOKS_DOWN = 30.0  # degrees from straight down, in half of the frames, up to which nothing is said
 SURELY_DOWN = 15.0  # where another reading of a quaternion must lead to be named
+TAKEN = "quaternions taken as those of axes "  # and a name: what an import says, and notes
 
 # What a quaternion may turn, to the world, z up: right, forward and up of this project's vehicle
-# (`trexton.vision.camera`), as columns in those axes.
+# (`trexton.vision.camera`), as columns in those axes. The likeliest first.
 AXES = {
-    "rfu": np.eye(3),
+    "camera": np.diag([1.0, -1, -1]),
     "flu": np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]]),  # REP 103
     "frd": np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]]),
-    "camera": np.diag([1.0, -1, -1]),
+    "rfu": np.eye(3),
 }
 
 
@@ -51,14 +61,29 @@ def attitude_from_quaternions(
     axes : (3, 3) array
         An entry of `AXES`, or how a sensor is mounted.
     """
+    from scipy.spatial.transform import Rotation
+
     given = np.asarray(quaternions, dtype=float).reshape(-1, 4)
-    length = np.linalg.norm(given, axis=1)
-    turns = _matrices(given) @ axes
-    turns[~(length > 1e-6)] = np.nan
+    known = np.linalg.norm(given, axis=1) > 1e-6
+    turns = Rotation.from_quat(np.where(known[:, None], given, [0.0, 0, 0, 1])).as_matrix() @ axes
+    turns[~known] = np.nan
     pitch = np.arcsin(np.clip(turns[:, 2, 1], -1, 1))
     roll = np.arctan2(-turns[:, 2, 0], turns[:, 2, 2])
     yaw = np.arctan2(-turns[:, 0, 1], turns[:, 1, 1])
     return np.column_stack([roll, pitch, yaw])
+
+
+def quaternions_from_attitude(attitude: np.ndarray, axes: np.ndarray) -> np.ndarray:
+    """``(N, 4)`` x, y, z, w of which `attitude_from_quaternions` makes ``(N, 3)`` `attitude`; zero
+    where that is not known.
+    """
+    from scipy.spatial.transform import Rotation
+
+    known = np.isfinite(attitude).all(axis=1)
+    turns = Rotation.from_euler("ZXY", attitude[known][:, [2, 1, 0]])
+    quaternions = np.zeros((len(attitude), 4))
+    quaternions[known] = (turns * Rotation.from_matrix(axes.T)).as_quat()
+    return quaternions
 
 
 def camera_attitude(quaternions: np.ndarray, axes: str) -> tuple[np.ndarray, list[str]]:
@@ -69,31 +94,32 @@ def camera_attitude(quaternions: np.ndarray, axes: str) -> tuple[np.ndarray, lis
     """
     quaternions = np.asarray(quaternions, dtype=float)
     if axes == "auto":
-        up = np.cos(_median_tilt(attitude_from_quaternions(quaternions, AXES["camera"])))
-        axes = "camera" if up > 0 else "flu"
+        down = _tilts(attitude_from_quaternions(quaternions, AXES["camera"]), 0.5) < 90
+        axes = "camera" if down else "flu"
     attitude = attitude_from_quaternions(quaternions, AXES[axes])
-    said = [f"quaternions taken as those of axes {axes}"]
-    others = [
-        f"axes {name}{', order w, x, y, z' if rolled else ''}"
-        for rolled in (0, 1)
-        for name, turned in AXES.items()
-        if np.degrees(_median_tilt(_read_as(quaternions, rolled, turned))) < SURELY_DOWN
-    ]
+    said = [TAKEN + axes]
     if doubt := looks_away(attitude):
-        hint = f" ({' or '.join(others)} would look down)" if others else ""
-        said.append(f"{doubt}{hint}")
+        others = " or ".join(words for words, _ in readings(quaternions))
+        said.append(doubt + (f" ({others} would look down)" if others else ""))
     return attitude, said
 
 
-def _read_as(quaternions: np.ndarray, rolled: int, axes: np.ndarray) -> np.ndarray:
-    return attitude_from_quaternions(np.roll(quaternions, -rolled, axis=1), axes)
+def readings(quaternions: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """What the same numbers may mean where the camera looks down, the likeliest first: words, and
+    the attitude.
+    """
+    for order in (0, 1):
+        for name, axes in AXES.items():
+            attitude = attitude_from_quaternions(np.roll(quaternions, -order, axis=1), axes)
+            if _tilts(attitude, 0.5) < SURELY_DOWN and _tilts(attitude, 0.9) < LOOKS_DOWN:
+                yield f"axes {name}{', order w, x, y, z' if order else ''}", attitude
 
 
 def looks_away(attitude: np.ndarray) -> str:
     """A sentence where a camera of these roll, pitch, yaw does not look down in half of the frames,
     with the likely causes; empty where it does.
     """
-    tilt = np.degrees(_median_tilt(attitude))
+    tilt = _tilts(attitude, 0.5)
     if not tilt > LOOKS_DOWN:
         return ""
     causes = (
@@ -108,18 +134,10 @@ def looks_away(attitude: np.ndarray) -> str:
     )
 
 
-def _median_tilt(attitude: np.ndarray) -> float:
-    """Radians between the camera's axis and straight down; NaN where no attitude is known."""
-    tilts = np.arccos(np.cos(attitude[:, 0]) * np.cos(attitude[:, 1]))
+def _tilts(attitude: np.ndarray, share: float) -> float:
+    """Degrees from straight down within which the camera's axis is in this share of the rows; NaN
+    where no attitude is known.
+    """
+    tilts = np.degrees(np.arccos(np.cos(attitude[:, 0]) * np.cos(attitude[:, 1])))
     known = tilts[np.isfinite(tilts)]
-    return float(np.median(known)) if len(known) else np.nan
-
-
-def _matrices(quaternions: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    matrices: np.ndarray = Rotation.from_quat(
-        np.where(lengths > 1e-6, quaternions, [0.0, 0, 0, 1])
-    ).as_matrix()
-    return matrices.reshape(-1, 3, 3)
+    return float(np.quantile(known, share)) if len(known) else np.nan

@@ -9,8 +9,8 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from trexton.base.errors import FlightError
 from trexton.flights.tables import LENGTHS, TextTable, read_text
@@ -19,33 +19,22 @@ __all__ = ["read_motion_capture"]
 
 _UNITS = {"meters": "m", "metres": "m", "centimeters": "cm", "millimeters": "mm"}
 _NUMBER = re.compile(r"[-+]?\d+(\.\d*)?")
-_VICON = ("objects", "segments", "model outputs", "trajectories")
 
 Row = list[str]
 
 
-@dataclass(frozen=True)
-class _Export:
+class _Export(NamedTuple):
     """What an export says: where its columns are, by body, and how they are read.
 
-    Attributes
-    ----------
-    bodies : dict of str to dict of str to int
-        For each rigid body the places of its columns.
-    first : int
-        The row where numbers begin, from 0.
-    settings : dict of str to str
-        Of `TrackColumns`.
-    rate : float
-        Frames a second, where there is no column of stamps.
-    said : str
+    `first` is the row where numbers begin, from 0; `settings` are those of `TrackColumns`; `rate`
+    the frames a second, where there is no column of stamps.
     """
 
     bodies: dict[str, dict[str, int]]
     first: int
     settings: dict[str, str]
+    said: str
     rate: float = 0.0
-    said: str = ""
 
 
 def read_motion_capture(
@@ -65,18 +54,11 @@ def read_motion_capture(
     """
     if path.suffix.lower() not in (".csv", ".tsv", ".txt"):
         return None
-    text = read_text(path)
-    begin = text[:200].lower()
-    read: Callable[[list[Row]], _Export]
-    if begin.startswith("format version"):
-        read = _motive
-    elif begin.startswith(("no_of_frames", "file_version")):
-        read = _qualisys
-    elif begin.splitlines()[:1] and begin.splitlines()[0].strip(' ",') in _VICON:
-        read = _vicon
-    else:
+    lines = read_text(path).splitlines() or [""]
+    begin = [cell.strip(' "').lower() for cell in re.split("[,\t]", lines[0])]
+    read = _FORMATS.get(begin[0])
+    if read is None or read is _vicon and any(begin[1:]):
         return None
-    lines = text.splitlines()
     try:
         rows = list(csv.reader(lines, delimiter="\t" if read is _qualisys else ","))
         export = read(rows)
@@ -92,21 +74,19 @@ def read_motion_capture(
         )
     places = export.bodies[names[0]]
     kept: list[int] = []
-    cells: list[Row] = []
     for number, row in enumerate(rows[export.first :], export.first):
         if not (row and _NUMBER.fullmatch(row[0].strip())):
             if kept:
                 break  # another table follows
         elif len(row) > max(places.values()):
-            kept.append(number + 1)
-            cells.append([row[place].strip() for place in places.values()])
+            kept.append(number)
     if not kept:
         raise FlightError(f"{path}: no rows of {names[0]}: export it anew")
-    columns = dict(zip(places, map(tuple, zip(*cells, strict=True)), strict=True))
+    columns = {name: [rows[row][place] for row in kept] for name, place in places.items()}
     if export.rate:
         frames = [float(frame) for frame in columns.get("frame", range(len(kept)))]
-        columns["time"] = tuple(f"{(each - frames[0]) / export.rate:.9f}" for each in frames)
-    table = TextTable(path, list(columns), columns, kept, ",", ".")
+        columns["time"] = [f"{(each - frames[0]) / export.rate:.9f}" for each in frames]
+    table = TextTable(path, columns, [row + 1 for row in kept])
     return table, export.settings, [f"{path}: body {names[0]}{export.said}"]
 
 
@@ -115,24 +95,21 @@ def _motive(rows: list[Row]) -> _Export:
     head = dict(zip(rows[0][::2], rows[0][1::2], strict=False))
     at = next(number for number, row in enumerate(rows) if row and row[0].strip() == "Frame")
     above = [row for row in rows[1:at] if any(cell.strip() for cell in row)]
-    kinds, names, parts = above[0], above[1], above[-1]
+    kinds, names, parts, axes = above[0], above[1], above[-1], rows[at]
     bodies: dict[str, dict[str, int]] = {}
-    for place in range(2, min(map(len, (kinds, names, parts, rows[at])))):
-        axis = rows[at][place].strip()
-        if kinds[place].strip() != "Rigid Body" or parts[place] not in ("Position", "Rotation"):
-            continue
-        columns = bodies.setdefault(names[place], {"time": 1})
-        columns[axis if parts[place] == "Position" else f"R{axis}"] = place
+    for place, (kind, name, part, axis) in enumerate(zip(kinds, names, parts, axes, strict=False)):
+        if place > 1 and kind.strip() == "Rigid Body" and part in ("Position", "Rotation"):
+            # The stamps also as the file calls them, for who names columns.
+            columns = bodies.setdefault(name, {"time": 1, axes[1].strip(): 1})
+            columns[axis.strip() if part == "Position" else f"R{axis.strip()}"] = place
     settings = {"time": "time", "x": "X", "y": "-Z", "z": "Y"}
+    settings["unit"] = _UNITS[head.get("Length Units", "Meters").lower()]
     said = ", y up (Motive's default): x, -z, y are x, y, z unless others are named"
     if head.get("Rotation Type", "Quaternion") == "Quaternion":
         settings["quaternion"] = "RX,-RZ,RY,RW"
     else:
         said += "; its angles are left out, export quaternions"
-    settings["unit"] = _UNITS[head.get("Length Units", "Meters").lower()]
-    for columns in bodies.values():  # as the file calls it, for who names columns
-        columns[rows[at][1].strip()] = 1
-    return _Export(bodies, at + 1, settings, said=said)
+    return _Export(bodies, at + 1, settings, said)
 
 
 def _vicon(rows: list[Row]) -> _Export:
@@ -149,32 +126,28 @@ def _vicon(rows: list[Row]) -> _Export:
     known = next(iter(bodies.values()))
     letter = "T" if "TX" in known else ""
     settings = {"time": "time", "x": f"{letter}X", "y": f"{letter}Y", "z": f"{letter}Z"}
+    settings["unit"] = units[known[settings["x"]]].strip()
+    if settings["unit"] not in LENGTHS:
+        raise ValueError(f"unit {settings['unit']!r}")
     said = f", {rate:g} frames a second"
     if "RW" in known:
         settings["quaternion"] = "RX,RY,RZ,RW"
     elif "RX" in known:
         said += "; its angles are left out, export quaternions"
-    settings["unit"] = units[known[settings["x"]]].strip()
-    if settings["unit"] not in LENGTHS:
-        raise ValueError(f"unit {settings['unit']!r}")
-    return _Export(bodies, 5, settings, rate, said)
+    return _Export(bodies, 5, settings, said, rate)
 
 
 def _qualisys(rows: list[Row]) -> _Export:
     """Keys with values, then columns: of 6D x, y, z, angles, residual, nine of a matrix."""
-    keys = {
-        row[0].strip(): [cell.strip() for cell in row[1:] if cell.strip()]
-        for row in rows[:20]
-        if row
-    }
-    at = next(
-        number
+    keys = {row[0].strip(): [each.strip() for each in row[1:] if each.strip()]
+            for row in rows[:20] if row}  # fmt: skip
+    at, axes = next(
+        (number, [cell.strip() for cell in row])
         for number, row in enumerate(rows)
         if len(row) > 2 and any(re.fullmatch(r"(.* )?X", cell.strip()) for cell in row)
     )
-    axes = [cell.strip() for cell in rows[at]]
+    timed = {name.lower(): axes.index(name) for name in ("Frame", "Time") if name in axes}
     bodies: dict[str, dict[str, int]] = {}
-    timed = {"time": axes.index("Time")} if "Time" in axes else {}
     named = iter(keys.get("BODY_NAMES") or keys.get("MARKER_NAMES") or [])
     name = ""
     for place, axis in enumerate(axes):
@@ -183,13 +156,17 @@ def _qualisys(rows: list[Row]) -> _Export:
             name = body or next(named)
         if name and axis in ("X", "Y", "Z") or axis.startswith("Rot["):
             bodies.setdefault(name, dict(timed))[axis.lower()] = place
-    known = next(iter(bodies.values()))
     settings = {"time": "time", "x": "x", "y": "y", "z": "z", "unit": "mm"}
     matrix = [f"rot[{number}]" for number in range(9)]
-    if set(matrix) <= set(known):
+    if set(matrix) <= set(next(iter(bodies.values()))):
         settings["quaternion"] = ",".join(matrix)
-    rate = 0.0 if timed else float(keys["FREQUENCY"][0])
-    if rate and "Frame" in axes:
-        for columns in bodies.values():
-            columns["frame"] = axes.index("Frame")
-    return _Export(bodies, at + 1, settings, rate, ", millimetres")
+    rate = 0.0 if "time" in timed else float(keys["FREQUENCY"][0])
+    return _Export(bodies, at + 1, settings, ", millimetres", rate)
+
+
+# By what the first cell says.
+_FORMATS: dict[str, Callable[[list[Row]], _Export]] = {
+    "format version": _motive,
+    **dict.fromkeys(("no_of_frames", "file_version"), _qualisys),
+    **dict.fromkeys(("objects", "segments", "model outputs", "trajectories"), _vicon),
+}

@@ -1,0 +1,266 @@
+"""What a list of frames beside positions becomes: folders of TUM and EuRoC, tables of images or of
+features. A class each, with the options and functions that an importer has.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from trexton.base.errors import FlightError
+from trexton.base.options import Options, option
+from trexton.flights.frames import ImageFiles
+from trexton.flights.importers.axes import AXES, axes_option
+from trexton.flights.importers.calibration import read_calibration, read_mounting
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
+from trexton.flights.importers.tracks import TUM, TrackColumns, trajectory_names
+from trexton.flights.tables import TextTable, read_table, read_text
+
+__all__ = ["Euroc", "Features", "Table", "Tum", "read_trajectory"]
+
+_LISTS = ("rgb.txt", "images.txt", "left_images.txt", "times.txt")
+_TRACKS = ("mocap0", "vicon0", "leica0", "state_groundtruth_estimate0")
+_NANOSECONDS = 1e16  # stamps from here on cannot be seconds
+
+
+class Euroc:
+    """EuRoC / ASL folders: ``mav0/cam0`` with ``mocap0``, ``vicon0``, ``leica0`` or a ground truth
+    estimate.
+    """
+
+    @dataclass(frozen=True)
+    class Settings(Options):
+        """What can be chosen."""
+
+        camera: str = option("cam0", "folder of the camera")
+        track: str = option("", "folder of the positions (default: the first of its usual names)")
+
+    @staticmethod
+    def recognises(source: Path) -> bool:
+        return (_mav(source) / "cam0" / "data.csv").is_file()
+
+    @staticmethod
+    def read(source: Path, settings: Settings) -> Recording:
+        """The recording in an ASL folder: the folder itself, or the one that holds ``mav0``."""
+        root = _mav(source)
+        folder = root / settings.camera
+        table = read_table(folder / "data.csv", ["stamp", "file"])
+        names = [settings.track] if settings.track else list(_TRACKS)
+        found = next((name for name in names if (root / name / "data.csv").is_file()), None)
+        if found is None:
+            raise FlightError(f"{root}: no positions in {', '.join(names)}: name their folder")
+        sensor = folder / "sensor.yaml"
+        camera, distortion = read_calibration(sensor) if sensor.is_file() else (None, None)
+        track, said = _asl_track(root / found / "data.csv", sensor)
+        return Recording(
+            table.nanoseconds("stamp", "ns"),
+            track,
+            ImageFiles(tuple(folder / "data" / name for name in table.texts("file"))),
+            camera=camera,
+            distortion=distortion,
+            source=f"ASL folder, {settings.camera} and {found}",
+            said=[f"positions from {found}", *said],
+        )
+
+
+def _mav(source: Path) -> Path:
+    return source / "mav0" if (source / "mav0").is_dir() else source
+
+
+def _asl_track(path: Path, camera: Path) -> tuple[PoseTrack, list[str]]:
+    """Positions, and the attitude of the camera whose ``sensor.yaml`` tells how it is mounted."""
+    table = read_table(path)
+    names = table.header
+    if len(names) < 4:
+        raise FlightError(f"{path}: {len(names)} columns: expected stamp, x, y, z")
+    turn = ",".join((*names[5:8], names[4]) if len(names) >= 8 else ())  # written w, x, y, z
+    columns = TrackColumns(names[0], names[1], names[2], names[3], quaternion=turn, time_unit="ns")
+    mounted, tracked = (
+        read_mounting(sensor) if sensor.is_file() else None
+        for sensor in (camera, path.with_name("sensor.yaml"))
+    )
+    if mounted is None:
+        return columns.of(table)
+    # From the axes of what was tracked to the vehicle's, and from those to the camera's.
+    return columns.of(
+        table, (np.eye(3) if tracked is None else tracked.T) @ mounted @ AXES["camera"]
+    )
+
+
+class Tum:
+    """TUM trajectories: ``stamp x y z qx qy qz qw`` in seconds and metres, beside a list of images.
+
+    Lists are read as TUM (stamp, file), UZH-FPV (id, stamp, file) and DSO (id, stamp, exposure)
+    have them.
+    """
+
+    @dataclass(frozen=True)
+    class Settings(Options):
+        """What can be chosen."""
+
+        images: str = option("", f"list of stamps and image files (default: {', '.join(_LISTS)})")
+        trajectory: str = option("groundtruth.txt", "trajectory in the folder")
+        quaternion: str = option(TUM.quaternion, "order of the last four columns")
+        axes: str = axes_option()
+
+    @staticmethod
+    def recognises(source: Path) -> bool:
+        return (source / "groundtruth.txt").is_file() and _list(source, _LISTS) is not None
+
+    @staticmethod
+    def read(source: Path, settings: Settings) -> Recording:
+        """The recording in a folder with an image list and a trajectory."""
+        names = (settings.images,) if settings.images else _LISTS
+        listed = _list(source, names)
+        if listed is None:
+            named = ", ".join(names)
+            raise FlightError(f"{source}: no list of images ({named}): name it with --images")
+        table = _read_list(listed)
+        latest = np.abs(table.numbers("stamp", missing_allowed=False)).max()
+        unit = "ns" if latest >= _NANOSECONDS else "s"
+        track, said = read_trajectory(
+            source / settings.trajectory, settings.axes, settings.quaternion, unit
+        )
+        files = ImageFiles(tuple(source / name for name in table.texts("file")))
+        stamps = table.nanoseconds("stamp", unit)
+        return Recording(stamps, track, files, source="TUM folder", said=said)
+
+
+def _list(source: Path, names: tuple[str, ...]) -> Path | None:
+    return next((source / name for name in names if (source / name).is_file()), None)
+
+
+def _read_list(path: Path) -> TextTable:
+    rows, cells = [], []
+    for number, line in enumerate(read_text(path).splitlines(), 1):
+        if not line.strip() or line.lstrip().startswith("#"):
+            continue
+        # An id is a whole number before another number; else the stamp comes first.
+        words = line.replace(",", " ").split(maxsplit=2)
+        numbered = len(words) == 3 and words[0].isdigit() and _is_number(words[1])
+        fields = words if numbered else ["", *line.replace(",", " ").split(maxsplit=1)]
+        if len(fields) != 3:
+            raise FlightError(f"{path}, row {number}: {line[:40]!r}: expected a stamp and a file")
+        if _is_number(fields[2].split()[0]):  # an exposure
+            found = next(path.parent.glob(f"images/{fields[0]}.*"), path.parent / fields[0])
+            fields[2] = str(found.relative_to(path.parent))
+        rows.append(number)
+        cells.append((fields[1], fields[2].strip()))
+    if not rows:
+        raise FlightError(f"{path}: no rows: expected a stamp and a file a line")
+    return TextTable(
+        path, dict(zip(("stamp", "file"), zip(*cells, strict=True), strict=True)), rows
+    )
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
+
+
+def read_trajectory(
+    path: Path, axes: str = "auto", quaternion: str = TUM.quaternion, time_unit: str = "s"
+) -> tuple[PoseTrack, list[str]]:
+    """The track in a TUM file, and what to know of it, such as which `AXES` its quaternions turn.
+
+    Raises
+    ------
+    FlightError
+        The file cannot be read, or a row is not eight numbers.
+    """
+    columns = replace(TUM, axes=axes, quaternion=quaternion, time_unit=time_unit)
+    return columns.of(read_table(path, trajectory_names(path, quaternion)))
+
+
+def _column_names(source: Path) -> set[str]:
+    """Of a table; none where there is no table."""
+    if not (source.is_file() and source.suffix.lower() in (".csv", ".tsv", ".txt")):
+        return set()
+    try:
+        return set(read_table(source).header)
+    except FlightError:
+        return set()
+
+
+class Table:
+    """A CSV of frames: stamps, positions and image files, its columns and units named."""
+
+    @dataclass(frozen=True)
+    class Settings(TrackColumns):
+        """What can be chosen."""
+
+        image: str = option("image", "column of the image files, beside the table")
+
+    @staticmethod
+    def recognises(source: Path) -> bool:
+        return {"x", "y", "image"} <= _column_names(source)
+
+    @staticmethod
+    def read(source: Path, settings: Settings) -> Recording:
+        """The recording that a table lists."""
+        table = read_table(source)
+        names = np.array(table.texts(settings.image), dtype=object)
+        pictured = names != ""  # the other rows are positions between the frames
+        if not pictured.any():
+            raise FlightError(
+                f"{source}: no row of column {settings.image!r} names an image: name them"
+            )
+        track, said = settings.of(table)
+        files = ImageFiles(tuple(source.parent / name for name in names[pictured]))
+        stamps = table.nanoseconds(settings.time, settings.time_unit)[pictured]
+        return Recording(stamps, track, files, source=f"table {source.name}", said=said)
+
+
+class Features:
+    """Histograms of any feature: a table of values, a row a frame, and positions beside them or in
+    another table.
+    """
+
+    @dataclass(frozen=True)
+    class Settings(TrackColumns):
+        """What can be chosen."""
+
+        time: str = option("", "column of the stamps (default: frames at the rate below)")
+        positions: str = option(
+            "", "table of x and y, a row a frame (default: columns of the same table)"
+        )
+        rate: float = option(
+            12.5, "frames a second, where there are no stamps", low=0.001, high=10000
+        )
+        features: str = option("features", "what the values count; textons must sum to one")
+
+    @staticmethod
+    def recognises(source: Path) -> bool:
+        names = _column_names(source)
+        return {"x", "y"} <= names and "image" not in names and len(names) > 5
+
+    @staticmethod
+    def read(source: Path, settings: Settings) -> Recording:
+        """The recording of one table of features, or of two tables with a row a frame each."""
+        where = beside(source.parent, settings.positions) if settings.positions else source
+        places = read_table(where)
+        stamps = (np.arange(len(places)) * NANO / settings.rate).astype(np.int64)
+        if settings.time:
+            stamps = places.nanoseconds(settings.time, settings.time_unit)
+        track, said = settings.of(places, stamps=stamps)
+        table = places if where == source else read_table(source)
+        used = {"frame"}
+        if where == source:
+            used |= {settings.x, settings.y, settings.z, settings.time, settings.yaw, "id"}
+            used |= set(settings.quaternion.split(","))
+        names = [name for name in table.header if name not in used]
+        if len(table) != len(places) or not names:
+            raise FlightError(
+                f"{source}: {len(table)} rows of {len(names)} values, {len(places)} "
+                "positions: expected a row of finite numbers for each position"
+            )
+        values = [table.numbers(name, missing_allowed=False) for name in names]
+        return Recording(
+            stamps, track, histograms=np.column_stack(values), features=settings.features,
+            source=f"features of {source.name}", said=said,
+        )  # fmt: skip
