@@ -7,8 +7,8 @@ from test_import import euroc
 
 from trexton.base.errors import TrextonError
 from trexton.flights.importers.axes import attitude_from_quaternions
-from trexton.flights.importers.recording import PoseTrack, match
 from trexton.flights.importers.listed import read_trajectory
+from trexton.flights.importers.recording import PoseTrack, match
 from trexton.flights.importing import import_flight
 
 

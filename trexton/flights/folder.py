@@ -18,12 +18,9 @@ import numpy as np
 from trexton.base.errors import FlightError
 from trexton.flights.flight import SUM_TOLERANCE, Flight, area_around
 from trexton.flights.frames import ImageFiles
-from trexton.flights.header import (
-    FARTHEST,
-    camera_from_header,
-    read_header,
-)
+from trexton.flights.header import FARTHEST, read_header
 from trexton.flights.tables import read_table
+from trexton.vision.camera import Camera
 from trexton.vision.rectification import Rectification
 
 __all__ = ["ANGLES", "Reading", "load_folder", "read_flight"]
@@ -152,7 +149,9 @@ def _assemble(
     x_min, x_max, y_min, y_max = header.get("area_m") or area_around(position)
     unknown = np.full(len(position), np.nan)  # a heading may be known where no tilt is
     angles = [columns.get(name, unknown) for name in ANGLES]
-    floor, rectified, origin = (header.get(key) for key in ("floor", "rectification", "origin"))
+    camera, floor, rectified, origin = map(
+        header.get, ("camera", "floor", "rectification", "origin")
+    )
     return Flight(
         name=header.get("name", path.name),
         frame=columns["frame"],
@@ -164,7 +163,10 @@ def _assemble(
         frames=None if files is None else ImageFiles(files),
         histograms=histograms,
         features=header.get("features", "textons"),
-        camera=camera_from_header(header["camera"]) if "camera" in header else None,
+        camera=camera and Camera(
+            camera["width_px"], camera["height_px"], float(camera["focal_px"]),
+            tuple(camera["center_px"]) if camera.get("center_px") else None,
+        ),
         split={key: (first, last) for key, (first, last) in header.get("split", {}).items()},
         floor_file=path / floor["image"] if floor else None,
         floor_from_pixel=np.array(floor["world_from_pixel"], dtype=float) if floor else None,
@@ -173,7 +175,7 @@ def _assemble(
         source=header.get("source", ""),
         licence=header.get("licence", ""),
         notes=tuple(header.get("notes", ())),
-    )
+    )  # fmt: skip
 
 
 def _read_frames(path: Path, reading: Reading) -> Columns | None:
@@ -248,8 +250,7 @@ def _sort(columns: Columns, said: list[str], reading: Reading) -> None:
     counted anew.
     """
     time = columns["t_s"]
-    order = np.argsort(time, kind="stable")
-    order = order[np.diff(time[order], prepend=time[order[0]] - 1) > 0]
+    order = np.unique(time, return_index=True)[1]
     if not np.array_equal(order, np.arange(len(time))):
         back, twice = int((np.diff(time) < 0).sum()), len(time) - len(order)
         said.append(f"{back} rows put in order of their stamps, {twice} of repeated stamps dropped")

@@ -1,4 +1,4 @@
-"""``flight.toml``, the header of a Flight folder: its keys are declared in two tables.
+"""``flight.toml``, the header of a Flight folder: its keys are declared in a table.
 
 `read_header` reads it, with every fault as a sentence; a new key is a line in a table.
 """
@@ -7,19 +7,17 @@ from __future__ import annotations
 
 import math
 import tomllib
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
 from trexton.flights.tables import read_text
-from trexton.vision.camera import Camera
 from trexton.vision.rectification import Rectification
 
-__all__ = ["FORMAT", "camera_from_header", "read_header"]
+__all__ = ["FARTHEST", "FORMAT", "read_header"]
 
 FORMAT = 1
 SMALLEST_AREA = 1e-3  # metres
@@ -36,8 +34,8 @@ def _numbers(values: object, count: int) -> bool:
         return False
 
 
-def _text(value: object) -> bool:
-    return isinstance(value, str)
+def _within(value: Any, most: float) -> bool:
+    return _numbers([value], 1) and abs(value) <= most
 
 
 def _range(value: Any) -> bool:
@@ -58,8 +56,7 @@ def _invertible(rows: Any) -> bool:
     return bool(np.linalg.cond(matrix) < 1e10)
 
 
-@dataclass(frozen=True)
-class _Key:
+class _Key(NamedTuple):
     """A key of the header: what its value must be, in code and in words."""
 
     fits: Callable[[Any], bool]
@@ -67,23 +64,22 @@ class _Key:
     needed: bool = False
 
 
-_TEXT = _Key(_text, "text")
+_TEXT = _Key(lambda value: isinstance(value, str), "text")
 _PIXELS = _Key(lambda size: type(size) is int and size > 0, "positive numbers", True)
-_KEYS: dict[str, _Key] = {
-    "format": _Key(lambda version: type(version) is int, "a whole number"),
-    "name": _TEXT,
-    "source": _TEXT,
-    "licence": _TEXT,
-    "features": _TEXT,
-    "notes": _Key(
-        lambda value: isinstance(value, list) and all(map(_text, value)), "a list of texts"
-    ),
-    "area_m": _Key(
-        lambda area: _numbers(area, 4) and area[0] < area[1] and area[2] < area[3],
-        "[x_min, x_max, y_min, y_max] in metres",
-    ),
-}
-_TABLES: dict[str, dict[str, _Key]] = {
+_SPLIT = _Key(_range, "[first frame, last frame]")
+# By their tables; those of "" stand outside of any.
+_KEYS: dict[str, dict[str, _Key]] = {
+    "": {
+        "format": _Key(lambda version: type(version) is int, "a whole number"),
+        **dict.fromkeys(("name", "source", "licence", "features"), _TEXT),
+        "notes": _Key(
+            lambda value: isinstance(value, list) and all(map(_TEXT.fits, value)), "a list of texts"
+        ),
+        "area_m": _Key(
+            lambda area: _numbers(area, 4) and area[0] < area[1] and area[2] < area[3],
+            "[x_min, x_max, y_min, y_max] in metres",
+        ),
+    },
     "camera": {
         "width_px": _PIXELS,
         "height_px": _PIXELS,
@@ -91,7 +87,7 @@ _TABLES: dict[str, dict[str, _Key]] = {
         "center_px": _Key(lambda value: _numbers(value, 2), "[column, row] in pixels"),
     },
     "floor": {
-        "image": _Key(_text, "a file name", True),
+        "image": _TEXT._replace(expected="a file name", needed=True),
         "world_from_pixel": _Key(
             _invertible,
             "three rows of three numbers that do not map the picture to a line or a point",
@@ -99,20 +95,12 @@ _TABLES: dict[str, dict[str, _Key]] = {
         ),
     },
     "origin": {
-        "latitude_deg": _Key(
-            lambda x: _numbers([x], 1) and abs(x) <= 90, "degrees of latitude, -90 to 90", True
-        ),
-        "longitude_deg": _Key(
-            lambda x: _numbers([x], 1) and abs(x) <= 180, "degrees of longitude, -180 to 180", True
-        ),
+        "latitude_deg": _Key(lambda x: _within(x, 90), "degrees of latitude, -90 to 90", True),
+        "longitude_deg": _Key(lambda x: _within(x, 180), "degrees of longitude, -180 to 180", True),
     },
-    "rectification": {
-        key: _Key(lambda _: True, "", True)  # read by `Rectification`
-        for key in ("source_px", "crop_px", "size_px", "focal_px", "center_px", "distortion")
-    },
+    "rectification": {},  # read by `Rectification`
     "split": {},
 }
-_SPLIT = _Key(_range, "[first frame, last frame]")
 
 
 def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
@@ -132,7 +120,7 @@ def read_header(path: Path) -> tuple[dict[str, Any] | None, list[str]]:
 
 
 def _faults(header: dict[str, Any]) -> list[str]:
-    known = sorted([*_KEYS, *_TABLES])
+    known = sorted({*_KEYS[""], *_KEYS} - {""})
     if unknown := sorted(set(header) - set(known)):
         return [f"unknown key {unknown[0]!r}: the keys are {', '.join(known)}"]
     version = header.get("format", FORMAT)
@@ -141,16 +129,20 @@ def _faults(header: dict[str, Any]) -> list[str]:
             f"format {version} is newer than {FORMAT}, the newest this version reads: update "
             "trexton"
         ]
-    faults = [fault for key, what in _KEYS.items() for fault in _fault(key, key, header, what)]
-    for name, keys in _TABLES.items():
-        table = header.get(name, {})
+    faults: list[str] = []
+    for name, keys in _KEYS.items():
+        table = header.get(name) if name else header
+        if table is None:
+            continue
         if not isinstance(table, dict):
             faults.append(f"{name} is {table!r}: expected a table [{name}]")
-        elif name in header:
-            if name == "split":
-                keys = dict.fromkeys(table, _SPLIT)
-            for key, what in keys.items():
-                faults += _fault(f"[{name}] {key}", key, table, what)
+            continue
+        for key, declared in (dict.fromkeys(table, _SPLIT) if name == "split" else keys).items():
+            what = f"[{name}] {key}" if name else key
+            if key not in table:
+                faults += [f"{what} is missing: give it, or drop the table"] * declared.needed
+            elif not declared.fits(table[key]):
+                faults.append(f"{what} is {table[key]!r}: expected {declared.expected}")
     if not faults and "area_m" in header:
         x_min, x_max, y_min, y_max = area = header["area_m"]
         if min(x_max - x_min, y_max - y_min) < SMALLEST_AREA or max(map(abs, area)) > FARTHEST:
@@ -164,21 +156,3 @@ def _faults(header: dict[str, Any]) -> list[str]:
         except ParameterError as error:
             faults.append(f"[rectification]: {error}")
     return faults
-
-
-def _fault(what: str, key: str, table: dict[str, Any], declared: _Key) -> Iterator[str]:
-    if key in table and not declared.fits(table[key]):
-        yield f"{what} is {table[key]!r}: expected {declared.expected}"
-    elif key not in table and declared.needed:
-        yield f"{what} is missing: give it, or drop the table"
-
-
-def camera_from_header(table: dict[str, Any]) -> Camera:
-    """The camera that a [camera] table describes."""
-    center = table.get("center_px")
-    return Camera(
-        table["width_px"],
-        table["height_px"],
-        float(table["focal_px"]),
-        tuple(center) if center else None,
-    )

@@ -54,7 +54,8 @@ def _outside(flight: Flight) -> Iterator[str]:
     slack = 0.01 * flight.diagonal
 
     def beyond(place: np.ndarray) -> np.ndarray:
-        return ((place < low - slack) | (place > high + slack)).any(axis=1)
+        outside: np.ndarray = (place < low - slack) | (place > high + slack)
+        return outside.any(axis=1)
 
     out = beyond(place)
     if not out.any():

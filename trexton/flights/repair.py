@@ -58,7 +58,7 @@ def without_positions(rows: np.ndarray) -> Callable[[Flight], Flight]:
 
 
 def with_poses_of(flight: Flight, seconds: float) -> Flight:
-    """The flight with the poses of so many seconds before each stamp; empty where there are none."""
+    """The flight with the poses of so many seconds before each stamp; empty where none is."""
     unknown = np.full(len(flight), np.nan)
     height = unknown if flight.height is None else flight.height
     stamps = np.rint((flight.time - flight.time[0]) * NANO).astype(np.int64)
