@@ -17,10 +17,10 @@ import trexton.companion.cli.run  # binds what is stood in for below, before tha
 from trexton.base.progress import set_quiet
 from trexton.cli import main as cli
 from trexton.companion.build.display import Display, Outcome
+from trexton.companion.build.flight_pairs import load_pair
 from trexton.companion.build.make import Made
 from trexton.companion.experiments import assessment
 from trexton.flights import write_flight
-from trexton.flights.splits import load_pair
 
 OUTCOMES = [
     Outcome("room", "mocap_training", "ran", ("its code changed",), 2.0),

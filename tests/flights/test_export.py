@@ -56,14 +56,14 @@ def test_a_record_s_stamps_are_those_of_the_flight(record, tmp_path):
 
 def test_a_record_s_tracks_lie_at_the_height_and_place_of_its_flight(record, tmp_path):
     path, _ = record
-    assert (load_trajectory(path, "estimate").position[:, 2] == 0).all()
+    assert (load_trajectory(path, "estimate").height == 0).all()
     content = json.loads(path.read_text())
     content["series"] |= {"height_m": 1.4, "origin_deg": [52.0, 4.4]}
     content["series"]["field_m"] = content["series"]["estimate_m"]
     content["series"]["paths_m"] = [[[0, 1]], [[1, 2], [3, 4]]]  # of no common length
     path.write_text(json.dumps(content))
     track = load_trajectory(path, "field")
-    assert (track.position[:, 2] == 1.4).all() and track.origin == (52.0, 4.4)
+    assert (track.height == 1.4).all() and track.origin == (52.0, 4.4)
     with pytest.raises(TrextonError, match=r"track of nothing \(it has truth, estimate, field\)"):
         load_trajectory(path, "nothing")
 

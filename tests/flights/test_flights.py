@@ -12,10 +12,10 @@ import pytest
 from conftest import small_flight
 
 from trexton.base.errors import FlightError, ImageError
+from trexton.companion.build.flight_pairs import load_pair, with_splits
 from trexton.flights import Flight, read_flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.folder import load_folder
-from trexton.flights.splits import load_pair, with_splits
 from trexton.simulator import Floor
 from trexton.vision.camera import Camera
 

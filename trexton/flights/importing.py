@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -25,11 +25,11 @@ from trexton.flights.folder import load_folder, read_flight
 from trexton.flights.frames import ImageFiles, select_frames
 from trexton.flights.header import FARTHEST
 from trexton.flights.importers import guess_kind, importer
+from trexton.flights.importers.axes import TAKEN
 from trexton.flights.importers.images import Change, write_images
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, match
 from trexton.flights.tracking import lost_rows
 from trexton.flights.writing import write_tables
-from trexton.vision.camera import Camera
 
 __all__ = ["Common", "import_flight", "preview_import"]
 
@@ -85,23 +85,21 @@ def import_flight(
     source, out = Path(source), Path(out)
     clean_leftovers(out)
     check_replaceable(out, replaced, ours=False)
-    plan = _Plan.of(source, kind, settings or {})
-    recording = plan.recording
+    plan = _Plan.of(source, kind, settings or {}, out.name)
+    recording, flight, said = plan.recording, plan.flight, []
     read = recording.frames.files if isinstance(recording.frames, ImageFiles) else ()
     read += (source,) if source.is_file() else ()
     beside = source.resolve() in out.resolve().parents  # a flight may lie in its source's folder
     check_not_read(out, *read, *(() if beside else (source,)))
     with atomic_folder(out, replaced) as work:
-        said: list[str] = []
-        camera, frames = recording.camera, None
         if plan.change is not None:
             (work / "images").mkdir()
             frames, camera, said = write_images(recording, plan.change, work / "images")
-        flight = _flight(recording, plan, camera, frames, plan.common.name or out.name)
+            flight = replace(flight, frames=frames, camera=camera)
         write_tables(flight, work)
         if faults := load_folder(work).faults:  # what cannot be read replaces nothing
             raise FlightError(faults[0].replace(str(work), str(out)))
-    return read_flight(out), [*plan.said, *said, *plan.words]
+    return read_flight(out), [*recording.said, *said, *plan.matched]
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,21 +107,27 @@ class _Plan:
     """What an import will write: what cannot be right is found before images are written, which
     may take long.
 
-    `said` and `words` are what to know of the recording, and of its positions.
+    Attributes
+    ----------
+    options : dict
+        Of the importer and of `Common`, as they are taken.
+    flight : Flight
+        Without its images.
+    matched : list of str
+        What to know of its positions.
     """
 
     kind: str
-    chosen: Options
-    common: Common
+    options: dict[str, object]
     recording: Recording
-    split: dict[str, tuple[int, int]]
-    placed: PoseTrack
+    flight: Flight
     change: Change | None
-    said: list[str]
-    words: list[str]
+    matched: list[str]
 
     @classmethod
-    def of(cls, source: Path, kind: str | None, settings: Mapping[str, object]) -> _Plan:
+    def of(
+        cls, source: Path, kind: str | None, settings: Mapping[str, object], name: str = ""
+    ) -> _Plan:
         """By reading the source; raises as `import_flight`."""
         kind = kind or guess_kind(source)
         module = importer(kind)
@@ -133,7 +137,7 @@ class _Plan:
         names -= {each.name for each in module.Settings.declared()}
         common = Common.parse({key: given.pop(key) for key in list(given) if key in names})
         chosen = module.Settings.parse(given, f"import {kind}")
-        recording, said = _ordered(module.read(source, chosen))
+        recording = _ordered(module.read(source, chosen))
         split = _split(common.split, len(recording.time_ns))
         placed, words = _placed(recording, common)
         if recording.track is not None and "offset" in names:
@@ -147,8 +151,9 @@ class _Plan:
             change = Change.of(
                 recording, source, undistort=common.undistort, mask=common.mask, scale=common.scale
             )
-        said = recording.said + said
-        return cls(kind, chosen, common, recording, split, placed, change, said, words)
+        flight = _flight(recording, placed, change, common.name or name or source.stem)
+        options = {**chosen.as_dict(), **common.as_dict()}
+        return cls(kind, options, recording, replace(flight, split=split), change, words)
 
 
 def preview_import(
@@ -164,54 +169,57 @@ def preview_import(
     TrextonError
         As `import_flight`.
     """
-    plan = _Plan.of(Path(source), kind, settings or {})
-    recording, placed = plan.recording, plan.placed
-    options = {**plan.chosen.as_dict(), **plan.common.as_dict()}
     given = settings or {}
+    plan = _Plan.of(Path(source), kind, given)
+    recording, flight = plan.recording, plan.flight
     rows = [("kind", f"{plan.kind} ({'as given' if kind else 'guessed'})")]
     rows += [
         (name.replace("_", "-"), f"{value} ({'as given' if name in given else 'default'})")
-        for name, value in options.items()
+        for name, value in plan.options.items()
         if value not in ("", None)
     ]
-    time = (recording.time_ns - recording.time_ns[0]) / NANO
-    rows.append(("frames", f"{len(time)} over {time[-1]:.3f} s, from {recording.time_ns[0]} ns on"))
+    first = recording.time_ns[0]
+    rows.append(("frames", f"{len(flight)} over {flight.time[-1]:.3f} s, from {first} ns on"))
     if (track := recording.track) is not None:
-        stamps = (track.time_ns - recording.time_ns[0]) / NANO
-        rows.append(
-            ("clock", f"{len(stamps)} positions from {stamps[0]:.3f} to {stamps[-1]:.3f} s of it")
-        )
-    for name, values in (("x y z", placed.position), ("roll pitch yaw", placed.attitude)):
-        if values is None or not np.isfinite(values).any():
-            continue
-        unit = "m" if name == "x y z" else "rad"
+        begin, end = (track.time_ns[[0, -1]] - first) / NANO
+        count = len(track.time_ns)
+        rows.append(("clock", f"{count} positions from {begin:.3f} to {end:.3f} s of it"))
+    for unit, columns in (
+        ("m", dict(zip("xyz", [*flight.position.T, flight.height], strict=True))),
+        ("rad", dict(zip(("roll", "pitch", "yaw"), _columns(flight.attitude), strict=True))),
+    ):
         told = [
             f"{axis} {np.nanmin(column):.3f} to {np.nanmax(column):.3f} {unit}"
-            for axis, column in zip(name.split(), values.T, strict=True)
-            if np.isfinite(column).any()
+            for axis, column in columns.items()
+            if column is not None and np.isfinite(column).any()
         ]
-        rows.append((name, ", ".join(told)))
+        rows += [(" ".join(columns), ", ".join(told))] * bool(told)
     if plan.change is not None:
         rows.append(("images", "x".join(map(str, plan.change.rectification.size)) + " pixels"))
-    return rows + [("told", line) for line in (*plan.said, *plan.words)]
+    return rows + [("told", line) for line in (*recording.said, *plan.matched)]
 
 
-def _ordered(recording: Recording) -> tuple[Recording, list[str]]:
+def _columns(attitude: np.ndarray | None) -> Sequence[np.ndarray | None]:
+    return [None] * 3 if attitude is None else list(attitude.T)
+
+
+def _ordered(recording: Recording) -> Recording:
     """The recording with its frames in time order, frames of one stamp dropped."""
     stamps = recording.time_ns
     if not len(stamps):
         raise FlightError("the source has no frames: check its path and topics")
-    order = np.argsort(stamps, kind="stable")
-    order = order[np.diff(stamps[order], prepend=stamps[order[0]] - 1) > 0]
+    order = np.unique(stamps, return_index=True)[1]
     if np.array_equal(order, np.arange(len(stamps))):
-        return recording, []
+        return recording
     dropped = len(stamps) - len(order)
+    said = f"frames put in order of their stamps, {dropped} of repeated stamps dropped"
     return replace(
         recording,
         time_ns=stamps[order],
         frames=None if recording.frames is None else select_frames(recording.frames, order),
         histograms=None if recording.histograms is None else recording.histograms[order],
-    ), [f"frames put in order of their stamps, {dropped} of repeated stamps dropped"]
+        said=[*recording.said, said],
+    )
 
 
 def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]:
@@ -228,17 +236,14 @@ def _placed(recording: Recording, common: Common) -> tuple[PoseTrack, list[str]]
         )
     placed, gap_s = match(stamps, track.shifted(common.offset), common.tolerance)
     count = np.isfinite(placed.position[:, 0]).sum()
-    lost = lost_rows((track.time_ns - track.time_ns[0]) / NANO, track.position)
-    return placed, [
-        *(
-            f"{len(rows)} rows of positions lie {how}: was tracking lost? trexton check names the "
-            "frames, with --repair it leaves them out"
-            for how, rows in lost
-            if len(rows)
-        ),
-        f"{count} of {len(stamps)} frames have a position, "
-        f"largest gap between positions used {gap_s:.3f} s",
+    said = [
+        f"{len(rows)} rows of positions lie {how}: was tracking lost? trexton check names the "
+        "frames, with --repair it leaves them out"
+        for how, rows in lost_rows((track.time_ns - track.time_ns[0]) / NANO, track.position)
+        if len(rows)
     ]
+    found = f"{count} of {len(stamps)} frames have a position"
+    return placed, [*said, f"{found}, largest gap between positions used {gap_s:.3f} s"]
 
 
 def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
@@ -255,30 +260,25 @@ def _split(share: float, count: int) -> dict[str, tuple[int, int]]:
     return {"train": (0, trained - 1), "test": (trained, count - 1)}
 
 
-def _flight(
-    recording: Recording, plan: _Plan, camera: Camera | None, frames: ImageFiles | None, name: str
-) -> Flight:
-    position, change = plan.placed.position, plan.change
-    height = position[:, 2] if np.isfinite(position[:, 2]).any() else None
-    located = np.isfinite(position[:, :2]).all(axis=1).any()
-    places = position[:, :2] if located else np.array([[0.0, 0], [1, 1]])
+def _flight(recording: Recording, placed: PoseTrack, change: Change | None, name: str) -> Flight:
+    place, height = placed.position[:, :2], placed.position[:, 2]
+    located = np.isfinite(place).all(axis=1).any()
     first = int(recording.time_ns[0])
+    taken = [line for line in recording.said if line.startswith(TAKEN)]
     return Flight(
         name=name,
-        frame=np.arange(len(position)),
+        frame=np.arange(len(place)),
         time=(recording.time_ns - first) / NANO,
-        position=position[:, :2],
-        area=area_around(places, 0.02, 0.01),
-        height=height,
-        attitude=plan.placed.attitude,
-        frames=frames,
+        position=place,
+        area=area_around(place if located else np.array([[0.0, 0], [1, 1]]), 0.02, 0.01),
+        height=height if np.isfinite(height).any() else None,
+        attitude=placed.attitude,
         histograms=recording.histograms,
         features=recording.features,
-        camera=camera,
-        split=plan.split,
         rectification=change.rectification if change and change.rectification.changes else None,
+        camera=recording.camera,
         origin=None if recording.track is None else recording.track.origin,
         source=recording.source,
         licence=recording.licence,
-        notes=(f"time zero is stamp {first} ns of the source", *recording.notes),
+        notes=(f"time zero is stamp {first} ns of the source", *taken, *recording.notes),
     )

@@ -22,14 +22,13 @@ from tiny_notebooks import BODY, FAILING, write_notebook
 from trexton.base.errors import FlightError, ParameterError, TrextonError
 from trexton.cli import main as cli
 from trexton.companion.build.execution import Done
-from trexton.companion.build.flight_pairs import FlightPair
+from trexton.companion.build.flight_pairs import FlightPair, load_pair
 from trexton.companion.build.notebooks import Notebook
 from trexton.companion.build.plan import run_experiments
 from trexton.companion.build.workers import modules_of_runs
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.registry import MODULES
 from trexton.flights import read_flight, write_flight
-from trexton.flights.splits import load_pair
 
 
 @pytest.fixture

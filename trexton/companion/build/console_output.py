@@ -10,10 +10,9 @@ import shlex
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
-
-import numpy as np
 
 from trexton.base.errors import DataError
 from trexton.base.files import atomic_file, canonical_json, digest
@@ -21,7 +20,7 @@ from trexton.base.progress import say
 from trexton.base.records import software_versions
 from trexton.companion.build.notebooks import read_content
 from trexton.flights import Flight
-from trexton.flights.exporters import Trajectory, export
+from trexton.flights.exporters import export
 from trexton.flights.frames import ImageFiles
 
 __all__ = ["lay_recording", "with_output"]
@@ -103,6 +102,4 @@ def lay_recording(flight: Flight, folder: Path, every: int = 3) -> None:
     images = zip(some.time, some.frames.files, strict=True)
     lines = [f"{time:.9f} rgb/{file.name}\n" for time, file in images]
     (folder / "rgb.txt").write_text("".join(lines), encoding="utf-8")
-    flat = np.zeros(len(some))
-    place = np.column_stack([some.position, flat])
-    export(Trajectory(some.name, some.time, place, flat), "tum", folder / "groundtruth.txt")
+    export(replace(some, height=None, attitude=None), "tum", folder / "groundtruth.txt")

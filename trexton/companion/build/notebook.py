@@ -22,6 +22,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file
 from trexton.base.options import Options
 from trexton.base.records import Record
+from trexton.companion.build.flight_pairs import load_pair
 from trexton.companion.claims.ledger import judge_all, load_claims, write_ledger
 from trexton.companion.claims.page import claims_html, counts_html, filters_html
 from trexton.companion.experiments.drawing import to_png, to_svg
@@ -32,7 +33,6 @@ from trexton.companion.player.playback import PlayedFlight
 from trexton.companion.wording import Tree, as_html, middle, template_environment
 from trexton.flights import Flight
 from trexton.flights.registry import flight_title
-from trexton.flights.splits import load_pair
 
 __all__ = ["Given", "Page", "given", "ledger", "reference", "show_table"]
 

@@ -26,14 +26,13 @@ from trexton.companion.build import engine
 from trexton.companion.build import prepare_flights as flown
 from trexton.companion.build.display import Display
 from trexton.companion.build.engine import Fact, Report, Step, files_fact
-from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out
+from trexton.companion.build.flight_pairs import FlightPair, check_names, check_out, load_pair
 from trexton.companion.build.notebooks import inputs_of
 from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.workers import Call, workers
 from trexton.companion.experiments.declaration import Experiment, SeedParameters
 from trexton.companion.experiments.printed import look_up
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights.splits import load_pair
 from trexton.simulator.layouts import LAYOUTS
 
 __all__ = ["Floors", "SweepPlan", "Swept", "sweep"]

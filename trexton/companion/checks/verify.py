@@ -16,9 +16,9 @@ from trexton.base.cache import kept_results
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.records import Record, read_content, software_versions
+from trexton.companion.build.flight_pairs import load_pair
 from trexton.companion.executor import environment
 from trexton.companion.experiments.registry import EXPERIMENTS
-from trexton.flights.splits import load_pair
 
 __all__ = ["Verdict", "references", "update", "verify"]
 
