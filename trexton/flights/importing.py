@@ -86,16 +86,17 @@ def import_flight(
     clean_leftovers(out)
     check_replaceable(out, replaced, ours=False)
     plan = _Plan.of(source, kind, settings or {}, out.name)
-    recording, flight, said = plan.recording, plan.flight, []
+    recording, flight = plan.recording, plan.flight
+    said: list[str] = []
     read = recording.frames.files if isinstance(recording.frames, ImageFiles) else ()
     read += (source,) if source.is_file() else ()
     beside = source.resolve() in out.resolve().parents  # a flight may lie in its source's folder
     check_not_read(out, *read, *(() if beside else (source,)))
     with atomic_folder(out, replaced) as work:
-        if plan.change is not None:
+        if recording.frames is not None and plan.change is not None:
             (work / "images").mkdir()
-            frames, camera, said = write_images(recording, plan.change, work / "images")
-            flight = replace(flight, frames=frames, camera=camera)
+            frames, said = write_images(recording.frames, plan.change, work / "images")
+            flight = replace(flight, frames=frames)
         write_tables(flight, work)
         if faults := load_folder(work).faults:  # what cannot be read replaces nothing
             raise FlightError(faults[0].replace(str(work), str(out)))
@@ -276,7 +277,7 @@ def _flight(recording: Recording, placed: PoseTrack, change: Change | None, name
         histograms=recording.histograms,
         features=recording.features,
         rectification=change.rectification if change and change.rectification.changes else None,
-        camera=recording.camera,
+        camera=change.rectification.camera(recording.camera) if change else recording.camera,
         origin=None if recording.track is None else recording.track.origin,
         source=recording.source,
         licence=recording.licence,

@@ -54,8 +54,7 @@ def _outside(flight: Flight) -> Iterator[str]:
     slack = 0.01 * flight.diagonal
 
     def beyond(place: np.ndarray) -> np.ndarray:
-        outside: np.ndarray = (place < low - slack) | (place > high + slack)
-        return outside.any(axis=1)
+        return np.any((place < low - slack) | (place > high + slack), axis=1)
 
     out = beyond(place)
     if not out.any():

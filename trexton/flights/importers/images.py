@@ -15,7 +15,6 @@ from trexton.base.errors import FlightError, ParameterError
 from trexton.base.progress import progress
 from trexton.flights.frames import Frames, ImageFiles
 from trexton.flights.importers.recording import Recording
-from trexton.vision.camera import Camera
 from trexton.vision.images import bgr_from_yuv, check_size, checked_bytes, decode
 from trexton.vision.rectification import Rectification
 
@@ -27,10 +26,9 @@ _ASPECT = 0.02  # relative difference of aspect up to which an image is scaled t
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """What is done to each image, and whether it may be kept as it is."""
+    """What is done to each image."""
 
     rectification: Rectification
-    keeps: bool
 
     @classmethod
     def of(
@@ -46,8 +44,12 @@ class Change:
             raise ParameterError(
                 f"scale {scale:g} leaves nothing of {crop[2]}x{crop[3]} pixels: give more"
             )
-        rectification = Rectification(full, crop, size, **lens)
-        return cls(rectification, not rectification.changes)
+        return cls(Rectification(full, crop, size, **lens))
+
+    @property
+    def keeps(self) -> bool:
+        """Whether images may stay as they are."""
+        return not self.rectification.changes
 
     def suffix(self, frames: Frames, row: int) -> str:
         """Of the file that is written: the source's own where it can be kept."""
@@ -81,12 +83,8 @@ class Change:
         return data.tobytes(), turned, scaled
 
 
-def write_images(
-    recording: Recording, change: Change, folder: Path
-) -> tuple[ImageFiles, Camera | None, list[str]]:
-    """Write every image; all of one size."""
-    assert recording.frames is not None
-    frames = recording.frames
+def write_images(frames: Frames, change: Change, folder: Path) -> tuple[ImageFiles, list[str]]:
+    """Write every image, all of one size, and say what was done to them."""
     count = len(frames)
     files, turned, scaled = [], 0, 0
     for row in progress(range(count), "images", count):
@@ -99,7 +97,7 @@ def write_images(
     said = [f"{count} images of {width}x{height}"]
     if turned or scaled:
         said.append(f"{turned} images were turned upright, {scaled} scaled to the size of most")
-    return ImageFiles(tuple(files)), change.rectification.camera(recording.camera), said
+    return ImageFiles(tuple(files)), said
 
 
 def _usual_size(frames: Frames) -> tuple[int, int]:
