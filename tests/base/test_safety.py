@@ -13,12 +13,18 @@ import pytest
 from conftest import small_flight
 
 from trexton.base.errors import ImageError, TrextonError
-from trexton.base.files import atomic_file, atomic_folder, check_replaceable, clean_leftovers
+from trexton.base.files import (
+    atomic_file,
+    atomic_folder,
+    check_replaceable,
+    clean_leftovers,
+    read_text,
+)
 from trexton.cli.main import main, sentence
 from trexton.flights import Flight, write_flight
 from trexton.flights.folder import load_folder
 from trexton.flights.frames import ImageFiles
-from trexton.flights.tables import read_table, read_text
+from trexton.flights.tables import read_table
 from trexton.simulator import Floor
 from trexton.vision.images import check_size, declared_size, decode, read_image
 

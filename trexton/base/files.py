@@ -9,6 +9,7 @@ import json
 import os
 import re
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -17,14 +18,15 @@ from typing import IO, Any
 
 import numpy as np
 
-from trexton.base.errors import ParameterError, TrextonError
+from trexton.base.errors import FlightError, ParameterError, TrextonError
 
 __all__ = [
     "atomic_file", "atomic_folder", "canonical_json", "check_not_read", "check_replaceable",
     "check_writable", "clean_leftovers", "digest", "naming", "natural_order", "put_in_place",
-    "replace_folder", "scratch_folder", "work_folder",
+    "read_bytes", "read_text", "replace_folder", "scratch_folder", "work_folder",
 ]  # fmt: skip
 
+LARGEST = 2**30  # bytes of a text: more is a mistake, or meant to fill the memory
 MANIFEST = ".trexton.json"  # in a folder of ours: what was written into it
 
 
@@ -259,6 +261,43 @@ def digest(*parts: object) -> str:
         total.update(f"{head} {len(body)}\n".encode())
         total.update(body)
     return total.hexdigest()
+
+
+def read_bytes(path: Path, most: int, what: str, error: type[TrextonError]) -> bytes:
+    """The bytes of a regular file.
+
+    Parameters
+    ----------
+    most : int
+        Bytes that it may have.
+    what : str
+        What was expected, for the sentence.
+    error : type
+        What is raised where there is no such file, or it is a device, a pipe or too large.
+    """
+    try:
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
+            raise error(f"{path}: not a regular file: expected {what}")
+        if status.st_size > most:
+            raise error(f"{path}: {status.st_size:,} bytes: expected at most {most:,}")
+        return path.read_bytes()
+    except OSError as reason:
+        raise error(f"{path}: cannot be read ({reason.strerror}): check the path") from None
+
+
+def read_text(path: Path) -> str:
+    """The text of a regular file, its byte-order mark removed.
+
+    Raises
+    ------
+    FlightError
+        There is no such file, it is a device or a pipe, too large, or no text.
+    """
+    try:
+        return read_bytes(path, LARGEST, "a text file", FlightError).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FlightError(f"{path}: not a text file ({error}): write it as UTF-8") from None
 
 
 def natural_order(path: Path) -> list[tuple[int, str]]:

@@ -14,12 +14,11 @@ from typing import IO
 import numpy as np
 
 from trexton.base.errors import FlightError
-from trexton.base.files import atomic_file
+from trexton.base.files import atomic_file, read_text
 from trexton.base.plugins import resolve
 from trexton.flights.flight import Flight, area_around
 from trexton.flights.folder import read_flight
 from trexton.flights.geodesy import plane
-from trexton.flights.tables import read_text
 
 __all__ = ["EXPORTERS", "export", "load_trajectory"]
 

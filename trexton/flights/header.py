@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.flights.tables import read_text
+from trexton.base.files import read_text
 from trexton.vision.rectification import Rectification
 
 __all__ = ["FARTHEST", "FORMAT", "read_header"]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
@@ -17,35 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError
+from trexton.base.files import read_text
 
-__all__ = ["LARGEST", "LENGTHS", "TIMES", "TextTable", "read_table", "read_text"]
+__all__ = ["LENGTHS", "TIMES", "TextTable", "read_table"]
 
-LARGEST = 2**30  # bytes of a table: more is a mistake, or meant to fill the memory
 LENGTHS = {"m": 1.0, "cm": 0.01, "mm": 0.001}  # metres
 TIMES = {"s": 1_000_000_000, "ms": 1_000_000, "us": 1000, "ns": 1}  # nanoseconds
 _LATEST = 4_102_444_800 * TIMES["s"]  # the year 2100: stamps since 1970 are of before
 _MISSING = ("", "na", "n/a", "null", "none")
-
-
-def read_text(path: Path) -> str:
-    """The text of a regular file, its byte-order mark removed.
-
-    Raises
-    ------
-    FlightError
-        There is no such file, it is a device or a pipe, too large, or no text.
-    """
-    try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise FlightError(f"{path}: not a regular file: expected a text file")
-        if status.st_size > LARGEST:
-            raise FlightError(f"{path}: {status.st_size:,} bytes: expected at most {LARGEST:,}")
-        return path.read_bytes().decode("utf-8-sig")
-    except OSError as error:
-        raise FlightError(f"{path}: cannot be read ({error.strerror}): check the path") from None
-    except UnicodeDecodeError as error:
-        raise FlightError(f"{path}: not a text file ({error}): write it as UTF-8") from None
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import re
-import stat
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ import cv2
 import numpy as np
 
 from trexton.base.errors import ImageError
+from trexton.base.files import read_bytes
 
 __all__ = [
     "bgr_from_yuv", "blur_effect", "check_capture", "check_image", "check_size", "checked_bytes",
@@ -87,15 +87,7 @@ def checked_bytes(path: Path) -> bytes:
     ImageError
         The file is missing, no regular file, or declares more than `MOST_PIXELS`.
     """
-    try:
-        status = path.stat()
-        if not stat.S_ISREG(status.st_mode):
-            raise ImageError(f"{path}: not a regular file: expected an image")
-        if status.st_size > MOST_BYTES:
-            raise ImageError(f"{path}: {status.st_size:,} bytes: expected at most {MOST_BYTES:,}")
-        data = path.read_bytes()
-    except OSError as error:
-        raise ImageError(f"{path}: cannot be read ({error.strerror}): check the path") from None
+    data = read_bytes(path, MOST_BYTES, "an image", ImageError)
     width, height = declared_size(data) or (0, 0)
     if width * height > MOST_PIXELS:
         raise ImageError(

@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError
+from trexton.base.files import read_text
 from trexton.flights.geodesy import local_metres
 from trexton.flights.importers.recording import NANO, PoseTrack
-from trexton.flights.tables import read_text
 
 __all__ = ["read_log"]
 

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from trexton.base.errors import FlightError, ParameterError
-from trexton.flights.tables import read_text
+from trexton.base.files import read_text
 from trexton.vision.camera import Camera
 from trexton.vision.images import MOST_PIXELS
 

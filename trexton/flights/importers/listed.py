@@ -10,13 +10,14 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError
+from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import AXES, axes_option
 from trexton.flights.importers.calibration import read_calibration, read_mounting
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.importers.tracks import TUM, TrackColumns, trajectory_names
-from trexton.flights.tables import TextTable, read_table, read_text
+from trexton.flights.tables import TextTable, read_table
 
 __all__ = ["Euroc", "Features", "Table", "Tum", "read_trajectory"]
 

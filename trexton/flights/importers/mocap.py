@@ -13,7 +13,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from trexton.base.errors import FlightError
-from trexton.flights.tables import LENGTHS, TextTable, read_text
+from trexton.base.files import read_text
+from trexton.flights.tables import LENGTHS, TextTable
 
 __all__ = ["read_motion_capture"]
 

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError
+from trexton.base.files import read_text
 from trexton.flights.importers.axes import camera_attitude
 from trexton.flights.importers.recording import PoseTrack
-from trexton.flights.tables import read_text
 
 __all__ = ["read_reconstruction"]
 

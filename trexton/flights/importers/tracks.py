@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from trexton.base.errors import FlightError
+from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.importers.autopilot import read_log
 from trexton.flights.importers.axes import (
@@ -23,7 +24,7 @@ from trexton.flights.importers.axes import (
 )
 from trexton.flights.importers.mocap import read_motion_capture
 from trexton.flights.importers.recording import PoseTrack
-from trexton.flights.tables import LENGTHS, TIMES, TextTable, read_table, read_text
+from trexton.flights.tables import LENGTHS, TIMES, TextTable, read_table
 
 __all__ = ["TUM", "TrackColumns", "pose_track", "read_track", "trajectory_names"]
 
