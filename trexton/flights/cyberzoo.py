@@ -9,7 +9,7 @@ import os
 import numpy as np
 
 from trexton.base.errors import DataError
-from trexton.flights.flight import Flight
+from trexton.flights.flight import Flight, area_around
 
 __all__ = ["read_cyberzoo"]
 
@@ -52,25 +52,22 @@ def read_cyberzoo(
             "it again"
         )
     position = log[frame, 1:3] / 100
-    (x_min, y_min), (x_max, y_max) = position.min(axis=0), position.max(axis=0)
     return Flight(
         name="cyberzoo",
         frame=frame,
         time=(frame - FIRST) * PERIOD_S,
         position=position,
-        area=(float(x_min), float(x_max), float(y_min), float(y_max)),
+        area=area_around(position),
         histograms=histograms[frame],
         split={
-            "train": (1, 325),
-            "test": (326, 624),
-            "train_mirrored": (300, 624),
-            "test_mirrored": (1, 299),
+            "train": (1, 325), "test": (326, 624),
+            "train_mirrored": (300, 624), "test_mirrored": (1, 299),
         },
         source="https://github.com/Pold87/paparazzi_new (V. Strobel, R. Meertens, G.C.H.E. de "
         "Croon)",
         licence="GPL-2.0",
         notes=NOTES,
-    )
+    )  # fmt: skip
 
 
 def _table(path: str | os.PathLike[str], skip: int, columns: int, rows: int) -> np.ndarray:

@@ -27,7 +27,7 @@ Area = tuple[float, float, float, float]
 
 NARROW = 1e-3  # metres: a side that is no area
 SUM_TOLERANCE = 0.01  # by which relative frequencies may miss a sum of 1
-_COLUMNS = {"position": (2,), "attitude": (3,), "histograms": (None,)}
+_COLUMNS = {"position": "2", "attitude": "3", "histograms": "K"}
 _PER_FRAME = ("frame", "time", "position", "height", "attitude", "histograms")
 
 
@@ -97,7 +97,6 @@ class Flight:
             if key != "frames":
                 value = self._numbers(key, value)
                 object.__setattr__(self, key, value)
-                self._check_shape(key, value)
             elif not hasattr(type(value), "digest"):  # of the type: to ask for it reads all images
                 raise FlightError(
                     f"flight {self.name!r} has {type(value).__name__} as frames: expected "
@@ -135,24 +134,23 @@ class Flight:
                 raise ValueError(kind)
             if isinstance(value, np.ma.MaskedArray) and key != "frame":
                 value = np.ma.filled(value.astype(float), np.nan)
-            return np.asarray(value, dtype=None if key == "frame" else float)
+            numbers = np.asarray(value, dtype=None if key == "frame" else float)
         except (TypeError, ValueError):
             unit = " of seconds" if key == "time" else ""
             raise FlightError(
                 f"flight {self.name!r} has {key} of type {kind}: expected numbers{unit}"
             ) from None
-
-    def _check_shape(self, key: str, value: np.ndarray) -> None:
-        expected = _COLUMNS.get(key, ())
-        if (
-            value.ndim != 1 + len(expected)
-            or expected
-            and value.shape[1] != (expected[0] or value.shape[1])
+        columns = _COLUMNS.get(key, "")
+        if numbers.ndim != 1 + bool(columns) or columns not in (
+            "",
+            "K",
+            *map(str, numbers.shape[1:]),
         ):
-            shape = "".join(f", {count or 'K'}" for count in expected) or ","
             raise FlightError(
-                f"flight {self.name!r} has {key} of shape {value.shape}: expected (N{shape})"
+                f"flight {self.name!r} has {key} of shape {numbers.shape}: expected "
+                f"(N,{' ' * bool(columns)}{columns})"
             )
+        return numbers
 
     def _check_order(self, key: str, value: np.ndarray) -> None:
         """Speeds, motion models and intervals are taken from one frame to the next."""

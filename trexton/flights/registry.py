@@ -71,11 +71,10 @@ def locate(name: str, source: str | os.PathLike[str] | None = None) -> list[Path
     DataError
         A file is missing, has another hash, or cannot be downloaded.
     """
-    if source is not None:
-        return [
-            _from_folder(Path(source), key, file["sha256"]) for key, file in raw_files(name).items()
-        ]
-    return [_from_cache(key, file) for key, file in raw_files(name).items()]
+    return [
+        _from_cache(key, file) if source is None else _from_folder(Path(source), key, file)
+        for key, file in raw_files(name).items()
+    ]
 
 
 def fetch(
@@ -100,16 +99,16 @@ def fetch(
     return target
 
 
-def _from_folder(folder: Path, key: str, sha256: str) -> Path:
+def _from_folder(folder: Path, key: str, file: dict[str, Any]) -> Path:
     path = next((path for path in (folder / key, folder / Path(key).name) if path.is_file()), None)
     if path is None:
         raise DataError(
             f"{folder}: neither {key} nor {Path(key).name} is there: give the folder that holds "
             "the raw files"
         )
-    if (found := _sha256(path)) != sha256:
+    if (found := _sha256(path)) != file["sha256"]:
         raise DataError(
-            f"{path}: its SHA-256 is {found[:12]}..., expected {sha256[:12]}...: "
+            f"{path}: its SHA-256 is {found[:12]}..., expected {file['sha256'][:12]}...: "
             "it is another version or damaged, fetch it again"
         )
     return path

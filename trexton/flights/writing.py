@@ -33,10 +33,14 @@ def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = F
     """
     path = Path(path)
     with atomic_folder(path, replace) as folder:
-        if flight.frames is not None:
+        if (frames := flight.frames) is not None:
             (folder / "images").mkdir()
-            for row, name in enumerate(_image_names(flight.frames)):
-                _write_image(flight.frames, row, folder / "images" / name)
+            for row, name in enumerate(_image_names(frames)):
+                image = folder / "images" / name
+                if isinstance(frames, ImageFiles):
+                    shutil.copyfile(frames.files[row], image)
+                else:
+                    image.write_bytes(cv2.imencode(".png", bgr_from_yuv(frames[row]))[1].tobytes())
         if flight.floor_file is not None:
             shutil.copyfile(flight.floor_file, folder / flight.floor_file.name)
         write_tables(flight, folder)
@@ -46,12 +50,8 @@ def write_flight(flight: Flight, path: str | os.PathLike[str], replace: bool = F
 def write_tables(flight: Flight, folder: Path) -> None:
     """Write flight.toml, frames.csv and histograms.csv of `flight` into an existing folder."""
     (folder / "flight.toml").write_text(_header_text(flight), encoding="utf-8")
-    columns: dict[str, Any] = {
-        "frame": flight.frame,
-        "t_s": flight.time,
-        "x_m": flight.position[:, 0],
-        "y_m": flight.position[:, 1],
-    }
+    x, y = flight.position.T
+    columns: dict[str, Any] = {"frame": flight.frame, "t_s": flight.time, "x_m": x, "y_m": y}
     if flight.height is not None:
         columns["z_m"] = flight.height
     if flight.attitude is not None:
@@ -74,17 +74,8 @@ def _image_names(frames: Frames) -> list[str]:
     return [f"{row:06d}.png" for row in range(len(frames))]
 
 
-def _write_image(frames: Frames, row: int, path: Path) -> None:
-    if isinstance(frames, ImageFiles):
-        shutil.copyfile(frames.files[row], path)
-    else:
-        path.write_bytes(cv2.imencode(".png", bgr_from_yuv(frames[row]))[1].tobytes())
-
-
 def _write_csv(path: Path, columns: dict[str, Any]) -> None:
-    lists = [
-        values.tolist() if isinstance(values, np.ndarray) else values for values in columns.values()
-    ]
+    lists = [np.asarray(values, dtype=object).tolist() for values in columns.values()]
     with open(path, "w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(columns)

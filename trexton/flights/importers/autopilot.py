@@ -7,7 +7,6 @@
 from __future__ import annotations
 
 import re
-import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,11 @@ from trexton.flights.importers.recording import NANO, PoseTrack
 
 __all__ = ["read_log"]
 
-# Messages of ArduPilot that hold a position, the best first, and the names of its parts.
-_DEGREES = {"POS": ("Lat", "Lng", "RelHomeAlt"), "GPS": ("Lat", "Lng", "RAlt")}
-_LOCAL = {"XKF1": ("PE", "PN", "PD"), "NKF1": ("PE", "PN", "PD")}
+# Messages of ArduPilot that hold a position, the best first, or an attitude, and their parts.
+_MESSAGES = {
+    "POS": ("Lat", "Lng", "RelHomeAlt"), "GPS": ("Lat", "Lng", "RAlt"),
+    "XKF1": ("PE", "PN", "PD"), "NKF1": ("PE", "PN", "PD"), "ATT": ("Roll", "Pitch", "Yaw"),
+}  # fmt: skip
 _NUMBER = r"([-+]?\d+(?:\.\d+)?)"
 # DJI's two ways; the first gives longitude before latitude.
 _GPS = re.compile(rf"GPS\s*\({_NUMBER},\s*{_NUMBER}")
@@ -40,106 +41,100 @@ def read_log(path: Path) -> PoseTrack | None:
     FlightError
         The log cannot be read, or holds no position.
     """
-    readers: dict[str, Callable[[Path], PoseTrack | None]] = {
-        ".bin": _ardupilot, ".srt": _subtitles, ".ulg": _px4
-    }  # fmt: skip
-    read = readers.get(path.suffix.lower())
-    if read is None:
+    if (read := _READERS.get(path.suffix.lower())) is None:
         return None
     try:
         track = read(path)
+    except FlightError:
+        raise
     except ImportError as error:
         raise FlightError(f"{path}: needs {error.name}: pip install {error.name}") from None
-    except (
-        ArithmeticError, AttributeError, EOFError, LookupError, OSError, TypeError, ValueError,
-        struct.error,
-    ) as error:  # fmt: skip
+    except Exception as error:  # whatever a library raises of a damaged log
         raise FlightError(f"{path}: not a readable log ({error}): copy it again") from None
     if track is None or not len(track.time_ns):
         raise FlightError(f"{path}: no position in it: was there a fix, and was it logged?")
     return track
 
 
-def _earthly(
-    time: np.ndarray, place: np.ndarray, attitude: np.ndarray | None = None
-) -> PoseTrack | None:
-    """From rows of latitude, longitude and height; those at 0, 0 had no fix."""
-    fixed = np.flatnonzero(np.abs(place[:, :2]).max(axis=1, initial=0) > 1e-6)
-    if not len(fixed):
+def _earthly(rows: np.ndarray, attitude: np.ndarray | None = None) -> PoseTrack | None:
+    """From rows of seconds, latitude, longitude and height; those at 0, 0 had no fix."""
+    fixed = np.abs(rows[:, 1:3]).max(axis=1, initial=0) > 1e-6
+    if not fixed.any():
         return None
-    metres, origin = local_metres(place[fixed, 0], place[fixed, 1])
-    stamps = np.rint(time[fixed] * NANO).astype(np.int64)
+    metres, origin = local_metres(*rows[fixed, 1:3].T)
     turned = None if attitude is None else attitude[fixed]
-    return PoseTrack(stamps, np.column_stack([metres, place[fixed, 2]]), turned, origin)
+    return PoseTrack(
+        _nanoseconds(rows[fixed, 0]), np.column_stack([metres, rows[fixed, 3]]), turned, origin
+    )
+
+
+def _nanoseconds(seconds: np.ndarray) -> np.ndarray:
+    return np.rint(seconds * NANO).astype(np.int64)
 
 
 def _subtitles(path: Path) -> PoseTrack | None:
-    times, places = [], []
+    rows = []
     for block in re.split(r"\n\s*\n", read_text(path).replace("\r", "")):
-        clock, height = _CLOCK.search(block), _HEIGHT.search(block)
-        if clock is None:
+        if (clock := _CLOCK.search(block)) is None:
             continue
         if (found := _PLACE.search(block)) is not None:
-            place = [float(found[1]), float(found[2])]
+            place = found.groups()
         elif (found := _GPS.search(block)) is not None:
-            place = [float(found[2]), float(found[1])]
+            place = found.groups()[::-1]
         else:
             continue
         hours, minutes, seconds, milli = map(int, clock.groups())
-        times.append(3600 * hours + 60 * minutes + seconds + milli / 1000)
-        places.append([*place, float(height[1]) if height else np.nan])
-    return _earthly(np.array(times), np.array(places, dtype=float).reshape(-1, 3))
-
-
-def _opened(reader: Callable[..., Any], path: Path, *more: Any) -> Any:
-    try:
-        return reader(str(path), *more)
-    except Exception as error:  # whatever a library raises of a damaged log
-        raise ValueError(error) from None
+        height = _HEIGHT.search(block)
+        rows.append(
+            [3600 * hours + 60 * minutes + seconds + milli / 1000, *map(float, place),
+             float(height[1]) if height else np.nan]
+        )  # fmt: skip
+    return _earthly(np.array(rows, dtype=float).reshape(-1, 4))
 
 
 def _ardupilot(path: Path) -> PoseTrack | None:
     from pymavlink.DFReader import DFReader_binary
 
-    log = _opened(DFReader_binary, path)
+    log = DFReader_binary(str(path))
     rows: dict[str, list[list[float]]] = {}
-    while (message := log.recv_match(type=[*_DEGREES, *_LOCAL, "ATT"])) is not None:
+    while (message := log.recv_match(type=list(_MESSAGES))) is not None:
         kind = message.get_type()
-        names = (_DEGREES | _LOCAL | {"ATT": ("Roll", "Pitch", "Yaw")})[kind]
         if getattr(message, "C", 0) == 0 and getattr(message, "I", 0) == 0:  # the first instance
-            values = [float(getattr(message, name, np.nan)) for name in names]
+            values = [float(getattr(message, name, np.nan)) for name in _MESSAGES[kind]]
             rows.setdefault(kind, []).append([message._timestamp, *values])
-    kind = next((each for each in (*_DEGREES, *_LOCAL) if each in rows), "")
+    told = np.array(rows.pop("ATT", []))
+    kind = next((each for each in _MESSAGES if each in rows), "")
     if not kind:
         return None
-    table = np.array(rows[kind])
-    attitude = None
-    if "ATT" in rows:
-        told = np.array(rows["ATT"])
+    table, attitude = np.array(rows[kind]), None
+    if len(told):
         angles = np.unwrap(np.radians(told[:, 1:]), axis=0) * (1, 1, -1)
         attitude = np.column_stack([np.interp(table[:, 0], told[:, 0], each) for each in angles.T])
-    if kind in _DEGREES:
-        return _earthly(table[:, 0], table[:, 1:], attitude)
-    stamps = np.rint(table[:, 0] * NANO).astype(np.int64)
-    return PoseTrack(stamps, table[:, 1:] * (1, 1, -1), attitude)
+    if "Lat" in _MESSAGES[kind]:
+        return _earthly(table, attitude)
+    return PoseTrack(_nanoseconds(table[:, 0]), table[:, 1:] * (1, 1, -1), attitude)
 
 
 def _px4(path: Path) -> PoseTrack | None:
     from pyulog import ULog
 
-    log = _opened(ULog, path, ["vehicle_local_position"])
+    log = ULog(str(path), ["vehicle_local_position"])
     data: dict[str, Any] = next((each.data for each in log.data_list), {})
     if not data:
         return None
     good = np.asarray(data["xy_valid"], dtype=bool)
     heading = np.asarray(data.get("heading", data.get("yaw")), dtype=float)[good]
     north, east, down = (np.asarray(data[name], dtype=float)[good] for name in "xyz")
-    level = np.zeros_like(heading)
     latitude, longitude = (np.asarray(data[f"ref_{name}"])[good] for name in ("lat", "lon"))
     known = len(latitude) and np.isfinite([latitude[-1], longitude[-1]]).all() and latitude[-1]
     return PoseTrack(
         np.asarray(data["timestamp"], dtype=np.int64)[good] * 1000,
         np.column_stack([east, north, -down]),
-        np.column_stack([level, level, -heading]),
+        np.column_stack([0 * heading, 0 * heading, -heading]),
         (float(latitude[-1]), float(longitude[-1])) if known else None,
     )
+
+
+_READERS: dict[str, Callable[[Path], PoseTrack | None]] = {
+    ".bin": _ardupilot, ".srt": _subtitles, ".ulg": _px4
+}  # fmt: skip

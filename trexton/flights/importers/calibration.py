@@ -50,16 +50,14 @@ def read_calibration(path: Path, camera_name: str = "cam0") -> tuple[Camera, np.
         return _asl(content)
 
     camera, distortion = _read(path, described)
+    wrong = ""
     if camera.width * camera.height > MOST_PIXELS or not np.isfinite(distortion).all():
-        raise FlightError(
-            f"{path}: expected a picture of 1 to {MOST_PIXELS:,} pixels and finite numbers: "
-            "correct it"
-        )
-    if distortion.any() and len(distortion) not in _COEFFICIENTS:
-        raise FlightError(
-            f"{path}: {len(distortion)} distortion coefficients: OpenCV takes "
-            f"{', '.join(map(str, _COEFFICIENTS))}: correct it"
-        )
+        wrong = f"expected a picture of 1 to {MOST_PIXELS:,} pixels and finite numbers"
+    elif distortion.any() and len(distortion) not in _COEFFICIENTS:
+        taken = ", ".join(map(str, _COEFFICIENTS))
+        wrong = f"{len(distortion)} distortion coefficients: OpenCV takes {taken}"
+    if wrong:
+        raise FlightError(f"{path}: {wrong}: correct it")
     return camera, distortion if distortion.any() else None
 
 

@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import groupby
 from pathlib import Path, PurePosixPath
@@ -23,7 +22,7 @@ from trexton.flights.importers.autopilot import read_log
 from trexton.flights.importers.exif import Shot, read_shot, time_of
 from trexton.flights.importers.reconstruction import read_reconstruction
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
-from trexton.flights.tables import TextTable, read_table
+from trexton.flights.tables import read_table
 
 __all__ = ["Settings", "read", "recognises"]
 
@@ -52,14 +51,11 @@ class Settings(Options):
 
 
 def recognises(source: Path) -> bool:
-    return source.is_dir() and not (source / "mav0").is_dir() and bool(_files(_folder(source)))
+    return source.is_dir() and not (source / "mav0").is_dir() and bool(_files(source))
 
 
-def _folder(source: Path) -> Path:
-    return source / "images" if (source / "images").is_dir() else source
-
-
-def _files(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
+def _files(source: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
+    folder = source / "images" if (source / "images").is_dir() else source
     return sorted(
         (each for each in folder.iterdir() if each.suffix.lower() in suffixes and each.is_file()),
         key=natural_order,
@@ -68,27 +64,29 @@ def _files(folder: Path, suffixes: tuple[str, ...] = SUFFIXES) -> list[Path]:
 
 def read(source: Path, settings: Settings) -> Recording:
     """The recording of a folder of photographs, in the order in which they were taken."""
-    folder = _folder(source)
-    files = _files(folder)
-    kinds = Counter(path.suffix.lower() for path in _files(folder, OTHERS))
+    files = known = _files(source)
+    kinds = Counter(path.suffix.lower() for path in _files(source, OTHERS))
     said = [
         f"{count} files of {suffix} were left out: convert them to JPEG"
         for suffix, count in kinds.items()
     ]
-    path = source / "positions.csv"
-    path = beside(source, settings.positions) if settings.positions else path
-    named = bool(settings.positions) or path.is_file()
+    path = beside(source, settings.positions or "positions.csv")
+    named = bool(settings.positions) or path.parent == source and path.is_file()
     if settings.positions and (log := read_log(path)) is not None:
-        track, words = log.ordered(str(path), range(1, len(log.time_ns) + 1))
-        known, stamps = files, _stamps(files)
+        track, words = log.ordered(str(path))
+        stamps = _stamps(files)
     elif settings.positions and (posed := read_reconstruction(path)) is not None:
         names, poses, words = posed
-        known, track = _reconstructed(files, names, poses)
-        stamps = track.time_ns
+        rows = _by_name(path, names, files)
+        known = list(rows)
         words += _left_out(len(files) - len(known))
+        stamps = _stamps(known)
+        track = replace(poses.rows(np.array(list(rows.values()))), time_ns=stamps)
     else:
         shots = _from_table(path, files, settings) if named else _from_exif(files)
-        known, track, words = _by_shots(source, path if named else None, files, shots, settings)
+        known, words = _located(source, path if named else None, files, shots)
+        track, words_of_heights = _track([shots[file] for file in known], settings.ground)
+        words += words_of_heights
         stamps = track.time_ns
     return Recording(
         stamps, track, ImageFiles(tuple(known)), source=f"photographs of {source.name}",
@@ -97,33 +95,15 @@ def read(source: Path, settings: Settings) -> Recording:
 
 
 def _left_out(count: int) -> list[str]:
-    return [f"photographs without a position, left out: {count}"] if count else []
-
-
-def _by_shots(
-    source: Path, table: Path | None, files: list[Path], shots: dict[Path, Shot], settings: Settings
-) -> tuple[list[Path], PoseTrack, list[str]]:
-    """The photographs with a place, in the order in which they were taken, and their track."""
-    known, words = _located(source, table, files, shots)
-    known, bands = _without_bands(known, shots)
-    known = sorted(known, key=lambda file: shots[file].time_ns)  # equal ones stay in order of names
-    taken = [shots[file] for file in known]
-    place, origin = local_metres(*np.array([(shot.latitude, shot.longitude) for shot in taken]).T)
-    height, words_of_height = _heights(taken, settings.ground)
-    attitude = np.array([shot.attitude for shot in taken], dtype=float)
-    track = PoseTrack(
-        _spread(np.array([shot.time_ns for shot in taken], dtype=np.int64)),
-        np.column_stack([place, height]),
-        attitude if np.isfinite(attitude).any() else None,
-        origin,
-    )
-    return known, track, words + bands + words_of_height
+    return [f"photographs without a position, left out: {count}"] * bool(count)
 
 
 def _located(
     source: Path, table: Path | None, files: list[Path], shots: dict[Path, Shot]
 ) -> tuple[list[Path], list[str]]:
-    """The photographs with a position, and how many are without."""
+    """The photographs with a place, in the order in which they were taken, one of each shutter, and
+    how many are without.
+    """
     placed = [file for file in files if file in shots and shots[file].located]
     fixed = [file for file in placed if shots[file].fixed]
     said = _left_out(len(files) - len(placed))
@@ -137,25 +117,34 @@ def _located(
             f"{source}: {len(fixed)} of {len(files)} photographs have a position: expected 3 "
             f"or more, {how}"
         )
-    return fixed, said
+    known, bands = _without_bands(fixed, shots)
+    # Equal ones stay in order of names.
+    return sorted(known, key=lambda file: shots[file].time_ns), said + bands
 
 
-def _heights(shots: list[Shot], ground: float | None) -> tuple[np.ndarray, list[str]]:
-    """Metres above the floor: from the altitude of the ground where it is given, else as the
-    vehicle told it; an altitude above the sea is no height.
+def _track(shots: list[Shot], ground: float | None) -> tuple[PoseTrack, list[str]]:
+    """Metres above the floor are those from the altitude of the ground where it is given, else as
+    the vehicle told them; an altitude above the sea is no height.
     """
+    place, origin = local_metres(*np.array([(shot.latitude, shot.longitude) for shot in shots]).T)
     altitude = np.array([shot.altitude for shot in shots])
-    height = np.array([shot.height for shot in shots])
+    height, said = np.array([shot.height for shot in shots]), []
     if ground is not None:
-        return altitude - ground, []
-    if np.isfinite(height).any():
-        return height, ["heights are those above the place of take-off, as XMP tells them"]
-    if np.isfinite(altitude).any():
-        return height, [
+        height = altitude - ground
+    elif np.isfinite(height).any():
+        said = ["heights are those above the place of take-off, as XMP tells them"]
+    elif np.isfinite(altitude).any():
+        said = [
             f"altitudes (about {np.nanmedian(altitude):.0f} m) are above the sea, not above the "
             "floor: heights left out; give --ground METRES, the altitude of the floor"
         ]
-    return height, []
+    attitude = np.array([shot.attitude for shot in shots], dtype=float)
+    return PoseTrack(
+        _spread([shot.time_ns for shot in shots]),
+        np.column_stack([place, height]),
+        attitude if np.isfinite(attitude).any() else None,
+        origin,
+    ), said
 
 
 def _without_bands(files: list[Path], shots: dict[Path, Shot]) -> tuple[list[Path], list[str]]:
@@ -180,41 +169,33 @@ def _without_bands(files: list[Path], shots: dict[Path, Shot]) -> tuple[list[Pat
     ]
 
 
-def _by_name(names: list[str], files: list[Path]) -> dict[Path, int]:
+def _by_name(path: Path, names: list[str], files: list[Path]) -> dict[Path, int]:
     """The row that names each file: by its whole name, else by the last part of it alone."""
     last = [PurePosixPath(name.replace("\\", "/")).name for name in names]
     whole = {name: row for row, name in enumerate(names)}
     twice = {name for name, count in Counter(last).items() if count > 1}
     short = {name: row for row, name in enumerate(last) if name not in twice}
     rows = {file: whole.get(file.name, short.get(file.name)) for file in files}
-    return {file: row for file, row in rows.items() if row is not None}
+    found = {file: row for file, row in rows.items() if row is not None}
+    if names and not found:
+        raise FlightError(f"{path} names {names[0]}, the folder holds {files[0].name}: correct it")
+    return found
 
 
 def _from_table(path: Path, files: list[Path], settings: Settings) -> dict[Path, Shot]:
     table = read_table(path)
-
-    def numbers(name: str, needed: bool) -> np.ndarray:
-        there = needed or name in table.header
-        return table.numbers(name) if there else np.full(len(table), np.nan)
-
-    latitude, longitude = (numbers(name, True) for name in (settings.latitude, settings.longitude))
-    altitude = numbers(settings.altitude, False)
-    times = _times(path, table, settings.taken)
-    names = table.texts(settings.file)
-    rows = _by_name(names, files)
-    if not rows and names:
-        raise FlightError(f"{path} names {names[0]}, the folder holds {files[0].name}: correct it")
+    altitude = np.full(len(table), np.nan)
+    if settings.altitude in table.header:
+        altitude = table.numbers(settings.altitude)
+    latitude, longitude = table.numbers(settings.latitude), table.numbers(settings.longitude)
+    taken = table.texts(settings.taken) if settings.taken in table.header else None
     return {
-        file: Shot(latitude[row], longitude[row], altitude[row], time_ns=times(row))
-        for file, row in rows.items()
-    }
-
-
-def _times(path: Path, table: TextTable, column: str) -> Callable[[int], int]:
-    if column not in table.header:
-        return lambda row: row * NANO
-    texts = table.texts(column)
-    return lambda row: time_of(path, texts[row])
+        file: Shot(
+            latitude[row], longitude[row], altitude[row],
+            time_ns=row * NANO if taken is None else time_of(path, taken[row]),
+        )
+        for file, row in _by_name(path, table.texts(settings.file), files).items()
+    }  # fmt: skip
 
 
 def _from_exif(files: list[Path]) -> dict[Path, Shot]:
@@ -228,31 +209,19 @@ def _from_exif(files: list[Path]) -> dict[Path, Shot]:
     return shots
 
 
-def _reconstructed(
-    files: list[Path], names: list[str], poses: PoseTrack
-) -> tuple[list[Path], PoseTrack]:
-    """The photographs that a reconstruction names, and their poses at the times in their EXIF."""
-    rows = _by_name(names, files)
-    if not rows:
-        raise FlightError(f"the reconstruction names {names[0]}, not {files[0].name}: correct it")
-    known = [file for file in files if file in rows]
-    track = poses.rows(np.array([rows[file] for file in known]))
-    return known, replace(track, time_ns=_stamps(known))
-
-
 def _stamps(files: list[Path]) -> np.ndarray:
-    return _spread(np.array([read_shot(file).time_ns for file in files], dtype=np.int64))
+    return _spread([read_shot(file).time_ns for file in files])
 
 
-def _spread(stamps: np.ndarray) -> np.ndarray:
+def _spread(taken: list[int]) -> np.ndarray:
     """Stamps of whole seconds are shared by photographs in a burst: they are spread over it. A
     camera without a clock takes one a second.
     """
+    stamps = np.array(taken, dtype=np.int64)
     if not stamps.any():
         return np.arange(len(stamps), dtype=np.int64) * NANO
-    _, first, count = np.unique(stamps, return_index=True, return_counts=True)
     result = stamps.copy()
-    for begin, many in zip(first, count, strict=True):
-        same = np.flatnonzero(stamps == stamps[begin])
-        result[same] += np.arange(many) * NANO // many
+    for stamp in np.unique(stamps):
+        same = np.flatnonzero(stamps == stamp)
+        result[same] += np.arange(len(same)) * NANO // len(same)
     return result

@@ -72,7 +72,9 @@ class PoseTrack:
             raise FlightError(f"{len(rows)} rows of positions, {found}")
         return track
 
-    def ordered(self, where: str, lines: Sequence[int]) -> tuple[PoseTrack, list[str]]:
+    def ordered(
+        self, where: str, lines: Sequence[int] | None = None
+    ) -> tuple[PoseTrack, list[str]]:
         """The track in order of its stamps, one row a stamp, and what was done for it.
 
         Of rows with one stamp the first with a place is kept; where they lie apart, none is.
@@ -81,38 +83,38 @@ class PoseTrack:
         ----------
         where : str
             The source, for the sentences.
-        lines : sequence of int
-            The number of each row in it.
+        lines : sequence of int, optional
+            The number of each row in it; counted from 1 unless given.
         """
         if (np.diff(self.time_ns) > 0).all():
             return self, []
+        lines = range(1, len(self.time_ns) + 1) if lines is None else lines
         order = np.lexsort((np.isnan(self.position[:, :2]).any(axis=1), self.time_ns))
-        back, time = int((np.diff(self.time_ns) < 0).sum()), self.time_ns[order]
-        new = np.diff(time, prepend=time[0] - 1) > 0
-        group, place = np.cumsum(new) - 1, self.position[order, :2]
-        apart = np.hypot(*(place - place[new][group]).T)
-        steps = np.hypot(*np.diff(place[new], axis=0).T)
+        _, first, group = np.unique(self.time_ns[order], return_index=True, return_inverse=True)
+        place = self.position[order, :2]
+        apart = np.hypot(*(place - place[first][group]).T)
+        steps = np.hypot(*np.diff(place[first], axis=0).T)
         usual = np.median(steps[np.isfinite(steps)]) if np.isfinite(steps).any() else 0.0
         against = np.flatnonzero(apart > max(SAME_PLACE, 2 * usual))
         wrong = np.isin(group, group[against])
-        said = [f"{where}: {back} rows of positions out of order, sorted by their stamps"] * (
-            back > 0
-        )
-        if dropped := np.flatnonzero(~new & ~wrong).tolist():
+        kept = np.isin(np.arange(len(order)), first) & ~wrong
+        said = []
+        if back := int((np.diff(self.time_ns) < 0).sum()):
+            said.append(f"{where}: {back} rows of positions out of order, sorted by their stamps")
+        if dropped := np.flatnonzero(~kept & ~wrong).tolist():
             rows = "row" if len(dropped) == 1 else "rows"
             said.append(
                 f"{where}: {len(dropped)} {rows} of positions with a repeated stamp dropped "
                 f"(first: row {lines[order[dropped[0]]]})"
             )
-        for row in against[:NAMED_ROWS]:
-            first = order[np.flatnonzero(group == group[row])[0]]
-            said.append(
-                f"{where}, rows {lines[first]} and {lines[order[row]]}: one stamp, but places "
-                f"{apart[row]:.2f} m apart: both left out"
-            )
+        said += [
+            f"{where}, rows {lines[order[first[group[row]]]]} and {lines[order[row]]}: one stamp, "
+            f"but places {apart[row]:.2f} m apart: both left out"
+            for row in against[:NAMED_ROWS]
+        ]
         if len(against) > NAMED_ROWS:
             said.append(f"{where}: {len(against) - NAMED_ROWS} more rows that contradict others")
-        return self.rows(order[new & ~wrong]), said
+        return self.rows(order[kept]), said
 
 
 @dataclass(frozen=True, eq=False)

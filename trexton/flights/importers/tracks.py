@@ -72,8 +72,7 @@ class TrackColumns(Options):
         if stamps is None:
             stamps = table.nanoseconds(self.time, self.time_unit)
         unknown = np.full(len(table), np.nan)
-        names = (self.x, self.y, self.z)
-        columns = [_column(table, name) if name else unknown for name in names]
+        columns = [_column(table, name) if name else unknown for name in (self.x, self.y, self.z)]
         position = LENGTHS[self.unit] * np.column_stack(columns)
         where, lines = str(table.path), table.rows
         if parts := [name.strip() for name in self.quaternion.split(",") if name.strip()]:
@@ -113,16 +112,14 @@ def pose_track(
     Rows whose quaternion is zero, as motion capture writes them that has lost its body, are
     dropped; where all are, only the attitude is not known.
     """
-    lost = ~turns.any(axis=1)
-    said = []
+    lost, said = ~turns.any(axis=1), []
     if lost.all():
         return PoseTrack(stamps, position).ordered(where, lines)
     if lost.any():
-        kept = np.flatnonzero(~lost)
         first = lines[int(lost.argmax())]
         said = [f"{where}: {lost.sum()} rows without an attitude, left out (first: row {first})"]
-        stamps, position, turns = stamps[kept], position[kept], turns[kept]
-        lines = [lines[row] for row in kept.tolist()]
+        stamps, position, turns = stamps[~lost], position[~lost], turns[~lost]
+        lines = [lines[row] for row in np.flatnonzero(~lost).tolist()]
     if mounted is None:
         attitude, taken = camera_attitude(turns, axes)
     else:
@@ -147,18 +144,19 @@ def read_track(path: Path, columns: TrackColumns) -> tuple[PoseTrack, list[str]]
     FlightError
         The file cannot be read as what it begins as.
     """
-    log = read_log(path)
-    if log is not None:
-        return log.ordered(str(path), range(1, len(log.time_ns) + 1))
-    captured = read_motion_capture(path, columns.body)
-    if captured is not None:
+    if (log := read_log(path)) is not None:
+        return log.ordered(str(path))
+    if (captured := read_motion_capture(path, columns.body)) is not None:
         table, names, said = captured
         usual = TrackColumns().as_dict()
-        given = {key: getattr(columns, key) for key in usual}
-        asked = {key: value for key, value in given.items() if value != usual[key]}
+        asked = {key: given for key in usual if (given := getattr(columns, key)) != usual[key]}
         track, more = TrackColumns(**{**names, **asked, "body": ""}).of(table)
         return track, said + more
-    if _is_trajectory(path):
+    try:
+        trajectory = len([float(field) for field in _first_fields(path)]) in (8, 9)
+    except ValueError:
+        trajectory = False
+    if trajectory:  # as TUM writes it, with blanks between its numbers
         table = read_table(path, trajectory_names(path, TUM.quaternion))
         return replace(TUM, axes=columns.axes).of(table)
     return columns.of(read_table(path))
@@ -175,18 +173,9 @@ def _first_fields(path: Path) -> list[str]:
     return next((line.split() for line in lines if not line.startswith("#")), [])
 
 
-def _is_trajectory(path: Path) -> bool:
-    """Whether the first row that is no comment is eight or nine numbers with blanks between."""
-    try:
-        return len([float(field) for field in _first_fields(path)]) in (8, 9)
-    except ValueError:
-        return False
-
-
 def _column(table: TextTable, name: str) -> np.ndarray:
-    if name.startswith("-") and name not in table.header:
-        return -table.numbers(name[1:])
-    return table.numbers(name)
+    turned = name.startswith("-") and name not in table.header
+    return -table.numbers(name[1:]) if turned else table.numbers(name)
 
 
 def _quaternions(matrices: np.ndarray) -> np.ndarray:
