@@ -37,6 +37,7 @@ MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
+TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
 ROTATION_FRAMES = 400  # frames whose rotation is measured
 FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 
@@ -175,12 +176,14 @@ def _view(flight: Flight) -> Iterator[str]:
     words, better = next(readings(quaternions_from_attitude(flight.attitude, taken)), ("", None))
     if better is None:
         yield doubt
-    else:
-        yield Doubt(
-            f"{doubt} ({words} would look down)",
-            f"attitudes read as of {words}",
-            lambda flight: replace(flight, attitude=better),
-        )
+        return
+    # Of a vehicle that does not turn, another order of its numbers looks down by chance.
+    sure = "order" not in words or np.ptp(np.unwrap(better[np.isfinite(better[:, 2]), 2])) > TURNED
+    yield Doubt(
+        f"{doubt} ({words} would look down)",
+        f"attitudes read as of {words}",
+        (lambda flight: replace(flight, attitude=better)) if sure else None,
+    )
 
 
 def _time_offset(flight: Flight) -> Iterator[str]:

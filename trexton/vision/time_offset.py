@@ -191,9 +191,8 @@ def moves(frames: Iterable[np.ndarray]) -> NDArray[np.float64]:
     before = None
     for frame in frames:
         grey = frame.astype(np.float32)
-        found.append(
-            0.0 if before is None else float(np.hypot(*cv2.phaseCorrelate(before, grey)[0]))
-        )
+        across, down = (0.0, 0.0) if before is None else cv2.phaseCorrelate(before, grey)[0]
+        found.append(float(np.hypot(across, down)))
         before = grey
     return np.array(found)
 
@@ -213,7 +212,9 @@ def speed_correlations(
         this clock. The clocks may start apart by as much as leaves half of the shorter recording
         in common.
     """
-    stamps, time, position = (np.asarray(each, dtype=float) for each in (stamps, time, position))
+    stamps, motion, time, position = (
+        np.asarray(each, dtype=float) for each in (stamps, motion, time, position)
+    )
     grid, frames = np.arange(time[0], time[-1], GRID_S), np.arange(stamps[0], stamps[-1], GRID_S)
     path = np.column_stack([np.interp(grid, time, column) for column in position.T])
     width = round(AROUND_S / GRID_S)
