@@ -19,10 +19,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink  # noqa: E402
 from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink.link import UdpIn  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
-from trexton.onboard.mavlink.speaker import (
-    PROFILES,  # noqa: E402
-    Speaker,  # noqa: E402
-)
+from trexton.onboard.mavlink.profiles import PROFILES  # noqa: E402
+from trexton.onboard.mavlink.speaker import Speaker  # noqa: E402
 from trexton.vision.camera import rotation_matrix  # noqa: E402
 
 GIMBAL = mavlink.MAVLink_heartbeat_message(26, 0, 0, 0, 4, 3)

@@ -52,6 +52,10 @@ def packed(message) -> bytes:
 COVARIANCE = np.array([[0.04, 0.01], [0.01, 0.09]])
 
 
+def report(time=1.234567, covariance=COVARIANCE, attitude=ATTITUDE, **more) -> messages.Report:
+    return messages.Report(time, np.array([1.0, 2.0]), covariance, attitude, **more)
+
+
 def upper_triangle(diagonal, north_east: float, rest: float) -> list[float]:
     """The 21 numbers, by walking through the 6x6 matrix."""
     numbers = []
@@ -65,9 +69,7 @@ def upper_triangle(diagonal, north_east: float, rest: float) -> list[float]:
 
 class TestFields:
     def test_vision_position_for_px4(self):
-        message = messages.vision_position(
-            1_234_567, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 258
-        )
+        message = messages.vision_position(report(resets=258), NORTH_UP)
         assert (message.usec, message.x, message.y, message.z) == (1_234_567, 2.0, 1.0, -1.0)
         assert (message.roll, message.pitch, message.yaw) == ATTITUDE
         assert message.reset_counter == 2
@@ -79,11 +81,11 @@ class TestFields:
         )
 
     def test_no_attitude_is_no_zero(self):
-        message = messages.vision_position(0, np.zeros(2), COVARIANCE, None, NORTH_UP, 0)
+        message = messages.vision_position(report(attitude=None), NORTH_UP)
         assert all(math.isnan(angle) for angle in (message.roll, message.pitch, message.yaw))
 
     def test_odometry_for_ardupilot(self):
-        message = messages.odometry(99, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 3, 77)
+        message = messages.odometry(report(99e-6, resets=3), NORTH_UP, 77)
         assert (message.time_usec, message.x, message.y, message.z) == (99, 2.0, 1.0, -1.0)
         assert (message.frame_id, message.child_frame_id) == (
             20,
@@ -105,12 +107,60 @@ class TestFields:
         for ratio in (0.1, 0.7, 1.0):
             covariance = np.diag([std**2, (ratio * std) ** 2])
             x, y, z = np.array(
-                messages.odometry(
-                    0, np.zeros(2), covariance, ATTITUDE, NORTH_UP, 0, 50
-                ).pose_covariance
+                messages.odometry(report(covariance=covariance), NORTH_UP, 50).pose_covariance
             )[[0, 6, 11]]
             assert math.sqrt(x + y + z) >= std - 1e-6
             assert math.cbrt(x**2 + y**2 + z**2) >= std - 1e-6
+
+    def test_our_own_yaw_goes_out_with_a_variance_that_is_fused(self):
+        message = messages.vision_position(report(yaw=2.0, yaw_sigma=0.01), NORTH_UP)
+        assert (message.roll, message.pitch, message.yaw) == (*ATTITUDE[:2], 2.0)
+        assert message.covariance[20] == pytest.approx(1e-4)
+        assert all(math.isfinite(message.covariance[place]) for place in (15, 18))
+        message = messages.odometry(report(yaw=2.0, yaw_sigma=0.01), NORTH_UP, 50)
+        assert message.q == pytest.approx(messages.quaternion(*ATTITUDE[:2], 2.0))
+        roll, pitch, yaw = np.array(message.pose_covariance)[[15, 18, 20]]
+        assert 0.01 <= math.sqrt(roll + pitch + yaw) < 0.04  # as ArduPilot makes one of the three
+        assert math.cbrt(roll**2 + pitch**2 + yaw**2) >= 0.01 - 1e-6
+        # Without the autopilot's roll and pitch there is no attitude, and none is made up.
+        message = messages.vision_position(report(attitude=None, yaw=2.0), NORTH_UP)
+        assert all(math.isnan(angle) for angle in (message.roll, message.pitch, message.yaw))
+
+    def test_gps_input_is_a_place_on_earth(self):
+        origin, unix = (52.0, 4.0, 10.0), 1_700_000_000.25
+        message = messages.gps_input(report(), NORTH_UP, origin, unix, True)
+        assert (message.fix_type, message.ignore_flags, message.yaw) == (3, 8 | 16 | 32, 0)
+        assert 1e-7 * message.lat - 52 == pytest.approx(2.0 / 111_195, abs=2e-7)  # m in a degree
+        along = 1.0 / (111_195 * math.cos(math.radians(52)))
+        assert 1e-7 * message.lon - 4 == pytest.approx(along, abs=2e-7)
+        assert (message.alt, message.vert_accuracy) == (11.0, 10.0)
+        assert message.horiz_accuracy == message.hdop == pytest.approx(math.sqrt(0.10))
+        # Of 6 January 1980, 18 leap seconds since: 2023-11-14T22:13:20.25Z.
+        assert (message.time_week, message.time_week_ms) == (2288, 252_818_250)
+        lost = messages.gps_input(report(), NORTH_UP, origin, unix, False)
+        assert (lost.fix_type, lost.satellites_visible) == (1, 0)
+        for yaw, sent in ((0.0, 36000), (math.pi / 2, 9000), (-math.pi / 2, 27000)):
+            turned = report(yaw=yaw, yaw_sigma=0.01)
+            assert messages.gps_input(turned, NORTH_UP, origin, unix, True).yaw == sent
+
+    def test_landing_target_is_the_place_for_px4_and_the_way_there_for_ardupilot(self):
+        east_up, center = LocalFrame(math.pi / 2, 2.0), np.array([3.0, 1.0])
+        message = messages.landing_target(report(), east_up, center, body=False)
+        assert (message.frame, message.position_valid) == (1, 1)
+        assert (message.x, message.y, message.z) == pytest.approx((-3.0, 1.0, 0.0))
+        # From (1, 2): two metres south, one west, two down; the nose points west and down.
+        way = np.array([-2.0, -1.0, 2.0])
+        level = messages.landing_target(
+            report(attitude=(0.0, 0.0, -math.pi / 2)), east_up, center, True
+        )
+        assert level.frame == 12
+        assert (level.x, level.y, level.z) == pytest.approx((1.0, -2.0, 2.0))
+        assert level.distance == pytest.approx(3.0)
+        tilted = messages.landing_target(
+            report(attitude=(0.0, -0.3, -math.pi / 2)), east_up, center, True
+        )
+        nose = np.array([0.0, -math.cos(0.3), math.sin(0.3)])
+        assert tilted.x == pytest.approx(way @ nose)
 
     def test_quaternion_is_the_rotation(self):
         """Against the product of three plain rotations, yaw after pitch after roll."""
@@ -143,7 +193,7 @@ class TestFields:
     def test_heading_turns_position_and_covariance(self):
         east_up = LocalFrame(math.pi / 2, 2.0)
         message = messages.vision_position(
-            0, np.array([1.0, 2.0]), np.diag([0.01, 0.09]), None, east_up, 0
+            report(covariance=np.diag([0.01, 0.09]), attitude=None), east_up
         )
         assert (message.x, message.y, message.z) == pytest.approx((-1.0, 2.0, -2.0))
         assert (message.covariance[0], message.covariance[6]) == pytest.approx((0.01, 0.09))
@@ -186,9 +236,7 @@ class TestGoldenBytes:
         )
 
     def test_vision_position_estimate(self):
-        message = messages.vision_position(
-            1_234_567, np.array([1.0, 2.0]), COVARIANCE, ATTITUDE, NORTH_UP, 2
-        )
+        message = messages.vision_position(report(resets=2), NORTH_UP)
         numbers = upper_triangle([0.10, 0.05, 100.0, NAN, NAN, NAN], 0.01, NAN)
         numbers[0], numbers[6] = messages.rounded_up(0.09 + 0.01), messages.rounded_up(0.04 + 0.01)
         plain = plain_packet(102, 158, "Q6f21fB", 1_234_567, 2.0, 1.0, -1.0, *ATTITUDE, *numbers, 2)
@@ -204,7 +252,9 @@ class TestGoldenBytes:
 
     def test_odometry(self):
         message = messages.odometry(
-            99, np.array([1.0, 2.0]), np.diag([0.25, 0.25]), (0.0, 0.0, 0.0), NORTH_UP, 3, 77
+            report(99e-6, covariance=np.diag([0.25, 0.25]), attitude=(0.0, 0.0, 0.0), resets=3),
+            NORTH_UP,
+            77,
         )
         numbers = upper_triangle([0.25, 0.25, 0.0, math.pi**2, math.pi**2, math.pi**2], 0.0, 0.0)
         plain = plain_packet(
@@ -239,6 +289,24 @@ class TestGoldenBytes:
                 "c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f0000c07f140c03024d247e"
             ),
         )
+
+    def test_gps_input(self):
+        message = messages.gps_input(report(), NORTH_UP, (52.0, 4.0, 10.0), 1_700_000_000, True)
+        accuracy = math.sqrt(0.10)
+        plain = plain_packet(
+            232, 151, "QIii9fHHBBBH", 1_234_567, 252_818_000, 520_000_180, 40_000_146, 11.0,
+            accuracy, 100.0, 0.0, 0.0, 0.0, 0.0, accuracy, 10.0, 56, 2288, 0, 3, 10, 0,
+        )  # fmt: skip
+        assert packed(message).hex() == plain.hex()
+
+    def test_landing_target(self):
+        message = messages.landing_target(report(), NORTH_UP, np.array([3.0, 1.0]), body=False)
+        distance = math.sqrt(6.0)
+        plain = plain_packet(
+            149, 200, "Q5fBB3f4fBB", 1_234_567, 0.0, 0.0, distance, 0.0, 0.0, 0, 1,
+            1.0, 3.0, 0.0, 1.0, 0.0, 0.0, 0.0, 3, 1,
+        )  # fmt: skip
+        assert packed(message).hex() == plain.hex()
 
     def test_set_gps_global_origin(self):
         plain = plain_packet(48, 41, "iiiBQ", 519_906_000, 43_768_000, -2500, 1, 7)

@@ -24,8 +24,8 @@ from trexton.onboard.local import LocalFrame  # noqa: E402
 from trexton.onboard.mavlink import messages  # noqa: E402
 from trexton.onboard.mavlink.listener import Listener  # noqa: E402
 from trexton.onboard.mavlink.options import MavlinkOptions  # noqa: E402
+from trexton.onboard.mavlink.profiles import PROFILES  # noqa: E402
 from trexton.onboard.mavlink.speaker import (  # noqa: E402
-    PROFILES,  # noqa: E402
     REPEAT_TIMEOUT,
     Speaker,
 )
@@ -37,9 +37,14 @@ NORTH_UP = LocalFrame(0.0, 1.0)
 NAN = math.nan
 
 
-def speaker(name="px4", *, heard_at=0.0, attitude_at=None, **options) -> Speaker:
+def speaker(name="px4", *, heard_at=0.0, attitude_at=None, target=None, **options) -> Speaker:
     listener = Listener((None, None), NORTH_UP)
-    result = Speaker(PROFILES[name](NORTH_UP, AREA), 0.01 * np.eye(2), listener, **options)
+    result = Speaker(
+        PROFILES[name](NORTH_UP, AREA, (52.0, 4.0, 0.0), target),
+        0.01 * np.eye(2),
+        listener,
+        **options,
+    )
     if heard_at is not None:
         listener.hear(from_autopilot(AUTOPILOT_HEARTBEAT), heard_at)
     if attitude_at is not None:
@@ -96,7 +101,7 @@ class TestSpeaker:
             stamps += [
                 getattr(each, "usec", None) or each.time_usec
                 for each in talk.due(now)
-                if each.get_type() in ("VISION_POSITION_ESTIMATE", "ODOMETRY")
+                if each.get_type() in ("VISION_POSITION_ESTIMATE", "ODOMETRY", "GPS_INPUT")
             ]
         return stamps
 
@@ -169,6 +174,52 @@ class TestSpeaker:
         talk.tell(make_fix(14.0), 14.0)
         (message,) = due(talk, 14.0, "ODOMETRY")
         assert message.q == pytest.approx(messages.quaternion(*ATTITUDE), abs=1e-6)
+
+    def test_a_yaw_is_sent_where_a_frame_shows_it_and_never_the_autopilots_own(self):
+        talk = speaker(attitude_at=9.9, send_yaw=True)
+        talk.tell(make_fix(10.0, heading=0.3, heading_sigma=0.01), 10.0)
+        (message,) = due(talk, 10.0, "VISION_POSITION_ESTIMATE")
+        assert (message.pitch, message.yaw) == pytest.approx((ATTITUDE[1], -0.3))
+        assert message.covariance[20] == pytest.approx(1e-4)
+        (again,) = due(talk, 10.16, "VISION_POSITION_ESTIMATE")
+        talk.tell(make_fix(10.2), 10.2)
+        (unknown,) = due(talk, 10.2, "VISION_POSITION_ESTIMATE")
+        for message in (again, unknown):
+            assert math.isnan(message.yaw) and math.isnan(message.covariance[20])
+        usual = speaker(attitude_at=9.9)
+        usual.tell(make_fix(10.0, heading=0.3, heading_sigma=0.01), 10.0)
+        (message,) = due(usual, 10.0, "VISION_POSITION_ESTIMATE")
+        assert message.yaw == pytest.approx(ATTITUDE[2]) and math.isnan(message.covariance[20])
+
+    def test_ardupilot_takes_no_position_without_the_yaw_that_it_fuses(self):
+        talk = speaker("ardupilot", attitude_at=9.9, send_yaw=True)
+        talk.tell(make_fix(10.0, heading=0.3, heading_sigma=0.01), 10.0)
+        (message,) = due(talk, 10.0, "ODOMETRY")
+        assert message.q == pytest.approx(messages.quaternion(*ATTITUDE[:2], -0.3), abs=1e-6)
+        assert message.quality > 0 and not due(talk, 10.16, "ODOMETRY")
+        talk.tell(make_fix(10.2), 10.2)
+        (message,) = due(talk, 10.2, "ODOMETRY")
+        assert message.quality == -1
+
+    def test_a_receiver_of_satellites_has_a_fix_until_the_vehicle_is_lost(self):
+        talk = speaker("ardupilot-gps")
+        talk.tell(make_fix(10.0, (1, 2)), 10.0)
+        (message,) = due(talk, 10.0, "GPS_INPUT")
+        assert (message.fix_type, message.yaw) == (3, 0)
+        assert message.lat > 520_000_000 and message.lon > 40_000_000
+        talk.tell(make_fix(10.08, lost=True), 10.08)
+        (message,) = due(talk, 10.08, "GPS_INPUT")
+        assert message.fix_type == 1
+
+    @pytest.mark.parametrize(("profile", "frame"), [("px4", 1), ("ardupilot", 12)])
+    def test_the_landing_zone_goes_with_each_image_and_no_repetition(self, profile, frame):
+        talk = speaker(profile, attitude_at=9.9, target=np.array([3.0, 1.0]))
+        talk.tell(make_fix(10.0), 10.0)
+        (message,) = due(talk, 10.0, "LANDING_TARGET")
+        assert (message.frame, message.position_valid) == (frame, 1)
+        assert not due(talk, 10.16, "LANDING_TARGET")
+        talk.tell(make_fix(10.2, lost=True), 10.2)
+        assert not due(talk, 10.2, "LANDING_TARGET")
 
     def test_px4_gets_the_attitude_nearest_to_the_capture(self):
         talk = speaker()

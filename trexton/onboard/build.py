@@ -64,6 +64,7 @@ def build(settings: Settings) -> Onboard:
         localizer.growth(1.0),
         tally,
         flying.aiding,
+        None if zone is None else np.array(zone.center),
     )
     sinks = [open_sink(address, around, settings.options) for address in settings.outputs]
     _check_files([settings.map, *source.files], [sink.file for sink in sinks], flying.log)

@@ -52,6 +52,9 @@ class Fix:
         they are the same.
     measurement : Measurement or None
         Of the position, for an autopilot that takes each report for independent of the others.
+    heading, heading_sigma : float or None
+        Yaw of the nose, radians anticlockwise from the map's +y, and its standard deviation; None
+        where the frame does not show it.
     """
 
     time: float
@@ -67,6 +70,8 @@ class Fix:
     fault: str | None = None
     captured: float | None = None
     measurement: Measurement | None = None
+    heading: float | None = None
+    heading_sigma: float | None = None
 
     @classmethod
     def of(
@@ -88,6 +93,8 @@ class Fix:
             estimate.lost_in(area),
             estimate.observed,
             measurement=estimate.for_fusion(period_s),
+            heading=estimate.heading,
+            heading_sigma=estimate.heading_sigma,
             **more,
         )
 

@@ -41,6 +41,11 @@ class LocalFrame:
         turned: np.ndarray = self.ned_from_map @ covariance @ self.ned_from_map.T
         return turned
 
+    def yaw(self, heading: float) -> float:
+        """Radians from north, clockwise, within a half turn, of a heading counted anticlockwise
+        from the map's +y."""
+        return float(np.arctan2(np.sin(self.heading - heading), np.cos(self.heading - heading)))
+
     def enu(self, position: np.ndarray) -> np.ndarray:
         """``(3,)`` east, north, up in metres of a ``(2,)`` map position."""
         north, east, down = self.ned(position)

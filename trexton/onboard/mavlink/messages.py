@@ -7,19 +7,21 @@ tells it.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from pymavlink.quaternion import QuaternionBase
+from pymavlink.rotmat import Matrix3, Vector3
 
 from trexton.localization.estimate import ignorance
 from trexton.onboard.local import LocalFrame, decoupled
 
 __all__ = [
-    "ATTITUDE", "HEIGHT", "LANDED_STATE", "VELOCITY", "heartbeat", "interval_request", "land",
-    "mavlink", "odometry", "origin", "pose_covariance", "quality", "quaternion",
-    "vision_position",
+    "ATTITUDE", "HEIGHT", "LANDED_STATE", "Report", "VELOCITY", "gps_input", "heartbeat",
+    "interval_request", "land", "landing_target", "mavlink", "odometry", "origin",
+    "pose_covariance", "quality", "quaternion", "vision_position",
 ]  # fmt: skip
 
 NAN = math.nan
@@ -31,6 +33,12 @@ UNKNOWN_HEIGHT = (
     100.0  # square metres: a height nobody measured must weigh nothing even if it is fused
 )
 UNKNOWN_ANGLE = math.pi**2  # square radians
+EARTH = 6_371_000.0  # radius in metres
+GPS_EPOCH, WEEK = (
+    315_964_800 - 18,
+    604_800,
+)  # 6 January 1980 in Unix time, leap seconds since; both s
+SATELLITES = 10  # as many as ArduPilot asks for before it flies by them
 # Variances of roll, pitch, yaw in the upper triangle of a 6x6 matrix, row by row.
 _ANGLES = (15, 18, 20)
 
@@ -69,60 +77,142 @@ def pose_covariance(
     return entries
 
 
-def vision_position(
-    stamp_us: int,
-    position: np.ndarray,
-    covariance: np.ndarray,
-    attitude: tuple[float, float, float] | None,
-    local: LocalFrame,
-    resets: int,
-) -> Any:
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What a message says of one moment.
+
+    Attributes
+    ----------
+    time : float
+        Seconds of the steady clock.
+    position : (2,) array
+        Metres, in the map's axes.
+    covariance : (2, 2) array
+    attitude : (roll, pitch, yaw) or None
+        The autopilot's own, in radians.
+    resets : int
+    yaw, yaw_sigma : float
+        Our own yaw, radians from north, and its standard deviation; NaN where it is not sent.
+    """
+
+    time: float
+    position: np.ndarray
+    covariance: np.ndarray
+    attitude: tuple[float, float, float] | None
+    resets: int = 0
+    yaw: float = NAN
+    yaw_sigma: float = NAN
+
+    @property
+    def stamp_us(self) -> int:
+        """Microseconds of the steady clock."""
+        return round(1e6 * self.time)
+
+    @property
+    def angles(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw, the yaw ours where it is sent; NaN where there is no attitude."""
+        roll, pitch, yaw = self.attitude or (NAN, NAN, NAN)
+        own = math.isfinite(self.yaw) and self.attitude is not None
+        return roll, pitch, self.yaw if own else yaw
+
+
+def vision_position(report: Report, local: LocalFrame) -> Any:
     """VISION_POSITION_ESTIMATE in local NED, the form in which PX4 takes a position as it is.
 
-    `attitude` is roll, pitch, yaw as the autopilot itself reports them; NaN goes out where there is
-    none. The variance of z is finite: PX4 uses no variance of ours unless all three are.
+    NaN goes out where there is no attitude. The variance of z is finite: PX4 uses no variance of
+    ours unless all three are, and so with those of the angles, of which it fuses the yaw's alone.
     """
-    north, east, down = local.ned(position)
-    roll, pitch, yaw = attitude or (NAN, NAN, NAN)
-    matrix = pose_covariance(local.ned_covariance(covariance), UNKNOWN_HEIGHT, NAN)
+    north, east, down = local.ned(report.position)
+    matrix = pose_covariance(local.ned_covariance(report.covariance), UNKNOWN_HEIGHT, NAN)
+    if math.isfinite(report.yaw_sigma):
+        angles = (UNKNOWN_ANGLE, UNKNOWN_ANGLE, rounded_up(report.yaw_sigma**2))
+        for place, variance in zip(_ANGLES, angles, strict=True):
+            matrix[place] = variance
     return mavlink.MAVLink_vision_position_estimate_message(
-        stamp_us, north, east, down, roll, pitch, yaw, matrix, resets % 256
+        report.stamp_us, north, east, down, *report.angles, matrix, report.resets % 256
     )
 
 
-def odometry(
-    stamp_us: int,
-    position: np.ndarray,
-    covariance: np.ndarray,
-    attitude: tuple[float, float, float],
-    local: LocalFrame,
-    resets: int,
-    quality: int,
-) -> Any:
+def odometry(report: Report, local: LocalFrame, quality: int) -> Any:
     """ODOMETRY in MAV_FRAME_LOCAL_FRD with a BODY_FRD child, the only form that ArduPilot takes.
 
     FRD is aligned with north: the map's heading is known. Velocities are NaN, for nothing measures
-    them. ArduPilot makes one number of the three variances, and a NaN among the six would void the
-    message, so all are finite.
+    them. ArduPilot makes one number of the three variances, of the position's as of the angles',
+    and a NaN among the six would void the message, so all are finite.
     """
-    north, east, down = local.ned(position)
-    ned = local.ned_covariance(covariance)
-    matrix = pose_covariance(ned, _folded_height(decoupled(ned)), UNKNOWN_ANGLE, cross=0.0)
+    north, east, down = local.ned(report.position)
+    ned = local.ned_covariance(report.covariance)
+    matrix = pose_covariance(ned, _folded(np.diagonal(decoupled(ned))), UNKNOWN_ANGLE, cross=0.0)
+    if math.isfinite(report.yaw_sigma):
+        own = report.yaw_sigma**2
+        for place, variance in zip(_ANGLES, (0.0, _folded(np.array([own])), own), strict=True):
+            matrix[place] = rounded_up(variance)
     return mavlink.MAVLink_odometry_message(
-        stamp_us, mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD, north, east, down,
-        quaternion(*attitude),
-        NAN, NAN, NAN, NAN, NAN, NAN, matrix, [NAN] * 21, resets % 256,
+        report.stamp_us, mavlink.MAV_FRAME_LOCAL_FRD, mavlink.MAV_FRAME_BODY_FRD, north, east, down,
+        quaternion(*report.angles),
+        NAN, NAN, NAN, NAN, NAN, NAN, matrix, [NAN] * 21, report.resets % 256,
         mavlink.MAV_ESTIMATOR_TYPE_VISION, quality,
     )  # fmt: skip
 
 
-def _folded_height(covariance: np.ndarray) -> float:
-    """A variance for z with which ArduPilot's position error is not less than the larger of ours.
+def gps_input(
+    report: Report, local: LocalFrame, origin: tuple[float, float, float], unix: float, fixed: bool
+) -> Any:
+    """GPS_INPUT, a receiver of satellites that is none: where on Earth the position lies.
 
-    It is the root of the sum of the three variances now; in older firmware, the cube root of the
-    sum of their squares.
+    Horizontal accuracy is the larger standard deviation; the dilution of precision repeats it, by
+    which ArduPilot refuses to arm. `unix` is the calendar time of the report, in seconds.
     """
-    variances = np.diagonal(covariance)
+    north, east, down = local.ned(report.position)
+    latitude, longitude, altitude = origin
+    degrees = (
+        np.degrees(north / EARTH),
+        np.degrees(east / (EARTH * math.cos(math.radians(latitude)))),
+    )
+    accuracy = float(np.sqrt(np.diagonal(decoupled(report.covariance)).max()))
+    week, seconds = divmod(unix - GPS_EPOCH, WEEK)
+    yaw = 0  # hundredths of a degree; 0 is unknown, and north is 36000
+    if math.isfinite(report.yaw):
+        yaw = round(100 * math.degrees(report.yaw)) % 36000 or 36000
+    ignored = mavlink.GPS_INPUT_IGNORE_FLAG_VEL_HORIZ | mavlink.GPS_INPUT_IGNORE_FLAG_VEL_VERT
+    ignored |= mavlink.GPS_INPUT_IGNORE_FLAG_SPEED_ACCURACY
+    return mavlink.MAVLink_gps_input_message(
+        report.stamp_us, 0, ignored, round(1000 * seconds), int(week),
+        mavlink.GPS_FIX_TYPE_3D_FIX if fixed else mavlink.GPS_FIX_TYPE_NO_FIX,
+        round(1e7 * (latitude + degrees[0])), round(1e7 * (longitude + degrees[1])),
+        altitude - down, accuracy, UNKNOWN_HEIGHT, 0.0, 0.0, 0.0, 0.0, accuracy,
+        math.sqrt(UNKNOWN_HEIGHT), SATELLITES if fixed else 0, yaw,
+    )  # fmt: skip
+
+
+def landing_target(report: Report, local: LocalFrame, center: np.ndarray, body: bool) -> Any:
+    """LANDING_TARGET: where the landing zone's `center`, ``(2,)`` metres on the map, lies.
+
+    PX4 takes the place in local NED; ArduPilot the way there from the vehicle, in `body` axes, for
+    which the attitude must be known.
+    """
+    place = np.append(local.ned(center)[:2], 0.0)
+    way = place - local.ned(report.position)
+    distance = float(np.linalg.norm(way))
+    frame = mavlink.MAV_FRAME_BODY_FRD if body else mavlink.MAV_FRAME_LOCAL_NED
+    if body:
+        assert report.attitude is not None
+        turn = Matrix3()
+        turn.from_euler(*report.attitude)
+        seen = turn.transposed() * Vector3(*way.tolist())
+        place = np.array([seen.x, seen.y, seen.z])
+    return mavlink.MAVLink_landing_target_message(
+        report.stamp_us, 0, frame, 0.0, 0.0, distance, 0.0, 0.0, *place, [1.0, 0.0, 0.0, 0.0],
+        mavlink.LANDING_TARGET_TYPE_VISION_OTHER, 1,
+    )  # fmt: skip
+
+
+def _folded(variances: np.ndarray) -> float:
+    """A variance beside these with which ArduPilot's error is not less than the largest of them.
+
+    Its error is the root of the sum of the three variances now; in older firmware, the cube root of
+    the sum of their squares.
+    """
     return math.sqrt(max(0.0, variances.max() ** 1.5 - float(variances @ variances)))
 
 

@@ -22,7 +22,16 @@ ORIGIN_LIMITS = ((-90.0, 90.0), (-180.0, 180.0), (-1000.0, 10_000.0))  # degrees
 class MavlinkOptions(Options):
     """Autopilot over MAVLink"""
 
-    autopilot: str = option("px4", "whose messages are sent", choices=("px4", "ardupilot"))
+    autopilot: str = option(
+        "px4", "whose messages are sent; ardupilot-gps stands for a receiver of satellites",
+        choices=("px4", "ardupilot", "ardupilot-gps"),
+    )  # fmt: skip
+    send_yaw: bool = option(
+        False, "send the yaw that frames show, for an autopilot that fuses it; takes method fine"
+    )
+    landing_target: bool = option(
+        False, "send the centre of --land as LANDING_TARGET, for the autopilot's precision landing"
+    )
     target: str | None = option(
         None, "our autopilot, SYS or SYS/COMP; needed where more than one vehicle is heard"
     )
@@ -38,7 +47,11 @@ class MavlinkOptions(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _ = self.place, self.addressee  # checked now, not in the air
+        _ = self.addressee  # checked now, not in the air
+        if self.autopilot == "ardupilot-gps" and self.place is None:
+            raise ParameterError(
+                "--autopilot ardupilot-gps sends places on Earth: add --origin LAT,LON,ALT"
+            )
 
     @property
     def addressee(self) -> tuple[int | None, int | None]:

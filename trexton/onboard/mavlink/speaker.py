@@ -5,20 +5,18 @@ Times are seconds of the steady clock. All of it is called under the sink's lock
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from trexton.onboard.fix import STALE_AFTER, Fix
-from trexton.onboard.local import LocalFrame
 from trexton.onboard.mavlink import messages
 from trexton.onboard.mavlink.listener import Listener
-from trexton.onboard.mavlink.messages import mavlink, odometry, quality, vision_position
+from trexton.onboard.mavlink.messages import Report, mavlink
+from trexton.onboard.mavlink.profiles import Profile
 
-__all__ = ["PROFILES", "ArduPilot", "Profile", "Px4", "Speaker"]
+__all__ = ["Speaker"]
 
 REQUEST_PAUSE = 2.0
 ORIGIN_PAUSE, LATER_ORIGIN_PAUSE = 1.0, 10.0
@@ -37,67 +35,6 @@ INTERVALS = {  # what is asked for where it does not come: message, times a seco
 }
 
 
-@dataclass(frozen=True)
-class Profile:
-    """One autopilot's manner.
-
-    Attributes
-    ----------
-    local : LocalFrame
-    area : (x_min, x_max, y_min, y_max)
-    """
-
-    local: LocalFrame
-    area: tuple[float, float, float, float]
-
-    unset = 0.0  # what stands in a command for "choose yourself"
-    needs_attitude = False
-
-    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
-        """The message for a usable fix."""
-        raise NotImplementedError
-
-    def failed(self, fix: Fix, stamp_us: int, attitude: Any) -> Any:
-        """The message that says there is no position, or None where silence says it."""
-        return None
-
-
-class Px4(Profile):
-    """VISION_POSITION_ESTIMATE; silence, which ends its fusion, for no position."""
-
-    name = "px4"
-    unset = math.nan
-
-    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
-        """The message for a usable fix."""
-        return vision_position(
-            stamp_us, fix.fusion.position, covariance, attitude, self.local, fix.resets
-        )
-
-
-class ArduPilot(Profile):
-    """ODOMETRY with a quality: -1 while there is no position."""
-
-    name = "ardupilot"
-    needs_attitude = True
-
-    def position(self, fix: Fix, stamp_us: int, covariance: np.ndarray, attitude: Any) -> Any:
-        """The message for a usable fix."""
-        grade = quality(np.sqrt(np.diagonal(fix.covariance)), self.area)
-        return odometry(
-            stamp_us, fix.fusion.position, covariance, attitude, self.local, fix.resets, grade
-        )
-
-    def failed(self, fix: Fix, stamp_us: int, attitude: Any) -> Any:
-        """The filter's position, marked as failed."""
-        return odometry(
-            stamp_us, fix.position, fix.covariance, attitude, self.local, fix.resets, -1
-        )
-
-
-PROFILES: dict[str, type[Profile]] = {"px4": Px4, "ardupilot": ArduPilot}
-
-
 class Speaker:
     """What to say to an autopilot, and when.
 
@@ -113,6 +50,8 @@ class Speaker:
         its start. An autopilot that has started anew gets it again.
     aiding : {"tilt", "all", "none"}
         What it is asked for beside its attitude: height, and for all its velocity too.
+    send_yaw : bool
+        Send our own yaw in place of the autopilot's: where a frame does not show it, none.
     """
 
     def __init__(
@@ -123,8 +62,9 @@ class Speaker:
         origin: tuple[float, float, float] | None = None,
         *,
         aiding: str = "none",
+        send_yaw: bool = False,
     ):
-        self.profile, self.listener = profile, listener
+        self.profile, self.listener, self._send_yaw = profile, listener, send_yaw
         self._motion_rate, self._origin = motion_rate, origin
         self._boots = listener.boots
         self._asked = ["roll", "grounded"]
@@ -176,8 +116,7 @@ class Speaker:
         target = self.listener.target
         if target is not None:
             out += self._requests(target, now)
-        position = self._position(now)
-        return out if position is None else [*out, position]
+        return out + self._positions(now)
 
     def _requests(self, target: tuple[int, int], now: float) -> list[Any]:
         out = []
@@ -209,29 +148,46 @@ class Speaker:
         self._due[what] = now + pause
         return True
 
-    def _position(self, now: float) -> Any | None:
-        """The position message that is due, if one is.
+    def _positions(self, now: float) -> list[Any]:
+        """The messages of the position that is due, if one is.
 
         Each image goes out once, as of its capture. A repetition is the motion model's prediction
-        for a later moment, before which no other image can have been taken.
+        for a later moment, before which no other image can have been taken; it repeats no yaw.
         """
         if self._fix is not None and self._fix.age(now) > REPEAT_TIMEOUT:
             self._fix = None  # old is never taken for fresh
         fix = self._fix or self._failed
         if fix is None or now < self._next_at:
-            return None
+            return []
         captured = now - fix.age(now)
-        stamp, covariance = captured, fix.fusion.covariance
-        if np.isfinite(self._next_at):
+        stamp, fusion, again = captured, fix.fusion, bool(np.isfinite(self._next_at))
+        covariance = fusion.covariance
+        if again:
             stamp += now - self._told_at - REPEAT_LAG
             covariance = REPEAT_INFLATION * (covariance + self._motion_rate * (stamp - captured))
-        attitude = self.listener.attitude(stamp)
+        attitude, failed = self.listener.attitude(stamp), fix is self._failed
         if attitude is None and self.profile.needs_attitude:
             self.withheld += 1
             self._fix = self._failed = None
-            return None
-        self._next_at = now + REPEAT_AFTER
-        if fix is self._failed:
-            self._failed = None
-            return self.profile.failed(fix, round(1e6 * stamp), attitude)
-        return self.profile.position(fix, round(1e6 * stamp), covariance, attitude)
+            return []
+        self._next_at, self._failed = now + REPEAT_AFTER, None
+        yaw = sigma = np.nan
+        if self._send_yaw and not failed:
+            if fix.heading is not None and fix.heading_sigma is not None and not again:
+                yaw, sigma = self.profile.local.yaw(fix.heading), fix.heading_sigma
+            elif not self.profile.needs_yaw:
+                attitude = None  # its own yaw must not come back to it as ours
+            elif again:
+                return []
+            else:
+                failed = True
+        if failed:
+            report = Report(stamp, fix.position, fix.covariance, attitude, fix.resets)
+            return _some(self.profile.failed(fix, report))
+        report = Report(stamp, fusion.position, covariance, attitude, fix.resets, yaw, sigma)
+        position = self.profile.position(fix, report)
+        return [position] if again else _some(position, self.profile.zone(report))
+
+
+def _some(*messages: Any) -> list[Any]:
+    return [each for each in messages if each is not None]

@@ -27,6 +27,7 @@ SINKS = {
     "udpin": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "tcp": "trexton.onboard.sinks.mavlink:MavlinkSink",
     "serial": "trexton.onboard.sinks.mavlink:MavlinkSink",
+    "crazyflie": "trexton.onboard.sinks.crazyflie:CrazyflieSink",
     "paparazzi": "trexton.onboard.sinks.paparazzi:PaparazziSink",
 }
 

@@ -19,7 +19,7 @@ __all__ = ["COLUMNS", "CsvTable", "JsonLines", "TumTrajectory", "row"]
 
 COLUMNS = (
     "time_s", "frame", "x_m", "y_m", "std_x_m", "std_y_m",
-    "observed", "lost", "stale", "resets", "latency_s", "fault",
+    "observed", "lost", "stale", "resets", "latency_s", "fault", "heading_rad", "heading_std_rad",
 )  # fmt: skip
 
 
@@ -43,6 +43,8 @@ def row(fix: Fix) -> dict[str, Any]:
             "fault": fix.fault,
             "measurement_m": fusion.position,
             "measurement_covariance_m2": _upper(fusion.covariance),
+            "heading_rad": fix.heading,
+            "heading_std_rad": fix.heading_sigma,
         }
     )  # fmt: skip
     return dict(values)
@@ -97,7 +99,8 @@ class CsvTable(FileSink):
 class TumTrajectory(FileSink):
     """``time x y z qx qy qz qw``: observed fixes that a vehicle may steer by, in the map's axes.
 
-    Nothing measures height or attitude, which are 0.
+    Nothing measures height, roll or pitch, which are 0. The quaternion turns the axis of the nose
+    from the map's x to the heading; it is 0 0 0 1 where the frame does not show the heading.
     """
 
     addresses = {"tum:FILE": "a trajectory for `evo` and its like, of positions fit to steer by"}
@@ -105,4 +108,8 @@ class TumTrajectory(FileSink):
     def write(self, fix: Fix) -> None:
         if fix.usable and fix.observed:
             x, y = fix.position
-            self.add(f"{fix.time:.6f} {x:.6f} {y:.6f} 0 0 0 0 1")
+            turn = "0 1"
+            if fix.heading is not None:
+                half = (fix.heading + np.pi / 2) / 2
+                turn = f"{np.sin(half):.6f} {np.cos(half):.6f}"
+            self.add(f"{fix.time:.6f} {x:.6f} {y:.6f} 0 0 0 {turn}")

@@ -74,16 +74,21 @@ class MavlinkSink(Sink):
         link = make_link(address)
         try:
             from trexton.onboard.mavlink.listener import Listener
-            from trexton.onboard.mavlink.speaker import PROFILES, Speaker
+            from trexton.onboard.mavlink.profiles import PROFILES
+            from trexton.onboard.mavlink.speaker import Speaker
         except ImportError:
             raise ParameterError(
                 "MAVLink needs the package pymavlink: pip install 'trexton[mavlink]'"
             ) from None
-        profile = PROFILES[options.autopilot](around.local, around.area)
+        if options.landing_target and around.target is None:
+            raise ParameterError("--landing-target sends the centre of a zone: add --land X,Y")
+        target = around.target if options.landing_target else None
+        profile = PROFILES[options.autopilot](around.local, around.area, options.place, target)
         listener = Listener(options.addressee, around.local, options.component_id)
         speaker = Speaker(
-            profile, around.motion_rate, listener, options.place, aiding=around.aiding
-        )
+            profile, around.motion_rate, listener, options.place,
+            aiding=around.aiding, send_yaw=options.send_yaw,
+        )  # fmt: skip
         return cls(address, link, speaker, around.tally, options, around.clock)
 
     def checks(self, now: float) -> Iterator[Check]:

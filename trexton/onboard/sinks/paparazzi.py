@@ -10,9 +10,7 @@ from __future__ import annotations
 
 import ipaddress
 import logging
-import queue
 import socket
-import threading
 from contextlib import suppress
 from typing import Any
 
@@ -20,7 +18,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.onboard.fix import Fix
 from trexton.onboard.local import LocalFrame
-from trexton.onboard.sinks.base import Sink, Surroundings
+from trexton.onboard.sinks.base import NewestSink, Surroundings
 
 __all__ = ["PaparazziSink", "remote_gps_local"]
 
@@ -36,11 +34,8 @@ def remote_gps_local(fix: Fix, aircraft: int, local: LocalFrame) -> str:
     return f"datalink REMOTE_GPS_LOCAL {aircraft} 0 {place} 0.0 0.0 0.0 {tow} 0.0"
 
 
-class PaparazziSink(Sink):
-    """Usable fixes that an image went into; the bus finds its readers itself, whenever they come.
-
-    A reader that sleeps makes the bus wait: a thread does the waiting, and only the newest message
-    is kept for it.
+class PaparazziSink(NewestSink):
+    """The bus finds its readers itself, whenever they come; one that sleeps makes it wait.
 
     Raises
     ------
@@ -65,7 +60,6 @@ class PaparazziSink(Sink):
         self.name = f"paparazzi:{aircraft}"
         self._make_server = _bus_agent(IvyServer, _our_address(bus))
         self._aircraft, self._local, self._bus = aircraft, local, bus
-        self._newest: queue.Queue[str | None] = queue.Queue(maxsize=1)
         self._server: Any = None
         self._readers = 0
 
@@ -79,38 +73,23 @@ class PaparazziSink(Sink):
             )
         return cls(int(aircraft), around.local, bus or BUS)
 
-    def open(self) -> None:
+    def connect(self) -> None:
         self._server = self._make_server("trexton", "trexton ready", usesDaemons=True)
         self._server.start(self._bus)
-        self._newest = queue.Queue(maxsize=1)
-        threading.Thread(
-            target=self._send, args=(self._server, self._newest), name=self.name, daemon=True
-        ).start()
 
-    def write(self, fix: Fix) -> None:
-        if fix.usable and fix.observed:
-            self._replace(remote_gps_local(fix, self._aircraft, self._local))
+    def made(self, fix: Fix) -> str:
+        return remote_gps_local(fix, self._aircraft, self._local)
 
-    def _replace(self, text: str | None) -> None:
-        with suppress(queue.Empty):
-            self._newest.get_nowait()
-        with suppress(queue.Full):  # never by one writer
-            self._newest.put_nowait(text)
-
-    def _send(self, server: Any, newest: queue.Queue[str | None]) -> None:
-        while (text := newest.get()) is not None:
-            self._readers = server.send_msg(text)
+    def deliver(self, item: str) -> None:
+        self._readers = self._server.send_msg(item)
 
     def status(self) -> str:
         return f"{self._readers} on the bus listen"
 
-    def close(self) -> None:
-        if self._server is not None:
-            self._replace(None)
-            if self._server.isAlive():
-                self._server.stop()
-            self._server.server_close()
-            self._server = None
+    def disconnect(self) -> None:
+        if self._server.isAlive():
+            self._server.stop()
+        self._server.server_close()
 
 
 def _our_address(bus: str) -> str:
