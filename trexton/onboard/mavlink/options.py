@@ -47,8 +47,8 @@ class MavlinkOptions(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _ = self.addressee  # checked now, not in the air
-        if self.autopilot == "ardupilot-gps" and self.place is None:
+        place, _ = self.place, self.addressee  # checked now, not in the air
+        if self.autopilot == "ardupilot-gps" and place is None:
             raise ParameterError(
                 "--autopilot ardupilot-gps sends places on Earth: add --origin LAT,LON,ALT"
             )
