@@ -4,8 +4,10 @@ PYTHON ?= $(shell for v in 3.14 3.13 3.12 3.11; do python$$v -c "" 2>/dev/null &
 BIN := .venv/bin
 # Passed on to trexton book or pytest: make book ARGS=--explain, make test ARGS="-k landing"
 ARGS ?=
-# Three processes on two cores: many tests wait. Files in their order: the long ones are not left for the end.
+# Three processes on two cores, each of one thread: many tests wait. Files in their order: the long ones are not
+# left for the end.
 SPREAD := -n 3 --dist loadfile --no-loadscope-reorder
+ALONE := OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1
 # An optional local copy of the public data beside the clone saves the downloads.
 ifneq ($(wildcard ../shared/data),)
 export TREXTON_DATA ?= $(abspath ../shared/data)
@@ -38,7 +40,7 @@ browser: env  ## every page of the built book in chromium; pictures of ten in bo
 	  $(BIN)/python -m pytest -n 2 -rs tests/companion/build/test_browser_pages.py tests/companion/build/test_browser_moving.py $(ARGS)
 
 test: env  ## the tests
-	@$(BIN)/python -m pytest -m "not slow" $(SPREAD) $(ARGS)
+	@$(ALONE) $(BIN)/python -m pytest -m "not slow" $(SPREAD) $(ARGS)
 
 check: env  ## format, lint, types, import directions, dead code
 	@$(BIN)/ruff format --check --quiet .
@@ -53,7 +55,7 @@ prose: env  ## length of sentences and pages, numbers, idiom: 1 where the book b
 # Two kernels are Python where they are not compiled: what calls them is run again without.
 coverage: env  ## branch coverage by module, 95 % at least, with the lines and branches that no test reaches
 	@$(BIN)/coverage erase
-	@$(BIN)/python -m pytest -m "not slow" $(SPREAD) --cov --cov-report= $(ARGS)
+	@$(ALONE) $(BIN)/python -m pytest -m "not slow" $(SPREAD) --cov --cov-report= $(ARGS)
 	@NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest --cov --cov-append --cov-report= \
 	  tests/localization/test_neighbors.py tests/vision/test_textons.py
 	@$(BIN)/coverage report --fail-under=95

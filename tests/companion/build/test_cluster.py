@@ -150,9 +150,12 @@ def test_a_cluster_without_workers_is_waited_for_with_a_word(tmp_path, monkeypat
     with Cluster(tmp_path, workers=1) as own:
         with workers(own.address, None) as crew, crew.calls() as call, ThreadPoolExecutor() as pool:
             task = pool.submit(call, begun, str(mark), 5.0)
-            assert eventually(mark.exists)
+            assert eventually(lambda: mark.exists() and mark.read_text())  # not while it is written
             own.processes[1].kill()
-            assert eventually(lambda: "no workers left" in capsys.readouterr().err)
+            said = []
+            assert eventually(
+                lambda: said.append(capsys.readouterr().err) or "no workers left" in "".join(said)
+            )
             own._start("worker", *scheduler, "--nthreads", "1", "--no-nanny")
             assert task.result() == "done" and mark.read_text() == "xx"
 

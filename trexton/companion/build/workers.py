@@ -122,8 +122,8 @@ def _patient(client: Any, cluster: str) -> Call:
                 try:
                     return future.result(timeout=_WATCH_S)
                 except TimeoutError:
-                    if future.done():  # its own
-                        raise
+                    if future.done():  # meanwhile, or by a timeout of its own
+                        return future.result()
                 if not client.scheduler_info()["workers"] and not warned.is_set():
                     warned.set()
                     say(
