@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import io
 import json
 import os
 import re
@@ -21,8 +22,10 @@ import sys
 import tempfile
 import time
 import warnings
+import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from unittest import mock
 
 import cv2
 import numpy as np
@@ -123,11 +126,15 @@ LOG = b"""{"event": "start", "time_s": null, "unix_s": 1.0, "clock_s": 2.0, "map
 
 
 def _photograph(folder: Path) -> bytes:
-    """A JPEG that says where and when it was taken, beside another."""
-    import io
-
+    """A JPEG that says in EXIF and XMP where and when it was taken, beside two others."""
     from PIL import ExifTags, Image
 
+    xmp = (
+        b'<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/'
+        b'22-rdf-syntax-ns#"><rdf:Description drone-dji:RelativeAltitude="+10.5" '
+        b'drone-dji:GimbalPitchDegree="-90.0" drone-dji:GimbalYawDegree="12.5"/></rdf:RDF>'
+        b"</x:xmpmeta>"
+    )
     for name, minutes in (("b.jpg", 2.0), ("c.jpg", 3.0), ("a.jpg", 1.0)):
         exif = Image.Exif()
         exif[ExifTags.Base.DateTime] = f"2026:01:01 00:0{minutes:.0f}:00"
@@ -135,7 +142,7 @@ def _photograph(folder: Path) -> bytes:
         place = {1: "N", 2: (52.0, minutes, 0.0), 3: "E", 4: (4.0, 0.0, 0.0)}
         exif.get_ifd(ExifTags.IFD.GPSInfo).update(place)
         stream = io.BytesIO()
-        Image.new("RGB", (32, 24)).save(stream, "JPEG", exif=exif)
+        Image.new("RGB", (32, 24)).save(stream, "JPEG", exif=exif, xmp=xmp)
         (folder / name).write_bytes(stream.getvalue())
     return stream.getvalue()
 
@@ -257,6 +264,79 @@ def _bags() -> list[bytes]:
     ]
 
 
+def _tracks() -> list[bytes]:
+    """Positions as motion capture, ArduPilot and PX4 write them, and subtitles of a video."""
+    import struct
+
+    motive = "Format Version,1.23,Length Units,Meters\n\n,,Rigid Body" + ",Rigid Body" * 6 + "\n"
+    motive += ",,drone" + ",drone" * 6 + "\n,,1" + ",1" * 6 + "\n,,Rotation" + ",Rotation" * 3
+    motive += ",Position" * 3 + "\nFrame,Time (Seconds),X,Y,Z,W,X,Y,Z\n"
+    motive += "".join(f"{i},{i / 10},0,0,0,1,{i},1,2\n" for i in range(6))
+    log = b""
+    for number, name, types, columns, length in (
+        (128, b"FMT", b"BBnNZ", b"Type,Length,Name,Format,Columns", 89),
+        (1, b"POS", b"QLLff", b"TimeUS,Lat,Lng,Alt,RelHomeAlt", 27),
+    ):
+        log += b"\xa3\x95\x80" + struct.pack("<BB4s16s64s", number, length, name, types, columns)
+    for i in range(6):
+        log += b"\xa3\x95\x01" + struct.pack("<Qiiff", 10**6 * (1 + i), 47 * 10**7 + i, 8, 400, 10)
+
+    def message(kind: str, body: bytes) -> bytes:
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    names = "uint64_t timestamp;double ref_lat;double ref_lon;"
+    names += "float x;float y;float z;float heading;bool xy_valid;"
+    ulog = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message("B", bytes(40))
+    ulog += message("F", f"vehicle_local_position:{names}".encode())
+    ulog += message("A", struct.pack("<BH", 0, 1) + b"vehicle_local_position")
+    for i in range(6):
+        ulog += message(
+            "D", struct.pack("<HQddffffB", 1, 10**5 * (1 + i), 47.0, 8.0, i, 2.0, -10.0, 1.0, 1)
+        )
+    blocks = "".join(
+        f"{i + 1}\n00:00:00,{i * 50:03d} --> 00:00:00,{i * 50 + 50:03d}\n[latitude: 47.0000{i}] "
+        f"[longitude: 8.00000] [rel_alt: 10.{i} abs_alt: 400.0]\n\n"
+        for i in range(6)
+    )
+    return [motive.encode(), log, ulog, blocks.encode()]
+
+
+def _track(folder: Path) -> Callable[[bytes], object]:
+    from trexton.flights.importers.tracks import TrackColumns, read_track
+
+    def target(data: bytes) -> object:
+        suffixes = {b"\xa3\x95": ".bin", b"ULog": ".ulg", b"Form": ".csv"}
+        suffix = next((each for head, each in suffixes.items() if data.startswith(head)), ".srt")
+        (folder / f"track{suffix}").write_bytes(data)
+        return read_track(folder / f"track{suffix}", TrackColumns())
+
+    return target
+
+
+def _cache(folder: Path) -> tuple[Callable[[bytes], object], bytes]:
+    """Asks for a result whose file was damaged: it must come back as it was computed."""
+    from trexton.base import cache
+
+    def compute() -> dict[str, np.ndarray]:
+        return {"a": np.arange(6.0), "b": np.eye(2, dtype=np.uint8)}
+
+    def ask() -> dict[str, np.ndarray]:
+        with mock.patch.dict(os.environ, TREXTON_CACHE=str(folder / "cache")):
+            return cache.cached("thing", "trexton.base.errors", {}, compute)
+
+    ask()
+    (file,) = (folder / "cache").glob("*.npz")
+
+    def target(data: bytes) -> object:
+        file.write_bytes(data)
+        found, whole = ask(), compute()
+        if list(found) != list(whole) or not all((found[k] == whole[k]).all() for k in whole):
+            raise AssertionError("other arrays than were computed")
+        return found
+
+    return target, file.read_bytes()
+
+
 def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[bytes]]]:
     """Each target by name, with sound inputs to begin from."""
     parts = {
@@ -268,8 +348,12 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
     table = {name: (sound / name).read_bytes() for name in ("flight.toml", "frames.csv")}
     texton_map = train_map(small(), neighbors=2, rng=np.random.default_rng(1))
     map_bytes = save_map(texton_map, folder / "sound.npz").read_bytes()
-    record = Record("e", "f", {"a": 1}, {"b": 2.0}, series={"time_s": [0.0, 1.0]})
-    record_bytes = record.save(folder / "records").read_bytes()
+    field_map = train_map(small(), method="field", rng=np.random.default_rng(1))
+    field_bytes = save_map(field_map, folder / "field.npz").read_bytes()
+    picture = {"p": np.eye(4, dtype=np.uint8)}
+    record = Record("e", "f", {"a": 1}, {"b": 2.0}, {"time_s": [0.0, 1.0]}, picture)
+    record_bytes = record.save(folder).read_bytes()
+    cache_target, cache_bytes = _cache(folder)
     (folder / "p.csv").write_text("t,x,y\n0,1,2\n1,1,2\n2,1,3\n")
     camera = (
         b'\n[camera]\nwidth_px = 32\nheight_px = 24\nfocal_px = 20.0\n[floor]\nimage = "f.png"\n'
@@ -294,7 +378,8 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
             _file("i.png", folder, read_image),
             [_encoded(s) for s in (".png", ".jpg", ".bmp", ".webp", ".tiff")],
         ),
-        "map": (_file("m.npz", parts["map"], load_map), [map_bytes]),
+        "map": (_file("m.npz", parts["map"], load_map), [map_bytes, field_bytes]),
+        "cache": (cache_target, [cache_bytes]),
         "record": (_file("r.json", folder, Record.load), [record_bytes]),
         "import euroc": (_importer("euroc", "mav0/vicon0/data.csv", parts["euroc"], True), [euroc]),
         "import tum": (_importer("tum", "groundtruth.txt", parts["tum"], True), [track]),
@@ -308,6 +393,7 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
             _importer("photos", "a.jpg", parts["photos"], True),
             [_photograph(parts["photos"])],
         ),
+        "track": (_track(folder), _tracks()),
         "calibration": (_file("c.yaml", folder, read_calibration), [CALIBRATION, SENSOR]),
         "log": (_file("log", folder, lambda path: [*replayed(path)]), [LOG]),
         "sink address": (
@@ -339,7 +425,13 @@ def targets(folder: Path) -> dict[str, tuple[Callable[[bytes], object], list[byt
 
 
 def mutate(data: bytes, rng: np.random.Generator) -> bytes:
-    """One to four changes: bytes flipped, cut, doubled, moved, or a token put in."""
+    """One to four changes: bytes flipped, cut, doubled, moved, or a token put in.
+
+    In a file of arrays mostly one array changes, goes, comes twice or takes another's name, and the
+    file around it stays sound: what checksums would catch is not all that can be wrong.
+    """
+    if data[:2] == b"PK" and rng.random() < 0.7:
+        return _with_another_array(data, rng)
     for _ in range(int(rng.integers(1, 5))):
         place, end = sorted(int(each) for each in rng.integers(0, len(data) + 1, 2))
         end = min(end, place + 64)
@@ -358,6 +450,34 @@ def mutate(data: bytes, rng: np.random.Generator) -> bytes:
             token = TOKENS[int(rng.integers(len(TOKENS)))]
             data = data[:place] + token + data[end if rng.integers(2) else place :]
     return data
+
+
+def _with_another_array(data: bytes, rng: np.random.Generator) -> bytes:
+    stream = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(stream, "w") as new:
+        names = old.namelist()
+        chosen, other = (str(each) for each in rng.choice(names, 2))
+        kind = rng.integers(5)
+        for name in names:
+            content = old.read(name)
+            if name != chosen:
+                new.writestr(name, content)
+            elif kind == 0:
+                new.writestr(other, content)
+            elif kind == 1:
+                new.writestr(name, mutate(content, rng))
+            elif kind in (2, 3):  # the header of the array stays, its values do not
+                start = 10 + int.from_bytes(content[8:10], "little")
+                values = bytearray(content[start:])
+                for _ in range(3):
+                    if values:
+                        at = int(rng.integers(len(values)))
+                        values[at : at + 8] = rng.bytes(len(values[at : at + 8]))
+                if name.startswith("header"):
+                    values = bytearray(mutate(content[start:], rng)[: len(values)])
+                    values += b" " * (len(content) - start - len(values))
+                new.writestr(name, content[:start] + bytes(values))
+    return stream.getvalue()
 
 
 def attempt(target: Callable[[bytes], object], data: bytes) -> str | None:

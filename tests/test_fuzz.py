@@ -19,6 +19,7 @@ NAMES = (
     "histograms.csv",
     "image",
     "map",
+    "cache",
     "record",
     "import euroc",
     "import tum",
@@ -26,6 +27,7 @@ NAMES = (
     "import features",
     "import video",
     "import photos",
+    "track",
     "calibration",
     "log",
     "sink address",
@@ -49,6 +51,7 @@ def test_sound_input_is_read(name, targets):
         assert target(data) is not None
 
 
+@pytest.mark.filterwarnings("ignore:Duplicate name")
 @pytest.mark.parametrize("name", NAMES)
 @settings(
     max_examples=30,

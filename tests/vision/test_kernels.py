@@ -6,10 +6,12 @@ import os
 import subprocess
 import sys
 
+import numba
 import numpy as np
 import pytest
 from plain import plain_labels
 
+from trexton.vision.kernels import compiled
 from trexton.vision.kernels.label_rows import label_rows
 
 # Prints a digest of labels, dictionary and neighbours that depends on the seed alone.
@@ -94,3 +96,15 @@ def test_large_particle_sets_share_threads_and_keep_their_bits(rng, monkeypatch)
         exponent = -0.5 * np.einsum("ja,ab,jb->j", difference, precision, difference)
         expected = np.log(np.exp(np.maximum(exponent, -500)) @ weights)
         assert found[0][row] == pytest.approx(expected, rel=1e-9, abs=1e-9)
+
+
+def test_what_cannot_be_kept_is_compiled_all_the_same(monkeypatch):
+    """A service without a home had a traceback for each kernel."""
+
+    def homeless(cache=False, **options):
+        if cache:
+            raise RuntimeError("cannot cache function: no locator available")
+        return numba.njit(**options)
+
+    monkeypatch.setattr("trexton.vision.kernels.njit", homeless)
+    assert compiled()(lambda x: x + 1)(2) == 3

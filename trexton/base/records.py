@@ -22,6 +22,7 @@ from typing import Any
 
 import numpy as np
 
+from trexton.base.arrays import DAMAGE
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
 
@@ -161,16 +162,17 @@ class Record:
                 raise ValueError("a section is none")
             pictures = content.pop("images")
             record = cls(**content)
-        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+            for name, entry in pictures.items():
+                # Beside the record, and the one that was written: nothing else is opened.
+                data = (path.parent / Path(entry["file"]).name).read_bytes()
+                if hashlib.sha256(data).hexdigest() != entry["sha256"]:
+                    raise ValueError(f"its picture {entry['file']} is another one")
+                picture = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+                if picture is None:
+                    raise ValueError(f"its picture {entry['file']} is damaged")
+                record.images[name] = picture
+        except (*DAMAGE, cv2.error) as error:
             raise TrextonError(
                 f"{path}: not a readable record ({error}): run its experiment again"
             ) from None
-        for name, entry in pictures.items():
-            picture = cv2.imread(str(path.parent / entry["file"]), cv2.IMREAD_UNCHANGED)
-            if picture is None:
-                raise TrextonError(
-                    f"{path}: its picture {entry['file']} is missing or damaged: "
-                    "run its experiment again"
-                )
-            record.images[name] = picture
         return record

@@ -159,6 +159,8 @@ def sentence(error: Exception) -> str | None:
         return f"a name is not UTF-8 (at {name}): rename the file or folder"
     if isinstance(error, MemoryError):
         return "the memory does not suffice: use fewer frames, smaller images or another machine"
+    if isinstance(error, RuntimeError) and "home directory" in str(error):
+        return "no home folder is known: set HOME to a folder that may be written to"
     if isinstance(error, RecursionError):
         return "an input is nested too deeply: check the files that were given"
     if type(error).__module__.partition(".")[0] == "cv2":

@@ -4,12 +4,12 @@ everywhere. Offers `Sensor`."""
 from __future__ import annotations
 
 import cv2
-import numba
 import numpy as np
 
 from trexton.simulator.effects import Effects
 from trexton.vision.camera import Camera
 from trexton.vision.images import decode_image, yuv_from_bgr
+from trexton.vision.kernels import compiled
 
 __all__ = ["Sensor"]
 
@@ -24,7 +24,7 @@ _HALF_NOISE = _int(1 << (2 * _NOISE - 1))
 
 # Each function takes one row of one plane, so that the compiler makes vector instructions of its
 # loop.
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _luma_row(row, factor, noise, base, slope, strength):  # pragma: no cover - compiled
     for u in range(row.size):
         light = min(_int(255), (_int(row[u]) * factor[u] + _HALF) >> _int(_ONE))
@@ -33,7 +33,7 @@ def _luma_row(row, factor, noise, base, slope, strength):  # pragma: no cover - 
         row[u] = min(_int(255), max(_int(0), light))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _chroma_row(row, factor, noise, strength):  # pragma: no cover - compiled
     for u in range(row.size):
         color = ((_int(row[u]) - _int(128)) * factor[u] + _HALF) >> _int(_ONE)
@@ -41,14 +41,14 @@ def _chroma_row(row, factor, noise, strength):  # pragma: no cover - compiled
         row[u] = min(_int(255), max(_int(0), _int(128) + color))
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _share_pairs(row):  # pragma: no cover - compiled
     for pair in range(row.size // 2):
         shared = (_int(row[2 * pair]) + _int(row[2 * pair + 1]) + _int(1)) >> _int(1)
         row[2 * pair] = row[2 * pair + 1] = shared
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled()
 def _develop(
     planes, gain, vignette, noise, top, left, base, slope, share_chroma
 ):  # pragma: no cover - compiled

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import resource
+import subprocess
+
 import pytest
 from tiny_experiment import tiny
 from tiny_notebooks import write_notebook
 
-from trexton.base.errors import ParameterError
+from trexton.base.errors import ParameterError, TrextonError
+from trexton.companion.build import make
 from trexton.companion.build.flight_pairs import FlightPair
 from trexton.companion.build.plan import run_experiments
 from trexton.companion.build.sweep import SweepPlan, sweep
+from trexton.companion.build.workers import workers
 
 KEPT = "mend it, what was there before is kept"
 
@@ -40,3 +45,23 @@ def test_what_stands_in_the_place_of_results_is_named_and_stays(flight_folder, t
     )
     assert outcome.reasons == (f"small/first: {taken}: File exists: {KEPT}",)
     assert taken.read_text() == "a person's"
+
+
+def test_without_a_home_or_open_files_a_run_is_refused_in_a_sentence(monkeypatch):
+    """Notebooks died: "Kernel died before replying to kernel_info"."""
+    with monkeypatch.context() as patch:
+        patch.setattr(resource, "getrlimit", lambda kind: (32, 32))
+        with pytest.raises(TrextonError, match="32 open files are allowed: say ulimit -n 1024"):
+            workers(None, 1).__enter__()
+    monkeypatch.setenv("HOME", "/proc")
+    with pytest.raises(TrextonError, match="/proc: the home folder cannot be written to"):
+        workers(None, 1).__enter__()
+
+
+def test_a_disk_that_fills_under_the_book_is_named(monkeypatch, tmp_path):
+    """``report.html`` is there by then; the book's builder tells no path."""
+    said = "OSError: [Errno 28] No space left on device"
+    done = subprocess.CompletedProcess([], 1, said, "")
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
+    with pytest.raises(OSError, match=f"No space left on device: '{tmp_path}'"):
+        make._jupyter_book(tmp_path / "work" / "source", tmp_path / "work")

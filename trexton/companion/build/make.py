@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import subprocess
@@ -165,6 +166,8 @@ def _jupyter_book(source: Path, work: Path) -> Path:
             for line in (run.stdout + run.stderr).splitlines()
             if "WARNING" in line or "ERROR" in line or "rror:" in line
         ]
+        if any(os.strerror(errno.ENOSPC) in line for line in lines):
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(work.parent))
         lines = lines or (run.stdout + run.stderr).splitlines()[-20:]
         raise TrextonError(
             "Jupyter Book did not accept the pages:\n"

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import resource
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 from multiprocessing import get_context
+from pathlib import Path
 from typing import Any
 
 import psutil
@@ -27,6 +30,8 @@ from trexton.vision.threads import usable_cores
 __all__ = ["Call", "Workers", "modules_of_runs", "workers"]
 
 _MEMORY_PER_JOB = 2 * 2**30
+_OPEN_FILES = 256  # a run has more sockets and pipes than a shell's worth
+_HOME_BYTES = 2**16
 _WATCH_S = 30.0  # seconds between checks that the cluster still has workers
 Call = Callable[..., Any]
 
@@ -71,9 +76,12 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
     ParameterError
         No scheduler answers, it has no workers, or a worker has another version of this package;
         `jobs` is below 1.
+    TrextonError
+        This machine allows too few open files, or there is no home folder to write to.
     """
     if jobs is not None:
         whole(jobs, "jobs")
+    _check_surroundings()
     if cluster is None:
         room = psutil.virtual_memory().available // _MEMORY_PER_JOB
         yield Workers(jobs or max(1, min(usable_cores(), room)))
@@ -90,6 +98,22 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
         yield Workers(jobs or count, stop, cluster, _patient(client, cluster))
     finally:
         client.close()
+
+
+def _check_surroundings() -> None:
+    """Notebooks die without a word where files may not be opened or their home is full."""
+    _, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if 0 <= most < _OPEN_FILES:
+        raise TrextonError(f"{most} open files are allowed: say ulimit -n {4 * _OPEN_FILES} first")
+    home = Path.home()
+    try:
+        with tempfile.TemporaryFile(dir=home) as stream:
+            stream.write(bytes(_HOME_BYTES))
+    except OSError as error:
+        raise TrextonError(
+            f"{home}: the home folder cannot be written to ({error.strerror}), as notebooks must: "
+            "make room, or set HOME to another folder"
+        ) from None
 
 
 def _checked(client: Any, cluster: str) -> int:

@@ -47,9 +47,9 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.experiments.assessment import finding
 
     print(finding(record))
+    print(page)  # it is there, whatever becomes of the book
     if not arguments.no_book:
         from trexton.companion.build.make import build_small_book
 
         print(build_small_book(pairs, outcomes, out))
-    print(page)
     return 0

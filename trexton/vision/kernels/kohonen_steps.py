@@ -4,14 +4,15 @@ given."""
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from trexton.vision.kernels import compiled
 
 # Sums of multiples of 2**-24 below 2**29 are exact in float64, so the order of additions is free
 # for vectorization.
 _EXACT = {"reassoc", "contract"}
 
 
-@njit(cache=True, nogil=True, fastmath=_EXACT)
+@compiled(fastmath=_EXACT)
 def _squared_distance(texton, patch):
     total = 0.0
     for i in range(patch.size):
@@ -20,7 +21,7 @@ def _squared_distance(texton, patch):
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=_EXACT)
+@compiled(fastmath=_EXACT)
 def kohonen_steps(patches, textons, gains, grain):
     """Move `textons` in place towards each patch in turn.
 

@@ -11,9 +11,11 @@ x + 4 j; word j + 3 at x is thus word j at x + 4, and three planes of words serv
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+from trexton.vision.kernels import compiled
 
 LANES, GROUP, BLOCK = 16, 4, 64
 _I8, _I16, _I32, _I64 = (ir.IntType(bits) for bits in (8, 16, 32, 64))
@@ -114,7 +116,7 @@ def _label_block(typing, planes, start, offsets, weights, bias, labels):
     return types.void(*kinds), generate
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def _fill_plane(line, start, plane):  # pragma: no cover - compiled
     """The word of four bytes at byte 3 x + `start` of a line, for every x."""
     for x in range((len(line) - start) // 3 - 1):
@@ -126,7 +128,7 @@ def _fill_plane(line, start, plane):  # pragma: no cover - compiled
         plane[x] = low | high << np.uint32(16)
 
 
-@njit(cache=True, nogil=True)
+@compiled()
 def label_rows(image, weights, bias, labels, counts, down, right):  # pragma: no cover - compiled
     """Label all positions of an image (or a strip of one) and count the labels in cells.
 
