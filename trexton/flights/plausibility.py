@@ -25,12 +25,13 @@ from trexton.flights.importers.axes import (
 from trexton.flights.repair import Doubt, count_of, scaled, with_poses_of, without_positions
 from trexton.flights.tracking import lost_rows, ranges
 from trexton.vision.camera import wrapped
-from trexton.vision.time_offset import small, time_offset, turns
+from trexton.vision.time_offset import moves, small, speed_correlations, time_offset, turns
 
 __all__ = ["warnings"]
 
 MAX_MEDIAN_SPEED = 60.0  # metres a second
 MAX_MEDIAN_INTERVAL = 30.0  # seconds between frames
+SLOW = 3.0, 0.02  # seconds between frames and metres a second that hardly come together
 _SMALLER = (("millimetres", 1e-3), ("centimetres", 1e-2))
 _STAMPS = (("nanoseconds", 1e-9, 1e6), ("microseconds", 1e-6, 1e4), ("milliseconds", 1e-3, 0.0))
 MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
@@ -38,7 +39,10 @@ MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all picture
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
 TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
-ROTATION_FRAMES = 400  # frames whose rotation is measured
+OFFSET_FRAMES = 400  # whose motion is measured
+FEWEST_MOVED = 60  # of them with a place, for an offset by speed
+ALIKE, CLEARER = 0.6, 0.15  # correlation of speeds that is believed, and above that of others
+CLEAR_S, MOST_LATE = 0.6, 2.0  # seconds from the best offset to others, and that it may have
 FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 
 
@@ -99,13 +103,15 @@ def _tracking(flight: Flight) -> Iterator[str]:
         )
 
 
-def _speed(flight: Flight) -> Iterator[str]:
+def _median_speed(flight: Flight) -> float:
+    """Metres a second; NaN where too few places are known."""
     rows = np.flatnonzero(flight.located)
-    if len(rows) < 3:
-        return
     steps = np.hypot(*np.diff(flight.position[rows], axis=0).T)
-    speed = float(np.median(steps / np.diff(flight.time[rows])))
-    if speed > MAX_MEDIAN_SPEED:
+    return float(np.median(steps / np.diff(flight.time[rows]))) if len(rows) > 2 else np.nan
+
+
+def _speed(flight: Flight) -> Iterator[str]:
+    if (speed := _median_speed(flight)) > MAX_MEDIAN_SPEED:
         unit, factor = _SMALLER[speed <= 300]
         yield Doubt(
             f"the vehicle moves at {speed:.4g} m/s in half of the frames: positions in {unit}? "
@@ -181,39 +187,64 @@ def _view(flight: Flight) -> Iterator[str]:
     sure = "order" not in words or np.ptp(np.unwrap(better[np.isfinite(better[:, 2]), 2])) > TURNED
     yield Doubt(
         f"{doubt} ({words} would look down)",
-        f"attitudes read as of {words}",
+        f"attitudes read as of {words} (where the nose then points aside, import with --axes)",
         (lambda flight: replace(flight, attitude=better)) if sure else None,
     )
 
 
 def _time_offset(flight: Flight) -> Iterator[str]:
-    """Pictures that turn at another time than the yaw beside them, or the other way."""
-    if flight.attitude is None or not flight.has_images:
+    """Pictures that turn or move at another time than the poses beside them, or turn the other
+    way.
+    """
+    if not flight.has_images:
         return
-    rows = np.flatnonzero(np.isfinite(flight.attitude[:, 2]))[:ROTATION_FRAMES]
+    yaw = np.full(len(flight), np.nan) if flight.attitude is None else flight.attitude[:, 2]
+    rows = np.flatnonzero(flight.located | np.isfinite(yaw))[:OFFSET_FRAMES]
     try:
-        turned = turns(small(flight.image(row)) for row in rows)
+        pictures = [small(flight.image(row)) for row in rows]
     except TrextonError:
         return  # said already
-    found = time_offset(flight.time[rows], turned, flight.time[rows], flight.attitude[rows, 2])
-    if found is None or not found.sure:
+    if len({picture.shape for picture in pictures}) != 1:
         return
-    if found.mirrored:
+    time = flight.time[rows]
+    known = np.isfinite(yaw[rows])
+    found = time_offset(time, turns(pictures), time[known], yaw[rows][known])
+    if found is not None and found.sure and found.mirrored:
         yield Doubt(
             "the pictures turn against the yaw: a yaw that is counted clockwise, or pictures that "
             "are mirrored? count it anticlockwise, as seen from above",
             "yaw counted the other way",
             lambda flight: replace(flight, attitude=np.array((1, 1, -1)) * flight.attitude),
         )
-    elif found.noticeable:
-        seconds = found.seconds
+        return
+    if found is not None and found.sure:
+        what, seconds = "turn {} the yaw does", found.seconds if found.noticeable else 0.0
+    else:
+        what, seconds = "move {} the positions do", _by_speed(flight, rows, pictures)
+    if seconds:
         late = f"{abs(seconds):.2f} s {'after' if seconds > 0 else 'before'}"
         yield Doubt(
-            f"the pictures turn {late} the yaw does: their stamps and those of attitude and "
-            "position are not of one clock: shift the one by that",
-            f"each frame given the position and attitude of its picture, whose stamp is {late} it",
+            f"the pictures {what.format(late)}: their stamps and those of attitude and position "
+            "are not of one clock: shift the one by that",
+            f"poses shifted, as the pictures {what.format(late)}",
             lambda flight: with_poses_of(flight, seconds),
         )
+
+
+def _by_speed(flight: Flight, rows: np.ndarray, pictures: list[np.ndarray]) -> float:
+    """Seconds by which pictures move after the vehicle does, 0 where that is not sure."""
+    located = flight.located[rows]
+    time = flight.time[rows]
+    if located.sum() < FEWEST_MOVED or not 4 * MOST_LATE < np.ptp(time) < 1e4:
+        return 0.0
+    height = np.ones(len(rows)) if flight.height is None else flight.height[rows]
+    motion = moves(pictures) * np.nan_to_num(height, nan=1.0) / np.diff(time, prepend=time[0] - 1)
+    offsets, alike = speed_correlations(time, motion, time[located], flight.position[rows[located]])
+    best = int(alike.argmax())
+    others = np.abs(offsets - offsets[best]) > CLEAR_S
+    now = float(np.interp(0, offsets, alike))
+    sure = alike[best] > ALIKE and max(now, alike[others].max(initial=-1)) < alike[best] - CLEARER
+    return -float(offsets[best]) if sure and abs(offsets[best]) <= MOST_LATE else 0.0
 
 
 def _extent(flight: Flight) -> Iterator[str]:
@@ -243,6 +274,11 @@ def _stamps(flight: Flight) -> Iterator[str]:
             f"frames come {gap:.4g} s apart: stamps in {unit}? write seconds",
             f"stamps read as {unit}",
             scaled(factor, "time"),
+        )
+    elif gap > SLOW[0] and 0 < (speed := _median_speed(flight)) < SLOW[1]:
+        yield (
+            f"frames come {gap:.3g} s apart and the vehicle moves at {speed:.2g} m/s in half of "
+            "them: stamps in milliseconds? write seconds"
         )
     elif gap < 1e-4:
         yield f"frames come {gap:.2g} s apart: write stamps in seconds"

@@ -215,6 +215,7 @@ def speed_correlations(
     stamps, motion, time, position = (
         np.asarray(each, dtype=float) for each in (stamps, motion, time, position)
     )
+    stamps = stamps - np.diff(stamps, prepend=stamps[0]) / 2  # in the middle of each motion
     grid, frames = np.arange(time[0], time[-1], GRID_S), np.arange(stamps[0], stamps[-1], GRID_S)
     path = np.column_stack([np.interp(grid, time, column) for column in position.T])
     width = round(AROUND_S / GRID_S)
