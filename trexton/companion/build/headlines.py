@@ -1,15 +1,14 @@
-"""The results in a few sentences for the first page; every number from the records."""
+"""The results in five sentences for the first page; every number from the records."""
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from trexton.companion.claims.rules import REPRODUCED, Quantity, near
 from trexton.companion.experiments.printed import published
-from trexton.companion.wording import apart, interval, middle, number, percent
+from trexton.companion.wording import apart, middle, number, percent
 
 __all__ = ["PLACES", "Headline", "headlines"]
 
@@ -18,25 +17,12 @@ Records = Mapping[str, Mapping[str, Any]]
 PLACES = {"cyberzoo": "on the authors' real flight", "sim-survey": "in the virtual hall"}
 
 
-_DETAIL = re.compile(r"(?=: |, where |, and )")
-
-
 @dataclass(frozen=True)
 class Headline:
     """A sentence, and the experiment that shows it."""
 
     text: str
     page: str
-
-    @property
-    def claim(self) -> str:
-        """Its beginning, which says the result."""
-        return _DETAIL.split(self.text, maxsplit=1)[0]
-
-    @property
-    def detail(self) -> str:
-        """The rest: how much, and where."""
-        return self.text[len(self.claim) :]
 
 
 def headlines(records: Records) -> list[Headline]:
@@ -52,105 +38,98 @@ def headlines(records: Records) -> list[Headline]:
     return [headline for make in makers if (headline := make(records)) is not None]
 
 
-def _on_each(
-    records: Records, experiment: str, say: Callable[[Mapping[str, Any]], str]
-) -> tuple[str, list[Mapping[str, Any]]]:
-    """``A on the real flight and B in the virtual hall``, and the values behind it."""
-    flights = [flight for flight in PLACES if experiment in records.get(flight, {})]
-    values = [records[flight][experiment] for flight in flights]
-    said = [f"{say(each)} {PLACES[flight]}" for flight, each in zip(flights, values, strict=True)]
-    return " and ".join(said), values
+def _values(records: Records, experiment: str) -> dict[str, Mapping[str, Any]]:
+    """The values of an experiment by flight, the real one first."""
+    return {
+        flight: records[flight][experiment]
+        for flight in PLACES
+        if experiment in records.get(flight, {})
+    }
 
 
 def _accuracy(records: Records) -> Headline | None:
-    text, values = _on_each(
-        records, "mocap_training", lambda v: interval(v["filter"]["axis_mean_cm"], "cm")
-    )
+    values = _values(records, "mocap_training")
     if not values:
         return None
     printed = 100 * published()["parameters"]["accuracy_m"]
-    errors = [each["filter"]["axis_mean_cm"] for each in values]
-    verdicts = [near(Quantity(middle(e), e["low"], e["high"]), printed, "less") for e in errors]
-    held = verdicts.count(REPRODUCED)
-    where = (
-        "is reproduced"
-        if held == len(verdicts)
-        else "holds in part"
-        if held
-        else "does not hold here"
+    errors = {flight: each["filter"]["axis_mean_cm"] for flight, each in values.items()}
+    held = [
+        flight
+        for flight, e in errors.items()
+        if near(Quantity(middle(e), e["low"], e["high"]), printed, "less") == REPRODUCED
+    ]
+    says = "is reproduced" if held == list(errors) else "holds in part" if held else "does not hold"
+    unit = " (if its unit is the centimetre)"
+    where = " and ".join(
+        PLACES[flight] + (unit if flight == "cyberzoo" else "") for flight in held or errors
     )
     return Headline(
-        f"The paper's accuracy of {number(printed)} cm an axis {where}: {text}.", "mocap_training"
+        f"The paper's accuracy of {number(printed)} cm an axis {says} {where}.",
+        "mocap_training",
     )
 
 
 def _filter(records: Records) -> Headline | None:
-    def say(values: Mapping[str, Any]) -> str:
-        error, knn = (interval(values[name]["mean_cm"], "cm") for name in ("filter", "knn"))
-        return f"{error} against {knn}, {number(values['lag']['s'])} s late,"
-
-    text, values = _on_each(records, "mocap_training", say)
+    values = _values(records, "mocap_training").values()
     if not values:
         return None
-    says = _compared([(v["filter"]["mean_cm"], v["knn"]["mean_cm"]) for v in values])
-    text = f"Its particle filter {says} the plain mean of its own neighbours: {text}"
-    return Headline(f"{text}.", "mocap_training")
+    says = _compared((v["filter"]["mean_cm"], v["knn"]["mean_cm"]) for v in values)
+    return Headline(
+        f"Its particle filter has {says} error than the plain mean of its own neighbours.",
+        "mocap_training",
+    )
 
 
 def _compared(pairs: Iterable[tuple[Mapping[str, Any], Mapping[str, Any]]]) -> str:
-    """``errs less than``: how the first of each pair errs against the second, beyond chance."""
+    """``a larger``: how the first error of each pair compares with the second, beyond chance."""
     words = dict.fromkeys(
-        "about as much as"
+        "no clearly larger"
         if not apart(a, b)
-        else "more than"
+        else "a larger"
         if middle(a) > middle(b)
-        else "less than"
+        else "a smaller"
         for a, b in pairs
     )
-    return f"errs {'now ' if len(words) > 1 else ''}{', now '.join(words)}"
+    return ", elsewhere ".join(words)
 
 
 def _better(records: Records) -> Headline | None:
     """The method beyond the paper."""
-
-    def say(values: Mapping[str, Any]) -> str:
-        field, paper = values["field"], values["paper"]
-        error = f"{interval(field['mean_cm'], 'cm')} instead of {interval(paper['mean_cm'], 'cm')}"
-        return f"{error} (its 90 % region holds {percent(field['held'])})"
-
-    text, values = _on_each(records, "beyond", say)
+    values = _values(records, "beyond")
     if not values:
         return None
-    says = _compared([(v["field"]["mean_cm"], v["paper"]["mean_cm"]) for v in values])
-    text = f"Beyond the paper, a field of histograms {says} the paper's filter: {text}"
-    return Headline(f"{text}.", "beyond")
+    says = _compared((v["field"]["mean_cm"], v["paper"]["mean_cm"]) for v in values.values())
+    held = " and ".join(
+        f"{percent(middle(each['field']['held']))} {PLACES[flight]}"
+        for flight, each in values.items()
+    )
+    return Headline(
+        f"The field of histograms has {says} error than the paper's filter, and its 90 % region "
+        f"covers {held}.",
+        "beyond",
+    )
 
 
 def _spread(records: Records) -> Headline | None:
-    text, values = _on_each(records, "mocap_training", lambda v: percent(v["spread"]["within_two"]))
+    values = _values(records, "mocap_training")
     if not values:
         return None
-    wide = sum(each["spread"]["frames_wider_than_landing"] for each in values)
-    frames = sum(each["counts"]["test"] for each in values)
-    honest = all(middle(each["spread"]["within_two"]) >= 0.9 for each in values)
-    claim = "The particles' spread tells the errors" if honest else "The particles are too sure"
-    limit = published()["triggered_landing"]["spread_cm"]
+    within = {flight: middle(each["spread"]["within_two"]) for flight, each in values.items()}
+    claim = "say how large the errors are" if min(within.values()) >= 0.9 else "are overconfident"
+    covered = " and ".join(f"{percent(share)} {PLACES[flight]}" for flight, share in within.items())
     return Headline(
-        f"{claim}: of the errors, twice their spread covers {text}, and the landing threshold of "
-        f"{limit} cm holds back {wide:.0f} of {number(frames)} frames.",
+        f"The paper's particles {claim}. Twice their spread covers {covered}, where 95 % are due.",
         "mocap_training",
     )
 
 
 def _landing(records: Records) -> Headline | None:
-    flight = next((f for f in PLACES if "triggered_landing" in records.get(f, {})), None)
-    if flight is None:
+    values = _values(records, "triggered_landing")
+    if not values:
         return None
-    values = records[flight]["triggered_landing"]
-    printed, perfect = published()["triggered_landing"], values["perfect"]
+    flight, landed = next(iter(values.items()))
     return Headline(
-        f"{values['inside']} of {values['attempts']} flights land inside the zone by the paper's "
-        f"trigger {PLACES[flight]}, where the true position gives {perfect['inside']}, and the "
-        f"paper had {printed['inside']} of {printed['landings']} landings.",
+        f"The paper's trigger lands {landed['inside']} of {landed['attempts']} flights inside the "
+        f"zone {PLACES[flight]}, and the true position {landed['perfect']['inside']}.",
         "triggered_landing",
     )

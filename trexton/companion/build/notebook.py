@@ -30,7 +30,7 @@ from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.player.page import player_html
 from trexton.companion.player.playback import PlayedFlight
-from trexton.companion.wording import Tree, as_html, middle, template_environment
+from trexton.companion.wording import Tree, as_html, interval, middle, template_environment
 from trexton.flights import Flight
 from trexton.flights.registry import flight_title
 
@@ -245,12 +245,14 @@ class Page:
         return self.frame(pd.DataFrame(table).fillna(""), caption, name)
 
     def quantities(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
-        """Single numbers of the record: label, and place in its values; the absent are left out."""
+        """Numbers of the record: label, and place in its values; the absent are left out."""
         values: dict[str, Any] = {
             label: look_up(self.record.values, path) for label, path in rows.items()
         }
         table = [
-            {"": label, " ": _number(value)} for label, value in values.items() if value is not None
+            {"": label, " ": interval(value) if isinstance(value, Mapping) else _number(value)}
+            for label, value in values.items()
+            if value is not None
         ]
         return self.frame(pd.DataFrame(table), caption, name)
 

@@ -14,13 +14,17 @@ from typing import Any
 import jinja2
 
 import trexton
+from trexton.base.cache import kept_results
 from trexton.base.errors import DataError
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
 from trexton.companion.build.headlines import headlines
 from trexton.companion.build.paper_map import map_table
+from trexton.companion.build.readme import door_table
 from trexton.companion.claims.ledger import load_records
+from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import published
+from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.wording import Tree, template_environment
 from trexton.flights.importers import describe
 from trexton.localization.landing import TouchdownZone
@@ -73,6 +77,8 @@ def context(results: Path, values: Mapping[str, Mapping[str, Any]], see: See) ->
         "records": values,
         "see": see,
         "headlines": headlines(values),
+        "door": door_table(results),
+        "kept": kept_records(),
         "paper": Tree(published()),
         "paper_map": paper_map,
         "version": version("trexton"),
@@ -83,6 +89,18 @@ def context(results: Path, values: Mapping[str, Mapping[str, Any]], see: See) ->
         "touchdown": TouchdownZone((0.0, 0.0)),  # what it asks for by default
         "public_names": public_names(),
     }
+
+
+def kept_records() -> Tree:
+    """``{experiment: values}`` of the long runs kept with the code, ``timings`` too."""
+    records = [Record.load(path) for path in kept_results() if path.stem in EXPERIMENTS]
+    values: dict[str, Any] = {
+        each.experiment: each.values | {"timings": each.timings} for each in records
+    }
+    for each in records:
+        if each.experiment == "fine":
+            values["fine"]["over_floors_cm"] = over_floors(each, "free", "mean_cm")
+    return Tree(values)
 
 
 def public_names() -> list[tuple[str, str]]:

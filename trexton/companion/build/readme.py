@@ -21,7 +21,7 @@ from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import look_up
 from trexton.companion.wording import middle, number, percent
 
-__all__ = ["floors", "is_current", "kept_numbers", "results_table", "with_table"]
+__all__ = ["door_table", "floors", "is_current", "kept_numbers", "results_table", "with_table"]
 
 _KEPT = Path("data") / "reference" / "readme.json"
 _PICTURE = Path("book") / "_static" / "flight.webp"
@@ -103,6 +103,14 @@ def results_table(flights: Mapping[str, Any]) -> str:
     lines += [[label, *(_cell(flights[name]["rows"].get(label)) for name in heads)]
               for label in labels]  # fmt: skip
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def door_table(results: Path) -> str:
+    """The table made of these results; nothing where they have not the real flight."""
+    try:
+        return results_table(kept_numbers(results))
+    except TrextonError:
+        return ""
 
 
 def _cell(row: Mapping[str, float] | None) -> str:

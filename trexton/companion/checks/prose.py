@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import yaml
 from markdown_it import MarkdownIt
 from mdit_py_plugins.deflist import deflist_plugin
 
@@ -112,13 +113,18 @@ def measure(path: Path) -> Page:
         ("fixed", "number", "percent", "round", "int"), lambda value, *_: value
     )
     environment.filters |= {"span": lambda *_: "7 [7, 7]", "text": lambda *_: "words"}
-    filled = environment.from_string(text).render(see=lambda page, words: words)
+    filled = environment.from_string(text).render(
+        see=lambda page, words: words,
+        headlines=[{"page": "", "text": "A finding."}],
+        door="",
+        first_figure=str,
+    )
     page = Page(path.stem, [], [])
     kind = ""
     for token in MarkdownIt().enable("table").use(deflist_plugin).parse(filled):
         if token.type == "inline" and not kind.startswith("heading"):
             parts = (
-                "code" if each.type == "code_inline" else each.content or " "
+                "Code" if each.type == "code_inline" else each.content or " "
                 for each in token.children or ()
                 if each.type != "image"
             )
@@ -129,9 +135,20 @@ def measure(path: Path) -> Page:
 
 
 def pages(root: Path) -> list[Page]:
-    """README, CHANGELOG and the pages of the book."""
-    places = ("README.md", "CHANGELOG.md", "book/*.md", "notebooks/*.md")
-    return [measure(path) for place in places for path in sorted(root.glob(place))]
+    """README, CHANGELOG and the pages of the book: prose with the notebooks that stand on it."""
+    toc = yaml.safe_load((root / "book" / "_toc.yml").read_text(encoding="utf-8"))
+    chapters = [each for part in toc["parts"] for each in part["chapters"]]
+    files = {"README": ["README"], "CHANGELOG": ["CHANGELOG"], toc["root"]: [f"book/{toc['root']}"]}
+    for each in chapters:
+        notebooks = [name for name in each.get("notebooks", ()) if name != "*"]
+        files[each["file"]] = [f"book/{each['file']}", *(f"notebooks/{n}" for n in notebooks)]
+    found = []
+    for name, paths in files.items():
+        own = [measure(path) for each in paths if (path := root / f"{each}.md").is_file()]
+        if own:
+            cells = [text for page in own for text in page.cells]
+            found.append(Page(name, [text for page in own for text in page.paragraphs], cells))
+    return found
 
 
 if __name__ == "__main__":
