@@ -47,6 +47,8 @@ METHODS: dict[str, dict[str, Any]] = {
         "filter": "tracks",
         "appearance": "tracked",
     },
+    # A baseline: the training frames as the states of a hidden Markov model.
+    "hmm": {"distance": "hellinger", "motion": "random-walk", "filter": "hmm"},
     "fine": {
         "distance": "euclidean",
         "motion": "random-walk",

@@ -37,6 +37,7 @@ ROLES: dict[str, dict[str, str]] = {
     "filter": {
         "particles": "trexton.localization.filters:Particles",
         "tracks": "trexton.field.tracks:Tracks",
+        "hmm": "trexton.localization.hidden_markov:HiddenMarkov",
         "registration": "trexton.registration.filter:Registration",
     },
     "resampling": {
