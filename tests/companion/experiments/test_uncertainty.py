@@ -28,7 +28,9 @@ def test_every_method_is_judged_by_its_own_claims(record):
         assert len(values["quarters"]) == 4 and len(record.series[name]) == 10
         held = values["within_90"]
         assert held["low"] <= held["value"] <= held["high"]
-        assert np.mean(values["quarters"]) == pytest.approx(held["value"], abs=0.03)
+        assert np.mean(values["quarters"]) == pytest.approx(
+            held["value"], abs=0.06
+        )  # of other runs
         assert values["nees"]["value"] > 0 and 0 <= values["wrong_rate"] <= 1
         claimed = [group["claimed_cm"] for group in record.series[name]]
         assert claimed == sorted(claimed)
@@ -87,7 +89,7 @@ def test_a_method_that_is_lost_all_the_time_sends_nothing(monkeypatch, always):
     def flown(method, *words, **known):
         lost = method.method in always
         return [
-            Track([replace(said, lost=said.lost or lost) for said in run.estimates], run.step_s)
+            Track.of([replace(said, lost=said.lost or lost) for said in run.estimates], run.step_s)
             for run in tracks(method, *words, **known)
         ]
 

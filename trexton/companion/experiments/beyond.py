@@ -18,12 +18,18 @@ from matplotlib.figure import Figure
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import frames_of, map_of
+from trexton.companion.experiments.evaluation import (
+    coverage,
+    errors_of,
+    flown,
+    frames_of,
+    lag,
+    map_of,
+)
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import Track, fly
 from trexton.companion.wording import beside, interval, middle, percent
-from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
@@ -31,7 +37,7 @@ from trexton.localization.roles import make
 from trexton.localization.training import for_method, with_choices, with_parts
 
 WIDE_M = 0.25  # process noise and rank widths of the ablations
-MOST_LAG = 36  # frames
+QUOTED = ("paper", "field")  # variants whose runs other pages quote too
 ATTITUDE_NOISE = np.radians(0.3)  # of the autopilot's roll, pitch and yaw
 
 
@@ -90,7 +96,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     texton_map, located = map_of(train, parameters), train.select(train.located)
     frames, truth = frames_of(test), test.position
     aiding = _aiding(test, parameters.seed)
-    flown, timings = {}, {}
+    flights, timings = {}, {}
     changed: dict[str, TextonMap] = {}
     for name, variant in VARIANTS.items():
         if not _possible(variant, train, aiding):
@@ -99,26 +105,28 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         base = changed["field"] if variant.odometry else texton_map
         changed[name] = _map_for(variant, base, located)
         timings[name] = {"learn_s": perf_counter() - started}
-        runs = []
-        for repeat in range(parameters.repeats if variant.draws else 1):
-            rng = stream(parameters.seed, f"beyond {name}", repeat)
-            localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
-            runs.append(fly(localizer, frames, aiding=aiding if variant.aided else None))
-        flown[name] = runs
+        if name in QUOTED:
+            runs = flown(train, test, parameters, name, texton_map=changed[name])
+        else:
+            runs = []
+            for repeat in range(parameters.repeats if variant.draws else 1):
+                rng = stream(parameters.seed, f"beyond {name}", repeat)
+                localizer = Localizer(changed[name], samples=parameters.samples, rng=rng)
+                runs.append(fly(localizer, frames, aiding=aiding if variant.aided else None))
+        flights[name] = runs
         timings[name]["step_s"] = float(np.median(runs[0].step_s))
     values: dict[str, Any] = {
-        name: _summary(runs, truth, test.diagonal, stream(parameters.seed, f"intervals {name}"))
-        for name, runs in flown.items()
+        name: _summary(runs, test, parameters.seed) for name, runs in flights.items()
     }
     values |= {
-        "lag": _lag(flown["paper"], truth, float(np.median(np.diff(test.time)))),
+        "lag": lag(flights["paper"], test),
         "ratio": middle(values["field"]["mean_cm"]) / middle(values["paper"]["mean_cm"]),
         "protocol": _protocol(),
         "frames": len(test),
     }
     errors_cm = {
         name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
-        for name, runs in flown.items()
+        for name, runs in flights.items()
     }
     return parameters.record(
         train, test, values=values, series={"errors_cm": errors_cm}, timings=timings
@@ -153,36 +161,18 @@ def _aiding(flight: Flight, seed: int) -> list[Aiding] | None:
     return [known.aiding(row) for row in range(len(flight))]
 
 
-def _summary(
-    runs: list[Track], truth: np.ndarray, diagonal: float, rng: np.random.Generator
-) -> dict[str, Any]:
+def _summary(runs: list[Track], test: Flight, seed: int) -> dict[str, Any]:
     """Errors in cm over all runs, and the coverage of the claimed region, in quarters too."""
-    errors = 100 * np.stack([each.errors(truth) for each in runs])
-    held = np.stack([each.held(truth) for each in runs])
+    errors = errors_of(runs, test, seed)
+    held = np.stack([each.held(test.position) for each in runs])
     quarters = [part.mean() for part in np.array_split(held, 4, axis=1)]
     return {
-        "mean_cm": mean_with_interval(errors, rng),
-        "median_cm": np.median(errors),
-        "p95_cm": np.percentile(errors, 95),
-        "held": mean_with_interval(held, rng),
+        "mean_cm": errors["mean_cm"],
+        **{name: middle(errors[name]) for name in ("median_cm", "p95_cm", "relative")},
+        "held": coverage(runs, test, seed),
         "held_least": min(quarters),
         "held_most": max(quarters),
-        "relative": errors.mean() / (100 * diagonal),
     }
-
-
-def _lag(runs: list[Track], truth: np.ndarray, period_s: float) -> dict[str, float]:
-    """By how much the estimates are late: the least mean error against earlier places."""
-    shifts = np.arange(min(MOST_LAG, len(truth) // 4) + 1)
-    errors = [
-        100
-        * np.mean(
-            [euclidean(each.position[shift:], truth[: len(truth) - shift]).mean() for each in runs]
-        )
-        for shift in shifts
-    ]
-    best = int(np.argmin(errors))
-    return {"s": best * period_s, "error_cm": errors[best], "unshifted_cm": errors[0]}
 
 
 def _protocol() -> dict[str, Any]:
@@ -231,5 +221,5 @@ def errors(record: Record) -> Figure:
 
 EXPERIMENT = Experiment(
     "Beyond the paper: a field instead of neighbours", Parameters, run, finding,
-    needs=POSITIONS, cost_s=30,
+    needs=POSITIONS, after=("mocap_training",), cost_s=30,
 )  # fmt: skip

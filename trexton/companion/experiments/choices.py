@@ -21,11 +21,16 @@ from trexton.companion.experiments.declaration import (
     FilterParameters,
     option,
 )
-from trexton.companion.experiments.evaluation import drawn_histograms, frames_of, trained_map
+from trexton.companion.experiments.evaluation import (
+    drawn_histograms,
+    errors_of,
+    flown,
+    frames_of,
+    map_of,
+)
 from trexton.companion.experiments.style import COLORS, canvas, label_rows, with_intervals
 from trexton.companion.experiments.track import tracks
 from trexton.companion.wording import apart, interval
-from trexton.evaluation.metrics import summarize
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
 from trexton.localization.training import train_map
@@ -81,7 +86,9 @@ def without_trace(histograms: np.ndarray, samples: int) -> np.ndarray:
 class Parameters(FilterParameters):
     """What can be chosen."""
 
-    repeats: int = option(4, "independent runs of the filter for each variant", low=1)
+    repeats: int = option(
+        4, "independent runs of the filter for each variant but the paper's", low=1
+    )
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -93,19 +100,22 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         ``values["variants"]``: for each variant its label, whether the flight code had it, and the
         mean Euclidean error in cm with its interval; ``paper`` is the method as it stands.
     """
-    texton_map = trained_map(train, neighbors=parameters.neighbors, seed=parameters.seed)
+    texton_map = map_of(train, parameters)
     common: dict[str, Any] = {"samples": parameters.samples, "particles": parameters.particles}
     variants = {}
     for key, label, changed, frames, options in _variants(texton_map, train, test, parameters):
-        runs = tracks(
-            changed, frames, repeats=parameters.repeats, seed=parameters.seed, **common | options
-        )
-        rng = stream(parameters.seed, "intervals")
-        summary = summarize([run.position for run in runs], test.position, test.diagonal, rng=rng)
+        runs = (
+            flown(train, test, parameters, texton_map=texton_map)
+            if key == "paper"
+            else tracks(
+                changed, frames, repeats=parameters.repeats, seed=parameters.seed,
+                **common | options,
+            )
+        )  # fmt: skip
         variants[key] = {
             "label": label,
             "flight_code": key in FLIGHT_CODE,
-            "mean_cm": summary["mean_cm"],
+            "mean_cm": errors_of(runs, test, parameters.seed)["mean_cm"],
         }
     values = {"variants": variants, "order": list(variants)}
     return parameters.record(train, test, values=values)

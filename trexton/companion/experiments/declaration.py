@@ -143,6 +143,11 @@ class FilterParameters(SeedParameters):
     particles: int = option(PARTICLES, "particles of the filter", low=1)
     neighbors: int = option(NEIGHBORS, "neighbours that vote, k", low=1)
 
+    def of_the_map(self) -> dict[str, int]:
+        """Those that decide about the map."""
+        textons = getattr(self, "textons", TEXTONS)
+        return {"textons": textons, "neighbors": self.neighbors, "seed": self.seed}
+
 
 @dataclass(frozen=True)
 class MapParameters(FilterParameters):

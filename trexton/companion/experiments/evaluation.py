@@ -11,13 +11,15 @@ import numpy as np
 from trexton.base.cache import cached
 from trexton.base.progress import progress
 from trexton.base.streams import stream
-from trexton.companion.experiments.declaration import MapParameters
-from trexton.companion.experiments.track import Track
+from trexton.companion.experiments.declaration import FilterParameters
+from trexton.companion.experiments.track import ARRAYS, Track, tracks
 from trexton.evaluation.metrics import (
     absolute_errors,
     block_rows,
     bootstrap_interval,
     constant_guess,
+    euclidean,
+    mean_with_interval,
     shuffled_neighbors,
     summarize,
 )
@@ -25,9 +27,12 @@ from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
 from trexton.localization.map_files import from_arrays, to_arrays
 from trexton.localization.neighbors import NearestHistograms
-from trexton.localization.training import train_map
+from trexton.localization.training import for_method, train_map
 from trexton.vision.camera import MapImage
 from trexton.vision.histograms import sampled_histogram
+
+RUNS = {"paper": 20, "guarded": 5, "field": 1}  # one where no more is drawn than the patches
+MOST_LAG_FRAMES = 60
 
 
 def trained_map(
@@ -53,16 +58,84 @@ def trained_map(
 
 
 def map_of(
-    train: Flight, parameters: MapParameters, positions: np.ndarray | None = None
+    train: Flight, parameters: FilterParameters, positions: np.ndarray | None = None
 ) -> TextonMap:
     """`trained_map` with an experiment's parameters."""
-    return trained_map(
-        train,
-        textons=parameters.textons,
-        neighbors=parameters.neighbors,
-        seed=parameters.seed,
-        positions=positions,
-    )
+    return trained_map(train, positions=positions, **parameters.of_the_map())
+
+
+def flown(
+    train: Flight,
+    test: Flight,
+    parameters: FilterParameters,
+    method: str = "paper",
+    *,
+    repeats: int | None = None,
+    texton_map: TextonMap | None = None,
+) -> list[Track]:
+    """The runs of a method over the test flight that every page quotes: flown once, then cached.
+
+    Parameters
+    ----------
+    repeats : int, optional
+        Independent runs, by default `RUNS`; run i draws from stream ``"flight", i``.
+    texton_map : TextonMap, optional
+        The method's map where it is at hand; else it is trained.
+    """
+    repeats = RUNS[method] if repeats is None else repeats
+    options = {"samples": parameters.samples}
+    if method == "paper":
+        options["particles"] = parameters.particles
+
+    def compute() -> dict[str, np.ndarray]:
+        chosen = texton_map or method_map(train, parameters, method)
+        runs = tracks(
+            chosen, frames_of(test), repeats=repeats, seed=parameters.seed, label=method, **options
+        )
+        return {
+            f"{name}-{number}": array
+            for number, run in enumerate(runs)
+            for name, array in run.arrays().items()
+        }
+
+    inputs = {"train": train.data_hash, "test": test.data_hash, "method": method,
+              "repeats": repeats, **parameters.of_the_map(), **options}  # fmt: skip
+    arrays = cached("flown", "trexton.companion.experiments.track", inputs, compute)
+    stored = [{name: arrays[f"{name}-{i}"] for name in ARRAYS} for i in range(repeats)]
+    return [Track(**each, estimates=[]) for each in stored]
+
+
+def method_map(train: Flight, parameters: FilterParameters, method: str) -> TextonMap:
+    """The map of a method, of the same dictionary and frames as the paper's."""
+    rng, located = stream(parameters.seed, "calibration"), train.select(train.located)
+    return for_method(map_of(train, parameters), method, flight=located, rng=rng)
+
+
+def errors_of(runs: Sequence[Track], test: Flight, seed: int) -> dict[str, Any]:
+    """What `trexton.evaluation.metrics.summarize` gives of runs; the same wherever it is asked."""
+    rng, positions = stream(seed, "intervals"), [run.position for run in runs]
+    return summarize(positions, test.position, test.diagonal, rng=rng)
+
+
+def coverage(runs: Sequence[Track], test: Flight, seed: int) -> dict[str, float]:
+    """The share of frames whose 90 % region holds the truth, with its 95 % interval."""
+    held = np.stack([run.held(test.position) for run in runs])
+    return mean_with_interval(held, stream(seed, "intervals"))
+
+
+def lag(runs: Sequence[Track], test: Flight) -> dict[str, float]:
+    """By how much the estimates trail: the shift in time under which they fit the truth best."""
+    shifts = range(min(MOST_LAG_FRAMES, len(test) // 4))
+    errors = [
+        np.mean([euclidean(run.position[n:], test.position[: len(test) - n]) for run in runs])
+        for n in shifts
+    ]
+    best = int(np.argmin(errors))
+    period = (test.time[-1] - test.time[0]) / max(1, len(test) - 1)
+    return {
+        "frames": best, "s": best * period, "error_cm": 100 * errors[best],
+        "unshifted_cm": 100 * errors[0],
+    }  # fmt: skip
 
 
 def frames_of(flight: Flight) -> Sequence[np.ndarray]:
@@ -149,7 +222,7 @@ def evaluate(
         return summarize(estimates, test.position, test.diagonal, rng=rng)
 
     values = {
-        "filter": summary([run.position for run in runs]),
+        "filter": errors_of(runs, test, seed),
         "knn": summary([run.knn for run in runs]),
         "constant_guess": summary([constant_guess(train_positions, len(test))]),
         "shuffled_neighbors": summary([shuffled_neighbors(train_positions, len(test), k, rng=rng)]),

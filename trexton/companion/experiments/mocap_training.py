@@ -12,10 +12,14 @@ from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
+    RUNS,
     drift,
+    errors_of,
     evaluate,
     floor_picture,
+    flown,
     frames_of,
+    lag,
     map_of,
     whereabouts,
 )
@@ -31,8 +35,6 @@ from trexton.evaluation.metrics import (
     absolute_errors,
     block_rows,
     bootstrap_interval,
-    euclidean,
-    summarize,
 )
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
@@ -40,14 +42,15 @@ from trexton.localization.localizer import TextonMap
 from trexton.localization.roles import ROLES
 
 LANDING_SPREAD_M = 0.6  # the paper's threshold: no landing where the particles spread wider
-MOST_LAG_FRAMES = 60
 
 
 @dataclass(frozen=True)
 class Parameters(MapParameters):
     """What can be chosen."""
 
-    repeats: int = option(20, "independent runs of the filter over the test flight", low=1)
+    repeats: int = option(
+        RUNS["paper"], "independent runs of the filter over the test flight", low=1
+    )
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
@@ -73,7 +76,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             "lost": np.mean([run.lost.sum() for run in runs]),
         },
         "spread": _spread(runs, test, stream(parameters.seed, "spread")),
-        "lag": _lag(runs, test),
+        "lag": lag(runs, test),
         "model": {
             "process_std_cm": 100 * np.sqrt(np.diagonal(process)),
             "rank_std_cm": rank_std_cm,
@@ -108,7 +111,10 @@ def train_and_fly(
         Train on these in place of motion capture.
     """
     texton_map = map_of(train, parameters, positions=positions)
-    runs = _runs(texton_map, test, parameters)
+    if positions is None:
+        runs = flown(train, test, parameters, repeats=parameters.repeats, texton_map=texton_map)
+    else:
+        runs = _runs(texton_map, test, parameters)
     values, series = evaluate(
         runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
     )
@@ -129,9 +135,7 @@ def _estimators(
     for name in ROLES["estimation"]:
         if name != "map":  # the runs at hand
             runs = _runs(texton_map, test, parameters, estimation=name)
-        rng = stream(parameters.seed, "estimators")
-        positions = [run.position for run in runs]
-        result[name] = summarize(positions, test.position, test.diagonal, rng=rng)["mean_cm"]
+        result[name] = errors_of(runs, test, parameters.seed)["mean_cm"]
     return result
 
 
@@ -158,18 +162,6 @@ def _spread(
         "landing_threshold_cm": 100 * LANDING_SPREAD_M,
         "frames_wider_than_landing": np.mean((widest >= LANDING_SPREAD_M).sum(axis=1)),
     }
-
-
-def _lag(runs: list[Track], test: Flight) -> dict[str, Any]:
-    """By how much the estimates trail: the shift in time under which they fit the truth best."""
-    shifts = range(min(MOST_LAG_FRAMES, len(test) // 4))
-    errors = [
-        np.mean([euclidean(run.position[n:], test.position[: len(test) - n]) for run in runs])
-        for n in shifts
-    ]
-    best = int(np.argmin(errors))
-    period = (test.time[-1] - test.time[0]) / max(1, len(test) - 1)
-    return {"frames": best, "s": best * period, "error_cm": 100 * errors[best]}
 
 
 def finding(record: Record) -> str:

@@ -21,7 +21,7 @@ from trexton.base.streams import stream
 from trexton.companion.checks.tuning import replayed_errors
 from trexton.companion.executor import spread, working_on
 from trexton.companion.experiments.declaration import MapParameters
-from trexton.companion.experiments.evaluation import frames_of, map_of
+from trexton.companion.experiments.evaluation import errors_of, flown, frames_of, map_of
 from trexton.companion.experiments.track import Track, fly, tracks
 from trexton.evaluation.metrics import summarize
 from trexton.evaluation.runtime import frequency, milliseconds
@@ -59,6 +59,7 @@ class Bench:
 
     def __init__(self, train: Flight, test: Flight, parameters: MapParameters, repeats: int):
         self.map, self.test = map_of(train, parameters), test
+        self.quoted = flown(train, test, parameters, texton_map=self.map)  # of the defaults
         self.repeats, self.seed = repeats, parameters.seed
         named = {name: getattr(parameters, name) for name in _CHOSEN}
         self.defaults: dict[str, Any] = named | {"training": len(train)}
@@ -99,21 +100,22 @@ class Bench:
         result = Sweep()
         for value in progress(sorted(values, key=lambda value: value or np.inf), f"varying {name}"):
             setting = self.defaults | {name: value}
-            runs = result.runs[value] = self._runs(setting, repeats)
-            errors = self.summary([run.position for run in runs])
+            runs = self._runs(setting, repeats)
+            judged = result.runs[value] = self.quoted if setting == self.defaults else runs
+            errors = errors_of(judged, self.test, self.seed)
             full = setting["samples"] is None
             time_ms = milliseconds(self._full_times() if full else [run.step_s for run in runs])
-            row = setting | {"patches": self._patches(setting), "runs": len(runs)}
+            row = setting | {"patches": self._patches(setting), "runs": len(judged)}
             result.rows.append(row | {key: errors[key] for key in ("error_cm_x", "error_cm_y")})
             result.clocks.append(
                 setting | {"frame_ms": time_ms, "frequency_hz": frequency(time_ms)}
             )
         return result
 
-    def summary(self, estimates: list[np.ndarray], draws: int = 300) -> dict[str, Any]:
+    def summary(self, estimates: list[np.ndarray]) -> dict[str, Any]:
         """Statistics of several runs over the test flight."""
         rng = stream(self.seed, "intervals")
-        return summarize(estimates, self.test.position, self.test.diagonal, rng=rng, draws=draws)
+        return summarize(estimates, self.test.position, self.test.diagonal, rng=rng, draws=400)
 
     def _runs(self, setting: dict[str, Any], repeats: int) -> list[Track]:
         if any((setting[key] or 0) > most for key, most in _SLOW.items()):
@@ -165,7 +167,10 @@ def search_settings(bench: Bench) -> tuple[list[dict[str, Any]], dict[str, Any]]
         for chosen in product(flights, GRID["particles"], counts)
     ]
     tried = spread(partial(_tried, bench.wide, flights, bench.seed), settings, "settings")
-    summaries = [bench.summary(estimates, draws=400) for estimates, _ in tried]
+    summaries = [bench.summary(estimates) for estimates, _ in tried]
+    usual = {name: bench.defaults[name] for name in _CHOSEN}
+    if usual in settings:
+        summaries[settings.index(usual)] = errors_of(bench.quoted, bench.test, bench.seed)
     grid = [
         setting | {"axis_mean_cm": summary["axis_mean_cm"]}
         for setting, summary in zip(settings, summaries, strict=True)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property, partial
+from dataclasses import dataclass, field
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -18,6 +18,7 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.localizer import Localizer, TextonMap
 
 Frames = Sequence[np.ndarray] | np.ndarray
+ARRAYS = ("position", "covariance", "lost", "knn", "step_s")  # of a track, in its order
 HELD = -2 * np.log(1 - 0.9)  # squared deviations that hold 90 % of a Gaussian in the plane
 
 
@@ -27,24 +28,45 @@ class Track:
 
     Attributes
     ----------
-    estimates : list of Estimate
-        Its estimate of each frame.
+    position : (N, 2) array
+        Estimates in metres.
+    covariance : (N, 2, 2) array
+        Square metres.
+    lost : (N,) bool array
+        Whether it said that it was lost.
+    knn : (N, 2) array
+        Plain means of the k neighbours in metres: the paper's method without its filter. NaN for a
+        method that asks for none.
     step_s : (N,) array
-        Seconds that each took.
+        Seconds that each frame took.
+    estimates : list of Estimate
+        All that was estimated; empty for a run that comes from the cache.
     """
 
-    estimates: list[Estimate]
+    position: np.ndarray
+    covariance: np.ndarray
+    lost: np.ndarray
+    knn: np.ndarray
     step_s: np.ndarray
+    estimates: list[Estimate] = field(default_factory=list)
 
-    @cached_property
-    def position(self) -> np.ndarray:
-        """``(N, 2)`` estimates in metres."""
-        return np.array([each.position for each in self.estimates])
+    @classmethod
+    def of(cls, estimates: list[Estimate], step_s: np.ndarray) -> Track:
+        """The run that gave these estimates."""
+        nothing = np.full(2, np.nan)
+        return cls(
+            np.array([each.position for each in estimates]),
+            np.array([each.covariance for each in estimates]),
+            np.array([each.lost for each in estimates]),
+            np.array([nothing if (near := each.neighbors) is None
+                      else near.position.mean(axis=0) for each in estimates]),
+            step_s,
+            estimates,
+        )  # fmt: skip
 
-    @cached_property
-    def covariance(self) -> np.ndarray:
-        """``(N, 2, 2)`` square metres."""
-        return np.array([each.covariance for each in self.estimates])
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All but the estimates, by name."""
+        return {name: getattr(self, name) for name in ARRAYS}
 
     @property
     def spread(self) -> np.ndarray:
@@ -52,25 +74,9 @@ class Track:
         return np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2))
 
     @property
-    def lost(self) -> np.ndarray:
-        """``(N,)`` whether it said that it was lost."""
-        return np.array([each.lost for each in self.estimates])
-
-    @property
     def velocity_biased(self) -> np.ndarray:
         """``(N,)`` whether the frames show a bias of the aiding velocity."""
         return np.array([each.velocity_bias is not None for each in self.estimates])
-
-    @cached_property
-    def knn(self) -> np.ndarray:
-        """``(N, 2)`` plain means of the k neighbours in metres: the paper's method without its
-        filter.
-        """
-        means = []
-        for each in self.estimates:
-            assert each.neighbors is not None  # of a method that asks for them
-            means.append(each.neighbors.position.mean(axis=0))
-        return np.array(means)
 
     def errors(self, truth: np.ndarray) -> np.ndarray:
         """``(N,)`` distances to the truth in metres."""
@@ -101,7 +107,7 @@ def fly(
         start = perf_counter()
         estimates.append(localizer.step(frame, aiding=aided, samples=counted))
         step_s.append(perf_counter() - start)
-    return Track(estimates, np.array(step_s))
+    return Track.of(estimates, np.array(step_s))
 
 
 def tracks(

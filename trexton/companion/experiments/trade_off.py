@@ -18,6 +18,7 @@ from trexton.base.streams import stream
 from trexton.companion.executor import limited_threads
 from trexton.companion.experiments.correlation import rank_correlation
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
+from trexton.companion.experiments.evaluation import errors_of
 from trexton.companion.experiments.style import (
     COLORS,
     SERIES,
@@ -63,14 +64,13 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     values, timings = _headlines(sweeps, bench)
     grid, tuned = search_settings(bench)
     rows, clocks = time_stored(bench, parameters.stored)
-    default = sweeps["particles"].runs[parameters.particles]
     return parameters.record(
         train,
         test,
         values=values
         | tuned
         | {
-            "default": bench.summary([run.position for run in default]),
+            "default": errors_of(bench.quoted, test, parameters.seed),
             "tree_agrees": np.mean([row["same"] for row in rows]),
             "camera_hz": 1 / np.median(np.diff(test.time)),
             "applies": {"samples": test.has_images},

@@ -17,7 +17,7 @@ from scipy.stats import binom, chi2
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
-from trexton.companion.experiments.evaluation import drawn_histograms, map_of
+from trexton.companion.experiments.evaluation import coverage, drawn_histograms, flown, method_map
 from trexton.companion.experiments.receivers import RECEIVERS, Receiver, Settings, readings
 from trexton.companion.experiments.style import (
     COLORS,
@@ -31,7 +31,7 @@ from trexton.companion.wording import number, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
-from trexton.localization.training import for_method
+from trexton.localization.localizer import TextonMap
 
 METHODS = {
     "paper": "the paper's filter",
@@ -66,14 +66,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     quarter_s = float(test.time[-1] - test.time[_settled(test, SETTLED_S)]) / QUARTERS
     values: dict[str, Any] = {"order": list(METHODS), "silent": [], "band": BAND}
     series: dict[str, Any] = {}
-    for name, runs in _runs(train, test, parameters):
+    for name, method, runs in _runs(train, test, parameters):
         judged, series[name] = _claimed(runs, test, stream(seed, "intervals"))
         flights = [track.estimates for track in runs]
         usable = [not estimate.lost_in(test.area) for flown in flights for estimate in flown]
         measured = flights[0][-1].measurement
         lasting = None if measured is None else measured.independent_s
         alike = 1.0 if lasting is None else max(1.0, lasting / period)
+        quoted = flown(train, test, parameters, name, texton_map=method)
         values[name] = judged | {
+            "within_90": coverage(quoted, test, seed),
             "independent_s": lasting,
             "chance": None if lasting is None else _by_chance(quarter_s / lasting),
             "alike": alike,
@@ -98,14 +100,16 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     return parameters.record(train, test, values=values, series=series)
 
 
-def _runs(train: Flight, test: Flight, parameters: Parameters) -> Iterator[tuple[str, list[Track]]]:
-    """Each method and its runs over the test flight, all with the same histogram of each frame."""
-    texton_map, located = map_of(train, parameters), train.select(train.located)
+def _runs(
+    train: Flight, test: Flight, parameters: Parameters
+) -> Iterator[tuple[str, TextonMap, list[Track]]]:
+    """Each method, its map and its runs over the test flight, all with the same histogram of each
+    frame.
+    """
     for name, label in METHODS.items():
-        rng = stream(parameters.seed, "calibration")
-        method = for_method(texton_map, name, flight=located, rng=rng)
+        method = method_map(train, parameters, name)
         histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
-        yield name, tracks(
+        yield name, method, tracks(
             method, histograms, repeats=parameters.repeats, seed=parameters.seed, label=label,
             counted=parameters.samples if test.has_images else None,
         )  # fmt: skip
@@ -142,7 +146,6 @@ def _claimed(
         "error_cm": 100 * error.mean(),
         "axis_cm": 100 * np.sqrt(np.square(error).mean() / 2),
         "claimed_cm": 100 * np.sqrt(np.square(claimed).mean()),
-        "within_90": mean_with_interval(held, rng),
         "quarters": [part.mean() for part in np.array_split(held, QUARTERS, axis=1)],
         "nees": mean_with_interval(squared, rng),
         "wrong_rate": wrong.mean(),
