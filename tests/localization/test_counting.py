@@ -8,7 +8,7 @@ from small_room import picture_flight
 
 from trexton.localization import counting
 from trexton.localization.counting import full_histograms
-from trexton.vision.histograms import texton_histogram
+from trexton.vision.histograms import texton_counts, texton_histogram
 from trexton.vision.textons import TextonDictionary
 
 
@@ -34,9 +34,9 @@ def counted(monkeypatch, tmp_path):
         if len(calls) == limit["most"]:
             raise KeyboardInterrupt
         calls.append(1)
-        return texton_histogram(image, *words, **options)
+        return texton_counts(image, *words, **options)
 
-    monkeypatch.setattr(counting, "texton_histogram", count)
+    monkeypatch.setattr(counting, "texton_counts", count)
     return calls, lambda most: limit.update(most=most)
 
 
@@ -59,7 +59,11 @@ def test_other_textons_cells_or_frames_are_counted_anew(flight, dictionary, coun
     full_histograms(flight, dictionary)
     full_histograms(flight, dictionary)
     assert len(calls) == 48
-    full_histograms(flight, dictionary, cells=2)
+    parts = full_histograms(flight, dictionary, cells=2)
+    assert len(calls) == 48  # whole images and quarters are counted in one pass
+    direct = [texton_histogram(image, dictionary, cells=2) for image in flight.images()]
+    np.testing.assert_array_equal(parts, direct)
+    full_histograms(flight, dictionary, cells=3)
     assert len(calls) == 96
     full_histograms(flight, TextonDictionary(dictionary.textons[::-1].copy()))
     assert len(calls) == 144

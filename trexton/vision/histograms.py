@@ -22,6 +22,7 @@ from trexton.vision.textons import TextonDictionary
 from trexton.vision.threads import in_strips
 
 __all__ = [
+    "texton_counts",
     "texton_histogram",
     "sampled_histogram",
     "patch_histogram",
@@ -56,8 +57,13 @@ def texton_histogram(image: np.ndarray, dictionary: TextonDictionary, cells: int
     ParameterError
         `cells` is no whole number of at least 1.
     """
-    labels, counts = _label(image, dictionary, whole(cells, "cells"))
-    return counts / labels.size
+    counts = texton_counts(image, dictionary, cells)
+    return counts / counts.sum()
+
+
+def texton_counts(image: np.ndarray, dictionary: TextonDictionary, cells: int = 1) -> np.ndarray:
+    """``(K cells^2,) int64``: how often each texton occurs, as `texton_histogram` counts."""
+    return _label(image, dictionary, whole(cells, "cells"))[1]
 
 
 def label_image(image: np.ndarray, dictionary: TextonDictionary) -> np.ndarray:
