@@ -42,7 +42,9 @@ def run(arguments: argparse.Namespace) -> int:
         VirtualFlights,
         judge_floor,
     )
-    from trexton.companion.experiments.suitability import predicted_errors
+
+    if arguments.out:  # heat maps need the extra, and the verdict does not
+        from trexton.companion.experiments.suitability import predicted_errors
 
     flights = chosen_options(arguments, VirtualFlights)
     if arguments.length is not None and not arguments.corners:
