@@ -14,7 +14,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book prose browser test check coverage test-slow fuzz bench verify full lab lock sbom audit clean
+.PHONY: help env book prose browser test check coverage test-slow fuzz bench verify full lab lock crate sbom audit clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -97,6 +97,9 @@ lock:  ## renew environment.lock from pyproject.toml
 	.venv-lock/bin/uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --generate-hashes --upgrade \
 	  --no-emit-index-url --no-emit-find-links --no-annotate --no-header --quiet -o environment.lock
 	rm -rf .venv-lock
+
+crate: env  ## one zip of records, data hashes, environment, code and book, as an RO-Crate: results/trexton-crate.zip
+	@$(BIN)/python tests/crate.py $(ARGS)
 
 sbom: env  ## what the environment is made of: bom.json (CycloneDX) and licences.csv, in results/supply
 	@mkdir -p results/supply

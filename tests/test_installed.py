@@ -10,6 +10,7 @@ import venv
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 from conftest import ROOT
 from small_recording import recording
@@ -86,3 +87,34 @@ def test_the_report_and_its_small_book_are_made_in_an_empty_folder(trexton, tmp_
     assert "Will it work here?" in (tmp_path / "mine" / "report.html").read_text()
     (page,) = [line for line in said.splitlines() if line.endswith("index.html")]
     assert list((tmp_path / page).parent.rglob("assessment.html"))
+
+
+# Whatever is not in the base installation cannot be imported.
+ALONE = """
+import sys
+from packaging.requirements import Requirement
+from importlib.metadata import packages_distributions, requires
+base = {Requirement(each).name for each in requires("trexton") if "extra ==" not in each}
+base |= {"trexton", "llvmlite"}
+extras = {name for name, of in packages_distributions().items() if not base & set(of)}
+
+for name in [name for name in sys.modules if name.partition(".")[0] in extras]:
+    del sys.modules[name]
+sys.modules.update(dict.fromkeys(extras))
+from trexton.cli.main import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_floor_is_judged_by_the_base_installation_alone(tmp_path):
+    import cv2
+
+    cv2.imwrite(
+        str(tmp_path / "floor.jpg"), np.random.default_rng(0).integers(0, 255, (200, 300, 3))
+    )
+    words = ["suitability", tmp_path / "floor.jpg", "--width", "3", "--frames", "40"]
+    call = [sys.executable, "-c", ALONE, *words, "--test-frames", "20"]
+    done = subprocess.run(call, capture_output=True, text=True)
+    assert done.returncode == 0 and "expect method field" in done.stdout, done.stderr
+    done = subprocess.run([*call, "--out", tmp_path / "out"], capture_output=True, text=True)
+    assert done.returncode == 1 and "pip install 'trexton[book]'" in done.stderr

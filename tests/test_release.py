@@ -1,0 +1,83 @@
+"""A release: one version everywhere, what the checklists name is there, old files are read."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from conftest import ROOT
+
+from trexton.base.records import Record
+from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.flights import read_flight
+from trexton.localization.localizer import Localizer
+from trexton.localization.map_files import load_map, save_map
+
+KEPT = Path(__file__).parent / "formats" / "0.1"
+
+
+def test_one_version_everywhere():
+    version = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
+    assert yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"] == version
+    for name in ("codemeta.json", ".zenodo.json"):
+        assert json.loads((ROOT / name).read_text())["version"] == version
+    assert f"\n## {version}\n" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_a_release_of_the_changelog_has_fifteen_lines_at_most():
+    releases = re.split(r"\n## ", (ROOT / "CHANGELOG.md").read_text())[1:]
+    assert [len(re.findall(r"^- ", text, re.MULTILINE)) <= 15 for text in releases]
+
+
+@pytest.mark.parametrize("page", ["PUBLISHING.md", "QUALITY.md"])
+def test_what_a_checklist_names_is_there(page):
+    text = (ROOT / page).read_text()
+    links = re.findall(r"\]\(([^):]+)\)", text)
+    paths = re.findall(r"`((?:tests|book|data|\.github|\.ci)/[\w./-]+)`", text)
+    assert links or paths
+    assert [name for name in links + paths if not (ROOT / name).exists()] == []
+
+
+def test_the_manifest_names_what_experiments_leave():
+    manifest = yaml.safe_load((ROOT / "codecheck.yml").read_text())["manifest"]
+    named = [Path(entry["file"]) for entry in manifest]
+    assert {path.stem for path in named} == set(EXPERIMENTS)
+    assert all(path.parts[0] == "results" and path.suffix == ".json" for path in named)
+
+
+def test_a_flight_and_a_record_of_0_1_are_read():
+    flight = read_flight(KEPT / "flight")
+    assert len(flight) == 40 and flight.split == {"train": (0, 29), "test": (30, 39)}
+    np.testing.assert_allclose(flight.position[0], [1.8, 1.0])
+    record = Record.load(KEPT / "kept.json")
+    assert record.values == {"filter": {"mean_cm": {"value": 45.5, "low": 40.0, "high": 51.0}}}
+    assert record.images["p"].ravel().tolist() == list(range(48))
+
+
+def test_a_map_of_0_1_is_read_flown_and_written_again(tmp_path):
+    texton_map, flight = load_map(KEPT / "paper.npz"), read_flight(KEPT / "flight")
+    np.testing.assert_allclose(texton_map.positions, flight.position[:30])
+    again = load_map(save_map(texton_map, tmp_path / "again.npz"))
+    assert again.method == "paper" and again.neighbors == texton_map.neighbors
+    localizer = Localizer(again, rng=np.random.default_rng(1))
+    for row in range(30, 40):
+        estimate = localizer.step(flight.histograms[row])
+    assert np.isfinite(estimate.position).all() and np.isfinite(estimate.covariance).all()
+
+
+def test_a_crate_of_results_is_whole(tmp_path):
+    pytest.importorskip("rocrate")
+    words = [sys.executable, Path(__file__).parent / "crate.py", "--results", KEPT]
+    words += ["--book", tmp_path / "none", "--out", tmp_path / "crate.zip"]
+    done = subprocess.run(words, capture_output=True, text=True)
+    assert done.returncode == 0 and done.stdout.endswith("whole\n"), done.stdout + done.stderr
+    import crate
+
+    assert crate.faults(tmp_path / "crate.zip") == []
