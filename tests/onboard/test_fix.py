@@ -12,7 +12,7 @@ from onboard_tools import make_estimate, make_fix
 
 from trexton.localization.estimate import LOST_SHARE, Measurement, ignorance
 from trexton.localization.localizer import Estimate
-from trexton.onboard.fix import Fix, JumpCounter
+from trexton.onboard.fix import Continuity, Fix
 from trexton.onboard.local import LocalFrame, decoupled
 
 
@@ -98,39 +98,70 @@ def test_particles_all_over_the_area_are_no_position(rng):
     assert Fix.of(make_estimate(spread=(np.nan, 0.1)), 0.0, 1, area, 0.08).lost
 
 
-class TestJumpCounter:
-    def counter(self) -> JumpCounter:
-        return JumpCounter(lambda dt: 0.005 * dt * np.eye(2))
+class Sent:
+    """What becomes of fixes of a track, ten a second."""
 
-    def test_a_step_that_the_uncertainty_allows_is_no_jump(self):
-        counter = self.counter()
-        assert [counter.mark(make_fix(t, (0.5 * t, 0))).resets for t in range(4)] == [0, 0, 0, 0]
+    def __init__(self, **more):
+        self.continuity = Continuity(lambda dt: 0.005 * dt * np.eye(2), 0.1)
+        self.now, self.more = 0.0, more
 
-    def test_a_step_beyond_it_is_one(self):
-        counter = self.counter()
-        counter.mark(make_fix(0.0))
-        assert counter.mark(make_fix(0.08, (3, 0))).resets == 1
-        assert counter.mark(make_fix(0.16, (3, 0))).resets == 1
+    def fly(self, frames: int, position=(0.0, 0.0), **more) -> list[bool]:
+        """Whether each of so many fixes is sent."""
+        sent = []
+        for _ in range(frames):
+            fix = self.continuity.mark(make_fix(self.now, position, **self.more, **more))
+            sent.append(fix.usable and fix.observed)
+            self.now += 0.1
+        self.resets = fix.resets
+        return sent
 
-    def test_time_allows_more(self):
-        counter = self.counter()
-        counter.mark(make_fix(0.0))
-        assert counter.mark(make_fix(100.0, (3, 0))).resets == 0
 
-    def test_to_be_found_again_in_place_is_no_jump_but_elsewhere_is(self):
-        counter = self.counter()
-        assert counter.mark(make_fix(0.0, lost=True)).resets == 0
-        assert counter.mark(make_fix(0.1)).resets == 0
-        assert counter.mark(make_fix(0.2, (9, 9), lost=True)).resets == 0
-        assert counter.mark(make_fix(0.3)).resets == 0
-        assert counter.mark(make_fix(0.4, lost=True)).resets == 0
-        assert counter.mark(make_fix(0.5, (3, 0))).resets == 1
+def test_the_first_fix_goes_out_after_a_second_in_one_place():
+    sent = Sent()
+    assert sent.fly(12) == [False] * 10 + [True] * 2
+    assert sent.resets == 0
+    flickering = Sent()
+    assert not any(flickering.fly(1, (5.0 * (n % 2), 0)) != [False] for n in range(40))
 
-    def test_predictions_do_not_jump(self):
-        counter = self.counter()
-        counter.mark(make_fix(0.0))
-        assert counter.mark(make_fix(0.08, (3, 0), observed=False)).resets == 0
-        assert counter.mark(make_fix(0.16)).resets == 0
+
+def test_another_place_is_held_back_until_it_has_lasted():
+    """It is wrong more often than not where places look alike."""
+    sent = Sent()
+    sent.fly(20)
+    assert sent.fly(8, (3, 0)) == [False] * 8 and sent.fly(3) == [True] * 3
+    assert sent.resets == 0
+    assert sent.fly(13, (3, 0)) == [False] * 10 + [True] * 3
+    assert sent.resets == 1
+
+
+def test_where_errors_last_longer_so_must_another_place():
+    sent = Sent(measurement=Measurement(np.zeros(2), 0.04 * np.eye(2), 0.6))
+    sent.fly(20)
+    assert sent.fly(20, (3, 0)) == [False] * 18 + [True] * 2
+
+
+def test_steps_that_the_uncertainty_allows_and_frames_that_did_not_come_hold_nothing_up():
+    sent = Sent()
+    sent.fly(20)
+    assert [sent.fly(1, (0.1 * n, 0)) for n in range(10)] == [[True]] * 10
+    sent.fly(8, (9, 9), observed=False)
+    assert sent.fly(1, (1, 0)) == [True] and sent.resets == 0
+    sent.now += 100.0
+    assert sent.fly(1, (3, 0)) == [True]  # time allows more
+
+
+def test_found_again_in_place_is_no_reset_and_is_held_back_for_a_moment_only():
+    sent = Sent()
+    sent.fly(20)
+    sent.fly(2, (9, 9), lost=True)
+    assert sent.fly(2) == [True] * 2  # a moment is no interruption
+    sent.fly(10, (9, 9), lost=True)
+    assert sent.fly(8) == [False] * 6 + [True] * 2 and sent.resets == 0
+
+
+def test_a_camera_of_one_frame_a_second_is_followed():
+    continuity = Continuity(lambda dt: 0.005 * dt * np.eye(2), 1.0)
+    assert [continuity.mark(make_fix(float(t))).usable for t in range(4)] == [False] + [True] * 3
 
 
 def test_errors_that_last_are_told_as_often_as_they_are_sent():

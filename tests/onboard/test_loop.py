@@ -139,9 +139,9 @@ class TestBadFrames:
         assert len(fixes) == 45
 
     def test_before_the_first_good_frame_nothing_is_usable(self, film):
-        fixes, _, _ = run(room_localizer(), Film([None, None, *film[:20]]))
+        fixes, _, _ = run(room_localizer(), Film([None, None, *film[:34]]))
         assert not fixes[0].usable and not fixes[1].usable
-        assert all(fix.usable for fix in fixes[12:])
+        assert all(fix.usable for fix in fixes[26:])
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

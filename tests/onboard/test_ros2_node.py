@@ -6,60 +6,218 @@ import json
 import runpy
 import sys
 import time
-from unittest.mock import MagicMock
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
 from conftest import ROOT
 from onboard_tools import make_fix
+from patience import eventually
 
 from trexton.onboard.local import LocalFrame
 from trexton.onboard.sinks.files import row
 
-EXAMPLE = ROOT / "examples" / "ros2_node.py"
-
-
-@pytest.fixture
-def log(tmp_path):
-    lines = [row(make_fix(1.0)), {"event": "status"}, row(make_fix(2.0, lost=True))]
-    lines += [row(make_fix(3.0))]
-    (tmp_path / "log").write_text("".join(json.dumps(line) + "\n" for line in lines))
-    return tmp_path / "log"
+EXAMPLE = str(ROOT / "examples" / "ros2_node.py")
 
 
 def test_the_pose_for_ros_is_that_of_the_autopilots_axes(rng):
-    pose = runpy.run_path(str(EXAMPLE))["pose"]
+    pose = runpy.run_path(EXAMPLE)["pose"]
     for heading in (0.0, 0.7, -2.0):
         half = rng.normal(size=(2, 2))
-        fix = make_fix(1.0, rng.normal(size=2), half @ half.T)
+        fix = make_fix(1.0, rng.normal(size=2), half @ half.T, heading=0.4, heading_sigma=0.02)
         found = pose(json.loads(json.dumps(row(fix))), heading)
         local = LocalFrame(heading)
         np.testing.assert_allclose(found["position"][:2], local.enu(fix.position)[:2])
         ned = local.ned_covariance(fix.covariance)
         covariance = np.reshape(found["covariance"], (6, 6))
         np.testing.assert_allclose(covariance[:2, :2], ned[::-1, ::-1])
+        # From east anticlockwise to the nose, whose compass heading is `LocalFrame.yaw`.
+        sine, cosine = found["orientation"]
+        nose = np.array([cosine**2 - sine**2, 2 * sine * cosine])
+        yaw = local.yaw(0.4)
+        np.testing.assert_allclose(nose, [np.sin(yaw), np.cos(yaw)], atol=1e-12)
+        assert covariance[5, 5] == pytest.approx(4e-4)
     assert pose(row(make_fix(1.0, lost=True)), 0.0) is None
+    unknown = pose(row(make_fix(1.0)), 0.0)
+    assert unknown["orientation"] == (0.0, 1.0) and unknown["covariance"][35] == 1e6
 
 
 def test_the_age_for_ros_is_that_of_the_capture():
     """Stamped when it was published, a position was as late as camera and computer together."""
-    age = runpy.run_path(str(EXAMPLE))["age"]
+    age = runpy.run_path(EXAMPLE)["age"]
     live = row(make_fix(time.monotonic() - 0.2, latency=0.15))
     assert age(live) == pytest.approx(0.2, abs=0.05)
     assert age(row(make_fix(1e12, latency=0.15))) == 0.15  # a recording's clock
 
 
-def test_the_node_for_ros_reads_a_log_and_leaves_the_words_of_ros_to_it(log, monkeypatch, capsys):
-    """With stand-ins for the three packages of ROS that it imports."""
-    packages = ("rclpy", "rclpy.duration", "rclpy.utilities", "geometry_msgs.msg")
-    ros = {name: MagicMock() for name in packages}
-    ros["rclpy.utilities"].remove_ros_args = lambda argv: argv[: argv.index("--ros-args")]
-    for name, module in ros.items():
+class Time(float):
+    """Seconds, as ROS's clock gives them."""
+
+    def __sub__(self, other):
+        return Time(float(self) - other.nanoseconds * 1e-9)
+
+    def to_msg(self):
+        return float(self)
+
+
+class Message(SimpleNamespace):
+    """Any message: fields are made when they are asked for."""
+
+    OK, WARN, ERROR = b"\0", b"\1", b"\2"
+
+    def __getattr__(self, name):
+        if name.startswith("__"):
+            raise AttributeError(name)
+        setattr(self, name, Message())
+        return getattr(self, name)
+
+
+class Publisher(list):
+    """Keeps what is published while its node is active."""
+
+    publish = list.append
+
+
+class LifecycleNode:
+    """What the node uses of `rclpy.lifecycle.Node`."""
+
+    given: dict = {}
+    made: list = []
+
+    def __init__(self, name):
+        self.parameters, self.topics, self.states, self.destroyed = {}, {}, [], []
+        self.made.append(self)
+
+    def declare_parameter(self, name, default):
+        self.parameters[name] = self.given.get(name, default)
+
+    def get_parameter(self, name):
+        return SimpleNamespace(value=self.parameters[name])
+
+    def create_publisher(self, kind, topic, depth):
+        return self.topics.setdefault(topic, Publisher())
+
+    create_lifecycle_publisher = create_publisher
+
+    def create_timer(self, period, callback):
+        return callback
+
+    def get_clock(self):
+        return SimpleNamespace(now=lambda: Time(1000.0))
+
+    def trigger_configure(self):
+        assert self.on_configure(None) == "success"
+
+    def trigger_activate(self):
+        assert self.on_activate(None) == "success"
+
+    def on_activate(self, state):
+        self.states.append("active")
+        return "success"
+
+    def on_deactivate(self, state):
+        self.states.append("inactive")
+        return "success"
+
+    def destroy_timer(self, each):
+        self.destroyed.append(each)
+
+    destroy_publisher = destroy_timer
+
+    def destroy_node(self):
+        self.states.append("destroyed")
+
+
+@pytest.fixture
+def ros(monkeypatch):
+    """Stand-ins for the packages of ROS that the node imports; gives the node's class."""
+    kinds = {
+        "rclpy": {"init": lambda: None, "spin": lambda node: node.reader.join(20),
+                  "try_shutdown": lambda: None},
+        "rclpy.duration": {"Duration": SimpleNamespace},
+        "rclpy.lifecycle": {"Node": LifecycleNode,
+                            "TransitionCallbackReturn": SimpleNamespace(SUCCESS="success")},
+        "geometry_msgs": {}, "diagnostic_msgs": {},
+        "geometry_msgs.msg": {"PoseWithCovarianceStamped": Message},
+        "diagnostic_msgs.msg": dict.fromkeys(
+            ("DiagnosticArray", "DiagnosticStatus", "KeyValue"), Message
+        ),
+    }  # fmt: skip
+    for name, contents in kinds.items():
+        module = ModuleType(name)
+        vars(module).update(contents)
         monkeypatch.setitem(sys.modules, name, module)
-    monkeypatch.setitem(sys.modules, "geometry_msgs", MagicMock())
-    words = "node --heading 84 --ros-args -r position:=/vision/pose".split()
-    monkeypatch.setattr(sys, "argv", words)
-    monkeypatch.setattr(sys, "stdin", log.open())
-    runpy.run_path(str(EXAMPLE), run_name="__main__")
-    publish = ros["rclpy"].create_node.return_value.create_publisher.return_value.publish
-    assert publish.call_count == 2
+    monkeypatch.setattr(LifecycleNode, "given", {})
+    monkeypatch.setattr(LifecycleNode, "made", [])
+    return LifecycleNode
+
+
+def written(path, *lines):
+    path.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    return path
+
+
+def test_a_log_on_standard_input_becomes_stamped_positions(ros, tmp_path, monkeypatch):
+    now = time.monotonic()
+    lines = [row(make_fix(now - 0.5, (1.0, 2.0))), {"event": "status"}]
+    lines += [row(make_fix(now, lost=True)), row(make_fix(1e9, (3.0, 4.0), latency=0.25))]
+    monkeypatch.setattr(sys, "stdin", written(tmp_path / "log", *lines).open())
+    ros.given = {"heading": 90.0, "frame_id": "hall"}
+    runpy.run_path(EXAMPLE, run_name="__main__")
+    (node,) = ros.made
+    first, second = node.topics["position"]
+    place = first.pose.pose.position
+    assert (place.x, place.y) == pytest.approx((2.0, -1.0)) and first.header.frame_id == "hall"
+    assert first.header.stamp == pytest.approx(1000 - 0.5, abs=0.3)
+    assert second.header.stamp == pytest.approx(1000 - 0.25)
+    assert node.states == ["active", "destroyed"]
+
+
+def test_a_command_is_run_while_the_node_is_active_and_diagnosed(ros, tmp_path):
+    log = written(tmp_path / "log", row(make_fix(1.0)), row(make_fix(2.0, lost=True)))
+    ros.given = {"command": ["sh", "-c", f"cat {log}; exec sleep 60"]}
+    node = runpy.run_path(EXAMPLE)["PositionNode"]()
+    node.trigger_configure()
+
+    def diagnosed():
+        node.diagnose()
+        (status,) = node.topics["/diagnostics"][-1].status
+        return status.level, status.message
+
+    assert diagnosed() == (b"\2", "no positions come")
+    node.trigger_activate()
+    assert eventually(lambda: node.count == 2)
+    assert diagnosed() == (b"\1", "lost")
+    node.row = row(make_fix(3.0))
+    assert diagnosed() == (b"\0", "positions come")
+    process = node.process
+    node.heard_at -= 2.0
+    assert diagnosed()[0] == b"\2"
+    node.on_deactivate(None)
+    assert process.returncode is not None and node.states == ["active", "inactive"]
+    assert node.on_cleanup(None) == node.on_shutdown(None) == "success" and len(node.destroyed) == 3
+
+
+def test_the_launch_file_gives_each_argument_to_node_or_program(monkeypatch):
+    made = {}
+
+    def process(cmd, output):
+        made["words"] = ["".join(word) if isinstance(word, list) else word for word in cmd]
+
+    stand_ins = {
+        "launch": {"LaunchDescription": list},
+        "launch.actions": {"DeclareLaunchArgument": lambda name, default_value: name,
+                           "ExecuteProcess": process},
+        "launch.substitutions": {"LaunchConfiguration": lambda name: f"<{name}>"},
+    }  # fmt: skip
+    for name, contents in stand_ins.items():
+        module = ModuleType(name)
+        vars(module).update(contents)
+        monkeypatch.setitem(sys.modules, name, module)
+    launch = runpy.run_path(str(ROOT / "examples" / "ros2_launch.py"))
+    assert launch["generate_launch_description"]()[:4] == list(launch["ARGUMENTS"])
+    assert made["words"][1] == EXAMPLE
+    assert made["words"][3:] == [
+        "-p", "heading:=<heading>", "-p", "frame_id:=<frame_id>",
+        "-p", "command:=['trexton', 'onboard', '<map>', '--camera', '<camera>']",
+    ]  # fmt: skip

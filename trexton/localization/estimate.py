@@ -40,7 +40,7 @@ class Measurement:
         Covariance inflation: all measurements that share an error together weigh as much as one.
         """
         factor = max(1.0, self.independent_s / period_s)
-        return Measurement(self.position, factor * self.covariance)
+        return Measurement(self.position, factor * self.covariance, self.independent_s)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

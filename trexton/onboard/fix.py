@@ -10,12 +10,16 @@ import numpy as np
 
 from trexton.localization.estimate import Estimate, Measurement
 
-__all__ = ["STALE_AFTER", "Fix", "JumpCounter"]
+__all__ = ["STALE_AFTER", "Continuity", "Fix"]
 
 STALE_AFTER = 0.5  # seconds since the capture of the latest frame that could be used
 
 # Squared Mahalanobis distance, two dimensions: one honest pair of reports in 3000 is farther apart.
 JUMP_MAHALANOBIS_SQUARED = 16.0
+# Seconds that a hypothesis must last before it is sent: the first; one near the last that was sent,
+# after the vehicle was lost; another one, in times of those in which errors become independent.
+FIRST_S, RETURN_S, RESET_TIMES = 1.0, 0.6, 3.0
+GAP_S = 0.3  # seconds of being lost after which it is no more the same hypothesis for certain
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -35,8 +39,8 @@ class Fix:
     covariance : (2, 2) array
         Second moment of the particles about `position`: never less than their covariance.
     lost : bool
-        The localizer does not trust its position, or its particles are spread over most of the
-        area.
+        The localizer does not trust its position, its particles are spread over most of the area,
+        or another hypothesis has not lasted long enough.
     observed : bool
         An image went into this report; otherwise the filter only predicted.
     stale : bool
@@ -120,30 +124,59 @@ class Fix:
         return self.finite and not self.lost and not self.stale
 
 
-class JumpCounter:
-    """Counts the reports that cannot continue the ones before: what MAVLink calls `reset_counter`.
+class Continuity:
+    """Follows the hypothesis that is sent. Another one is held back, as *lost*, until it has
+    lasted: places that look alike mislead a localizer for a while, and a receiver that was reset
+    to a wrong place believes it.
 
-    Being lost for a while and found again where the motion model expects it is no jump: a reset
-    makes the autopilot drop what it knows.
+    Counts the resets that it lets through, what MAVLink calls `reset_counter`. Being lost for a
+    while and found again where the motion model expects it is none: a reset makes the autopilot
+    drop what it knows.
 
     Parameters
     ----------
     growth : callable
         Gives the ``(2, 2)`` covariance in square metres that so many seconds of motion add.
+    period_s : float
+        Seconds from fix to fix.
     """
 
-    def __init__(self, growth: Callable[[float], np.ndarray]):
-        self._growth = growth
-        self._last: Fix | None = None
+    def __init__(self, growth: Callable[[float], np.ndarray], period_s: float):
+        self._growth, self._gap_s = growth, max(GAP_S, 3 * period_s)
+        self._last: Fix | None = None  # of the hypothesis that is sent
+        self._other: Fix | None = None  # the latest of one that is held back
+        self._since = self._needed = 0.0  # when that one began, and seconds that it must last
+        self._interrupted = False  # the vehicle was lost since `_last`
         self.resets = 0
 
     def mark(self, fix: Fix) -> Fix:
-        """The fix with its `resets`; only usable fixes that an image went into are compared."""
-        if fix.usable and fix.observed:
-            if self._last is not None and self._jumped(fix, self._last):
-                self.resets += 1
-            self._last = fix
+        """The fix with its `resets`, held back where it must be; only usable fixes that an image
+        went into are compared."""
+        if not (fix.usable and fix.observed):
+            self._interrupted |= fix.lost
+            return replace(fix, resets=self.resets)
+        last = self._last
+        jumped = last is not None and self._jumped(fix, last)
+        waited = last is None or (self._interrupted and fix.time - last.time > self._gap_s)
+        if not (jumped or waited):
+            self._follow(fix)
+            return replace(fix, resets=self.resets)
+        other = self._other
+        if other is None or fix.time - other.time > self._gap_s or self._jumped(fix, other):
+            self._since, self._needed = fix.time, RETURN_S
+            if last is None:
+                self._needed = FIRST_S
+            elif jumped:
+                self._needed = max(FIRST_S, RESET_TIMES * fix.fusion.independent_s)
+        self._other = fix
+        if fix.time - self._since < self._needed - 1e-6:
+            return replace(fix, lost=True, resets=self.resets)
+        self.resets += jumped
+        self._follow(fix)
         return replace(fix, resets=self.resets)
+
+    def _follow(self, fix: Fix) -> None:
+        self._last, self._other, self._interrupted = fix, None, False
 
     def _jumped(self, fix: Fix, last: Fix) -> bool:
         allowed = fix.covariance + last.covariance + self._growth(max(fix.time - last.time, 0.0))

@@ -15,7 +15,7 @@ from trexton.localization.estimate import Estimate
 from trexton.localization.landing import LandingZone
 from trexton.localization.localizer import Localizer
 from trexton.onboard.commander import Commander, LandingLink
-from trexton.onboard.fix import STALE_AFTER, Fix, JumpCounter
+from trexton.onboard.fix import STALE_AFTER, Continuity, Fix
 from trexton.onboard.grabber import Grabber
 from trexton.onboard.intake import MAX_FRAME_AGE, MIN_STAMP_STEP, Aids, Inspector, StampKeeper
 from trexton.onboard.sinks.base import Guard
@@ -81,7 +81,7 @@ class Onboard:
         self.aids = Aids(aiding, sinks)
         self._inspector = Inspector(localizer.map.image_shape)
         self._stamps = StampKeeper(tally, clock)
-        self._jumps = JumpCounter(localizer.growth)
+        self._continuity = Continuity(localizer.growth, self._period)
         self._latencies = Latencies()
         self.status = Status(tally, self._latencies, sinks, self.commander, warnings)
         self._model_time: float | None = None  # up to here the filter has been advanced
@@ -253,7 +253,7 @@ class Onboard:
             estimate, stamp, self._number, area, self._period,
             stale=age > STALE_AFTER, latency=latency, fault=fault, captured=captured,
         )  # fmt: skip
-        self._fix = self._jumps.mark(fix)
+        self._fix = self._continuity.mark(fix)
         for sink in self._everything():
             sink.write(self._fix)
         if self.commander is not None:
