@@ -39,9 +39,11 @@ def interval(entry: Mapping[str, Any], unit: str = "") -> str:
     return f"{text} {unit}".strip()
 
 
-def distance(entry: Mapping[str, Any] | float) -> str:
-    """A distance given in cm, with its interval if it has one; in metres from two metres on."""
-    metres = middle(entry) >= METRES_FROM
+def distance(entry: Mapping[str, Any] | float, metres: bool | None = None) -> str:
+    """A distance given in cm, with its interval if it has one; in metres from two metres on, or as
+    `metres` says.
+    """
+    metres = middle(entry) >= METRES_FROM if metres is None else metres
     unit, scale = ("m", 0.01) if metres else ("cm", 1.0)
     if not isinstance(entry, Mapping):
         return f"{number(scale * entry)} {unit}"

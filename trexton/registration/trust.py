@@ -117,10 +117,12 @@ def learn_trust(fixes: list[FloorFix], truth: Array, height: float, trust: Trust
     error = np.array([fix.position for fix in fixes]) - truth
     right = np.array([not fix.lost for fix in fixes]) & (np.hypot(*error.T) < _RIGHT * height)
     if right.sum() < _FEWEST:
+        advice = "check the map image, the camera and the positions"
+        if len(fixes) < _FEWEST:  # however good they are
+            advice = "train with more frames, or with another method"
         raise MapError(
             f"{right.sum()} of {len(fixes)} training frames were found on the map image, "
-            f"{_FEWEST} are needed to learn how far to trust it: "
-            "check the map image, the camera and the positions"
+            f"{_FEWEST} are needed to learn how far to trust it: {advice}"
         )
     given = np.array([fix.covariance for fix in fixes])[right] - trust.floor * np.eye(2)
     raw, error = given / trust.scale, error[right]

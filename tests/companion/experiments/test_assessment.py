@@ -107,7 +107,7 @@ def test_the_commands_carry_the_settings_that_were_flown(record):
     said = advice(pictures)[-1]
     assert " with 20 textons, 400 samples" in said
     assert f"--textons 20`, then `trexton onboard {pictures.flight}.npz --samples 400" in said
-    assert "looks for better settings." in said
+    assert "looks for better settings." in advice(pictures)[-2]
 
 
 def test_what_limits_it_is_said_by_its_share(record):
@@ -149,7 +149,7 @@ def test_a_hard_place_is_harder_than_the_others(record):
     places = [{"x_m": 1.0, "y_m": y, "predicted_cm": cm} for y, cm in ((1.0, 19.0), (2.0, 30.0))]
     values = record.values | {"predicted": predicted, "hardest": places}
     hard = [said for said in advice(replace(record, values=values)) if "Hard place" in said]
-    assert len(hard) == 1 and "y = 2.0 m" in hard[0] and "20 cm on average" in hard[0]
+    assert len(hard) == 1 and "y = 200 cm" in hard[0] and "20 cm on average" in hard[0]
 
 
 def test_places_that_were_never_flown_are_named():
@@ -176,6 +176,21 @@ def test_test_frames_without_a_position_are_flown_and_not_judged():
 def test_fields_of_hundreds_of_metres_read_in_metres():
     large = run(make_flight(1, scale=200), make_flight(2, scale=200), Parameters(methods="field"))
     assert " m, against " in finding(large)
+    for record in (large, run(make_flight(1), make_flight(2), Parameters(methods="field"))):
+        words = " ".join([finding(record), *advice(record)])
+        assert len(set(re.findall(r"\d\]? (m|cm)\b", words))) == 1
+
+
+def test_the_part_of_the_floor_where_it_fails_is_named(record):
+    truth = np.array(record.series["truth_m"])
+    corner = (truth > 1.3 / 3).all(axis=1)  # of an area from -1.3 to 1.3, in three parts a side
+    wrong = truth + np.where(corner, 3.0, 0.1)[:, None]
+    errors = record.values["errors"]
+    best = min(("paper", "field"), key=lambda name: errors[name]["mean_cm"]["value"])
+    other = replace(record, series=record.series | {f"{best}_m": wrong.tolist()})
+    (said,) = [line for line in advice(other) if line.startswith("It fails most between")]
+    assert "off by 424 cm on average" in said
+    assert "x = 43.3 cm and 130 cm, y = 43.3 cm and 130 cm" in said
 
 
 def test_the_report_plays_the_flight_where_there_is_a_player(record, tmp_path):
@@ -190,6 +205,19 @@ def test_the_report_is_one_file_that_fetches_nothing(record, tmp_path):
     assert all("".join(address).startswith(("#", "data:image/")) for address in fetched)
     assert text.count('role="img" aria-label=') == 2 and "<script" not in text
     assert "always the centre" in text and "<code>field</code>" in text
+
+
+def test_the_page_has_a_verdict_where_what_and_two_commands(record, tmp_path):
+    limits = record.values["limits"] | {"blurred": 0.0}
+    pictures = replace(record, values=record.values | {"limits": limits})
+    text = write_report(pictures, tmp_path / "report.html", flight="my flights/hall").read_text()
+    assert re.findall("<h2>(.*?)</h2>", text)[-4:] == [
+        "What limits it", "What to do next", "To fly it", "The numbers",
+    ]  # fmt: skip
+    train, fly = re.findall("<pre><code>(.*?)</code></pre>", text)
+    assert train.startswith("trexton train &#39;my flights/hall&#39; -o loop.npz --method field")
+    assert fly == "trexton onboard loop.npz --samples 400"
+    assert text.index("It works here") < text.index("The numbers")
 
 
 def test_the_report_is_dark_on_screens_alone(record, tmp_path):

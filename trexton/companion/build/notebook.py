@@ -30,7 +30,14 @@ from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.player.page import player_html
 from trexton.companion.player.playback import PlayedFlight
-from trexton.companion.wording import Tree, as_html, interval, middle, template_environment
+from trexton.companion.wording import (
+    METRES_FROM,
+    Tree,
+    as_html,
+    interval,
+    middle,
+    template_environment,
+)
 from trexton.flights import Flight
 from trexton.flights.registry import flight_title
 
@@ -213,7 +220,7 @@ class Page:
         return show_table(table, f"Table {self._tables}. {caption}", name)
 
     def table(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
-        """Errors per axis in cm beside the paper's.
+        """Errors per axis beside the paper's: in cm, or all in metres where they are that large.
 
         Parameters
         ----------
@@ -224,6 +231,12 @@ class Page:
         """
         columns = {"error_cm": "Error", "std_cm": "STD"}
         printed = published().get(self.record.experiment, {})
+        found: dict[str, Any] = {
+            label: look_up(self.record.values, path) or {} for label, path in rows.items()
+        }
+        medians = [middle(each["median_cm"]) for each in found.values() if "median_cm" in each]
+        metres = not printed and min(medians, default=0) >= METRES_FROM
+        unit, scale = ("m", 0.01) if metres else ("cm", 1.0)
         table = []
         if "error_cm" in printed:
             cells = {
@@ -231,17 +244,15 @@ class Page:
                 for key, title in columns.items()
                 for axis in "xy"
             }
-            table.append({"cm": "Paper", **cells})
-        for label, path in rows.items():
-            summary: Any = look_up(self.record.values, path) or {}
+            table.append({unit: "Paper", **cells})
+        for label, summary in found.items():
             cells = {
-                f"{title} in {axis}": _interval(summary.get(f"{key}_{axis}"))
+                f"{title} in {axis}": _interval(summary.get(f"{key}_{axis}"), scale)
                 for key, title in columns.items()
                 for axis in "xy"
             }
-            table.append(
-                {"cm": label, **cells, "Euclidean median": _interval(summary.get("median_cm"))}
-            )
+            cells["Euclidean median"] = _interval(summary.get("median_cm"), scale)
+            table.append({unit: label, **cells})
         return self.frame(pd.DataFrame(table).fillna(""), caption, name)
 
     def quantities(self, rows: dict[str, str], caption: str, name: str = "") -> HTML:
@@ -305,15 +316,16 @@ def show_table(table: pd.DataFrame, caption: str = "", name: str = "") -> HTML:
     return HTML(html)
 
 
-def _interval(entry: dict[str, Any] | float | None) -> str:
+def _interval(entry: dict[str, Any] | float | None, scale: float = 1.0) -> str:
     """A value and its interval; a decimal where the value is below ten."""
     if entry is None:
         return ""
-    value = middle(entry)
+    value = scale * middle(entry)
     digits = 1 if abs(value) < 9.95 else 0
     if not isinstance(entry, dict):
         return f"{value:.{digits}f}"
-    ends = f"[{entry['low']:.{digits}f}, {entry['high']:.{digits}f}]"
+    low, high = scale * entry["low"], scale * entry["high"]
+    ends = f"[{low:.{digits}f}, {high:.{digits}f}]"
     return f"{value:.{digits}f} <small>{ends}</small>"
 
 

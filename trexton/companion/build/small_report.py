@@ -15,10 +15,9 @@ from trexton.base.files import atomic_file
 from trexton.base.records import Record
 from trexton.companion import build
 from trexton.companion.build.charts import inline_figure
-from trexton.companion.experiments import assessment
-from trexton.companion.experiments.advice import advice
+from trexton.companion.experiments import advice, assessment
 from trexton.companion.experiments.drawing import to_svg
-from trexton.companion.wording import as_html, distance, middle, template_environment
+from trexton.companion.wording import as_html, middle, template_environment
 
 __all__ = ["write_report"]
 
@@ -57,7 +56,15 @@ def _page(record: Record, player: str, flight: str) -> str:
             title=f"Will it work here? {record.flight}",
             style=_style(),
             finding=as_html(assessment.finding(record)),
-            limits=[as_html(sentence) for sentence in advice(record, flight)],
+            sections=[
+                (title, list(map(as_html, sentences)))
+                for title, sentences in (
+                    ("Where it fails", advice.where_it_fails(record)),
+                    ("What limits it", advice.what_limits(record)),
+                    ("What to do next", advice.what_next(record, flight)),
+                )
+            ],
+            commands=[command for command in advice.commands(record, flight) if command],
             figures=[
                 (_drawn(figure, name, alt), caption) for figure, name, alt, caption in figures
             ],
@@ -85,8 +92,9 @@ def _drawn(figure: Figure, name: str, alternative: str) -> str:
 def _rows(record: Record) -> list[list[str]]:
     """Name, mean, median and 95th percentile of each method, the best first."""
     errors: dict[str, Any] = record.values["errors"]
+    say = advice.lengths(record)
     return [
         [assessment.LABELS[name][0]]
-        + [distance(entry[key]) for key in ("mean_cm", "median_cm", "p95_cm")]
+        + [say(entry[key]) for key in ("mean_cm", "median_cm", "p95_cm")]
         for name, entry in sorted(errors.items(), key=lambda one: middle(one[1]["mean_cm"]))
     ]

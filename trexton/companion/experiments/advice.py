@@ -1,12 +1,14 @@
 """What limits the methods on a flight, and what to do.
 
-Offers `limits`, measured on the flights, and `advice`, sentences from an assessment's record.
+`limits` are measured on the flights; `advice` and its parts are sentences from an assessment's
+record, with all lengths in one unit (`lengths`).
 """
 
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import cv2
@@ -15,7 +17,7 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.base.records import Record
 from trexton.companion.experiments.evaluation import evenly_spread
-from trexton.companion.wording import apart, distance, middle, percent
+from trexton.companion.wording import METRES_FROM, apart, distance, middle, percent
 from trexton.evaluation.metrics import euclidean
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
@@ -26,6 +28,8 @@ BLURRED = 0.5  # of the median sharpness: below it a frame counts as blurred
 SHARPNESS_FRAMES = 200  # are enough to tell
 STRETCH_S = 5.0  # of a survey: every other one makes half of it
 HELPS = 0.8  # of the error with half of the survey: where the whole errs less, more of it helps
+PARTS, FEWEST_THERE = 3, 5  # of the floor along each side, and test frames that tell of one
+NO_CAMERA = "for histograms alone; a camera needs a training flight of pictures"
 DENSE = "a denser survey would bring little"
 
 
@@ -65,81 +69,87 @@ def is_useful(record: Record) -> bool:
     return middle(error) < middle(centre) and apart(error, centre)
 
 
+def lengths(record: Record) -> Callable[[Any], str]:
+    """Says each length of a record, given in cm, in one unit: that of its least mean error."""
+    least = min(middle(entry["mean_cm"]) for entry in record.values["errors"].values())
+    return partial(distance, metres=least >= METRES_FROM)
+
+
 def advice(record: Record, flight: str | None = None) -> list[str]:
-    """What limits it and what to do, a sentence each; `flight` is the folder for the commands."""
-    makers = (_of_survey, _of_frames, _of_methods)
-    sentences = [sentence for make in makers for sentence in make(record)]
-    return sentences + list(_of_commands(record, flight or record.flight))
+    """Where it fails, what limits it and what to do, a sentence each; `flight` is the folder for
+    the commands.
+    """
+    train, fly = commands(record, flight)
+    sentences = [*where_it_fails(record), *what_limits(record), *what_next(record, flight)]
+    if train:
+        best, seconds = best_method(record)[0], record.timings[best_method(record)[0]]["median_s"]
+        after = f", then `{fly}`." if fly else f" makes its map, {NO_CAMERA}."
+        sentences.append(
+            f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{_drawn(record)}: "
+            f"`{train}`{after}"
+        )
+    return sentences
 
 
-def _of_survey(record: Record) -> Iterator[str]:
-    """Whether it covers the floor, what it predicts, whether more of it or odometry would help."""
-    values, area = record.values, np.reshape(record.series["area_m"], (2, 2))
-    gap_m = values["limits"]["gap_m"]
-    if gap_m > 0.1 * np.hypot(*np.ptp(area, axis=1)):
+def where_it_fails(record: Record) -> Iterator[str]:
+    """The part of the floor where the best method errs most, and the places that are hard."""
+    say, (best, error) = lengths(record), best_method(record)
+    truth = np.array(record.series["truth_m"], dtype=float)
+    off = 100 * euclidean(np.array(record.series[f"{best}_m"], dtype=float), truth)
+    low, high = np.reshape(record.series["area_m"], (2, 2)).T
+    cell = np.clip((truth - low) / (high - low) * PARTS, 0, PARTS - 1).astype(int)
+    cells, inverse = np.unique(cell, axis=0, return_inverse=True)
+    count = np.bincount(inverse.ravel())
+    mean = np.bincount(inverse.ravel(), off) / count
+    well = count >= max(FEWEST_THERE, 0.02 * len(off))
+    worst = int(np.where(well, mean, 0).argmax())
+    if well.any() and mean[worst] > 1.3 * middle(error):
+        begin = low + cells[worst] * (high - low) / PARTS
+        (x, y), (right, top) = 100 * begin, 100 * (begin + (high - low) / PARTS)
         yield (
-            f"Too few frames: one test frame in twenty is more than {gap_m:.2g} m from any of the "
-            f"{values['counts']['train']} training frames. Fly closer lanes."
-        )
-    errors = {name: entry["mean_cm"] for name, entry in values["errors"].items()}
-    if predicted := values.get("predicted"):
-        yield (
-            f"The mean error of `{predicted['method']}` predicted from the training frames alone, "
-            f"for the places of the test, is {distance(predicted['error_cm'])}; the measured one "
-            f"{distance(errors[predicted['method']])}."
-        )
-    if half := values.get("half"):
-        whole = middle(errors[half["method"]])
-        helps = whole < HELPS * half["error_cm"]
-        yield (
-            f"With every other {STRETCH_S:.0f} s of the survey the error of `{half['method']}` "
-            f"is {distance(half['error_cm'])}, with all of it {distance(whole)}: "
-            f"{'lanes between these should help again' if helps else DENSE}."
-        )
-    if moving := values.get("odometry"):
-        alone = middle(errors[moving["method"]])
-        gains = moving["error_cm"]["high"] < alone
-        yield (
-            f"With a velocity from the motion of the frames themselves the error of "
-            f"`{moving['method']}` is {distance(moving['error_cm'])}"
-            + (
-                ": train with `--set odometry=visual`."
-                if gains
-                else f", which is no gain over {distance(alone)} beyond chance."
-            )
-        )
-
-
-def _of_frames(record: Record) -> Iterator[str]:
-    """Texture that repeats, blur, and places that are hard."""
-    repeated = record.values["limits"]["repeated"]
-    if repeated is None:
-        yield "The training flight is too short to tell whether its texture repeats."
-    elif repeated > 0.1:
-        yield (
-            f"Repeated texture: for {percent(repeated)} of the training frames the frame that "
-            "looks most alike lies more than a quarter of the area away. Add something distinct "
-            "there."
-        )
-    blurred = record.values["limits"].get("blurred") or 0
-    if blurred > 0.1:
-        yield (
-            f"Blur: {percent(blurred)} of the frames are less than half as sharp as usual. "
-            "Shorten the exposure or fly slower."
+            f"It fails most between x = {say(x)} and {say(right)}, y = {say(y)} and {say(top)}: "
+            f"there `{best}` is off by {say(mean[worst])} on average, over {count[worst]} "
+            f"frames of the test, against {say(middle(error))} over all."
         )
     if not (predicted := record.values.get("predicted")):
         return
     for place in record.values.get("hardest", []):
         if place["predicted_cm"] > predicted["error_cm"]:  # no harder than the others otherwise
             yield (
-                f"Hard place: at x = {place['x_m']:.1f} m, y = {place['y_m']:.1f} m the predicted "
-                f"mean error of `{predicted['method']}` is {distance(place['predicted_cm'])}, "
-                f"where it is {distance(predicted['error_cm'])} on average."
+                f"Hard place: at x = {say(100 * place['x_m'])}, y = {say(100 * place['y_m'])} the "
+                f"predicted mean error of `{predicted['method']}` is {say(place['predicted_cm'])}, "
+                f"where it is {say(predicted['error_cm'])} on average."
             )
 
 
-def _of_methods(record: Record) -> Iterator[str]:
-    errors = record.values["errors"]
+def what_limits(record: Record) -> Iterator[str]:
+    """Too few frames, texture that repeats, blur, filters that bring nothing."""
+    say, found, area = lengths(record), record.values["limits"], record.series["area_m"]
+    gap_m, errors = found["gap_m"], record.values["errors"]
+    if gap_m > 0.1 * np.hypot(*np.ptp(np.reshape(area, (2, 2)), axis=1)):
+        yield (
+            f"Too few frames: one test frame in twenty is more than {say(100 * gap_m)} from any of "
+            f"the {record.values['counts']['train']} training frames. Fly closer lanes."
+        )
+    if predicted := record.values.get("predicted"):
+        yield (
+            f"The mean error of `{predicted['method']}` predicted from the training frames alone, "
+            f"for the places of the test, is {say(predicted['error_cm'])}; the measured one "
+            f"{say(errors[predicted['method']]['mean_cm'])}."
+        )
+    if found["repeated"] is None:
+        yield "The training flight is too short to tell whether its texture repeats."
+    elif found["repeated"] > 0.1:
+        yield (
+            f"Repeated texture: for {percent(found['repeated'])} of the training frames the frame "
+            "that looks most alike lies more than a quarter of the area away. Add something "
+            "distinct there."
+        )
+    if (blurred := found.get("blurred") or 0) > 0.1:
+        yield (
+            f"Blur: {percent(blurred)} of the frames are less than half as sharp as usual. "
+            "Shorten the exposure or fly slower."
+        )
     centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
     for method in record.parameters["methods"].split():
         error = middle(errors[method]["mean_cm"])
@@ -151,35 +161,59 @@ def _of_methods(record: Record) -> Iterator[str]:
         elif error > knn:
             yield (
                 f"The method `{method}` is worse here than the plain mean of its neighbours, by "
-                f"{distance(error - knn)}: its filter brings nothing on this flight."
+                f"{say(error - knn)}: its filter brings nothing on this flight."
             )
 
 
-def _of_commands(record: Record, flight: str) -> Iterator[str]:
-    """How to train and fly the best method with the settings that were flown, if it is any good."""
-    best, chosen = best_method(record)[0], record.parameters
-    if not is_useful(record):
+def what_next(record: Record, flight: str | None = None) -> Iterator[str]:
+    """Whether more of the survey or odometry would help, and what to try where nothing works."""
+    say, values = lengths(record), record.values
+    if half := values.get("half"):
+        whole = middle(values["errors"][half["method"]]["mean_cm"])
+        helps = whole < HELPS * half["error_cm"]
+        yield (
+            f"With every other {STRETCH_S:.0f} s of the survey the error of `{half['method']}` "
+            f"is {say(half['error_cm'])}, with all of it {say(whole)}: "
+            f"{'lanes between these should help again' if helps else DENSE}."
+        )
+    if moving := values.get("odometry"):
+        alone = middle(values["errors"][moving["method"]]["mean_cm"])
+        gains = moving["error_cm"]["high"] < alone
+        yield (
+            f"With a velocity from the motion of the frames themselves the error of "
+            f"`{moving['method']}` is {say(moving['error_cm'])}"
+            + (
+                ": train with `--set odometry=visual`."
+                if gains
+                else f", which is no gain over {say(alone)} beyond chance."
+            )
+        )
+    if is_useful(record):
+        yield f"`trexton tune {shlex.quote(flight or record.flight)}` looks for better settings."
+    else:
         yield "No method is worth flying here as it is: change the floor or the survey first."
-        return
-    folder, made = shlex.quote(flight), shlex.quote(f"{record.flight}.npz")
-    pictures = "blurred" in record.values["limits"]  # of which it drew patches
-    if not (seconds := record.timings.get(best, {}).get("median_s")):
-        return
-    words, learned, flown = [], "", ""
-    if pictures:
-        words = [f"{chosen['textons']} textons", f"{chosen['samples']} samples"]
-        learned, flown = f" --textons {chosen['textons']}", f" --samples {chosen['samples']}"
-    if best == "paper":
-        words.append(f"{chosen['particles']} particles")
-        flown += f" --particles {chosen['particles']}"
-    drawn = f" with {', '.join(words)}" if words else ""
-    after = (
-        f", then `trexton onboard {made}{flown}`. "
-        if pictures
-        else " makes its map, for histograms alone; a camera needs a training flight of pictures. "
-    )
-    yield (
-        f"On this computer `{best}` takes {1000 * seconds:.2g} ms a frame{drawn}: "
-        f"`trexton train {folder} -o {made} --method {best}{learned}`{after}"
-        f"`trexton tune {folder}` looks for better settings."
-    )
+
+
+def commands(record: Record, flight: str | None = None) -> tuple[str, str]:
+    """How to train and fly the best method with the settings that were flown; empty where it is no
+    good, the second also where there are no pictures.
+    """
+    best, chosen = best_method(record)[0], record.parameters
+    if not is_useful(record) or not record.timings.get(best, {}).get("median_s"):
+        return "", ""
+    folder, made = shlex.quote(flight or record.flight), shlex.quote(f"{record.flight}.npz")
+    train, fly = f"trexton train {folder} -o {made} --method {best}", f"trexton onboard {made}"
+    if "blurred" not in record.values["limits"]:  # no pictures to draw patches of
+        return train, ""
+    fly += f" --samples {chosen['samples']}"
+    fly += f" --particles {chosen['particles']}" if best == "paper" else ""
+    return f"{train} --textons {chosen['textons']}", fly
+
+
+def _drawn(record: Record) -> str:
+    """What the best method draws of each frame."""
+    chosen, names = record.parameters, []
+    if "blurred" in record.values["limits"]:
+        names += ["textons", "samples"]
+    names += ["particles"] * (best_method(record)[0] == "paper")
+    return f" with {', '.join(f'{chosen[name]} {name}' for name in names)}" if names else ""

@@ -16,7 +16,13 @@ from matplotlib.figure import Figure
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.records import Record
 from trexton.base.streams import stream
-from trexton.companion.experiments.advice import STRETCH_S, best_method, is_useful, limits
+from trexton.companion.experiments.advice import (
+    STRETCH_S,
+    best_method,
+    is_useful,
+    lengths,
+    limits,
+)
 from trexton.companion.experiments.declaration import Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
     floor_picture,
@@ -34,7 +40,7 @@ from trexton.companion.experiments.style import (
     show_floor,
 )
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import distance, middle, times
+from trexton.companion.wording import middle, times
 from trexton.evaluation.metrics import (
     constant_guess,
     euclidean,
@@ -202,7 +208,7 @@ def _predicted(predict: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[
 
 def finding(record: Record) -> str:
     """One sentence: will it work here?"""
-    best, error = best_method(record)
+    say, (best, error) = lengths(record), best_method(record)
     errors = record.values["errors"]
     centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
     if not is_useful(record):
@@ -212,10 +218,10 @@ def finding(record: Record) -> str:
     else:
         judgement = "It works here"
     words = (
-        f"{judgement}. The mean error of the method `{best}` is {distance(error)}, against "
-        f"{distance(centre)} for always guessing the centre; 95 % of its frames are off by less "
-        f"than {distance(middle(errors[best]['p95_cm']))}, against "
-        f"{distance(middle(errors['centre']['p95_cm']))}"
+        f"{judgement}. The mean error of the method `{best}` is {say(error)}, against "
+        f"{say(centre)} for always guessing the centre; 95 % of its frames are off by less "
+        f"than {say(middle(errors[best]['p95_cm']))}, against "
+        f"{say(middle(errors['centre']['p95_cm']))}"
     )
     paper = errors.get("paper")
     if paper and middle(paper["mean_cm"]) > 1.1 * knn:
@@ -237,9 +243,10 @@ LABELS = {
 
 
 def _unit(record: Record) -> tuple[str, float]:
-    """What errors are told in, and how many of it a metre has: as the record's words do."""
-    best = min(entry["mean_cm"]["value"] for entry in record.values["errors"].values())
-    return length_unit(best / 100)
+    """What lengths are told in, and how many of it a metre has: as the record's words do."""
+    return length_unit(
+        min(entry["mean_cm"]["value"] for entry in record.values["errors"].values()) / 100
+    )
 
 
 def over_the_floor(record: Record) -> Figure:
@@ -249,10 +256,13 @@ def over_the_floor(record: Record) -> Figure:
     label, color = LABELS[best]
     with canvas(size=(6.2, 5.2)) as (figure, axes):
         plan = axes[0, 0]
+        unit, scale = _unit(record)
         floor_axes(plan, series["area_m"])
+        plan.set(xlabel=f"x ({unit})", ylabel=f"y ({unit})")
+        for axis in (plan.xaxis, plan.yaxis):
+            axis.set_major_formatter(lambda metres, _: f"{scale * metres:g}")
         show_floor(plan, series.get("floor"), record.images.get("floor"), fade=0.3)
         if "predicted" in series:
-            unit, scale = _unit(record)
             predicted = series["predicted"]
             heat = scale * np.array(predicted["error_m"], dtype=float)
             heat_map(figure, plan, heat, predicted["extent_m"], f"predicted error ({unit})")

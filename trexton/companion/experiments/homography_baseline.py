@@ -113,7 +113,7 @@ def fixes(record: Record) -> Figure:
     with plan_canvas(record, (5.6, 5.6), "map") as (figure, plan):
         for true, fix in zip(truth[~lost], position[~lost], strict=True):
             plan.plot(*zip(true, fix, strict=True), color=color, linewidth=0.6, alpha=0.6)
-        plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="motion capture")
+        plan.plot(*truth.T, color=COLORS["truth"], linewidth=1.6, label="true track")
         plan.plot(*position[~lost].T, ".", color=color, markersize=3, label="homography")
         if lost.any():
             label = f"no homography ({lost.sum()})"

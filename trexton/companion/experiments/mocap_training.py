@@ -193,7 +193,7 @@ def floor_plan(record: Record) -> Figure:
         # Every fifth frame: where the estimate was against the truth.
         for pair in zip(truth[::5], estimate[::5], strict=True):
             plan.plot(*np.transpose(pair), color=color, linewidth=0.5, alpha=0.6)
-        plan.plot(*truth.T, color=COLORS["truth"], linewidth=2, label="motion capture")
+        plan.plot(*truth.T, color=COLORS["truth"], linewidth=2, label="true track")
         plan.plot(*estimate[::5].T, "o", color=color, markersize=3, label=label)
         legend_below(plan, 0.12, columns=2)
     return figure
