@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import json
 import shlex
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -17,12 +16,13 @@ import pandas as pd
 from IPython.display import HTML, SVG, Markdown
 from matplotlib.figure import Figure
 
-from trexton.base.cache import kept_results, repository_root
+from trexton.base.cache import repository_root
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file
 from trexton.base.options import Options
 from trexton.base.records import Record
 from trexton.companion.build.flight_pairs import load_pair
+from trexton.companion.build.kept import reference, swept
 from trexton.companion.claims.ledger import judge_all, load_claims, write_ledger
 from trexton.companion.claims.page import claims_html, counts_html, filters_html
 from trexton.companion.experiments.drawing import to_png, to_svg
@@ -41,7 +41,7 @@ from trexton.companion.wording import (
 from trexton.flights import Flight
 from trexton.flights.registry import flight_title
 
-__all__ = ["Given", "Page", "given", "ledger", "reference", "show_table"]
+__all__ = ["Given", "Page", "given", "ledger", "reference", "show_table", "swept"]
 
 
 def _resolve(path: str) -> Path:
@@ -288,22 +288,6 @@ class Page:
         words += ["--only", self.record.experiment]
         words += ["--set", *changed] if changed else []
         return escape(shlex.join([*words, "--out", "my-results"]))
-
-
-def reference(experiment: str) -> Record | None:
-    """The record of a run too long for every book, kept with the code; None where there is none."""
-    path = _kept(experiment)
-    return Record.load(path) if path else None
-
-
-def swept(plan: str) -> dict[str, Any] | None:
-    """The table of a plan in ``data/sweeps``, kept with the code; None where there is none."""
-    path = _kept(f"sweep-{plan}")
-    return json.loads(path.read_text(encoding="utf-8")) if path else None
-
-
-def _kept(name: str) -> Path | None:
-    return next((path for path in kept_results() if path.stem == name), None)
 
 
 def show_table(table: pd.DataFrame, caption: str = "", name: str = "") -> HTML:

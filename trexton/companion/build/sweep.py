@@ -16,12 +16,12 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from trexton.base.cache import code_hashes
+from trexton.base.cache import code_hashes, made_by
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.options import Options
 from trexton.base.progress import say
-from trexton.base.records import Record, software_versions
+from trexton.base.records import Record
 from trexton.companion.build import engine
 from trexton.companion.build import prepare_flights as flown
 from trexton.companion.build.display import Display
@@ -139,7 +139,7 @@ def sweep(
     _check_values(plan.values, list(results.values()))
     rows, times = ([_row(plan, *one, timed) for one in results.items()] for timed in (False, True))
     if rows:  # a table is not replaced by nothing
-        _write(plan, out, rows, times)
+        _write(plan, made_by(experiment.module), out, rows, times)
     statuses = [outcomes[cell.step.name].status for cell in cells]
     counts = {status: statuses.count(status) for status in ("ran", "reused")}
     return Swept(rows, times, failed, counts | {"failed": len(cells) - len(results)})
@@ -281,7 +281,7 @@ def _numbers(prefix: str, tree: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield f"{prefix}{key}", value
 
 
-def _write(plan: SweepPlan, out: Path, rows: Rows, times: Rows) -> None:
+def _write(plan: SweepPlan, made: dict[str, Any], out: Path, rows: Rows, times: Rows) -> None:
     import pandas as pd
 
     content = {
@@ -289,8 +289,8 @@ def _write(plan: SweepPlan, out: Path, rows: Rows, times: Rows) -> None:
         "settings": {name: list(values) for name, values in plan.settings.items()},
         "floors": plan.floors and asdict(plan.floors),
         "flights": {pair.name: pair.hashes for pair in plan.pairs},
-        "versions": software_versions(),
         "rows": rows,
+        **made,
     }
     with atomic_file(out / "sweep.json") as stream:
         stream.write(canonical_json(content))

@@ -11,9 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from trexton.base.cache import made_by
 from trexton.base.defaults import NEIGHBORS, PARTICLES, SAMPLES, TEXTONS
 from trexton.base.options import Options, option
-from trexton.base.records import Record, software_versions
+from trexton.base.records import Record
 from trexton.flights.flight import Flight
 
 __all__ = [
@@ -130,7 +131,7 @@ class SeedParameters(Options):
             timings=dict(timings or {}),
             provenance={
                 "flights": {flight.name: flight.data_hash for flight in flights},
-                "versions": software_versions(),
+                **made_by(type(self).__module__),
             },
         )
 
