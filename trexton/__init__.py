@@ -9,7 +9,7 @@ import os
 from importlib import import_module
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "1.0.0"
 
 # OpenCV reads these once, when it is loaded: no picture may declare more pixels than a camera has
 # (every format), and what it would print about a damaged one is said by an error of ours.

@@ -4,16 +4,12 @@ from __future__ import annotations
 
 import io
 import json
-import re
-import tomllib
 
 import numpy as np
 import pytest
-import yaml
 from conftest import ROOT
 from PIL import Image
 
-from trexton import __version__
 from trexton.base.errors import TrextonError
 from trexton.base.records import Record
 from trexton.companion.build.animation import moving_picture
@@ -25,24 +21,6 @@ def test_the_table_of_the_readme_is_that_of_the_numbers_kept():
     kept = json.loads((ROOT / "data" / "reference" / "readme.json").read_text())
     assert with_table(text, results_table(kept)) == text
     assert {"cyberzoo", "floors"} == set(kept) and len(text.split()) <= 450
-
-
-def test_the_version_to_cite_is_that_of_the_package():
-    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())["version"]
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    assert cited == project["version"] == __version__
-    for name in ("codemeta.json", ".zenodo.json"):
-        assert json.loads((ROOT / name).read_text())["version"] == __version__
-
-
-def test_the_evidence_of_the_quality_declaration_is_there():
-    text = (ROOT / "QUALITY.md").read_text()
-    targets = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.M)
-    named = re.findall(r"`([^`]+)`", text)
-    assert len(named) > 15
-    for each in named:
-        verb = each.removeprefix("make ")
-        assert verb in targets if verb != each else (ROOT / each).exists(), each
 
 
 def test_the_picture_of_the_readme_moves_and_is_small():

@@ -32,7 +32,7 @@ def test_a_record_carries_commit_and_code():
         said = subprocess.run(["git", "-C", ROOT, "rev-parse", "HEAD"], capture_output=True)
         assert made["commit"] == said.stdout.decode().strip()
     assert made_by("trexton.companion.experiments.light")["code"] != made["code"]
-    assert "trexton.companion.experiments.drawing" in code_hashes(MODULE)
+    assert "trexton.companion.experiments.style" in code_hashes(MODULE)
 
 
 def test_a_record_of_this_code_is_shown_without_a_word(page, tmp_path):
