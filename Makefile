@@ -14,7 +14,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book prose browser test check coverage test-slow fuzz bench verify full lab lock crate sbom audit clean
+.PHONY: help env book quick prose browser test check coverage test-slow fuzz bench verify full lab lock crate sbom audit clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -34,6 +34,9 @@ env: .venv/.ready  ## the environment only (.venv, from environment.lock)
 
 book: env  ## run the notebooks, build book/_build/html/index.html
 	@$(BIN)/trexton book $(ARGS)
+
+quick: env  ## two minutes: the first page, one experiment with its player, its ledger; book/_build/quick/index.html
+	@$(BIN)/trexton book --quick $(ARGS)
 
 browser: env  ## every page of the built book in chromium; pictures of ten in book/_build/screenshots
 	@TREXTON_BOOK=book/_build/html TREXTON_SCREENSHOTS=book/_build/screenshots \

@@ -252,6 +252,22 @@ def test_flights_are_made_once_and_again_when_damaged(toy_flights, monkeypatch):
     assert read_flight(folder / "sim-survey").name == "sim-survey"
 
 
+def test_a_quick_book_needs_the_real_flight_alone(toy_flights, monkeypatch):
+    folder, made = toy_flights
+    assert [pair.name for pair in prepare_flights(folder, quick=True).pairs] == ["cyberzoo"]
+    assert made == ["cyberzoo"]
+    quick = Contents(ROOT / "book", ROOT, ROOT, (), (), toc_file="_toc_quick.yml")
+    assert quick.named == ["mocap_training", "claims"]
+    shutil.rmtree(folder)
+
+    def unreachable(name, path, replace):
+        raise DataError("go online")
+
+    monkeypatch.setattr(book_flights, "fetch", unreachable)
+    prepared = prepare_flights(folder, quick=True)
+    assert [pair.name for pair in prepared.pairs] == ["sim-survey"] and prepared.absent
+
+
 def test_a_real_flight_out_of_reach_is_said_and_not_fatal(toy_flights, monkeypatch):
     def unreachable(name, path, replace):
         raise DataError("cyberzoo cannot be fetched: go online")

@@ -63,10 +63,27 @@ def test_the_finding_quotes_the_record(record):
 
 
 def test_the_figures_show_the_record(record):
-    lines = beyond.errors(record).axes[0].lines
-    drawn = [name for name in beyond._STROKES if name in record.series["errors_cm"]]
-    for line, name in zip(lines, drawn, strict=True):
-        np.testing.assert_allclose(line.get_xdata(), record.series["errors_cm"][name])
+    plot = beyond.errors(record).axes[0]
+    drawn = [name for name in beyond._DRAWN if name in record.series["errors_cm"]]
+    assert len(beyond._DRAWN) <= 5
+    for line, name in zip(plot.lines, drawn, strict=True):
+        np.testing.assert_allclose(line.get_ydata(), record.series["errors_cm"][name])
+    labels = {each.get_text(): each.get_color() for each in plot.texts}
+    assert labels == {line.get_label(): line.get_color() for line in plot.lines}
+
+
+def test_one_frame_is_drawn_as_the_field_saw_it(record):
+    seen = record.series["frame"]
+    assert np.max(seen["likelihood"]) == 1 and seen["number"] >= 25
+    assert np.hypot(*np.subtract(seen["estimate_m"], seen["truth_m"])) < 0.3
+    for name in ("before", "after"):
+        assert 0.9 < sum(each["weight"] for each in seen[name]) <= 1 + 1e-9
+    histogram, likely, before, after = beyond.one_frame(record).axes
+    np.testing.assert_allclose(
+        [bar.get_height() for bar in histogram.patches], 100 * np.array(seen["histogram"])
+    )
+    np.testing.assert_array_equal(likely.images[0].get_array(), seen["likelihood"])
+    assert len(before.texts) == len(seen["before"]) and len(after.texts) == len(seen["after"])
 
 
 def test_parts_of_the_image_are_flown_where_there_are_images(tmp_path):

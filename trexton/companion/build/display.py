@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 import threading
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,10 +36,22 @@ class Outcome:
 
 
 class Display:
-    """Counts finished steps of `total` and names those that are running; nothing when quiet."""
+    """Counts finished steps of `total` and names those that are running; nothing when quiet.
 
-    def __init__(self, total: int, of: str = "notebooks"):
+    Where it is known about how many seconds each step takes (`costs`, by name), it says how long
+    all of them will, `jobs` at once, and after each how much is left.
+    """
+
+    def __init__(
+        self,
+        total: int,
+        of: str = "notebooks",
+        costs: Mapping[str, float] | None = None,
+        jobs: int = 1,
+    ):
         self._running: dict[str, str] = {}
+        self._costs, self._jobs, self._begun = dict(costs or {}), jobs, time.monotonic()
+        self._worked = 0.0  # seconds that those were thought to take which ran
         self._lock = threading.Lock()
         self._bar: Any = None
         if total and not is_quiet() and sys.stderr.isatty():
@@ -46,7 +60,16 @@ class Display:
             self._bar = tqdm(total=total, desc=of, file=sys.stderr, leave=False, dynamic_ncols=True)
 
     def __enter__(self) -> Display:
+        if self._costs:
+            say(f"{len(self._costs)} notebooks: {self.left()} if none of them can be reused")
         return self
+
+    def left(self) -> str:
+        """About how long the unfinished steps will take, by how long the others took."""
+        elapsed = time.monotonic() - self._begun
+        pace = elapsed * self._jobs / self._worked if self._worked else 1.0
+        minutes = pace * sum(self._costs.values()) / self._jobs / 60
+        return f"about {minutes:.0f} minutes" if minutes >= 1 else "less than a minute"
 
     def __exit__(self, *_: object) -> None:
         if self._bar is not None:
@@ -61,11 +84,14 @@ class Display:
 
     def finished(self, outcome: Outcome) -> None:
         """Tell of one step."""
+        name = f"{outcome.flight}/{outcome.experiment}".strip("/")
         with self._lock:
-            self._running.pop(f"{outcome.flight}/{outcome.experiment}".strip("/"), None)
+            self._running.pop(name, None)
+            cost = self._costs.pop(name, 0.0)
+            self._worked += cost if outcome.status == "ran" else 0.0
             if self._bar is None:
                 if outcome.status != "reused":
-                    say(str(outcome))
+                    say(f"{outcome}, {self.left()} left" if self._costs else str(outcome))
                 return
             if outcome.status != "reused":
                 self._bar.write(str(outcome), file=sys.stderr)

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -48,10 +48,16 @@ class Made:
         return any(outcome.status == "failed" for outcome in self.outcomes)
 
 
-def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None = None) -> Made:
+def make_book(
+    *,
+    settings: Mapping[str, object] | None = None,
+    jobs: int | None = None,
+    quick: bool = False,
+) -> Made:
     """Make the book of this clone: ``book/_build/html/index.html``.
 
-    The authors' flight may be out of reach; the book then says so and goes without it.
+    The authors' flight may be out of reach; the book then says so and goes without it. With `quick`
+    it is the first page, one experiment with its player, and its ledger, in ``book/_build/quick``.
 
     Raises
     ------
@@ -66,16 +72,22 @@ def make_book(*, settings: Mapping[str, object] | None = None, jobs: int | None 
         )
     # The notebooks show the paths they were given: relative ones read the same on every machine.
     os.chdir(root)
-    prepared = prepare_flights(Path("data") / "flights")
-    results = Path("results")
-    outcomes = run_experiments(prepared.pairs, results, settings=settings, jobs=jobs)
+    say("flights, then notebooks, then pages; what has not changed is reused")
+    prepared = prepare_flights(Path("data") / "flights", quick)
+    results = Path("results") / "quick" if quick else Path("results")
+    html = Path("book") / "_build" / ("quick" if quick else "html")
     contents = Contents(
-        Path("book"), Path("notebooks"), results, prepared.pairs, outcomes, prepared.absent
+        Path("book"), Path("notebooks"), results, prepared.pairs, (), prepared.absent,
+        toc_file="_toc_quick.yml" if quick else "_toc.yml",
+    )  # fmt: skip
+    outcomes = run_experiments(
+        prepared.pairs, results, only=contents.named, settings=settings, jobs=jobs
     )
-    made = Made(Path("book") / "_build" / "html" / "index.html", prepared.said, outcomes=outcomes)
+    contents = replace(contents, outcomes=outcomes)
+    made = Made(html / "index.html", prepared.said, outcomes=outcomes)
     made.said.append(_build(contents, made.index.parent))
     made.headlines += [each.text for each in headlines(records_by_name(results, outcomes))]
-    if not is_current(Path("README.md"), results):
+    if not quick and not is_current(Path("README.md"), results):
         made.said.append(
             "README.md has other numbers than these results: "
             "python -m trexton.companion.build.readme renews it"

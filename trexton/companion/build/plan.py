@@ -85,11 +85,12 @@ def run_experiments(
     ]
     # What looks at every flight comes after all of them, also where one has failed.
     last = [_Page(notebook, experiments[notebook.name], None, {}) for notebook in everywhere]
-    display = Display(len(on_flights) + len(last))
-    with workers(cluster, jobs) as crew, sole_writer(out), display:
+    costs = {page.name: page.experiment.cost_s for page in on_flights + last}
+    with workers(cluster, jobs) as crew, sole_writer(out):
         run = _Run(out, pairs, crew)
-        run.build(on_flights, display)
-        run.build(last, display)
+        with Display(len(costs), costs=costs, jobs=crew.jobs) as display:
+            run.build(on_flights, display)
+            run.build(last, display)
     return [run.outcomes[page.name] for page in on_flights + last]
 
 

@@ -71,8 +71,10 @@ class Prepared:
     said: list[str] = field(default_factory=list)
 
 
-def prepare_flights(folder: Path) -> Prepared:
+def prepare_flights(folder: Path, quick: bool = False) -> Prepared:
     """Make sure that the simulated pair and, if it can be had, the real flight are in `folder`.
+
+    With `quick` the real flight alone, which needs no simulation, unless it cannot be had.
 
     Raises
     ------
@@ -95,6 +97,10 @@ def prepare_flights(folder: Path) -> Prepared:
     code = labelled("module", code_hashes("trexton.flights.cyberzoo"))
     files = labelled("file", {key: canonical_json(one) for key, one in raw_files(_REAL).items()})
     steps.append(flight_step(real, code | files, fetch_real))
+    if quick:
+        real_only = build(steps[-1:], folder / ".engine", 1, lambda: None, Display(0))
+        if real_only[_REAL].good:
+            steps = steps[-1:]
     outcomes = build(steps, folder / ".engine", 1, lambda: None, Display(0))
     for name in (step.name for step in steps):
         one = outcomes[name]
@@ -105,7 +111,8 @@ def prepare_flights(folder: Path) -> Prepared:
         else:
             why = one.status if one.status == "reused" else f"made, because {one.reasons[0]}"
         prepared.said.append(f"flight {name}: {why}")
-    prepared.pairs.append(FlightPair(*map(str, simulated)))
+    if len(steps) > 1:
+        prepared.pairs.append(FlightPair(*map(str, simulated)))
     if not prepared.absent:
         prepared.pairs.append(FlightPair(str(real)))
     return prepared

@@ -75,6 +75,14 @@ class Contents:
                     notebooks.setdefault(name, {})[flight] = own
         return notebooks
 
+    @property
+    def named(self) -> list[str]:
+        """The experiments that the table of contents names and that there are."""
+        toc = yaml.safe_load((self.source / self.toc_file).read_text(encoding="utf-8"))
+        chapters = [chapter for part in toc["parts"] for chapter in part["chapters"]]
+        names = [name for chapter in chapters for name in chapter.get("notebooks", ())]
+        return [name for name in names if name in set(EXPERIMENTS)]
+
     @cached_property
     def toc(self) -> dict[str, Any]:
         """The table of contents. Each chapter has a ``file``, its prose, or ``notebooks``, or both.

@@ -12,11 +12,16 @@ from trexton.companion.cli.run import add_run_arguments, print_outcomes
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_run_arguments(parser)
+    parser.add_argument(
+        "--quick", action="store_true",
+        help="the first page, one experiment with its player, and its ledger, in book/_build/quick",
+    )  # fmt: skip
 
 
 def run(arguments: argparse.Namespace) -> int:
     started = time.monotonic()
-    made = make_book(settings=assignments(arguments.settings, "key=value"), jobs=arguments.jobs)
+    settings = assignments(arguments.settings, "key=value")
+    made = make_book(settings=settings, jobs=arguments.jobs, quick=arguments.quick)
     print_outcomes(made.outcomes, arguments.explain)
     for sentence in made.said:
         print(sentence)

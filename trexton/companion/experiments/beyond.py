@@ -26,8 +26,9 @@ from trexton.companion.experiments.evaluation import (
     lag,
     map_of,
 )
+from trexton.companion.experiments.one_frame import figure_of, watch
 from trexton.companion.experiments.printed import paper_file
-from trexton.companion.experiments.style import COLORS, canvas, legend_above
+from trexton.companion.experiments.style import COLORS, canvas, label_ends
 from trexton.companion.experiments.track import Track, fly
 from trexton.companion.wording import beside, interval, middle, percent
 from trexton.flights.aiding import Aiding
@@ -128,9 +129,9 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
         name: 100 * np.sort(np.concatenate([each.errors(truth) for each in runs]))[::3]
         for name, runs in flights.items()
     }
-    return parameters.record(
-        train, test, values=values, series={"errors_cm": errors_cm}, timings=timings
-    )
+    frame = watch(changed["field"], test, frames, parameters)
+    series = {"errors_cm": errors_cm, "frame": frame, "area_m": changed["field"].area}
+    return parameters.record(train, test, values=values, series=series, timings=timings)
 
 
 def _possible(variant: Variant, train: Flight, aiding: list[Aiding] | None) -> bool:
@@ -196,27 +197,37 @@ def finding(record: Record) -> str:
     )
 
 
-_STROKES = {"paper": "-", "both": "-.", "field_whole": ":", "field": "-", "field_odometry": "--"}
+# Five lines, each with the words at its end and its colour.
+_DRAWN = {
+    "paper": ("paper's filter", "paper"),
+    "both": ("noise and ranks changed", "particles"),
+    "field_whole": ("field of whole images", "neighbors"),
+    "field": ("field", "field"),
+    "field_odometry": ("field with odometry", "fine"),
+}
 
 
 def errors(record: Record) -> Figure:
-    """Share of frames with a smaller error, of the paper's filter, its remedy, and the fields."""
-    with canvas(size=(7.2, 3.6)) as (figure, axes):
+    """The error below which a share of the frames stays, a line for each of five variants."""
+    with canvas(size=(7.2, 3.8)) as (figure, axes):
         plot = axes[0, 0]
-        for name in filter(record.series["errors_cm"].__contains__, _STROKES):
+        for name in filter(record.series["errors_cm"].__contains__, _DRAWN):
             values = record.series["errors_cm"][name]
-            share = (np.arange(len(values)) + 0.5) / len(values)
-            plot.plot(
-                values, 100 * share, color=COLORS["field" if name.startswith("field") else "paper"],
-                linestyle=_STROKES[name], label=VARIANTS[name].label,
-            )  # fmt: skip
+            share = 100 * (np.arange(len(values)) + 0.5) / len(values)
+            label, color = _DRAWN[name]
+            plot.plot(share, values, color=COLORS[color], label=label)
         plot.set(
-            xscale="log", xlim=(1, None), ylim=(0, 100),
-            xlabel="error (cm)", ylabel="frames with a smaller error (%)",
+            xlim=(0, 100), yscale="log", ylim=(1, None),
+            xlabel="share of the frames (%)", ylabel="error below (cm)",
         )  # fmt: skip
-        plot.xaxis.set_major_formatter("{x:g}")
-        legend_above(plot, 2)
+        plot.yaxis.set_major_formatter("{x:g}")
+        label_ends(plot)
     return figure
+
+
+def one_frame(record: Record) -> Figure:
+    """One frame on its way to a place: histogram, likelihood, hypotheses before and after."""
+    return figure_of(record)
 
 
 EXPERIMENT = Experiment(

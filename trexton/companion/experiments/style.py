@@ -198,6 +198,20 @@ def legend_below(axes: Axes, drop: float, columns: int = 1) -> None:
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -drop), ncols=columns)
 
 
+def label_ends(axes: Axes, apart: float = 0.075) -> None:
+    """The label of each line at its end, in its colour, `apart` by a share of the axes' height."""
+    to_axes = axes.transData + axes.transAxes.inverted()
+    ends = [(to_axes.transform(np.asarray(line.get_xydata())[-1])[1], line) for line in axes.lines]
+    last = -np.inf
+    for height, line in sorted(ends, key=lambda end: end[0]):
+        last = max(height, last + apart)
+        axes.annotate(
+            str(line.get_label()), (1, last), xycoords="axes fraction", xytext=(5, 0),
+            textcoords="offset points", color=line.get_color(), fontsize=9, va="center",
+            annotation_clip=False,
+        )  # fmt: skip
+
+
 def mean_line(axes: Axes, values: np.ndarray, color: str, unit: str) -> None:
     """A dashed line at the mean, its value at its right end, clear of the one drawn before it."""
     mean = float(np.mean(values))
