@@ -158,3 +158,10 @@ def test_a_flight_of_which_nothing_could_be_used_is_a_failure(flight, tmp_path, 
         assert told.startswith(
             "trexton onboard: not one of 60 frames could be localized (misfit 60"
         )
+
+
+def test_a_yaw_that_no_frame_shows_is_not_promised(flight, capsys):
+    """ArduPilot would get no position at all, and nobody would know why."""
+    words = ["onboard", str(flight[1]), "--camera", str(flight[0]), "--send-yaw"]
+    assert main(words) == 1
+    assert "take a map for it" in capsys.readouterr().err

@@ -43,9 +43,9 @@ def run(arguments: argparse.Namespace) -> int:
 
     from trexton.base.errors import TrextonError
     from trexton.base.records import plain
+    from trexton.cli.signals import stopped_by_signals
     from trexton.onboard import Settings, build
     from trexton.onboard.settings import Flying
-    from trexton.onboard.signals import stopped_by_signals
     from trexton.onboard.voice import flush, say
 
     settings = Settings(
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace) -> int:
         {kind: chosen_options(arguments, kind) for kind in _classes(arguments.words)},
     )
     if arguments.preflight:
-        from trexton.onboard.preflight import preflight
+        from trexton.cli.preflight import preflight
 
         checks = preflight(settings)
         print("\n".join(map(str, checks)))

@@ -1,5 +1,6 @@
-"""``trexton replay LOG``: the log of a flight read afterwards, what was sent beside what was
-answered. Offers `replayed`, a line for each thing that happened."""
+"""``trexton replay LOG``: show what a flight of the script sent, and what the autopilot said.
+
+`replayed` gives a line for each thing that happened, what was sent beside what was answered."""
 
 from __future__ import annotations
 

@@ -55,6 +55,7 @@ class Filter(Part):
 
     needs = {"motion": MotionModel}
     knows_velocity: ClassVar[bool] = False  # its estimates bear one
+    knows_heading: ClassVar[bool] = False
 
     def open(
         self, parts: Mapping[str, Any], texton_map: TextonMap, rng: np.random.Generator

@@ -19,6 +19,7 @@ from trexton.localization.map_files import load_map
 from trexton.localization.methods import parse_choices
 from trexton.onboard.commander import LandingLink
 from trexton.onboard.loop import Onboard
+from trexton.onboard.mavlink.options import MavlinkOptions
 from trexton.onboard.settings import Flying, Landing, MapPlacement, Settings
 from trexton.onboard.sinks import Guard, Sink, Surroundings, open_sink
 from trexton.onboard.sinks.files import JsonLines
@@ -113,6 +114,13 @@ def _localizer(texton_map: TextonMap, settings: Settings, touchdown: bool) -> Lo
         raise ParameterError(
             f"--trigger touchdown needs a velocity, which method {localizer.map.method!r} does not "
             "estimate: take --trigger inside, or a map for method field or fine"
+        )
+    if settings.of(MavlinkOptions).send_yaw and (
+        not localizer.parts["filter"].knows_heading or flying.aiding == "all"
+    ):
+        raise ParameterError(
+            "--send-yaw sends the heading that method fine finds without a compass: take a map for "
+            "it, and no --aiding all"
         )
     return localizer
 

@@ -47,6 +47,7 @@ class Registration(Filter):
 
     needs = {"motion": MotionModel, "measurement": RankMixture}
     knows_velocity: ClassVar[bool] = True
+    knows_heading: ClassVar[bool] = True
     picture: str = option(
         "auto",
         "the training flight's picture of the floor, a mosaic of its frames, or the former if any",

@@ -51,17 +51,15 @@ class Recording(Source):
     def _play(self, laps: int) -> Iterator[Frame]:
         passed, counted = 0.0, 0
         for _ in range(laps):
-            stamps, last = [], None
+            frames, began, stamp, last = 0, 0.0, 0.0, None
             for frame in self.lap():
-                stamps.append(frame.time)
-                last = frame.number
+                began = began if frames else frame.time
+                frames, stamp, last = frames + 1, frame.time, frame.number
                 aiding = None if frame.aiding is None else frame.aiding.shifted(passed)
                 number = None if last is None else last + counted
-                yield replace(frame, time=frame.time + passed, number=number, aiding=aiding)
-            if stamps:
-                duration = stamps[-1] - stamps[0]
-                passed += duration + duration / max(len(stamps) - 1, 1)
-                counted += 0 if last is None else last + 1
+                yield replace(frame, time=stamp + passed, number=number, aiding=aiding)
+            passed += (stamp - began) + (stamp - began) / max(frames - 1, 1)
+            counted += 0 if last is None else last + 1
 
 
 def _parted(address: str) -> tuple[str, str | None]:

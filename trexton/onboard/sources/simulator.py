@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 
 from trexton.base.errors import ParameterError
 from trexton.base.streams import stream
 from trexton.onboard.sources.base import Expected, Frame, Playback, Source
+from trexton.onboard.sources.recorded import Recording
 
 __all__ = ["SimulatorSource"]
 
 
-class SimulatorSource(Source):
+class SimulatorSource(Recording):
     """A flight without end over the painted hall, a frame each time it is asked for one.
 
     Parameters
@@ -23,15 +25,12 @@ class SimulatorSource(Source):
     simulator : trexton.simulator.Simulator
     """
 
-    live = False
     pace = "stamps"
-    gives = "images"
 
     addresses = {
         "simulator": "the virtual room, live",
         "simulator:7": "the same with another seed",
     }
-    options = Playback
 
     @staticmethod
     def matches(address: str) -> bool:
@@ -50,11 +49,13 @@ class SimulatorSource(Source):
     def __init__(self, seed: int = 1):
         from trexton.simulator import Floor, Plan, Simulator, random_waypoints
 
+        super().__init__()
         plan_rng, simulator_rng = stream(seed, "simulator").spawn(2)
         floor = Floor.hall()
         self._plan = Plan(random_waypoints(floor.area, plan_rng))
         self.simulator = Simulator(floor, start=self._plan.start, speed=0.6, rng=simulator_rng)
 
-    def read(self) -> Frame | None:
-        state = self.simulator.step(self._plan.goal(self.simulator.state.position))
-        return Frame(state.time, self.simulator.render())
+    def lap(self) -> Iterator[Frame]:
+        while True:
+            state = self.simulator.step(self._plan.goal(self.simulator.state.position))
+            yield Frame(state.time, self.simulator.render())

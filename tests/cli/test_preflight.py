@@ -17,13 +17,13 @@ pytest.importorskip("pymavlink", reason="the extra 'mavlink' is not installed")
 from onboard_autopilot import AUTOPILOT_HEARTBEAT, Peer
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from trexton.cli import preflight as module
 from trexton.cli.main import main
+from trexton.cli.preflight import preflight
 from trexton.flights import read_flight, write_flight
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 from trexton.onboard import Settings
-from trexton.onboard import preflight as module
-from trexton.onboard.preflight import preflight
 from trexton.onboard.settings import Flying, Landing, MapPlacement
 from trexton.onboard.sources import Playback
 from trexton.simulator import Effects, record_flight
