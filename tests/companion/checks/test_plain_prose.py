@@ -8,7 +8,7 @@ import pytest
 from conftest import ROOT
 from pybtex.database import parse_file
 
-from trexton.companion.checks.prose import BOOK, Page, measure, pages
+from trexton.companion.checks.prose import BOOK, Prose, measure, pages
 
 PAGES = pages(ROOT)
 
@@ -52,15 +52,15 @@ Said by a cell.
 
 def test_long_sentences_cells_paragraphs_and_pages_are_named():
     sentence = "Word " + "word " * 35 + "end."
-    faults = Page("page", [sentence] * 30, [sentence]).faults()
+    faults = Prose("page", [sentence] * 30, [sentence]).faults()
     assert sum(f"37 words, at most 35: {sentence}" == fault for fault in faults) == 31
     assert "mean: 37, at most 18.0" in faults and "words: 1110, at most 900" in faults
     short = "A word or two. " * 30
-    assert Page("page", [short], []).faults() == [f"120 words, at most 90: {short}"]
-    assert Page("README", ["Four words stand here."] * 120, []).faults() == [
+    assert Prose("page", [short], []).faults() == [f"120 words, at most 90: {short}"]
+    assert Prose("README", ["Four words stand here."] * 120, []).faults() == [
         "words: 480, at most 450"
     ]
-    assert not Page("glossary", ["Four words stand here."] * 300, []).faults()
+    assert not Prose("glossary", ["Four words stand here."] * 300, []).faults()
 
 
 def test_what_is_cited_stands_among_the_references():

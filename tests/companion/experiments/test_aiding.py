@@ -44,7 +44,7 @@ def test_the_record_compares_all_with_the_frame_alone(record):
 def test_finding_table_and_figure_say_what_the_record_holds(record):
     told = aiding.finding(record)
     sure = record.values["gain_cm"]["field"]["velocity"]["low"] > 0
-    assert (", less beyond chance. A velocity" in told) == sure
+    assert (", less beyond chance, and one that" in told) == sure
     assert "a compass turns by 20 degrees" in told
     table = aiding.table(record)
     assert list(table.iloc[:, 0]) == [label for label, *_ in aiding.AIDINGS.values()]

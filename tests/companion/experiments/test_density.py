@@ -11,6 +11,7 @@ from onboard_tools import colourful_flight
 from trexton.base.errors import ParameterError
 from trexton.companion.build import notebook
 from trexton.companion.experiments import density
+from trexton.companion.wording import distance
 
 CHOSEN = {"survey": 40, "frames": 24, "textons": 6, "samples": 100}
 
@@ -44,7 +45,7 @@ def test_equal_seeds_give_equal_records(flight, record):
 
 def test_finding_table_and_figure_say_what_the_record_holds(record):
     surveys = record.values["surveys"]
-    assert f"{surveys[0]['field']['median_cm']:.3g} cm, of that" in density.finding(record)
+    assert f"{distance(surveys[0]['parts']['error_cm'])}, of the paper's" in density.finding(record)
     assert len(density.table(record)) == len(density.TIMES) * len(density.METHODS)
     (plot,) = density.errors(record).axes
     drawn, *_ = plot.containers[0]
@@ -56,7 +57,7 @@ def test_finding_table_and_figure_say_what_the_record_holds(record):
 def test_the_long_run_is_kept_and_can_be_shown():
     kept = notebook.reference("density")
     assert kept is not None and kept.values["floors"] == 10
-    assert density.finding(kept).startswith("Surveyed for")
+    assert density.finding(kept).startswith("After a survey of")
     assert len(density.table(kept)) == len(kept.values["surveys"]) * len(density.METHODS)
     assert len(density.errors(kept).axes[0].lines) >= kept.values["floors"]
 

@@ -56,8 +56,8 @@ def test_the_finding_says_what_the_record_holds(record):
 def test_floors_of_the_finding_are_the_long_run_s_and_the_flight_its_own(record):
     kept = notebook.reference("fine")
     text = fine.finding(record, kept)
-    own, long = fine.finding(record).split(". On the"), fine.finding(kept).split(". On the")
-    assert text == f"{long[0]}. On the{own[1]}" and own[0] != long[0]
+    own, long = fine.finding(record).split(". On a"), fine.finding(kept).split(". On a")
+    assert text == f"{long[0]}. On a{own[1]}" and own[0] != long[0]
 
 
 def test_figures_draw_the_record(record):

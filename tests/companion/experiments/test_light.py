@@ -44,7 +44,7 @@ def test_the_ratio_is_that_of_its_two_lights(record):
     ratio = errors[light.JUDGED]["field"]["value"] / errors["drift 0"]["field"]["value"]
     assert record.values["ratio"]["field"] == ratio
     said = light.finding(record)
-    assert said.count(", as surveyed ") == 2
+    assert said.count(" instead of ") == 2
     assert said.count("the same but for chance") == 2  # so few frames tell nothing apart
     apart = deepcopy(record)
     field = apart.values["error_cm"][light.JUDGED]["field"]

@@ -92,5 +92,6 @@ def test_the_page_shows_the_record(record):
     table = touchdown.table(record)
     for name, share in zip(touchdown.LANDERS, table["landed, of flights"], strict=True):
         assert share == percent(record.values["landers"][name]["landed_rate"])
-    assert f"{record.values['landers']['fine']['landings']} of 2" in touchdown.finding(record)
+    inside = record.values["landers"]["fine"]["inside"]
+    assert f"{percent(inside / 2)} with `fine`" in touchdown.finding(record)
     assert len(touchdown.targets(record).axes) == len(touchdown.LANDERS)

@@ -146,9 +146,8 @@ def test_what_the_replay_chooses_is_measured_on_the_test_flight(without_images):
     ((_, (judged,)),) = judge_all({"f": {"trade_off": without_images}}, claims)
     assert judged.ours.value == values["tuned_error_cm"]["value"]
     assert len({row["replayed_cm"] for row in grid}) > 1
-    assert (
-        "of 2 settings the one that a replay of the training flight chooses"
-        in trade_off.finding(without_images)
+    assert "Of 2 settings a replay of the training flight chooses" in trade_off.finding(
+        without_images
     )
 
 

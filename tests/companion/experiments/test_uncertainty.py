@@ -80,7 +80,7 @@ def test_figures_and_sentence_come_from_the_record(record):
         "like EKF2", "like EKF3"
     ]  # fmt: skip
     text = uncertainty.finding(record)
-    assert text.startswith("The paper's filter claims") and text.count("90 % regions") == 3
+    assert text.startswith("The paper's filter has 90 % regions") and text.count("cover") == 3
     assert text.count("a receiver like EKF2") == 3
 
 
@@ -96,5 +96,5 @@ def test_a_method_that_is_lost_all_the_time_sends_nothing(monkeypatch, always):
     monkeypatch.setattr(uncertainty, "tracks", flown)
     record = uncertainty.run(*flights(110), uncertainty.Parameters(repeats=1, vehicles=2))
     assert record.values["silent"] == always and "ekf2" not in record.values["field"]
-    assert uncertainty.finding(record).endswith("that it is lost, and sends nothing to fuse.")
+    assert uncertainty.finding(record).endswith("It is always lost, and sends nothing to fuse.")
     assert len(uncertainty.truth_in_the_region(record).axes) == 2

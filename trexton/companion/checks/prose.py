@@ -20,7 +20,7 @@ from mdit_py_plugins.deflist import deflist_plugin
 from trexton.base.cache import repository_root
 from trexton.companion.wording import template_environment
 
-__all__ = ["BOOK", "Page", "measure", "pages"]
+__all__ = ["BOOK", "Prose", "measure", "pages"]
 
 # Looked up, not read: as long as they must be. The other bounds hold for them too.
 REFERENCE = {"CHANGELOG", "claims", "glossary", "library", "paper_map", "references", "trust"}
@@ -61,7 +61,7 @@ class _There(jinja2.ChainableUndefined):
 
 
 @dataclass
-class Page:
+class Prose:
     """The paragraphs and items of a page, and the cells of its tables, as plain text."""
 
     name: str
@@ -102,7 +102,7 @@ def _sentences(texts: list[str]) -> list[str]:
     return [each for text in texts for each in END.split(text) if _words(each)]
 
 
-def measure(path: Path) -> Page:
+def measure(path: Path) -> Prose:
     """One page of Markdown; of a notebook's cells, what they say counts too."""
     text = path.read_text(encoding="utf-8")
     text = CELL.sub(lambda c: "\n\n".join(re.findall(r'say\(r"""\n(.*?)"""', c[0], re.S)), text)
@@ -119,7 +119,7 @@ def measure(path: Path) -> Page:
         door="",
         first_figure=str,
     )
-    page = Page(path.stem, [], [])
+    page = Prose(path.stem, [], [])
     kind = ""
     for token in MarkdownIt().enable("table").use(deflist_plugin).parse(filled):
         if token.type == "inline" and not kind.startswith("heading"):
@@ -134,7 +134,7 @@ def measure(path: Path) -> Page:
     return page
 
 
-def pages(root: Path) -> list[Page]:
+def pages(root: Path) -> list[Prose]:
     """README, CHANGELOG and the pages of the book: prose with the notebooks that stand on it."""
     toc = yaml.safe_load((root / "book" / "_toc.yml").read_text(encoding="utf-8"))
     chapters = [each for part in toc["parts"] for each in part["chapters"]]
@@ -147,7 +147,7 @@ def pages(root: Path) -> list[Page]:
         own = [measure(path) for each in paths if (path := root / f"{each}.md").is_file()]
         if own:
             cells = [text for page in own for text in page.cells]
-            found.append(Page(name, [text for page in own for text in page.paragraphs], cells))
+            found.append(Prose(name, [text for page in own for text in page.paragraphs], cells))
     return found
 
 

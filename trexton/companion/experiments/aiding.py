@@ -30,7 +30,7 @@ from trexton.companion.experiments.style import (
     with_intervals,
 )
 from trexton.companion.experiments.track import Track, fly
-from trexton.companion.wording import distance, number, percent
+from trexton.companion.wording import distance, middle, number
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
@@ -218,23 +218,20 @@ def _aiding(later: Flight, parameters: Parameters, seed: int, off: float) -> lis
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in four sentences."""
+    """What the experiment found, in a few sentences."""
     values = record.values
     field, gains = values["error_cm"]["field"], values["gain_cm"]["field"]
 
     def error(aid: str) -> str:
         low, high = gains[aid]["low"], gains[aid]["high"]
-        sure = "less" if low > 0 else "more" if high < 0 else "neither more nor less"
-        return f"{distance(field[aid])}, {sure} beyond chance"
+        sure = "less beyond" if low > 0 else "more beyond" if high < 0 else "the same but for"
+        return f"{distance(middle(field[aid]))}, {sure} chance"
 
-    biased = {aid: percent(rate) for aid, rate in values["velocity_bias_rate"].items()}
     return (
-        f"By the frame alone the mean error of method field is {distance(field['nothing'])}; with "
-        f"a velocity as well, {error('velocity')}. A velocity that a compass turns by "
-        f"{number(abs(record.parameters['compass_deg']))} degrees is taken for wrong in "
-        f"{biased['turned']} of frames, a right one in {biased['velocity']}. With the turned one "
-        f"the error is {error('turned')}. With attitude and height, and frames counted as seen "
-        f"from straight above, it is {error('view')}."
+        f"By the frame alone the mean error of method field is {distance(field['nothing'])}. A "
+        f"velocity brings {error('velocity')}, and one that a compass turns by "
+        f"{number(abs(record.parameters['compass_deg']))} degrees {error('turned')}. Attitude and "
+        f"height, by which frames are counted as seen from straight above, bring {error('view')}."
     )
 
 

@@ -207,7 +207,7 @@ def _predicted(predict: Any, flight: Flight) -> tuple[dict[str, Any], list[dict[
 
 
 def finding(record: Record) -> str:
-    """One sentence: will it work here?"""
+    """A few sentences: will it work here?"""
     say, (best, error) = lengths(record), best_method(record)
     errors = record.values["errors"]
     centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
@@ -217,17 +217,16 @@ def finding(record: Record) -> str:
         judgement = "It works poorly here"
     else:
         judgement = "It works here"
-    words = (
+    text = (
         f"{judgement}. The mean error of the method `{best}` is {say(error)}, against "
-        f"{say(centre)} for always guessing the centre; 95 % of its frames are off by less "
-        f"than {say(middle(errors[best]['p95_cm']))}, against "
-        f"{say(middle(errors['centre']['p95_cm']))}"
+        f"{say(centre)} for always guessing the centre. 95 % of its frames are off by less "
+        f"than {say(middle(errors[best]['p95_cm']))}."
     )
     paper = errors.get("paper")
     if paper and middle(paper["mean_cm"]) > 1.1 * knn:
         ratio = times(middle(paper["mean_cm"]) / knn)
-        words += f"; the paper's filter is off {ratio} as far as the plain mean of its neighbours"
-    return words + "."
+        text += f" The paper's filter is off {ratio} as far as the plain mean of its neighbours."
+    return text
 
 
 # name: what it is called, and its colour

@@ -187,13 +187,13 @@ def _protocol() -> dict[str, Any]:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in two sentences."""
     paper, field = record.values["paper"], record.values["field"]
     return (
         f"The mean error of method field is {interval(field['mean_cm'], 'cm')}, "
-        f"{beside(record.values['ratio'])} that of the paper's filter "
-        f"({interval(paper['mean_cm'], 'cm')}); the region that should hold the vehicle in 90 % of "
-        f"the frames holds it in {percent(field['held'])}, the paper's in {percent(paper['held'])}."
+        f"{beside(record.values['ratio'])} that of the paper's filter. Its 90 % region covers "
+        f"{percent(middle(field['held']))} of the frames, the paper's "
+        f"{percent(middle(paper['held']))}."
     )
 
 

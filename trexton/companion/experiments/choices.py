@@ -150,7 +150,7 @@ def _winner_take_all(train: Flight, neighbors: int, seed: int) -> TextonMap:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in two sentences."""
     variants = record.values["variants"]
     paper = variants["paper"]["mean_cm"]
     others = [each for key, each in variants.items() if key != "paper"]
@@ -158,8 +158,8 @@ def finding(record: Record) -> str:
     best = min(others, key=lambda each: each["mean_cm"]["value"])
     return (
         f"Of {len(others)} choices {len(differing)} differ beyond chance from the paper's on this "
-        f"flight; lowest, in hindsight, is the error with {best['label']}: "
-        f"{interval(best['mean_cm'], 'cm')} instead of {interval(paper, 'cm')}."
+        f"flight. The smallest error, in hindsight, has {best['label']}, with "
+        f"{interval(best['mean_cm'], 'cm')}."
     )
 
 

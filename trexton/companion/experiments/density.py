@@ -24,7 +24,7 @@ from trexton.companion.experiments.evaluation import frames_of
 from trexton.companion.experiments.floors import FloorParameters, mean_over_floors
 from trexton.companion.experiments.style import COLORS, canvas, legend_above, with_intervals
 from trexton.companion.experiments.track import Track, fly
-from trexton.companion.wording import distance, number, percent
+from trexton.companion.wording import distance, middle, number, percent
 from trexton.field.grid import grid_cells
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import Localizer, TextonMap
@@ -152,13 +152,10 @@ def finding(record: Record) -> str:
     """What the experiment found, a sentence for the shortest survey and one for the longest."""
     said = []
     for survey in (record.values["surveys"][0], record.values["surveys"][-1]):
-        whole, parts, paper = (survey[name] for name in ("field", "parts", "paper"))
         said.append(
-            f"Surveyed for {number(survey['lasted_s'])} s, a place lies "
-            f"{number(survey['apart_cm'])} cm from the nearest frame on average. The median error "
-            f"of the field of whole images is {distance(whole['median_cm'])}, of that of their "
-            f"parts {distance(parts['median_cm'])}, of the paper's filter "
-            f"{distance(paper['median_cm'])}."
+            f"After a survey of {number(survey['lasted_s'])} s the mean error of the field is "
+            f"{distance(survey['parts']['error_cm'])}, of the paper's filter "
+            f"{distance(middle(survey['paper']['error_cm']))}."
         )
     return " ".join(said)
 

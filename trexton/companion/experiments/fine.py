@@ -199,29 +199,22 @@ def over_floors(
 
 
 def finding(record: Record, long: Record | None = None) -> str:
-    """What the experiment found, in two sentences; over floors in the longer run, if there is
+    """What the experiment found, in three sentences; over floors in the longer run, if there is
     one.
     """
     over = long or record
     everything = over.values["all"]
-    words = {
-        "attitude": "with the autopilot's attitude",
-        "tilt_bias": f"with one that is {over.parameters['tilt_bias_deg']:g} degrees off",
-        "free": "without",
-    }
-    parts = [
-        f"{wording.interval(over_floors(over, key, 'mean_cm'), 'cm')} {words[key]}"
-        for key in ATTITUDES
-    ]
+    with_attitude, without = (
+        wording.interval(over_floors(over, key, "mean_cm"), "cm") for key in ("attitude", "free")
+    )
     frames = sum(everything[key]["frames"] for key in ATTITUDES)
     gross = sum(everything[key]["gross"] for key in ATTITUDES)
-    stitched = [record.values["flight"]["stitched"][key]["mean_cm"] for key in ("attitude", "free")]
-    known, alone = map(wording.distance, stitched)
+    stitched = wording.distance(record.values["flight"]["stitched"]["free"]["mean_cm"])
     return (
-        f"Over {len(over.values['floors'])} floors the image says where to "
-        f"{', '.join(parts[:-1])} and {parts[-1]}; {gross} of {frames} frames are off by more than "
-        f"{100 * GROSS:.0f} cm. On the stitched map of the recorded flight the mean error is "
-        f"{known} with attitude and {alone} without."
+        f"Over {len(over.values['floors'])} floors the mean error is {with_attitude} with the "
+        f"autopilot's attitude and {without} without. {gross} of {frames:,} frames are off by more "
+        f"than {100 * GROSS:.0f} cm. On a map stitched from the flight itself it is {stitched} "
+        "without attitude."
     )
 
 

@@ -212,11 +212,10 @@ def finding(record: Record) -> str:
             f"histograms {where} {'notice' if notices(record, count) else 'hardly notice'} it "
             f"({distance(aside)}, as flown {distance(flown)})"
         )
-    back, tolerant = (errors[view]["cells"]["value"] for view in ("back", "tolerant"))
+    back = errors["back"]["cells"]["value"]
     return (
-        f"Where the camera is turned by any angle, {said[0]}, {said[1]}. There a known heading, by "
-        f"which the picture is turned back, gives {distance(back)}, and a rotation-tolerant "
-        f"dictionary {distance(tolerant)}."
+        f"Where the camera is turned by any angle, {said[0]}, {said[1]}. With a known heading, by "
+        f"which the picture is turned back, cells have {distance(back)}."
     )
 
 

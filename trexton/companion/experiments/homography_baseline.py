@@ -84,24 +84,21 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in a few sentences."""
     values = record.values
     mosaic = values["mosaic"]
     if "mean_cm" not in mosaic:
-        text = "A homography finds no frame on the stitched map"
-    else:
-        missed = f"nothing in {number(mosaic['missing'])} frames"
-        text = (
-            "A homography on the stitched map has an error of "
-            f"{interval(mosaic['mean_cm'], 'cm')} and "
-            f"finds {missed if mosaic['missing'] else 'every frame'}"
-        )
-    if "tilt_offset_cm" in values and "map_residual_cm" in mosaic:
-        tilt, bent = values["tilt_offset_cm"], mosaic["map_residual_cm"]
-        text += f"; the camera's tilt costs {number(tilt)} cm, the map is {number(bent)} cm off"
+        return "A homography finds no frame on the stitched map."
+    missed = f"nothing in {number(mosaic['missing'])} frames"
+    text = (
+        f"A homography on the stitched map has an error of {interval(mosaic['mean_cm'], 'cm')} and "
+        f"finds {missed if mosaic['missing'] else 'every frame'}."
+    )
+    if "tilt_offset_cm" in values:
+        text += f" The camera's tilt alone costs {number(values['tilt_offset_cm'])} cm."
     if error := values.get("drifting", {}).get("mean_cm"):
-        text += f"; on a map that drifts it has an error of {number(middle(error))} cm"
-    return text + "."
+        text += f" On a map that drifts the error is {number(middle(error))} cm."
+    return text
 
 
 def fixes(record: Record) -> Figure:

@@ -97,20 +97,19 @@ def _process_std_cm(texton_map: TextonMap) -> float:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in a few sentences."""
     values = record.values
     noise = [values[f"{name}_process_std_cm"] for name in ROWS]
-    errors, knn = ([middle(values[name + of]["mean_cm"]) for name in ROWS] for of in ("", "_knn"))
+    errors = [middle(values[name]["mean_cm"]) for name in ROWS]
     text = (
-        f"Trained on homography positions the filter has an error of {number(errors[0])} cm as "
-        f"located, {number(errors[1])} cm filtered first"
+        f"Trained on homography positions the filter has an error of {number(errors[0])} cm, and "
+        f"of {number(errors[1])} cm where they are filtered first."
     )
     if np.argsort(noise).tolist() == np.argsort(errors)[::-1].tolist():
         text += (
-            ": the more those positions jitter, the wider its motion noise "
-            f"({number(min(noise))} to {number(max(noise))} cm a frame) and the smaller its error"
+            " Positions that jitter widen its motion noise, and a filter with more follows sooner."
         )
-    return text + f"; the neighbours alone have {number(min(knn))} to {number(max(knn))} cm."
+    return text
 
 
 # place in the record: label and colour; both train the paper's filter, one as the paper does

@@ -23,7 +23,7 @@ from trexton.companion.experiments.declaration import POSITIONS, Experiment, Map
 from trexton.companion.experiments.evaluation import drawn_histograms, map_of
 from trexton.companion.experiments.style import COLORS, canvas, legend_above
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import number, percent
+from trexton.companion.wording import middle, number, percent
 from trexton.evaluation.metrics import euclidean, success_rate
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import LOST_SHARE, ignorance
@@ -208,20 +208,22 @@ def _lost(trials: list[Trial], recovered: list[int | None], tolerance: float) ->
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
-    names = {"plain": "The paper's filter", "augmented": "with random particles it",
-             "field": "the field"}  # fmt: skip
+    """What the experiment found, a sentence a filter."""
+    names = {"plain": "The paper's filter", "augmented": "With random particles it",
+             "field": "The field"}  # fmt: skip
     parts = []
     for key, name in names.items():
         values = record.values[key]
-        rate, after = percent(values["recovered_rate"]), values["recovery_s"]
-        when = f" after {number(after['median'])} s in the median" if after else ""
+        rate, after = middle(values["recovered_rate"]), values["recovery_s"]
+        text = f"{name} recovers from {'every' if rate == 1 else percent(rate) + ' of the'} "
+        text += "kidnapping" if rate == 1 else "kidnappings"
+        if after:
+            text += f", after {number(after['median'])} s in the median"
         wrong = values["lost"]["wrong_frames_rate"]
-        lost = f"calls {percent(wrong)} of its wrong frames lost"
-        if wrong is None:
-            lost = "has no wrong frame to call lost"
-        parts.append(f"{name} recovers from {rate} of the kidnappings{when}, and {lost}")
-    return "; ".join(parts) + "."
+        if wrong is not None:
+            text += f", and calls {percent(wrong)} of its wrong frames lost"
+        parts.append(f"{text}.")
+    return " ".join(parts)
 
 
 _FILTERS = {

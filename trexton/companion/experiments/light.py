@@ -19,7 +19,7 @@ from trexton.companion.experiments.evaluation import map_of
 from trexton.companion.experiments.floors import lent_floor
 from trexton.companion.experiments.style import COLORS, canvas, with_intervals
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import apart, distance, interval, middle
+from trexton.companion.wording import apart, distance, middle
 from trexton.evaluation.metrics import mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.base import Area
@@ -138,18 +138,18 @@ def _errors(
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in two sentences."""
     errors = record.values["error_cm"]
     still, changed = errors["drift 0"], errors[JUDGED]
 
     def compared(method: str) -> str:
-        words = f"{interval(changed[method], 'cm')}, as surveyed {interval(still[method], 'cm')}"
-        chance = ", which may be the same but for chance"
-        return words if apart(changed[method], still[method]) else words + chance
+        same = "" if apart(changed[method], still[method]) else ", the same but for chance"
+        before, now = (distance(middle(errors[method])) for errors in (still, changed))
+        return f"{now} instead of {before}{same}"
 
     return (
         f"Where the light is a fifth dimmer, the mean error of method field is "
-        f"{compared('field')}; that of the paper's filter {compared('paper')}."
+        f"{compared('field')}. That of the paper's filter is {compared('paper')}."
     )
 
 

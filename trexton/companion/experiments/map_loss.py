@@ -26,7 +26,7 @@ from trexton.companion.experiments.style import (
     show_floor,
 )
 from trexton.companion.experiments.track import fly
-from trexton.companion.wording import interval, number
+from trexton.companion.wording import number
 from trexton.evaluation.metrics import block_rows, bootstrap_interval, euclidean
 from trexton.evaluation.suitability import (
     cosine_similarity,
@@ -182,13 +182,10 @@ def finding(record: Record) -> str:
     }
     if None in (entry["value"] for entry in cases.values()):
         return (
-            "Here the paper's loss cannot be compared with errors: frames lie farther apart than "
+            "Here the paper's loss cannot be compared with errors. Frames lie farther apart than "
             f"sigma reaches, which was {number(record.values['sigma']['used_m'])} m."
         )
-    parts = [
-        f"{_verdict(entry)} the errors {where} (rank correlation {interval(entry)})"
-        for where, entry in cases.items()
-    ]
+    parts = [f"{_verdict(entry)} the errors {where}" for where, entry in cases.items()]
     joined = "and" if len({_verdict(entry) for entry in cases.values()}) == 1 else "but"
     return f"The paper's loss {parts[0]} {joined} {parts[1]}."
 

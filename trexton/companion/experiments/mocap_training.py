@@ -165,23 +165,17 @@ def _spread(
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in a few sentences."""
     values, lag, spread = record.values, record.values["lag"], record.values["spread"]
     error, knn = (middle(values[name]["mean_cm"]) for name in ("filter", "knn"))
-    parts = [
+    text = (
         f"The paper's filter has an error of {interval(values['filter']['mean_cm'], 'cm')}, "
-        f"{beside(error / knn)} the plain mean of its own neighbours "
-        f"({interval(values['knn']['mean_cm'], 'cm')})"
-    ]
+        f"{beside(error / knn)} the plain mean of its own neighbours."
+    )
     if lag["error_cm"] < 0.8 * error:
-        parts.append(
-            f"it trails the vehicle (shifted back by {number(lag['s'])} s, its estimates would err "
-            f"by {number(lag['error_cm'])} cm)"
-        )
-    held = percent(spread["within_two"])
-    honest = "as it should" if middle(spread["within_two"]) >= 0.9 else "where 95 % should lie"
-    parts.append(f"twice its spread covers {held} of the errors of an axis, {honest}")
-    return f"{parts[0]}: {', and '.join(parts[1:])}."
+        text += f" It trails the vehicle by {number(lag['s'])} s."
+    honest = "as it should" if middle(spread["within_two"]) >= 0.9 else "where 95 % are due"
+    return f"{text} Twice its spread covers {percent(middle(spread['within_two']))}, {honest}."
 
 
 def floor_plan(record: Record) -> Figure:

@@ -188,18 +188,17 @@ def floor_residual(picture: MapImage, floor: MapImage) -> tuple[np.ndarray, np.n
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in two sentences."""
     values = record.values
     text = (
         f"{values['used']} of {values['frames']} frames were stitched into one map, placed by the "
-        f"positions of {values['anchors']}"
+        f"positions of {values['anchors']}."
     )
     if "residual_cm" in values:
         text += (
-            f", and it lies {number(values['residual_cm']['median'])} cm off the true floor in the "
-            f"median, {number(values['residual_cm']['p95'])} cm at the 95th percentile"
+            f" It lies {number(values['residual_cm']['median'])} cm off the true floor (median)."
         )
-    return text + "."
+    return text
 
 
 def stitched(record: Record) -> Figure:

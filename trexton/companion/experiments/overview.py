@@ -121,15 +121,15 @@ def _row(flight: Flight, frame: int) -> int:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in two sentences."""
     values = record.values
     typical = ", that of the median error," if record.parameters["frame"] is None else ""
     count = len(values["neighbors"]["frame"])
-    voted = "its nearest training frame" if count == 1 else f"the mean of its {count} neighbours"
+    voted = "Its nearest training frame" if count == 1 else f"The mean of its {count} neighbours"
     return (
         f"At frame {values['frame']}{typical} the filter is {distance(values['error_cm'])} off, "
-        f"{voted} {distance(values['neighbors_error_cm'])}, and the filter claims a deviation of "
-        f"{distance(np.hypot(*values['spread_cm']))}."
+        f"and its spread is {distance(np.hypot(*values['spread_cm']))}. {voted} is "
+        f"{distance(values['neighbors_error_cm'])} off."
     )
 
 

@@ -29,7 +29,7 @@ from trexton.companion.experiments.style import (
     legend_above,
     plain_log_ticks,
 )
-from trexton.companion.wording import number, percent
+from trexton.companion.wording import percent
 from trexton.flights.flight import Flight
 from trexton.simulator import Floor
 
@@ -145,10 +145,10 @@ def sentence(found: Mapping[str, Any]) -> str:
     """What a validation says."""
     rank, loss = found["rank"], found["loss_rank"]
     return (
-        f"Over {found['count']} floors the error predicted from a survey alone ranks them as a "
-        f"later flight does with a rank correlation of {interval(rank)}, the paper's loss with "
-        f"{interval(loss)}. The error is typically {number(found['ratio'])} times the "
-        f"predicted, and within {percent(LEVEL)} of it on {percent(found['level'])} of the floors."
+        f"Over {found['count']} floors the predicted error has a rank correlation of "
+        f"{interval(rank)} with the measured one, the paper's loss of {interval(loss)}. The "
+        f"measured error is within {percent(LEVEL)} of it on {percent(found['level'])} of the "
+        "floors."
     )
 
 

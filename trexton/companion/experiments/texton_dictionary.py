@@ -104,12 +104,12 @@ def texton_strip(dictionary: TextonDictionary) -> np.ndarray:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
-    fit = record.values["fit"]
+    """What the experiment found, in two sentences."""
+    fit, count = record.values["fit"], record.parameters["textons"]
     return (
-        f"The dictionary's {record.parameters['textons']} textons lie {number(fit['error'])} grey "
-        f"levels from the {number(record.values['patches'])} patches they were learned from, and "
-        f"share them as evenly as {number(fit['effective'])} textons used equally."
+        f"A patch lies {number(fit['error'])} grey levels from its nearest texton on average. The "
+        f"{count} textons share the patches as evenly as {number(fit['effective'])} textons used "
+        "equally."
     )
 
 

@@ -114,20 +114,19 @@ def _homography(floor: MapImage, frames: Any) -> dict[str, Any]:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in two sentences."""
     timings = record.timings
     total = timings["total_ms"]["median"]
     text = f"On this machine a frame takes {number(total)} ms"
     if "histogram_share" in timings:
-        text += f", {percent(timings['histogram_share'])} of it for the histogram"
+        text += f", {percent(timings['histogram_share'])} of it for the histogram."
     else:
-        text += " from its histogram on, which came with the flight"
+        text += " from its histogram on, which came with the flight."
     if "homography_ms" in timings:
-        homography = timings["homography_ms"]["median"]
         text += (
-            f"; a homography takes {number(homography)} ms, {so_often(homography / total)} as long"
+            f" A homography takes {so_often(timings['homography_ms']['median'] / total)} as long."
         )
-    return text + "."
+    return text
 
 
 # label, place in the record's timings, key of the paper's value

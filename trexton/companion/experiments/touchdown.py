@@ -225,16 +225,18 @@ def _series(attempts: list[Attempt]) -> dict[str, Any]:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, a sentence a lander."""
-    said = []
-    for name in ("field", "field_odometry", "fine", "paper"):
-        values = record.values["landers"][name]
-        inside = percent(values["inside_rate"]) if values["inside_rate"] else "none"
-        said.append(
-            f"{LANDERS[name].label}: {values['landings']} of {values['attempts']} flights landed, "
-            f"{inside} of them inside."
-        )
-    return " ".join(said)
+    """What the experiment found, of all flights."""
+    landers = record.values["landers"]
+    inside = {
+        name: percent(landers[name]["inside"] / landers[name]["attempts"])
+        for name in ("field", "field_odometry", "fine", "paper", "truth")
+    }
+    return (
+        f"Of {landers['truth']['attempts']} flights the predicted touchdown brings "
+        f"{inside['field']} inside the zone with the field, {inside['field_odometry']} with visual "
+        f"odometry too, {inside['fine']} with `fine`. The true position brings {inside['truth']}, "
+        f"the paper's filter and trigger {inside['paper']}."
+    )
 
 
 def targets(record: Record) -> Figure:

@@ -145,26 +145,26 @@ def _gain(
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence."""
+    """What the experiment found, in a few sentences."""
     values = record.values
     default = number(middle(values["default"]["axis_mean_cm"]))
-    text = f"With the paper's settings its filter has an error of {default} cm an axis"
+    text = f"With the paper's settings its filter has an error of {default} cm an axis."
     if "tuned" in values:
         setting = values["tuned_setting"]
         words = f"{setting['particles']} particles, k = {setting['neighbors']}"
         if values["applies"]["samples"]:
             words += f", {setting['samples'] or 'all'} samples"
         text += (
-            f"; of {len(record.series['grid'])} settings the one that a replay of the training "
-            f"flight chooses ({words}) has {interval(values['tuned_error_cm'], 'cm')}"
+            f" Of {len(record.series['grid'])} settings a replay of the training flight chooses "
+            f"{words}, with {interval(values['tuned_error_cm'], 'cm')}."
         )
     if "fewest_samples_error_cm" in values:
         few, full = values["fewest_samples_error_cm"], values["full_sampling_error_cm"]
         text += (
-            f"; every patch instead of {SWEPT['samples'][0]} brings the error in x from "
-            f"{number(middle(few))} to {number(middle(full))} cm"
+            f" Every patch instead of {SWEPT['samples'][0]} brings the error in x from "
+            f"{number(middle(few))} to {number(middle(full))} cm."
         )
-    return text + "."
+    return text
 
 
 _AXIS = {

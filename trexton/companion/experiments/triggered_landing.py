@@ -33,7 +33,7 @@ from trexton.companion.experiments.landings import (
 )
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.style import COLORS, canvas, floor_axes, legend_below, show_floor
-from trexton.companion.wording import number, percent
+from trexton.companion.wording import percent
 from trexton.evaluation.metrics import bootstrap_interval, success_rate
 from trexton.flights.flight import Flight
 from trexton.localization.landing import LandingZone
@@ -159,25 +159,21 @@ def _series(attempts: list[Attempt], parameters: LandingParameters) -> dict[str,
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, in a sentence or two."""
+    """What the experiment found, in a few sentences."""
     values = record.values
     if not values["landings"]:
         return f"None of {values['attempts']} flights triggered a landing."
     text = (
-        f"{values['inside']} of {values['attempts']} flights ended inside the zone: "
-        f"{values['landings']} landed, {percent(values['inside_rate'])} of them inside, and "
-        f"{values['never_triggered']} never triggered. The paper had {PAPER_INSIDE} of "
-        f"{PAPER_LANDINGS} landings inside; of as many flights, the first, "
-        f"{values['first_flights']['inside']} ended inside."
+        f"{values['inside']} of {values['attempts']} flights ended inside the zone. "
+        f"{values['landings'] - values['inside']} landed beside it, and "
+        f"{values['never_triggered']} never triggered."
     )
-    perfect = values["perfect"]
-    if perfect["landings"]:
-        text += (
-            f" The true position would have brought {perfect['inside']} flights inside; "
-            f"the estimate was {number(values['trigger_error_cm']['median'])} cm off in the "
-            "median when it triggered."
-        )
-    return text
+    if values["perfect"]["landings"]:
+        text += f" The true position would have brought {values['perfect']['inside']} inside."
+    return (
+        f"{text} The paper had {PAPER_INSIDE} of {PAPER_LANDINGS} landings inside, the first "
+        f"{PAPER_LANDINGS} flights here {values['first_flights']['inside']}."
+    )
 
 
 def first_flights(record: Record) -> Figure:

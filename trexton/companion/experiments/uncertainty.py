@@ -27,7 +27,7 @@ from trexton.companion.experiments.style import (
     with_intervals,
 )
 from trexton.companion.experiments.track import HELD, Track, tracks
-from trexton.companion.wording import number, percent
+from trexton.companion.wording import middle, percent
 from trexton.evaluation.metrics import euclidean, mean_with_interval
 from trexton.flights.flight import Flight
 from trexton.localization.estimate import Estimate
@@ -218,19 +218,19 @@ def _sending(record: Record) -> list[str]:
 
 
 def finding(record: Record) -> str:
-    """What the experiment found, two sentences a method."""
+    """What the experiment found, a sentence a method."""
     said = []
     for name in record.values["order"]:
         values, label = record.values[name], METHODS[name]
-        fused = "of every frame it says that it is lost, and sends nothing to fuse"
-        if name in _sending(record):
-            share = percent(values["ekf2"]["sent"]["inside"])
-            fused = f"where a receiver like EKF2 fuses them, in {share}"
-        said.append(
-            f"{label[0].upper()}{label[1:]} claims {number(values['claimed_cm'])} cm along an "
-            f"axis; its error is {number(values['axis_cm'])} cm. Its 90 % regions hold the truth "
-            f"in {percent(values['within_90'])} of the frames; {fused}."
+        text = (
+            f"{label[0].upper()}{label[1:]} has 90 % regions that cover "
+            f"{percent(middle(values['within_90']))} of the frames"
         )
+        if name in _sending(record):
+            share = middle(values["ekf2"]["sent"]["inside"])
+            said.append(f"{text}, and {percent(share)} where a receiver like EKF2 fuses them.")
+        else:
+            said.append(f"{text}. It is always lost, and sends nothing to fuse.")
     return " ".join(said)
 
 
