@@ -68,6 +68,21 @@ CASES = {
          "--set", "particles=10", "repeats=2"),
         (("neighbors=2",), ("neighbors=3",)),
     ),
+    "sweep": Case(
+        ("sweep", "plain", "--experiment", "mocap_training", "--out", "out",
+         "--set", "particles=10", "repeats=2"),
+        (("neighbors=2",), ("neighbors=3",)),
+    ),
+    "suitability": Case(
+        ("suitability", "room/floor.png", "--width", "4", "--frames", "40", "--test-frames", "20",
+         "--out", "out"),
+        (("--seed", "1"), ("--seed", "2")),
+    ),
+    "book": Case(
+        ("run", "plain", "--only", "mocap_training", "--out", "out",
+         "--set", "particles=10", "repeats=2"),
+        (("neighbors=2",), ("neighbors=3",)),
+    ),
     "report": Case(
         ("report", "plain", "--no-book", "--out", "out"),
         (("--methods", "paper"), ("--methods", "paper field")),

@@ -21,6 +21,10 @@ def test_killed_at_every_step_it_loses_nothing_and_the_next_run_finishes():
     killed("--steps", "fetch")
 
 
+def test_killed_a_few_times_at_random_moments_training_loses_nothing():
+    killed("--kills", "3", "train")
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", killing.QUICK)
 def test_so_does_every_quick_command(name):

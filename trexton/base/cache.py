@@ -7,7 +7,6 @@ import ast
 import hashlib
 import os
 import re
-import subprocess
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -21,14 +20,10 @@ from trexton.base.files import atomic_file, digest
 from trexton.base.progress import say
 from trexton.base.records import software_versions
 
-__all__ = [
-    "cache_folder", "cached", "code_hashes", "kept_results", "made_by", "repository_root",
-    "shipped",
-]  # fmt: skip
+__all__ = ["cache_folder", "cached", "code_hashes", "repository_root", "shipped"]
 
 _PACKAGE = Path(__file__).resolve().parent.parent
 CONTENTS = "contents"  # of a file of the cache: its hash
-_DRAWS = ("experiments.drawing", "experiments.style", "wording", "claims.page")
 _ADDRESS = re.compile(r"trexton(\.\w+)+:\w+")
 
 
@@ -51,12 +46,6 @@ def shipped(name: str) -> Path:
     if not place.is_dir():
         raise DataError(f"{place} is missing: install trexton again, or work in a whole clone")
     return place
-
-
-def kept_results() -> list[Path]:
-    """``data/reference/*.json`` of the clone: results of longer runs, kept with the code."""
-    root = repository_root()
-    return sorted((root / "data" / "reference").glob("*.json")) if root else []
 
 
 def cache_folder() -> Path:
@@ -108,24 +97,6 @@ def _hash_and_imports(module: str) -> tuple[str, list[str]] | None:
         if beside.suffix in (".css", ".html", ".js"):
             total.update(beside.read_bytes())
     return total.hexdigest(), names
-
-
-@cache
-def made_by(module: str) -> dict[str, Any]:
-    """What to know of a result of `module`: versions, a hash of all its code, and in a clone the
-    commit. What only draws does not count: a figure may change, and the result stays.
-    """
-    made: dict[str, Any] = {"versions": software_versions()}
-    drawn = {f"trexton.companion.{name}" for name in _DRAWS}
-    made["code"] = digest({k: v for k, v in code_hashes(module).items() if k not in drawn})
-    if root := repository_root():
-        ask = ["git", "-C", str(root), "rev-parse", "HEAD"]
-        try:
-            said = subprocess.run(ask, capture_output=True, text=True, check=True)
-            made["commit"] = said.stdout.strip()
-        except (OSError, subprocess.CalledProcessError):
-            pass  # an archive of the code, or no git
-    return made
 
 
 def cached(

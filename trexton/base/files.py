@@ -7,7 +7,6 @@ import glob
 import hashlib
 import json
 import os
-import re
 import shutil
 import stat
 import tempfile
@@ -22,7 +21,7 @@ from trexton.base.errors import FlightError, ParameterError, TrextonError
 
 __all__ = [
     "atomic_file", "atomic_folder", "canonical_json", "check_not_read", "check_replaceable",
-    "check_writable", "clean_leftovers", "digest", "naming", "natural_order", "put_in_place",
+    "check_writable", "clean_leftovers", "digest", "naming", "put_in_place",
     "read_bytes", "read_text", "replace_folder", "scratch_folder", "work_folder",
 ]  # fmt: skip
 
@@ -233,10 +232,8 @@ def _prefix(path: Path, kind: str) -> str:
 def _alive(process: int) -> bool:
     try:
         os.kill(process, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        pass  # another person's
+    except OSError as error:
+        return not isinstance(error, ProcessLookupError)  # another person's lives
     return True
 
 
@@ -298,9 +295,3 @@ def read_text(path: Path) -> str:
         return read_bytes(path, LARGEST, "a text file", FlightError).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise FlightError(f"{path}: not a text file ({error}): write it as UTF-8") from None
-
-
-def natural_order(path: Path) -> list[tuple[int, str]]:
-    """Sort key in the order in which people count: IMG_9 before IMG_10."""
-    parts = re.split(r"(\d+)", path.name)
-    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import platform
 from dataclasses import dataclass, field
 from importlib.metadata import PackageNotFoundError, version
@@ -26,7 +25,7 @@ from trexton.base.arrays import DAMAGE
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
 
-__all__ = ["Record", "machine", "plain", "read_content", "software_versions"]
+__all__ = ["Record", "plain", "read_content", "software_versions"]
 
 SCHEMA = 2
 SECTIONS = ("parameters", "values", "series", "timings", "provenance")
@@ -59,26 +58,6 @@ def software_versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return versions
-
-
-def machine() -> dict[str, Any]:
-    """What the figures depend on: processor, how many of them, how busy they are."""
-    model = platform.processor() or platform.machine()
-    try:
-        with open("/proc/cpuinfo", encoding="utf-8") as stream:
-            names = (
-                line.split(":", 1)[1].strip() for line in stream if line.startswith("model name")
-            )
-            model = next(names, model)
-    except OSError:
-        pass
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else None
-    return {
-        "processor": model,
-        "processors": os.cpu_count(),
-        "load": load,
-        "system": platform.platform(),
-    }
 
 
 def read_content(path: Path) -> dict[str, Any]:

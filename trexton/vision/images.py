@@ -20,7 +20,8 @@ from trexton.base.files import read_bytes
 
 __all__ = [
     "bgr_from_yuv", "blur_effect", "check_capture", "check_image", "check_size", "checked_bytes",
-    "decode", "decode_image", "read_image", "read_picture", "yuv_from_bgr", "yuv_from_uyvy",
+    "decode", "decode_image", "natural_order", "read_image", "read_picture", "yuv_from_bgr",
+    "yuv_from_uyvy",
 ]  # fmt: skip
 
 MOST_PIXELS = 50_000_000
@@ -247,3 +248,9 @@ def blur_effect(luma: np.ndarray) -> float:
         lost = before - np.abs(np.diff(cv2.blur(small, size), axis=axis))
         blur_of_axis.append(1 - np.maximum(lost, 0).sum() / max(before.sum(), 1e-9))
     return float(max(blur_of_axis))
+
+
+def natural_order(path: Path) -> list[tuple[int, str]]:
+    """Sort key in the order in which people count: IMG_9 before IMG_10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdecimal() else (0, part) for part in parts]

@@ -9,10 +9,11 @@ from dataclasses import replace
 import pytest
 from conftest import ROOT, small_flight
 
-from trexton.base.cache import code_hashes, made_by
+from trexton.base.cache import code_hashes
 from trexton.base.records import Record
 from trexton.companion.build import kept
 from trexton.companion.experiments import density
+from trexton.companion.provenance import made_by
 
 MODULE = "trexton.companion.experiments.density"
 

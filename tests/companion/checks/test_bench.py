@@ -12,12 +12,12 @@ import pytest
 from small_room import observations
 
 from trexton.base.errors import ParameterError
-from trexton.base.records import machine
 from trexton.cli import main as cli
 from trexton.companion.checks import bench, board, timing
 from trexton.companion.checks.bench import STAGES, Scene, measure
 from trexton.companion.checks.timing import Contest, interleave, table
 from trexton.companion.executor import limited_threads
+from trexton.companion.provenance import machine
 from trexton.evaluation.runtime import StageTimer
 from trexton.localization.estimation import MaximumAPosteriori
 from trexton.localization.filters import ParticleFilter

@@ -12,9 +12,9 @@ from typing import Any
 
 from IPython.display import HTML, display
 
-from trexton.base.cache import kept_results, made_by
 from trexton.base.records import Record
 from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.provenance import kept_results, made_by
 
 __all__ = ["reference", "swept"]
 

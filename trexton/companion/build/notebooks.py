@@ -18,7 +18,7 @@ from typing import Any
 import jupytext
 
 import trexton
-from trexton.base.cache import code_hashes, kept_results, shipped
+from trexton.base.cache import code_hashes, shipped
 from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.files import digest, read_text
 from trexton.base.records import software_versions
@@ -26,6 +26,7 @@ from trexton.companion.build.engine import Entries, labelled
 from trexton.companion.experiments.declaration import Experiment
 from trexton.companion.experiments.printed import paper_file
 from trexton.companion.experiments.registry import MODULES
+from trexton.companion.provenance import kept_results
 
 __all__ = ["GIVEN", "Notebook", "find_notebooks", "inputs_of", "outputs_of", "read_content"]
 

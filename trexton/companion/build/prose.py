@@ -14,7 +14,6 @@ from typing import Any
 import jinja2
 
 import trexton
-from trexton.base.cache import kept_results
 from trexton.base.errors import DataError
 from trexton.base.records import Record
 from trexton.companion.build.display import Outcome
@@ -25,6 +24,7 @@ from trexton.companion.claims.ledger import load_records
 from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import published
 from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.provenance import kept_results
 from trexton.companion.wording import Tree, template_environment
 from trexton.flights.importers import describe
 from trexton.localization.landing import TouchdownZone

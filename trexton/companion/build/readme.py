@@ -13,12 +13,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from trexton.base.cache import kept_results, repository_root
+from trexton.base.cache import repository_root
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
 from trexton.base.records import Record
 from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import look_up
+from trexton.companion.provenance import kept_results
 from trexton.companion.wording import middle, number, percent
 
 __all__ = ["door_table", "floors", "is_current", "kept_numbers", "results_table", "with_table"]

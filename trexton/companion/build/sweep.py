@@ -16,7 +16,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from trexton.base.cache import code_hashes, made_by
+from trexton.base.cache import code_hashes
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.options import Options
@@ -33,6 +33,7 @@ from trexton.companion.build.workers import Call, workers
 from trexton.companion.experiments.declaration import Experiment, SeedParameters
 from trexton.companion.experiments.printed import look_up
 from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.provenance import made_by
 from trexton.simulator.layouts import LAYOUTS
 
 __all__ = ["Floors", "SweepPlan", "Swept", "sweep"]

@@ -16,8 +16,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from trexton.base.records import machine
 from trexton.base.streams import stream
+from trexton.companion.provenance import machine
 from trexton.localization.map_files import save_map
 from trexton.localization.training import train_map
 

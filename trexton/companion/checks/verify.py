@@ -12,13 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from trexton.base.cache import kept_results
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json, digest
 from trexton.base.records import Record, read_content, software_versions
 from trexton.companion.build.flight_pairs import load_pair
 from trexton.companion.executor import environment
 from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.companion.provenance import kept_results
 
 __all__ = ["Verdict", "references", "update", "verify"]
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from trexton.base.arguments import add_options, chosen_options
 from trexton.base.options import Options, option
+from trexton.companion.provenance import machine
 
 __all__ = ["add_arguments", "run"]
 
@@ -33,7 +34,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.base.files import atomic_file, canonical_json, check_writable
-    from trexton.base.records import machine
     from trexton.companion.checks.bench import measure
     from trexton.companion.checks.timing import table
 

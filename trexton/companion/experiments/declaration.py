@@ -11,10 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from trexton.base.cache import made_by
 from trexton.base.defaults import NEIGHBORS, PARTICLES, SAMPLES, TEXTONS
 from trexton.base.options import Options, option
 from trexton.base.records import Record
+from trexton.companion.provenance import made_by
 from trexton.flights.flight import Flight
 
 __all__ = [

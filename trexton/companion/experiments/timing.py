@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from trexton.base.progress import progress
-from trexton.base.records import Record, machine
+from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.executor import limited_threads
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
@@ -20,6 +20,7 @@ from trexton.companion.experiments.evaluation import frames_of, map_of
 from trexton.companion.experiments.printed import look_up, published
 from trexton.companion.experiments.style import COLORS, canvas
 from trexton.companion.experiments.track import fly
+from trexton.companion.provenance import machine
 from trexton.companion.wording import number, percent
 from trexton.companion.wording import times as so_often
 from trexton.evaluation.runtime import STAGES, StageTimer, frequency, milliseconds

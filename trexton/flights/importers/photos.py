@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError
-from trexton.base.files import natural_order
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.geodesy import local_metres
@@ -23,6 +22,7 @@ from trexton.flights.importers.exif import Shot, read_shot, time_of
 from trexton.flights.importers.reconstruction import read_reconstruction
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.tables import read_table
+from trexton.vision.images import natural_order
 
 __all__ = ["Settings", "read", "recognises"]
 

@@ -13,12 +13,11 @@ from typing import Any
 import cv2
 
 from trexton.base.errors import FlightError, ImageError
-from trexton.base.files import natural_order
 from trexton.base.options import Options
 from trexton.flights import Flight, read_flight
 from trexton.onboard.sources.base import Expected, Frame, Playback, Source
 from trexton.onboard.sources.video import Pictures, StreamSource, is_stream
-from trexton.vision.images import read_image
+from trexton.vision.images import natural_order, read_image
 
 __all__ = ["FlightSource", "ImageFolder", "Recording", "VideoFile"]
 
