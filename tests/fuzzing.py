@@ -37,9 +37,9 @@ from trexton.cli.replay import replayed
 from trexton.flights import Flight, write_flight
 from trexton.flights.check import check_flight
 from trexton.flights.importers import importer
-from trexton.flights.importers.calibration import read_calibration
 from trexton.localization.map_files import load_map, save_map
 from trexton.localization.training import train_map
+from trexton.vision.calibration import read_calibration
 from trexton.vision.images import read_image
 
 CORPUS = Path(__file__).parent / "fuzz_corpus"

@@ -523,7 +523,7 @@ def test_a_preview_writes_nothing(tmp_path, capsys):
 
 
 def test_a_calibration_of_kalibr(tmp_path):
-    from trexton.flights.importers.calibration import read_calibration
+    from trexton.vision.calibration import read_calibration
 
     camera = (
         "{}:\n  camera_model: pinhole\n  distortion_coeffs: [-0.28, 0.07, 0.0002, 0.00001]\n"

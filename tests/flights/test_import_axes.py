@@ -7,8 +7,8 @@ from test_import import euroc
 
 from trexton.base.errors import TrextonError
 from trexton.flights.importers.axes import attitude_from_quaternions
-from trexton.flights.importers.listed import read_trajectory
 from trexton.flights.importers.recording import PoseTrack, match
+from trexton.flights.importers.tracks import TrackColumns, read_track
 from trexton.flights.importing import import_flight
 
 
@@ -35,7 +35,7 @@ def test_axes_are_told_or_found_by_where_the_camera_looks(tmp_path, axes, turned
     path = tmp_path / "track.txt"
     path.write_text(f"0 0 0 1 {turned}\n1 0 0 1 {turned}\n")
     for asked in {axes, "auto"} - ({"auto"} if axes == "rfu" else set()):
-        track, said = read_trajectory(path, asked)
+        track, said = read_track(path, TrackColumns(axes=asked))
         np.testing.assert_allclose(np.degrees(track.attitude), [[0, 0, yaw]] * 2, atol=1e-9)
         assert said[0].endswith(axes)
 

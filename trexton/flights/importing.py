@@ -149,9 +149,7 @@ class _Plan:
             )
         change = None
         if recording.frames is not None:
-            change = Change.of(
-                recording, source, undistort=common.undistort, mask=common.mask, scale=common.scale
-            )
+            change = Change.of(recording, source, common.undistort, common.mask, common.scale)
         flight = _flight(recording, placed, change, common.name or name or source.stem)
         options = {**chosen.as_dict(), **common.as_dict()}
         return cls(kind, options, recording, replace(flight, split=split), change, words)

@@ -15,17 +15,16 @@ import numpy as np
 from trexton.base.errors import TrextonError
 from trexton.flights.flight import Flight
 from trexton.flights.frames import ImageFiles
-from trexton.flights.importers.axes import (
-    AXES,
-    TAKEN,
-    looks_away,
-    quaternions_from_attitude,
-    readings,
+from trexton.flights.repair import (
+    Doubt,
+    count_of,
+    scaled,
+    time_offset_doubts,
+    view_doubts,
+    without_positions,
 )
-from trexton.flights.repair import Doubt, count_of, scaled, with_poses_of, without_positions
 from trexton.flights.tracking import lost_rows, ranges
 from trexton.vision.camera import wrapped
-from trexton.vision.time_offset import moves, small, speed_correlations, time_offset, turns
 
 __all__ = ["warnings"]
 
@@ -38,11 +37,6 @@ MIN_EXTENT = 0.05  # metres: less is a hover, or another unit
 MAX_HEIGHT_RATIO = 5.0  # heights by the area's diagonal: from there all pictures are alike
 MAX_ANGLE = 4 * np.pi  # radians: a yaw that is counted on through two turns
 MAX_MEDIAN_TURN, SHORT_INTERVAL = 3.0, 0.5  # radians a second, over up to so many seconds
-TURNED = 0.5  # radians of yaw that other numbers would hardly look down over
-OFFSET_FRAMES = 400  # whose motion is measured
-FEWEST_MOVED = 60  # of them with a place, for an offset by speed
-ALIKE, CLEARER = 0.6, 0.15  # correlation of speeds that is believed, and above that of others
-CLEAR_S, MOST_LATE = 0.6, 2.0  # seconds from the best offset to others, and that it may have
 FLOOR_RATIO = 20.0  # picture of the floor by the area's diagonal
 
 
@@ -173,80 +167,6 @@ def _angles(flight: Flight) -> Iterator[str]:
             yield f"the yaw turns at {rate:.3g} rad/s in half of the frames: degrees? write radians"
 
 
-def _view(flight: Flight) -> Iterator[str]:
-    if flight.attitude is None or not (doubt := looks_away(flight.attitude)):
-        return
-    # As the import that wrote them took them; else they are taken for what they should be.
-    noted = (note.removeprefix(TAKEN) for note in flight.notes if note.startswith(TAKEN))
-    taken = AXES.get(next(noted, ""), AXES["rfu"])
-    words, better = next(readings(quaternions_from_attitude(flight.attitude, taken)), ("", None))
-    if better is None:
-        yield doubt
-        return
-    # Of a vehicle that does not turn, another order of its numbers looks down by chance.
-    sure = "order" not in words or np.ptp(np.unwrap(better[np.isfinite(better[:, 2]), 2])) > TURNED
-    yield Doubt(
-        f"{doubt} ({words} would look down)",
-        f"attitudes read as of {words} (where the nose then points aside, import with --axes)",
-        (lambda flight: replace(flight, attitude=better)) if sure else None,
-    )
-
-
-def _time_offset(flight: Flight) -> Iterator[str]:
-    """Pictures that turn or move at another time than the poses beside them, or turn the other
-    way.
-    """
-    if not flight.has_images:
-        return
-    yaw = np.full(len(flight), np.nan) if flight.attitude is None else flight.attitude[:, 2]
-    rows = np.flatnonzero(flight.located | np.isfinite(yaw))[:OFFSET_FRAMES]
-    try:
-        pictures = [small(flight.image(row)) for row in rows]
-    except TrextonError:
-        return  # said already
-    if len({picture.shape for picture in pictures}) != 1:
-        return
-    time = flight.time[rows]
-    known = np.isfinite(yaw[rows])
-    found = time_offset(time, turns(pictures), time[known], yaw[rows][known])
-    if found is not None and found.sure and found.mirrored:
-        yield Doubt(
-            "the pictures turn against the yaw: a yaw that is counted clockwise, or pictures that "
-            "are mirrored? count it anticlockwise, as seen from above",
-            "yaw counted the other way",
-            lambda flight: replace(flight, attitude=np.array((1, 1, -1)) * flight.attitude),
-        )
-        return
-    if found is not None and found.sure:
-        what, seconds = "turn {} the yaw does", found.seconds if found.noticeable else 0.0
-    else:
-        what, seconds = "move {} the positions do", _by_speed(flight, rows, pictures)
-    if seconds:
-        late = f"{abs(seconds):.2f} s {'after' if seconds > 0 else 'before'}"
-        yield Doubt(
-            f"the pictures {what.format(late)}: their stamps and those of attitude and position "
-            "are not of one clock: shift the one by that",
-            f"poses shifted, as the pictures {what.format(late)}",
-            lambda flight: with_poses_of(flight, seconds),
-        )
-
-
-def _by_speed(flight: Flight, rows: np.ndarray, pictures: list[np.ndarray]) -> float:
-    """Seconds by which pictures move after the vehicle does, 0 where that is not sure."""
-    located = flight.located[rows]
-    time = flight.time[rows]
-    if located.sum() < FEWEST_MOVED or not 4 * MOST_LATE < np.ptp(time) < 1e4:
-        return 0.0
-    height = np.ones(len(rows)) if flight.height is None else flight.height[rows]
-    motion = moves(pictures) * np.nan_to_num(height, nan=1.0) / np.diff(time, prepend=time[0] - 1)
-    offsets, alike = speed_correlations(time, motion, time[located], flight.position[rows[located]])
-    best = int(alike.argmax())
-    others = np.abs(offsets - offsets[best]) > CLEAR_S
-    now = float(np.interp(0, offsets, alike))
-    sure = alike[best] > ALIKE and max(now, alike[others].max(initial=-1)) < alike[best] - CLEARER
-    return -float(offsets[best]) if sure and abs(offsets[best]) <= MOST_LATE else 0.0
-
-
 def _extent(flight: Flight) -> Iterator[str]:
     rows = np.flatnonzero(flight.located)
     if len(rows) < 2:
@@ -352,6 +272,6 @@ def _first(flight: Flight, rows: np.ndarray, chosen: np.ndarray) -> int:
 
 
 _CHECKS: tuple[Callable[[Flight], Iterator[str]], ...] = (
-    _outside, _tracking, _speed, _heights, _angles, _view, _time_offset, _extent,
+    _outside, _tracking, _speed, _heights, _angles, view_doubts, time_offset_doubts, _extent,
     _stamps, _splits, _floor, _names, _features,
 )  # fmt: skip

@@ -32,7 +32,7 @@ class Change:
 
     @classmethod
     def of(
-        cls, recording: Recording, source: Path, *, undistort: str, mask: str, scale: float
+        cls, recording: Recording, source: Path, undistort: str, mask: str, scale: float
     ) -> Change:
         """By a calibration and a mask where they are named; see `Common` of importing."""
         assert recording.frames is not None
@@ -116,7 +116,7 @@ def _calibration(
     """
     camera, distortion = recording.camera, recording.distortion
     if name != "own":
-        from trexton.flights.importers.calibration import read_calibration
+        from trexton.vision.calibration import read_calibration
 
         # Of several cameras, that whose folder the images lie in.
         files = recording.frames.files[:1] if isinstance(recording.frames, ImageFiles) else ()

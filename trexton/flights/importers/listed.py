@@ -14,12 +14,12 @@ from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.importers.axes import AXES, axes_option
-from trexton.flights.importers.calibration import read_calibration, read_mounting
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.importers.tracks import TUM, TrackColumns, trajectory_names
 from trexton.flights.tables import TextTable, read_table
+from trexton.vision.calibration import read_calibration, read_mounting
 
-__all__ = ["Euroc", "Features", "Table", "Tum", "read_trajectory"]
+__all__ = ["Euroc", "Features", "Table", "Tum"]
 
 _LISTS = ("rgb.txt", "images.txt", "left_images.txt", "times.txt")
 _TRACKS = ("mocap0", "vicon0", "leica0", "state_groundtruth_estimate0")
@@ -121,9 +121,9 @@ class Tum:
         table = _read_list(listed)
         latest = np.abs(table.numbers("stamp", missing_allowed=False)).max()
         unit = "ns" if latest >= _NANOSECONDS else "s"
-        track, said = read_trajectory(
-            source / settings.trajectory, settings.axes, settings.quaternion, unit
-        )
+        columns = replace(TUM, axes=settings.axes, quaternion=settings.quaternion, time_unit=unit)
+        path = source / settings.trajectory
+        track, said = columns.of(read_table(path, trajectory_names(path, settings.quaternion)))
         files = ImageFiles(tuple(source / name for name in table.texts("file")))
         stamps = table.nanoseconds("stamp", unit)
         return Recording(stamps, track, files, source="TUM folder", said=said)
@@ -162,20 +162,6 @@ def _is_number(word: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def read_trajectory(
-    path: Path, axes: str = "auto", quaternion: str = TUM.quaternion, time_unit: str = "s"
-) -> tuple[PoseTrack, list[str]]:
-    """The track in a TUM file, and what to know of it, such as which `AXES` its quaternions turn.
-
-    Raises
-    ------
-    FlightError
-        The file cannot be read, or a row is not eight numbers.
-    """
-    columns = replace(TUM, axes=axes, quaternion=quaternion, time_unit=time_unit)
-    return columns.of(read_table(path, trajectory_names(path, quaternion)))
 
 
 def _column_names(source: Path) -> set[str]:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from trexton.base.errors import FlightError
-from trexton.flights.importers.calibration import read_calibration
+from trexton.vision.calibration import read_calibration
 
 ASL = """resolution: [64, 48]
 intrinsics: [50.0, 52.0, 31.0, 23.0]
@@ -89,7 +89,7 @@ def test_hostile_ones_are_refused_at_once(tmp_path):
     code = (
         "import resource, sys, time; from pathlib import Path\n"
         "from trexton.base.errors import FlightError\n"
-        "from trexton.flights.importers.calibration import read_calibration\n"
+        "from trexton.vision.calibration import read_calibration\n"
         "resource.setrlimit(resource.RLIMIT_CPU, (20, 20))\n"
         "resource.setrlimit(resource.RLIMIT_DATA, (2**30, 2**30))\n"
         "for name in sys.argv[1:]:\n"
