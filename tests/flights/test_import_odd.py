@@ -249,3 +249,18 @@ def test_a_video_that_declares_too_much_is_refused_before_a_frame_is_made(tmp_pa
         import_flight(path, tmp_path / "out", settings={"positions": "p.csv", "offset": "0"})
     with pytest.raises(TrextonError, match="v.avi: declares 64x48 pixels"):
         open_source(str(path)).read()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("a.csv", "a,b\n1,2\n", "a.csv has the columns a, b"),
+        ("b.csv", "t,x,y,image\n0,1,2,0.png\n1,2\n", "b.csv, row 3: 2 fields where 4 are named"),
+        ("c.csv", "", "c.csv: no rows"),
+        ("d", None, "d is an empty folder"),
+    ],
+)
+def test_what_is_no_recording_is_said_by_what_it_holds(tmp_path, name, text, said):
+    (tmp_path / name).mkdir() if text is None else (tmp_path / name).write_text(text)
+    with pytest.raises(TrextonError, match=said):
+        import_flight(tmp_path / name, tmp_path / "out")

@@ -22,12 +22,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     from trexton.base.records import Record
-    from trexton.companion.build.flight_pairs import FlightPair
+    from trexton.companion.build.flight_pairs import FlightPair, load_pair
     from trexton.companion.build.plan import run_experiments
     from trexton.companion.build.small_report import write_report
     from trexton.companion.cli.run import print_outcomes
 
     out = Path(arguments.out)
+    load_pair(arguments.flight, arguments.test_flight)  # what cannot be tested is said at once
     pairs = [FlightPair(arguments.flight, arguments.test_flight)]
     outcomes = run_experiments(
         pairs,

@@ -14,6 +14,7 @@ from trexton.base.errors import ParameterError
 from trexton.base.options import Options
 from trexton.base.plugins import addresses, resolve
 from trexton.flights.importers.recording import Recording
+from trexton.flights.tables import read_table
 
 __all__ = ["IMPORTERS", "Importer", "describe", "guess_kind", "importer"]
 
@@ -69,6 +70,8 @@ def guess_kind(source: Path) -> str:
     ------
     ParameterError
         None or several do.
+    FlightError
+        It is a table that cannot be read.
     """
     if not source.exists():
         raise ParameterError(f"{source}: no such file or folder")
@@ -78,4 +81,8 @@ def guess_kind(source: Path) -> str:
     if len(fitting) == 1:
         return fitting[0]
     found = f"looks like {' and '.join(fitting)}" if fitting else "is of no kind that is recognised"
+    if source.is_dir() and not any(source.iterdir()):
+        found = "is an empty folder"
+    elif not fitting and source.suffix.lower() in (".csv", ".tsv"):
+        found = f"has the columns {', '.join(read_table(source).header)} (others by --x, --image)"
     raise ParameterError(f"{source} {found}: name the kind, one of {', '.join(IMPORTERS)}")

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from contextlib import redirect_stdout
+from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -44,7 +46,8 @@ def read_log(path: Path) -> PoseTrack | None:
     if (read := _READERS.get(path.suffix.lower())) is None:
         return None
     try:
-        track = read(path)
+        with redirect_stdout(StringIO()):  # every damaged byte is a line of pymavlink's
+            track = read(path)
     except FlightError:
         raise
     except ImportError as error:
