@@ -22,7 +22,7 @@ from trexton.flights.writing import write_flight
 __all__ = ["data_folder", "fetch", "flight_title", "locate", "raw_files", "registry"]
 
 _TITLES = {
-    "cyberzoo": "CyberZoo flight (real)",
+    "cyberzoo": "CyberZoo flight (real, unit in doubt)",
     "sim-survey": "Virtual hall (simulated)",
     "sim-waypoints": "Virtual hall, an hour later (simulated)",
 }

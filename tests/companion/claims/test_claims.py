@@ -224,7 +224,7 @@ def test_the_tables_keep_their_columns_apart_and_offer_filters():
     assert '<td data-label="It printed"></td>' in first and "at most 10 cm" in first
     assert '<td data-label="It printed">61</td>' in second
     assert 'data-verdicts="better than the paper"' in second and "8 <small>[5, 9]</small>" in second
-    assert "CyberZoo flight (real)" in counts_html(rows)
+    assert "CyberZoo flight (real, unit in doubt)" in counts_html(rows)
     assert '<th scope="row"><span class="verdict reproduced">' in counts_html(rows)
     assert "2 of 2 claims" in filters_html(rows) and "hidden>" in filters_html(rows)
 

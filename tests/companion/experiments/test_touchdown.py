@@ -93,5 +93,5 @@ def test_the_page_shows_the_record(record):
     for name, share in zip(touchdown.LANDERS, table["landed, of flights"], strict=True):
         assert share == percent(record.values["landers"][name]["landed_rate"])
     inside = record.values["landers"]["fine"]["inside"]
-    assert f"{percent(inside / 2)} with `fine`" in touchdown.finding(record)
+    assert f"with `fine` {percent(inside / 2)}" in touchdown.finding(record)
     assert len(touchdown.targets(record).axes) == len(touchdown.LANDERS)

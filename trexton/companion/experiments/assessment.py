@@ -212,7 +212,9 @@ def finding(record: Record) -> str:
     errors = record.values["errors"]
     centre, knn = (middle(errors[name]["mean_cm"]) for name in ("centre", "knn"))
     if not is_useful(record):
-        judgement = "It will not work here: no method can be told from always guessing the centre"
+        judgement = (
+            "It will not work here, for no method is clearly better than always guessing the centre"
+        )
     elif error["high"] > 0.5 * centre:
         judgement = "It works poorly here"
     else:

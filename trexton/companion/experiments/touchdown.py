@@ -228,14 +228,14 @@ def finding(record: Record) -> str:
     """What the experiment found, of all flights."""
     landers = record.values["landers"]
     inside = {
-        name: percent(landers[name]["inside"] / landers[name]["attempts"])
-        for name in ("field", "field_odometry", "fine", "paper", "truth")
+        name: percent(landers[name]["inside"] / landers[name]["attempts"]) for name in LANDERS
     }
     return (
-        f"Of {landers['truth']['attempts']} flights the predicted touchdown brings "
-        f"{inside['field']} inside the zone with the field, {inside['field_odometry']} with visual "
-        f"odometry too, {inside['fine']} with `fine`. The true position brings {inside['truth']}, "
-        f"the paper's filter and trigger {inside['paper']}."
+        f"Of {landers['truth']['attempts']} flights the field brings {inside['field']} inside the "
+        f"zone by the predicted touchdown, and {inside['field_inside']} by the paper's trigger. "
+        f"With visual odometry it is {inside['field_odometry']}, with `fine` {inside['fine']}, "
+        f"with the true position {inside['truth']}. The paper's filter and trigger bring "
+        f"{inside['paper']}."
     )
 
 
