@@ -101,8 +101,8 @@ def test_book_prints_what_it_made_and_found_and_fails_with_an_experiment(monkeyp
 def test_report_splits_a_flight_without_splits_and_writes_the_page(tmp_path, monkeypatch, capsys):
     write_flight(make_flight(1), tmp_path / "loop")
 
-    def stand_in(pairs, out, *, only, settings):
-        assert only == ["assessment"]
+    def stand_in(pairs, out, *, only, settings, jobs):
+        assert only == ["assessment"] and jobs == 1  # on every core
         train, test = load_pair(pairs[0].flight, None)
         options = assessment.Parameters(methods=settings["assessment.methods"])
         assessment.run(train, test, options).save(out / pairs[0].name)
@@ -142,8 +142,12 @@ def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkey
     train, test = make_flight(1), make_flight(2)
     write_flight(train, tmp_path / "loop")
 
-    def stand_in(pairs, out, *, only, settings):
-        assert "overview" in only and pairs[0].test_flight == "other"
+    def stand_in(pairs, out, *, only, **_):
+        assert pairs[0].test_flight == "other"
+        if only != ["assessment"]:
+            assert "overview" in only and "assessment" not in only
+            assert "always guessing the centre" in capsys.readouterr().out  # the verdict first
+            return [Outcome(pairs[0].name, "overview", "failed")]
         assessment.run(train, test, assessment.Parameters()).save(out / pairs[0].name)
         return [Outcome(pairs[0].name, "assessment", "reused")]
 

@@ -138,8 +138,10 @@ def test_the_command_ranks_floors_and_writes_what_it_found(picture, tmp_path, ca
     grey = tmp_path / "grey.png"
     cv2.imwrite(str(grey), np.full((300, 300, 3), 128, np.uint8))
     words = ["suitability", str(grey), str(picture), "--width", "2", "--frames", "30"]
-    assert main([*words, "--test-frames", "20", "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    assert main([*words, "--test-frames", "20", "--out", str(tmp_path / "out")]) == 0
+    said = capsys.readouterr()
+    assert said.err.count("cm by a first, coarse survey") == 2
+    lines = said.out.splitlines()
     assert [line[0] for line in lines if not line.startswith(" ")] == ["1", "2"]
     assert sum("hardest place" in line for line in lines) == 2
     content = json.loads((tmp_path / "out" / "grey.json").read_text())

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 from collections.abc import Iterable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from trexton.base.arguments import add_options, chosen_options
 from trexton.base.errors import ParameterError
 from trexton.base.files import atomic_file, canonical_json, check_not_read, check_writable
 from trexton.base.progress import say
+from trexton.companion.executor import spread, working_on
 
 __all__ = ["add_arguments", "run"]
 
@@ -40,8 +42,10 @@ def run(arguments: argparse.Namespace) -> int:
     from trexton.companion.experiments.floors import (
         METHOD,
         VirtualFlights,
+        first_prediction,
         judge_floor,
     )
+    from trexton.vision.threads import usable_cores
 
     if arguments.out:  # heat maps need the extra, and the verdict does not
         from trexton.companion.experiments.suitability import predicted_errors
@@ -51,7 +55,13 @@ def run(arguments: argparse.Namespace) -> int:
         raise ParameterError("--length needs --corners too: without them a picture keeps its shape")
     floors = {name: _floor(name, arguments) for name in arguments.images}
     files = _files(Path(arguments.out), floors) if arguments.out else {}
-    judged = {name: judge_floor(floor, flights=flights) for name, floor in floors.items()}
+    with working_on(processes=usable_cores()):
+        first = spread(partial(first_prediction, flights=flights), floors.values())
+        for name, error_cm in zip(floors, first, strict=True):
+            if error_cm is not None:
+                say(f"{name}: about {error_cm:.0f} cm by a first, coarse survey")
+        whole = spread(partial(judge_floor, flights=flights), floors.values(), "floors")
+    judged = dict(zip(floors, whole, strict=True))
     ranked = sorted(judged, key=lambda name: judged[name]["predicted_cm"])
     for place, name in enumerate(ranked, start=1):
         entry = judged[name]

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from trexton.base.errors import ParameterError
+from trexton.base.errors import MapError, ParameterError
 from trexton.base.files import scratch_folder
 from trexton.base.options import Options, option
 from trexton.base.streams import stream
@@ -44,6 +44,8 @@ SURVEY_SPEED = 1.2  # metres a second, the simulator's survey
 EVERY = 2  # frames: half the camera's rate, so that fewer frames cover the floor
 CELL, CELLS = 0.1, 40_000  # metres, of the map of expected errors; and at most so many of them
 METHOD = "field"  # the one whose error is predicted
+# Of a survey for a first number.
+FIRST_FRAMES, FIRST_EVERY, FIRST_CAMERA = 200, 5, Camera(320, 240, 260.0)
 
 
 @dataclass(frozen=True)
@@ -116,6 +118,24 @@ class VirtualFlights(Options):
                 seed=self.seed + 1, **common,
             ),
         )  # fmt: skip
+
+
+def first_prediction(floor: Floor, *, flights: VirtualFlights) -> float | None:
+    """Centimetres of error to expect over a floor, by a survey of few frames and a quarter of the
+    pixels: within seconds, and coarser than `judge_floor`. None where that shows too little.
+    """
+    with scratch_folder("floor") as folder:
+        survey = record_flight(
+            folder / "survey", frames=min(flights.frames or FIRST_FRAMES, FIRST_FRAMES),
+            seed=flights.seed, floor=floor, height=flights.height, every=FIRST_EVERY,
+            camera=FIRST_CAMERA,
+        )  # fmt: skip
+        try:
+            coarse = train_map(survey, method=METHOD, rng=stream(flights.seed, "map"))
+        except MapError:
+            return None
+    predicted = _over_floor(coarse.parts["measurement"].predicted_error, floor.area)
+    return float(100 * predicted.mean())
 
 
 def judge_floor(
