@@ -90,7 +90,7 @@ def test_book_prints_what_it_made_and_found_and_fails_with_an_experiment(monkeyp
         "trexton.companion.cli.book.make_book", lambda **given: asked.update(given) or made
     )
     assert cli.main(["book", "--set", "repeats=2", "--jobs", "2"]) == 0
-    assert asked == {"settings": {"repeats": "2"}, "jobs": 2}
+    assert asked == {"settings": {"repeats": "2"}, "jobs": 2, "quick": False}
     told = capsys.readouterr().out
     assert "the flight is absent\n" in told and told.endswith("- It works.\n")
     assert "open book/index.html in a browser" in told
