@@ -83,6 +83,7 @@ def test_links_lead_to_pages_and_to_experiments_on_them_or_are_plain_text(result
     book = Contents(ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes)
     assert book.see("your_flight", "yours") == "{doc}`yours </your_flight>`"
     assert book.see("mocap_training", "it") == "{doc}`it </mocap_training>`"
+    assert book.see("hall", "of `field`") == "{doc}`of field </hall>`"  # a role would end there
     assert book.see("moon", "the moon") == book.see("mosaic", "the moon") == "the moon"
     small = Contents(
         ROOT / "book", ROOT / "notebooks", folder, pairs, outcomes, toc_file="_toc_small.yml"

@@ -12,8 +12,13 @@ from PIL import Image
 
 from trexton.base.errors import TrextonError
 from trexton.base.records import Record
-from trexton.companion.build.animation import moving_picture
-from trexton.companion.build.readme import is_current, kept_numbers, results_table, with_table
+from trexton.companion.build.readme import (
+    is_current,
+    kept_numbers,
+    moving_picture,
+    results_table,
+    with_table,
+)
 
 
 def test_the_table_of_the_readme_is_that_of_the_numbers_kept():

@@ -6,6 +6,8 @@ few numbers behind the table with where they come from.
 
 from __future__ import annotations
 
+import base64
+import io
 import json
 import re
 import sys
@@ -13,16 +15,29 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+
 from trexton.base.cache import repository_root
 from trexton.base.errors import TrextonError
 from trexton.base.files import atomic_file, canonical_json
 from trexton.base.records import Record
 from trexton.companion.experiments.fine import over_floors
 from trexton.companion.experiments.printed import look_up
+from trexton.companion.experiments.style import COLORS
 from trexton.companion.provenance import kept_results
 from trexton.companion.wording import middle, number, percent
 
-__all__ = ["door_table", "floors", "is_current", "kept_numbers", "results_table", "with_table"]
+__all__ = [
+    "door_table",
+    "floors",
+    "is_current",
+    "kept_numbers",
+    "moving_picture",
+    "results_table",
+    "with_table",
+]
 
 _KEPT = Path("data") / "reference" / "readme.json"
 _PICTURE = Path("book") / "_static" / "flight.webp"
@@ -31,6 +46,13 @@ _BEGIN, _END = (
     "<!-- end of results -->",
 )
 _MOST_BYTES = 300_000
+_INCHES, _DPI = (6.4, 3.0), 100
+_FRAMES = 46
+_LASTS_MS = 220
+_TRAIL = 12  # frames
+_TRUTH = "#1d262d"
+_COLORS = tuple(COLORS[name] for name in ("paper", "neighbors", "field"))
+_SHOWN = len(_COLORS)  # methods: the first, its neighbours alone, the last
 _FLIGHT = "cyberzoo"
 # label: experiment and place of the mean error, and of the share that the 90 % region covers
 _ROWS: dict[str, tuple[tuple[str, str], ...]] = {
@@ -144,10 +166,66 @@ def is_current(readme: Path, results: Path) -> bool:
         return True
 
 
+def moving_picture(recording: Mapping[str, Any]) -> bytes:
+    """An animated WebP of a recording.
+
+    Parameters
+    ----------
+    recording : mapping
+        As the player keeps it: see `trexton.companion.player.playback.PlayedFlight`.
+    """
+    frames = recording["frames"]
+    frames = frames[:: -(-len(frames) // _FRAMES)]
+    names = list(frames[0]["estimates_cm"])
+    names = [*names[: _SHOWN - 1], names[-1]] if len(names) > _SHOWN else names
+    drawn = [_drawn(recording, frames[: i + 1], names) for i in range(len(frames))]
+    stream = io.BytesIO()
+    drawn[0].save(
+        stream, "WEBP", save_all=True, append_images=drawn[1:], duration=_LASTS_MS, loop=0,
+        quality=30, method=4,
+    )  # fmt: skip
+    return stream.getvalue()
+
+
+def _decoded(uri: str) -> np.ndarray:
+    return np.asarray(Image.open(io.BytesIO(base64.b64decode(uri.partition(",")[2]))))
+
+
+def _drawn(recording: Mapping[str, Any], frames: list[Any], names: list[str]) -> Image.Image:
+    """The last of `frames`: the camera and the errors to the left, the floor to the right."""
+    figure, now = Figure(_INCHES), frames[-1]
+    camera = figure.add_axes((0.02, 0.46, 0.31, 0.5))
+    floor = figure.add_axes((0.36, 0.04, 0.62, 0.92))
+    for axes in (camera, floor):
+        axes.set_axis_off()
+    if now["image"]:
+        camera.imshow(_decoded(now["image"]))
+    if recording["floor"]:
+        extent = recording["floor"]["extent_m"]
+        floor.imshow(_decoded(recording["floor"]["image"]), extent=extent, alpha=0.5)
+    x_min, x_max, y_min, y_max = recording["area"]
+    floor.set(xlim=(x_min, x_max), ylim=(y_min, y_max), aspect="equal")
+    trail = np.array([each["truth_cm"] for each in frames[-_TRAIL:]], dtype=float) / 100
+    floor.plot(*trail.T, color=_TRUTH)
+    if now["particles_cm"]:
+        particles = np.array(now["particles_cm"], dtype=float) / 100
+        floor.plot(*particles.T, ".", color=COLORS["particles"], markersize=2)
+    figure.text(0.02, 0.38, f"{now['time_s']:.0f} s; off by", color=_TRUTH)
+    for row, (name, color) in enumerate(zip(names, _COLORS, strict=False)):
+        place = np.array(now["estimates_cm"][name] or (np.nan, np.nan), dtype=float) / 100
+        floor.plot(*place, "o", color=color)
+        error = now["errors_cm"][name]
+        said = "unknown" if error is None else f"{error} cm"
+        figure.text(0.02, 0.3 - 0.08 * row, f"● {name}: {said}", color=color)
+    floor.plot(*trail[-1], "o", color=_TRUTH, markersize=9, fillstyle="none", markeredgewidth=2)
+    figure.text(0.02, 0.3 - 0.08 * len(names), "○ the truth", color=_TRUTH)
+    stream = io.BytesIO()
+    figure.savefig(stream, dpi=_DPI)
+    return Image.open(stream).convert("RGB")
+
+
 def main(root: Path, results: Path) -> None:
     """Renew numbers, table and picture of the clone at `root`."""
-    from trexton.companion.build.animation import moving_picture
-
     flights = kept_numbers(results)
     player = next(
         (

@@ -125,10 +125,11 @@ class Contents:
 
     def see(self, name: str, text: str) -> str:
         """A link to a page or to an experiment on one; plain text where the book has it not."""
+        linked = text.replace("`", "")  # a role ends at the next one
         if name in self.pages:
-            return f"{{doc}}`{text} </{name}>`"
+            return f"{{doc}}`{linked} </{name}>`"
         shown = any(name in experiments for experiments in self.pages.values())
-        return f"{{ref}}`{text} <{name}>`" if shown else text
+        return f"{{ref}}`{linked} <{name}>`" if shown else text
 
 
 def stage(contents: Contents, folder: Path) -> None:
