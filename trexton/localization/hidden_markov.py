@@ -13,6 +13,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from trexton.base.defaults import SAMPLES
 from trexton.localization.base import learned
 from trexton.localization.distances import Distance
 from trexton.localization.estimate import Estimate
@@ -47,13 +48,12 @@ class HiddenMarkov(Filter):
         regular = np.diff(time) < 1.5 * training.period_s
         steps = np.square(np.diff(places, axis=0)[regular]).sum(axis=1)
         usual = np.sqrt(steps.mean()) if len(steps) else 0.0
-        near = training.neighbors(1, EXCLUDED_SECONDS)[:, 0]
-        between = training.distance.between
-        typical = np.median([between(h[None], g[None])[0, 0] for h, g in _pairs(training, near)])
+        drawn, found = training.resampled(SAMPLES)
+        typical = np.median([each.distance[0] for each in found])
         scales = max(float(typical), 1e-9) * np.array(SCALES)
         choices = []
         for reach in max(float(usual), MIN_SIGMA) * np.array(REACHES):
-            off, spread = _left_out(training, scales, float(reach))
+            off, spread = _left_out(training, drawn, scales, float(reach))
             for number, emission in enumerate(scales):
                 error = np.hypot(*off[:, number].T).mean()
                 choices.append((error, emission, reach, off[:, number], spread[:, number]))
@@ -68,15 +68,11 @@ class HiddenMarkov(Filter):
         return ForwardFilter(places, rows, parts["distance"], self)
 
 
-def _pairs(training: Training, near: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    return list(zip(training.histograms, training.histograms[near], strict=True))
-
-
 def _left_out(
-    training: Training, scales: np.ndarray, reach: float
+    training: Training, drawn: np.ndarray, scales: np.ndarray, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Errors ``(N, S, 2)`` of left-out frames under each scale of the emission, in metres, and the
-    covariances ``(N, S, 2, 2)`` of their beliefs.
+    """Errors ``(N, S, 2)`` in metres of left-out frames, seen as `drawn` ``(N, K)``, under each
+    scale of the emission, and the covariances ``(N, S, 2, 2)`` of their beliefs.
     """
     chosen = slice(None, None, -(-len(training.positions) // MAX_STATES))
     places, rows = training.positions[chosen], training.histograms[chosen]
@@ -86,7 +82,7 @@ def _left_out(
         first, last = time[fold[0]] - EXCLUDED_SECONDS, time[fold[-1]] + EXCLUDED_SECONDS
         states = places[kept := (time < first) | (time > last)]
         transition = _transition(states, reach)
-        energy = -0.5 * np.square(training.distance.between(rows[fold], rows[kept]))
+        energy = -0.5 * np.square(training.distance.between(drawn[chosen][fold], rows[kept]))
         belief = np.full((len(states), count), 1 / len(states))
         for row, each in zip(fold, energy, strict=True):
             belief = _updated(transition @ belief, each[:, None] / scales**2)

@@ -71,6 +71,7 @@ MODULES = {
     "choices": "trexton.companion.experiments.choices",
     # Beyond the paper.
     "beyond": "trexton.companion.experiments.beyond",
+    "baselines": "trexton.companion.experiments.baselines",
     "uncertainty": "trexton.companion.experiments.uncertainty",
     "fine": "trexton.companion.experiments.fine",
     "touchdown": "trexton.companion.experiments.touchdown",

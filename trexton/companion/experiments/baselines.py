@@ -1,0 +1,291 @@
+"""Simple baselines beside method `field`, on the features that it sees: a hidden Markov model,
+weighted neighbours, a random forest and Gaussian processes from features to each coordinate.
+
+Settings of each have the least error over stretches of the training flight that were left out; the
+test flight is flown once. Of a single flight the parts are exchanged as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from time import process_time
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from scipy.spatial.distance import cdist
+from sklearn.ensemble import RandomForestRegressor
+
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
+from trexton.companion.experiments.evaluation import drawn_histograms, map_of
+from trexton.companion.experiments.style import COLORS, canvas, plain_log_ticks
+from trexton.companion.experiments.track import fly
+from trexton.companion.wording import interval, middle
+from trexton.evaluation.metrics import euclidean, mean_with_interval
+from trexton.flights.flight import Flight
+from trexton.localization.distances import Hellinger
+from trexton.localization.localizer import Localizer, TextonMap
+from trexton.localization.methods import compose
+from trexton.localization.training import for_method, with_parts
+from trexton.localization.training_set import EXCLUDED_SECONDS
+
+FOLDS = 5
+ALPHAS = (1.0, 0.6, 0.4, 0.25, 0.15)  # of the alpha-beta filter; 1: frames alone
+TIMED = 25  # frames that are timed one by one
+WORTH = 0.9  # times the error of the best baseline: at most so much is an advantage
+LABELS = {
+    "paper": "the paper's filter",
+    "neighbors": "weighted neighbours, smoothed",
+    "gp": "Gaussian processes, smoothed",
+    "forest": "random forest, smoothed",
+    "hmm": "hidden Markov model",
+    "field": "the field",
+}
+CLAIMS = (
+    {
+        "id": "beats-baselines", "place": "Simple baselines", "measure": "ratio of mean errors",
+        "text": "The mean error of method field is at most .9 times that of the best baseline",
+        "kind": "below", "bound": WORTH, "ours": "baselines:ratio",
+    },
+)  # fmt: skip
+# From features ``(M, d)`` to places ``(M, 2)``, and what makes one of training features, their
+# places, and a setting.
+Predictor = Callable[[np.ndarray], np.ndarray]
+Regression = Callable[[np.ndarray, np.ndarray, Any], Predictor]
+
+
+@dataclass(frozen=True)
+class Parameters(MapParameters):
+    """What can be chosen."""
+
+    repeats: int = option(5, "independent runs of the paper's filter", low=1)
+    trees: int = option(60, "of the forest", low=1)
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Train every baseline and the field on one flight, and locate the frames of another."""
+    values, errors, step_ms = _direction(train, test, parameters)
+    values["exchanged"] = None
+    if train.name == test.name:
+        values["exchanged"] = _direction(test, train, parameters)[0]
+    values["frames"] = {"train": int(train.located.sum()), "test": len(test)}
+    return parameters.record(
+        train,
+        test,
+        values=values | {"worth": WORTH},
+        series={"errors_cm": {name: np.sort(each)[::3] for name, each in errors.items()}},
+        timings={"step_ms": step_ms},
+    )
+
+
+def _direction(
+    train: Flight, test: Flight, parameters: Parameters
+) -> tuple[dict[str, Any], dict[str, np.ndarray], dict[str, float]]:
+    """Summaries of all methods, their errors in cm, and the CPU time in ms of a frame whose
+    features are at hand.
+    """
+    seed, located = parameters.seed, train.select(train.located)
+    base = map_of(train, parameters)
+    field = for_method(base, "field", flight=located)
+    # Light and heading stay as surveyed: the baselines could not follow them.
+    field = with_parts(
+        field, {"appearance": compose("field", {"appearance": "none"})["appearance"]}
+    )
+    seen = drawn_histograms(test, field, parameters.samples, seed)
+    hmm = with_parts(replace(field, method="hmm", parts={}), compose("hmm"))
+    errors, step_ms = {}, {}
+    counted = parameters.samples if test.has_images else None
+    whole = drawn_histograms(test, base, parameters.samples, seed)
+    for name, texton_map in (("paper", base), ("hmm", hmm), ("field", field)):
+        runs = []
+        for repeat in range(parameters.repeats if name == "paper" else 1):
+            localizer = Localizer(texton_map, rng=stream(seed, f"baselines {name}", repeat))
+            started = process_time()
+            track = fly(localizer, whole if name == "paper" else seen, counted=counted)
+            step_ms[name] = 1000 * (process_time() - started) / len(test)
+            runs.append(track.errors(test.position))
+        errors[name] = 100 * np.concatenate(runs)
+    for name, (regression, settings) in _regressions(parameters).items():
+        predict, alpha = _chosen(regression, settings, field, stream(seed, "drawn"))
+        places = _smoothed(predict(seen), alpha)
+        errors[name] = 100 * euclidean(places, test.position)
+        started = process_time()
+        for each in seen[:TIMED]:
+            predict(each[None])
+        step_ms[name] = 1000 * (process_time() - started) / len(seen[:TIMED])
+    values: dict[str, Any] = {
+        name: {
+            "mean_cm": mean_with_interval(
+                errors[name].reshape(-1, len(test)), stream(seed, "intervals")
+            ),
+            "median_cm": np.median(errors[name]),
+            "p95_cm": np.percentile(errors[name], 95),
+        }
+        for name in LABELS
+    }
+    simple = [name for name in LABELS if name not in ("paper", "field")]
+    best = min(simple, key=lambda name: middle(values[name]["mean_cm"]))
+    ratio = middle(values["field"]["mean_cm"]) / middle(values[best]["mean_cm"])
+    return values | {"best": best, "ratio": ratio}, errors, step_ms
+
+
+def _regressions(parameters: Parameters) -> dict[str, tuple[Regression, list[Any]]]:
+    """Each regression, and the settings that are tried."""
+    forest = partial(_forest, parameters.trees, parameters.seed)
+    return {
+        "neighbors": (_neighbors, [(k, power) for k in (3, 5, 10, 20) for power in (1, 3)]),
+        "gp": (_gaussian_processes, [(s, n) for s in (1.0, 2.0, 4.0) for n in (0.03, 0.1, 0.3)]),
+        "forest": (forest, [1, 5]),
+    }
+
+
+def _chosen(
+    regression: Regression, settings: list[Any], texton_map: TextonMap, rng: np.random.Generator
+) -> tuple[Predictor, float]:
+    """The regression of a whole training set, and the alpha of its filter, with the settings that
+    have the least error over left-out stretches.
+    """
+    embed, places, time = Hellinger().features, texton_map.positions, texton_map.time
+    rows = texton_map.histograms
+    if texton_map.dictionary is not None:  # drawn as a flight sees them
+        shares = rows / rows.sum(axis=1, keepdims=True)
+        rows = rng.multinomial(400, shares) / 400 * rows.sum(axis=1, keepdims=True)
+    features = embed(rows)
+    folds = np.array_split(np.arange(len(places)), FOLDS)
+    tried: list[tuple[float, int, Any, float]] = []
+    for setting in settings:
+        found = []
+        for fold in folds:
+            first, last = time[fold[[0, -1]]] + np.array([-1, 1]) * EXCLUDED_SECONDS
+            kept = (time < first) | (time > last)
+            found.append(regression(features[kept], places[kept], setting)(features[fold]))
+        for alpha in ALPHAS:
+            smooth = np.concatenate([_smoothed(each, alpha) for each in found])
+            tried.append((float(euclidean(smooth, places).mean()), len(tried), setting, alpha))
+    _, _, setting, alpha = min(tried)
+    predict = regression(features, places, setting)
+    return lambda seen: predict(embed(seen)), alpha
+
+
+def _smoothed(measured: np.ndarray, alpha: float) -> np.ndarray:
+    """Places ``(N, 2)`` through an alpha-beta filter; beta after Kalata (1984)."""
+    beta = alpha**2 / (2 - alpha) if alpha < 1 else 0.0
+    place, velocity, result = measured[0], np.zeros(2), np.empty_like(measured)
+    for row, each in enumerate(measured):
+        innovation = each - (place + velocity)
+        place = place + velocity + alpha * innovation
+        velocity = velocity + beta * innovation
+        result[row] = place
+    return result
+
+
+def _neighbors(features: np.ndarray, places: np.ndarray, setting: tuple[int, int]) -> Predictor:
+    """The mean of the k nearest, weighted by a power of their closeness."""
+    k, power = setting
+
+    def predict(seen: np.ndarray) -> np.ndarray:
+        apart = cdist(seen, features)
+        near = apart.argsort(axis=1, kind="stable")[:, :k]
+        weights = np.take_along_axis(apart, near, axis=1).clip(1e-9) ** -float(power)
+        weights /= weights.sum(axis=1, keepdims=True)
+        return np.einsum("mk,mki->mi", weights, places[near])
+
+    return predict
+
+
+def _gaussian_processes(
+    features: np.ndarray, places: np.ndarray, setting: tuple[float, float]
+) -> Predictor:
+    """A Gaussian process a coordinate: squared exponential kernel, its length in median distances
+    of features, and noise as a share of the signal variance.
+    """
+    scale, noise = setting
+    apart = cdist(features, features)
+    length, center = scale * np.median(apart), places.mean(axis=0)
+    kernel = np.exp(-0.5 * np.square(apart / length)) + noise * np.eye(len(features))
+    weights = np.linalg.solve(kernel, places - center)
+    return lambda seen: np.exp(-0.5 * (cdist(seen, features) / length) ** 2) @ weights + center
+
+
+def _forest(
+    trees: int, seed: int, features: np.ndarray, places: np.ndarray, leaf: int
+) -> Predictor:
+    """A random forest of both coordinates."""
+    forest = RandomForestRegressor(
+        trees, min_samples_leaf=leaf, max_features=1 / 3, random_state=seed, n_jobs=1
+    )
+    predict: Predictor = forest.fit(features, places).predict
+    return predict
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in a sentence or two."""
+    said = []
+    for where, values in _directions(record).items():
+        best, field = values[values["best"]], values["field"]
+        much = (
+            "is at least a tenth better than"
+            if values["ratio"] <= WORTH
+            else "does not clearly beat"
+        )
+        said.append(
+            f"{where} method field ({interval(field['mean_cm'], 'cm')}) {much} the best simple "
+            f"baseline, the {LABELS[values['best']].removeprefix('the ')} "
+            f"({interval(best['mean_cm'], 'cm')})."
+        )
+    return " ".join(said)
+
+
+def _directions(record: Record) -> dict[str, Any]:
+    exchanged = record.values["exchanged"]
+    found = {"On the test flight": record.values}
+    return found | ({"With training and test exchanged": exchanged} if exchanged else {})
+
+
+def table(record: Record) -> pd.DataFrame:
+    """Mean error of every method in cm, both ways where the flight was exchanged."""
+    exchanged, step_ms = record.values["exchanged"], record.timings["step_ms"]
+    rows = []
+    for name, label in LABELS.items():
+        row = {"method": label, "mean error (cm)": interval(record.values[name]["mean_cm"])}
+        if exchanged:
+            row["exchanged (cm)"] = interval(exchanged[name]["mean_cm"])
+        rows.append(row | {"CPU (ms a frame)": f"{step_ms[name]:.2g}"})
+    return pd.DataFrame(rows)
+
+
+def frontier(record: Record) -> Figure:
+    """Mean error over the CPU time of a frame; the line joins those that none beats in both."""
+    points = {
+        name: (record.timings["step_ms"][name], middle(record.values[name]["mean_cm"]))
+        for name in LABELS
+    }
+    with canvas(size=(7.2, 3.6)) as (figure, axes):
+        plot = axes[0, 0]
+        edge: list[tuple[float, float]] = []
+        for name, (cost, error) in sorted(points.items(), key=lambda each: each[1]):
+            own = COLORS[name] if name in ("paper", "field") else COLORS["zone"]
+            plot.plot(cost, error, "o", color=own)
+            plot.annotate(
+                LABELS[name], (cost, error), xytext=(5, 4), textcoords="offset points", fontsize=8
+            )
+            if not edge or error < edge[-1][1]:
+                edge.append((cost, error))
+        plot.step(*np.transpose(edge), where="post", color=COLORS["zone"], linewidth=0.8, zorder=0)
+        plot.set(
+            xscale="log", yscale="log",
+            xlabel="CPU time a frame, once its features are counted (ms)", ylabel="mean error (cm)",
+        )  # fmt: skip
+        plot.margins(x=0.25, y=0.15)
+        plain_log_ticks(plot.xaxis, plot.yaxis)
+    return figure
+
+
+EXPERIMENT = Experiment(
+    "Simple baselines", Parameters, run, finding, needs=POSITIONS, cost_s=15, claims=CLAIMS
+)
