@@ -109,7 +109,7 @@ def test_the_variance_of_a_frame_is_the_mean_of_what_its_parts_show(rng):
 def test_of_every_part_the_same_is_taken(rng):
     histograms = rng.dirichlet(np.ones(48), 300)
     histograms[:, [3, 15, 27, 39]] = 0  # a texton that no part shows
-    taken = Features.of(histograms, 4)
+    taken = Features.candidates(histograms, 4)[0]
     assert taken.axes.shape == (48, 44)
     expected = np.delete(np.sqrt(histograms).reshape(300, 4, 12), 3, axis=2)
     np.testing.assert_allclose(taken(histograms).reshape(300, 4, -1), expected)
@@ -117,7 +117,7 @@ def test_of_every_part_the_same_is_taken(rng):
 
 def test_very_many_bins_of_parts_are_taken_along_their_axes(rng):
     histograms = rng.dirichlet(np.ones(9 * 50), 300)
-    taken = Features.of(histograms, 9)
+    taken = Features.candidates(histograms, 9)[0]
     assert taken.axes.shape[1] == 9 * (MAX_FEATURES // 9)
     np.testing.assert_allclose(taken.axes.T @ taken.axes, np.eye(396), atol=1e-9)
 

@@ -12,13 +12,14 @@ from scipy.spatial import cKDTree
 
 from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
 from trexton.field.error_model import ErrorModel, error_terms
+from trexton.field.features import Features
 from trexton.field.grid import grid_cells
 from trexton.field.likelihood import Basis, TileTables, log_prior, rbf_kernel, tile_blocks
-from trexton.field.process import Process, select_length
+from trexton.field.process import NOISES, Process, select_length
 from trexton.field.tiles import Tiles
 from trexton.localization.base import Area
 
-__all__ = ["cross_validate"]
+__all__ = ["cross_validate", "select_features"]
 
 MAX_FRAMES = 800  # of which it takes place; longer flights are thinned
 FAMILIAR_SHARE = 0.95  # of left-out frames whose normalized residual is at most 1
@@ -26,17 +27,24 @@ CELLS = 1200  # of the grid on which left-out frames are located
 
 
 def cross_validate(
-    places: np.ndarray, features: np.ndarray, time: np.ndarray, area: Area, tiles: Tiles
-) -> tuple[float, dict[str, np.ndarray]]:
+    places: np.ndarray,
+    features: np.ndarray,
+    time: np.ndarray,
+    area: Area,
+    tiles: Tiles,
+    counted: bool = True,
+) -> tuple[Process, dict[str, np.ndarray], float]:
     """What left-out blocks teach of a flight, whose `features` ``(N, d)`` have mean zero and stand
-    tile after tile.
+    tile after tile. Of values that are not `counted` the noise is chosen, too.
 
     Returns
     -------
-    float
-        Length of the kernel, metres.
+    Process
+        With the length of the kernel and the noise that were chosen.
     dict of str to array
         What a `Field` learns of noise and errors, by its names.
+    float
+        Mean error in metres of left-out frames, each located alone.
     """
     step = -(-len(places) // MAX_FRAMES)
     places, features, time = places[::step], features[::step], time[::step]
@@ -46,7 +54,9 @@ def cross_validate(
     every = -(-len(places) * parts // MAX_FRAMES)
     rows, row_blocks = tiles.places(places[::every]), tiles.blocks(blocks, every)
     held = features[::every].reshape(len(rows), -1)
-    process, residuals, uncertain = select_length(rows, held, row_blocks, diagonal)
+    process, residuals, uncertain = select_length(
+        rows, held, row_blocks, diagonal, NOISES[:1] if counted else NOISES
+    )
     signal = np.tile((np.square(residuals) / uncertain[:, None]).mean(axis=0), parts)
     frames = len(rows) // parts
     noise = _noise(residuals.reshape(frames, -1), uncertain.reshape(frames, parts).mean(axis=1))
@@ -55,17 +65,17 @@ def cross_validate(
     centers, _ = grid_cells(area, CELLS)
     finest = 0.25 * np.sqrt((area[1] - area[0]) * (area[3] - area[2]) / len(centers))
     flown = np.repeat(places[::every], parts, axis=0)
-    flight = _Flight(places, features, blocks, tiles, flown)
+    flight = _Flight(places, features, blocks, tiles, flown, counted)
     errors, variances, squared = flight.located(process, bases, row_blocks, centers)
     model = ErrorModel.of(errors, time, finest)
-    later = _prediction_distance(centers, places, rows, process.length, tiles)
+    later = _prediction_distance(centers, places, rows, process.length, tiles, counted)
     wider = blocks_in_space(row_blocks, rows, np.repeat(time[::every], parts), later)
     revisit_inflation = 1.0
     if wider != row_blocks:
         there, _, _ = flight.located(process, bases, wider, centers)
         ratio = ErrorModel.of(there, time, finest).correlated_sigma / model.correlated_sigma
         revisit_inflation = max(1.0, ratio**2)
-    return process.length, {
+    learned = {
         "signal": signal,
         "noise": noise,
         "errors": np.array(astuple(model)),
@@ -74,6 +84,24 @@ def cross_validate(
         "revisit_inflation": np.array(revisit_inflation),
         "residual_scale": np.quantile(squared, FAMILIAR_SHARE),
     }
+    return process, learned, float(np.hypot(*errors.T).mean())
+
+
+def select_features(
+    candidates: Sequence[Features],
+    histograms: np.ndarray,
+    places: np.ndarray,
+    time: np.ndarray,
+    area: Area,
+) -> Features:
+    """Those by which left-out blocks of a flight are located best, of values that count nothing."""
+
+    def error(taken: Features) -> float:
+        values = taken(histograms)
+        whole = Tiles(np.zeros((1, 2)))
+        return cross_validate(places, values - values.mean(axis=0), time, area, whole, False)[2]
+
+    return candidates[0] if len(candidates) == 1 else min(candidates, key=error)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +115,7 @@ class _Flight:
     blocks: Sequence[Block]
     tiles: Tiles
     flown: np.ndarray
+    counted: bool
 
     def located(
         self,
@@ -109,7 +138,7 @@ class _Flight:
             means, spreads = zip(*parts, strict=True)
             variance = sum(spreads[1:], spreads[0]) / len(parts)
             rows = block.rows
-            prior = log_prior(everywhere - density[:, gone.left_out].sum(axis=1))
+            prior = log_prior(everywhere - density[:, gone.left_out].sum(axis=1), self.counted)
             tables = TileTables.of(means, variance, bases)
             posterior = tables.log_likelihoods(self.features[rows]).sum(axis=0) + prior
             residuals[rows] = tables.squared_residual(self.features[rows], posterior.argmax(axis=1))
@@ -133,13 +162,18 @@ def _noise(errors: np.ndarray, variances: np.ndarray) -> np.ndarray:
 
 
 def _prediction_distance(
-    centers: np.ndarray, places: np.ndarray, rows: np.ndarray, length: float, tiles: Tiles
+    centers: np.ndarray,
+    places: np.ndarray,
+    rows: np.ndarray,
+    length: float,
+    tiles: Tiles,
+    counted: bool,
 ) -> float:
     """Metres from what a later flight will show to the nearest of `rows`, on average.
 
     It is expected half as far from the places of the survey as the prior allows.
     """
-    weights = np.exp(log_prior(rbf_kernel(centers, places, length / 2).sum(axis=1)))
+    weights = np.exp(log_prior(rbf_kernel(centers, places, length / 2).sum(axis=1), counted))
     distance = cKDTree(rows).query(tiles.places(centers))[0].reshape(len(centers), -1)
     return float(np.average(distance.mean(axis=1), weights=weights))
 

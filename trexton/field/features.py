@@ -3,9 +3,10 @@ along principal axes.
 
 Roots of counts and frequencies have noise alike for rare and frequent bins (Bartlett 1936), and
 distances of Hellinger. Values of which some are negative count nothing: they are taken as they are,
-in units of their deviations. Features other than the bins of a histogram may say nearly the same;
-those, and any that are very many, are taken along their principal axes (Jolliffe, "Principal
-Component Analysis", 2002), in units of the deviation along each.
+in units of their deviations. Features other than the bins of a histogram may say nearly the same.
+Whether they are taken as they are or along their principal axes (Jolliffe, "Principal Component
+Analysis", 2002), in units of the deviation along each, is chosen by left-out blocks. Very many
+always are.
 """
 
 from __future__ import annotations
@@ -16,11 +17,10 @@ import numpy as np
 
 from trexton.flights.flight import SUM_TOLERANCE
 
-__all__ = ["Features"]
+__all__ = ["Features", "is_counted"]
 
 MAX_FEATURES = 400  # more are taken along their principal axes
 MAX_COMPONENTS = 125  # principal axes that are kept
-REDUNDANCY = -2.0  # mean log eigenvalue below which features are taken along their principal axes
 MIN_EIGENVALUE = 1e-6  # of an axis that is kept, as a share of the largest
 
 
@@ -40,12 +40,13 @@ class Features:
     signed: bool
 
     @classmethod
-    def of(cls, histograms: np.ndarray, parts: int = 1) -> Features:
+    def candidates(cls, histograms: np.ndarray, parts: int = 1) -> list[Features]:
         """As a training flight's ``(N, K)`` histograms ask for; no axes where all are alike.
 
-        Of histograms of several `parts` of an image roots of the bins are taken, alike of each.
+        Of histograms roots of the bins are taken, alike of each of several `parts` of an image. Of
+        other values there is a choice: as they are, or along their principal axes.
         """
-        signed = parts == 1 and bool((histograms < 0).any())
+        counted, signed = is_counted(histograms, parts), bool((histograms < 0).any())
         values = _values(histograms, signed).reshape(len(histograms) * parts, -1)
         used = _informative(values)
         alone = np.eye(values.shape[1])[:, used]
@@ -53,24 +54,30 @@ class Features:
             if parts * len(used) > MAX_FEATURES:
                 _, turn = np.linalg.eigh(np.cov(values[:, used].T))
                 alone = alone @ turn[:, -(MAX_FEATURES // parts) :]
-            return cls(np.kron(np.eye(parts), alone), signed)
-        if not len(used):
-            return cls(alone, signed)
+            return [cls(np.kron(np.eye(parts), alone), signed)]
         if signed:
             alone = alone / values[:, used].std(axis=0)
-        covariance = np.cov((values @ alone).T).reshape(len(used), len(used))
-        sums = histograms.sum(axis=1)
-        bins = not signed and np.ptp(sums) <= SUM_TOLERANCE * sums.max()
-        if len(used) <= MAX_FEATURES and (bins or _mean_log_eigenvalue(covariance) >= REDUNDANCY):
-            return cls(alone, signed)
-        variances, turn = np.linalg.eigh(covariance)
+        many = len(used) > MAX_FEATURES
+        if len(used) < 2 or counted and not many:
+            return [cls(alone, signed)]
+        variances, turn = np.linalg.eigh(np.cov((values @ alone).T))
         kept = variances > MIN_EIGENVALUE * variances[-1]
         kept[:-MAX_COMPONENTS] = False
-        return cls(alone @ (turn[:, kept] / np.sqrt(variances[kept])), signed)
+        whitened = cls(alone @ (turn[:, kept] / np.sqrt(variances[kept])), signed)
+        return [whitened] if many else [cls(alone, signed), whitened]
 
     def __call__(self, histograms: np.ndarray) -> np.ndarray:
         """``(..., d)`` features of ``(..., K)`` histograms."""
         return _values(histograms, self.signed) @ self.axes
+
+
+def is_counted(histograms: np.ndarray, parts: int = 1) -> bool:
+    """Whether ``(N, K)`` values are the bins of histograms, or of several `parts` of an image: not
+    negative, and of one sum.
+    """
+    sums = histograms.sum(axis=1)
+    alike = np.ptp(sums) <= SUM_TOLERANCE * sums.max()
+    return parts > 1 or bool((histograms >= 0).all() and alike)
 
 
 def _values(histograms: np.ndarray, signed: bool) -> np.ndarray:
@@ -82,10 +89,3 @@ def _informative(values: np.ndarray) -> np.ndarray:
     varying = np.flatnonzero(np.ptp(values, axis=0) > 1e-9 * np.abs(values).max(axis=0))
     _, first = np.unique(values[:, varying], axis=1, return_index=True)
     return varying[np.sort(first)]
-
-
-def _mean_log_eigenvalue(covariance: np.ndarray) -> float:
-    """Of the correlation matrix of a covariance; 0 where features are independent."""
-    deviations = np.sqrt(np.diag(covariance))
-    variances = np.linalg.eigvalsh(covariance / np.outer(deviations, deviations))
-    return float(np.log(np.maximum(variances, MIN_EIGENVALUE)).mean())

@@ -18,7 +18,7 @@ import numpy as np
 from trexton.base.errors import MapError
 from trexton.base.options import option
 from trexton.field.error_model import ErrorModel, error_terms
-from trexton.field.features import Features
+from trexton.field.features import Features, is_counted
 from trexton.field.grid import bilinear, grid_cells
 from trexton.field.likelihood import Basis, TileTables, log_prior, rbf_kernel, tile_blocks
 from trexton.localization.base import learned
@@ -84,17 +84,17 @@ class Field(MeasurementModel):
         from threadpoolctl import threadpool_limits
 
         # What learning alone needs; the flight that follows does without SciPy.
-        from trexton.field.cross_validation import cross_validate
+        from trexton.field.cross_validation import cross_validate, select_features
         from trexton.field.process import Process, merge_places
         from trexton.field.tiles import Tiles
 
-        parts = training.cells**2
+        parts, histograms = training.cells**2, training.histograms
+        counted = is_counted(histograms, parts)
         with threadpool_limits(1, user_api="blas"):  # sums are rounded alike on any machine
-            taken = Features.of(training.histograms, parts)
-            features = np.asfortranarray(taken(training.histograms))  # for sums of columns
-        if not features.shape[1]:
+            candidates = Features.candidates(histograms, parts)
+        if not candidates[0].axes.shape[1]:
             raise MapError(
-                f"all {len(features)} training histograms are alike: no place can be told from "
+                f"all {len(histograms)} training histograms are alike: no place can be told from "
                 "another, record a flight over a floor with some pattern"
             )
         # Far from where x and y are zero distances would be rounded: that moves by kilometres.
@@ -106,6 +106,9 @@ class Field(MeasurementModel):
             raise MapError(
                 f"all {len(places)} training positions are one place: fly over the floor"
             )
+        with threadpool_limits(1, user_api="blas"):
+            taken = select_features(candidates, histograms, places, training.time, area)
+            features = np.asfortranarray(taken(histograms))  # for sums of columns
         cells = min(self.cells, max(16, MAX_TABLE // features.shape[1]))
         centers, _ = grid_cells(area, cells)
         with threadpool_limits(1, user_api="blas"):
@@ -120,13 +123,13 @@ class Field(MeasurementModel):
             middle = values.mean(axis=0)
             values = values - middle
             centred = values.reshape(len(features), -1)
-            length, judged = cross_validate(places, centred, training.time, area, tiles)
+            chosen, judged, _ = cross_validate(places, centred, training.time, area, tiles, counted)
             merged, values, counts = merge_places(tiles.places(places), values)
-            process = Process.fit(merged, values, length, counts)
+            process = Process.fit(merged, values, chosen.length, counts, noise=chosen.noise)
             mean = np.hstack([process.mean(centers + offset) for offset in tiles.offsets])
             variance = tiles.variance(process, centers, area)
             flown, _, counts = merge_places(places, places)
-            prior = log_prior(rbf_kernel(centers, flown, process.length) @ counts)
+            prior = log_prior(rbf_kernel(centers, flown, process.length) @ counts, counted)
         return self.with_learned(
             axes=taken.axes,
             signed=np.array(taken.signed),

@@ -12,7 +12,9 @@ import numpy as np
 __all__ = ["Basis", "Table", "TileTables", "log_prior", "rbf_kernel", "tile_blocks"]
 
 DEGREES_OF_FREEDOM = 6.0  # of the Student distribution
-UNIFORM_SHARE = 0.1  # of the prior that does not expect the vehicle where the survey was
+# Of the prior that does not expect the vehicle where the survey was: of histograms of a floor, and
+# of other senses, such as radio, which change slowly over the area.
+UNIFORM_SHARE, WIDE_UNIFORM_SHARE = 0.1, 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,14 +133,15 @@ def rbf_kernel(centers: np.ndarray, places: np.ndarray, length: float) -> np.nda
     return np.exp(-4.5 / length**2 * (squared - 2 * centers @ places.T))
 
 
-def log_prior(density: np.ndarray) -> np.ndarray:
-    """``(M,)`` log of a density over the uniform one, part of which is mixed in; 0 where there is
-    none anywhere.
+def log_prior(density: np.ndarray, counted: bool = True) -> np.ndarray:
+    """``(M,)`` log of a density over the uniform one, part of which is mixed in, more
+    where values are not `counted`; 0 where there is none anywhere.
     """
     mean = density.mean()
     if mean == 0:
         return np.zeros_like(density)
-    return np.log((1 - UNIFORM_SHARE) * density / mean + UNIFORM_SHARE)
+    uniform = UNIFORM_SHARE if counted else WIDE_UNIFORM_SHARE
+    return np.log((1 - uniform) * density / mean + uniform)
 
 
 def tile_blocks(noise: np.ndarray, parts: int) -> list[np.ndarray]:

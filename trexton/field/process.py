@@ -19,8 +19,10 @@ from trexton.vision.threads import in_threads
 
 __all__ = ["Process", "select_length", "matern", "merge_places", "nlpd"]
 
-# Noise of a frame as a share of the signal variance: what the field must not try to follow.
+# Noise of a frame as a share of the signal variance, what the field must not try to follow: of
+# histograms, and what is tried for senses that may be noisier.
 NOISE = 0.03
+NOISES = (NOISE, 0.1, 0.3, 1.0, 3.0)
 # Lengths that are tried, as shares of the diagonal of what was flown over.
 LENGTHS = (0.03, 0.045, 0.07, 0.1, 0.15)
 MAX_PLACES = 1600  # places a process holds; more are merged, so that its price has an end
@@ -91,12 +93,15 @@ class Process:
         Inverse of the kernel matrix with its noise.
     weights : (N, K) array
         The precision times the features.
+    noise : float
+        Of a frame, as a share of the signal variance.
     """
 
     places: np.ndarray
     length: float
     precision: np.ndarray
     weights: np.ndarray
+    noise: float = NOISE
 
     @classmethod
     def fit(
@@ -106,15 +111,16 @@ class Process:
         length: float,
         counts: np.ndarray | None = None,
         distances: np.ndarray | None = None,
+        noise: float = NOISE,
     ) -> Process:
         """Condition the processes on features of mean zero; `counts` as of `merge_places`, and
         `distances` ``(N, N)`` of the places where they are at hand.
         """
         apart = _distances(places, places) if distances is None else distances
         matrix = _matern(apart, length)
-        matrix[np.diag_indices(len(places))] += NOISE / (1 if counts is None else counts)
+        matrix[np.diag_indices(len(places))] += noise / (1 if counts is None else counts)
         precision = np.linalg.inv(matrix)
-        return cls(places, length, precision, precision @ features)
+        return cls(places, length, precision, precision @ features, noise)
 
     def mean(self, places: np.ndarray) -> np.ndarray:
         """``(M, K)`` mean at places, in slices that stay small."""
@@ -141,7 +147,7 @@ class Process:
             inside = np.isin(left_out, block.rows)
             errors[block.rows] = (covariance @ self.weights[left_out])[inside]
             variances[block.rows] = np.diag(covariance)[inside]
-        return errors, np.maximum(variances, NOISE)
+        return errors, np.maximum(variances, self.noise)
 
     def predict_without(
         self, blocks: Sequence[Block], places: Sequence[np.ndarray]
@@ -181,14 +187,29 @@ def nlpd(process: Process, blocks: Sequence[Block]) -> tuple[float, np.ndarray, 
 
 
 def select_length(
-    places: np.ndarray, features: np.ndarray, blocks: Sequence[Block], diagonal: float
+    places: np.ndarray,
+    features: np.ndarray,
+    blocks: Sequence[Block],
+    diagonal: float,
+    noises: Sequence[float] = NOISES[:1],
 ) -> tuple[Process, np.ndarray, np.ndarray]:
-    """The process with the least `nlpd` of left-out blocks, with their residuals and variances."""
+    """The process with the least `nlpd` of left-out blocks, with their residuals and variances.
+
+    The length is chosen first, then the noise; where that is another, the length once more.
+    """
     distances = _distances(places, places)
 
-    def judged(share: float) -> tuple[Process, float, np.ndarray, np.ndarray]:
-        process = Process.fit(places, features, diagonal * share, distances=distances)
+    def judged(share: float, noise: float) -> tuple[Process, float, np.ndarray, np.ndarray]:
+        process = Process.fit(places, features, diagonal * share, distances=distances, noise=noise)
         return process, *nlpd(process, blocks)
 
-    process, _, errors, variances = min(in_threads(judged, LENGTHS), key=lambda each: each[1])
+    def best_length(noise: float) -> tuple[Process, float, np.ndarray, np.ndarray]:
+        tried = in_threads(lambda share: judged(share, noise), LENGTHS)
+        return min(tried, key=lambda each: each[1])
+
+    best = best_length(noises[0])
+    share = best[0].length / diagonal
+    quieter = (judged(share, noise) for noise in noises[1:])
+    noise = min([best, *quieter], key=lambda each: each[1])[0].noise
+    process, _, errors, variances = best if noise == noises[0] else best_length(noise)
     return process, errors, variances
