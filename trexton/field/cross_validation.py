@@ -80,7 +80,8 @@ def cross_validate(
         "noise": noise,
         "errors": np.array(astuple(model)),
         "error_coefficients": _error_coefficients(errors, variances),
-        "training_variance": np.median(variances),
+        # Where a sense is noisy its errors grow only once the field's variance exceeds the noise.
+        "training_variance": np.median(variances) + (0.0 if counted else process.noise),
         "revisit_inflation": np.array(revisit_inflation),
         "residual_scale": np.quantile(squared, FAMILIAR_SHARE),
     }

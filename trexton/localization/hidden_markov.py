@@ -32,6 +32,7 @@ SCALES = (0.2, 0.35, 0.6, 1.0, 1.6)  # of the emission, over the median distance
 REACHES = (1.0, 2.0, 4.0)  # of the transition, over the root mean square step of a frame
 TELEPORT = 1e-3  # probability a frame of a jump to any state
 MIN_SIGMA = 0.01  # metres, of what is claimed
+TINY = 1e-30  # least weight of a state: smaller numbers would take longer
 
 
 @dataclass(eq=False)
@@ -75,20 +76,22 @@ def _left_out(
     scale of the emission, and the covariances ``(N, S, 2, 2)`` of their beliefs.
     """
     chosen = slice(None, None, -(-len(training.positions) // MAX_STATES))
-    places, rows = training.positions[chosen], training.histograms[chosen]
+    places = training.positions[chosen] - training.positions.mean(axis=0)
+    rows = training.histograms[chosen]
     time, count = training.time[chosen], len(scales)
     off, spread = np.empty((len(places), count, 2)), np.empty((len(places), count, 2, 2))
     for fold in np.array_split(np.arange(len(places)), FOLDS):
         first, last = time[fold[0]] - EXCLUDED_SECONDS, time[fold[-1]] + EXCLUDED_SECONDS
         states = places[kept := (time < first) | (time > last)]
         transition = _transition(states, reach)
+        products = (states[:, :, None] * states[:, None]).reshape(-1, 4)
         energy = -0.5 * np.square(training.distance.between(drawn[chosen][fold], rows[kept]))
         belief = np.full((len(states), count), 1 / len(states))
         for row, each in zip(fold, energy, strict=True):
             belief = _updated(transition @ belief, each[:, None] / scales**2)
             mean = belief.T @ states
-            around = states[:, None] - mean
-            spread[row] = np.einsum("ns,nsi,nsj->sij", belief, around, around)
+            second = (belief.T @ products).reshape(-1, 2, 2)
+            spread[row] = second - mean[:, :, None] * mean[:, None]
             off[row] = mean - places[row]
     return off, spread
 
@@ -115,7 +118,7 @@ def _transition(places: np.ndarray, reach: float) -> np.ndarray:
 
 def _updated(belief: np.ndarray, log_likelihood: np.ndarray) -> np.ndarray:
     """The belief ``(N, ...)`` after a measurement, summing to one over the states."""
-    belief = belief * np.exp(log_likelihood - log_likelihood.max(axis=0)) + 1e-300
+    belief = belief * np.exp(log_likelihood - log_likelihood.max(axis=0)) + TINY
     result: np.ndarray = belief / belief.sum(axis=0)
     return result
 

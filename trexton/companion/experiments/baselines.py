@@ -7,7 +7,7 @@ test flight is flown once. Of a single flight the parts are exchanged as well.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 from time import process_time
@@ -27,6 +27,7 @@ from trexton.companion.experiments.style import COLORS, canvas, plain_log_ticks
 from trexton.companion.experiments.track import fly
 from trexton.companion.wording import interval, middle
 from trexton.evaluation.metrics import euclidean, mean_with_interval
+from trexton.field.features import is_counted
 from trexton.flights.flight import Flight
 from trexton.localization.distances import Hellinger
 from trexton.localization.localizer import Localizer, TextonMap
@@ -36,6 +37,7 @@ from trexton.localization.training_set import EXCLUDED_SECONDS
 
 FOLDS = 5
 ALPHAS = (1.0, 0.6, 0.4, 0.25, 0.15)  # of the alpha-beta filter; 1: frames alone
+PAUSE_S = 10.0  # between stretches of a test flight, over which no filter goes on
 TIMED = 25  # frames that are timed one by one
 WORTH = 0.9  # times the error of the best baseline: at most so much is an advantage
 LABELS = {
@@ -64,15 +66,15 @@ class Parameters(MapParameters):
     """What can be chosen."""
 
     repeats: int = option(5, "independent runs of the paper's filter", low=1)
-    trees: int = option(60, "of the forest", low=1)
+    trees: int = option(40, "of the forest", low=1)
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Train every baseline and the field on one flight, and locate the frames of another."""
-    values, errors, step_ms = _direction(train, test, parameters)
+    values, errors, step_ms = compare(train, test, parameters)
     values["exchanged"] = None
     if train.name == test.name:
-        values["exchanged"] = _direction(test, train, parameters)[0]
+        values["exchanged"] = compare(test, train, parameters)[0]
     values["frames"] = {"train": int(train.located.sum()), "test": len(test)}
     return parameters.record(
         train,
@@ -83,11 +85,19 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     )
 
 
-def _direction(
+def compare(
     train: Flight, test: Flight, parameters: Parameters
 ) -> tuple[dict[str, Any], dict[str, np.ndarray], dict[str, float]]:
-    """Summaries of all methods, their errors in cm, and the CPU time in ms of a frame whose
-    features are at hand.
+    """Every method trained on one flight and flown over the stretches of another.
+
+    Returns
+    -------
+    values : dict
+        A summary of each method, the best of the simple ones, and the field's `ratio` to it.
+    errors : dict of str to (N,) array
+        Centimetres; of all repeats.
+    step_ms : dict of str to float
+        CPU time of a frame whose features are at hand.
     """
     seed, located = parameters.seed, train.select(train.located)
     base = map_of(train, parameters)
@@ -98,21 +108,28 @@ def _direction(
     )
     seen = drawn_histograms(test, field, parameters.samples, seed)
     hmm = with_parts(replace(field, method="hmm", parts={}), compose("hmm"))
-    errors, step_ms = {}, {}
+    errors, step_ms, held = {}, {}, {}
+    gaps = np.flatnonzero(np.diff(test.time) > PAUSE_S) + 1
+    pieces = np.split(np.arange(len(test)), gaps)
     counted = parameters.samples if test.has_images else None
-    whole = drawn_histograms(test, base, parameters.samples, seed)
+    whole = seen.reshape(len(seen), field.cells**2, -1).sum(axis=1)
     for name, texton_map in (("paper", base), ("hmm", hmm), ("field", field)):
         runs = []
         for repeat in range(parameters.repeats if name == "paper" else 1):
             localizer = Localizer(texton_map, rng=stream(seed, f"baselines {name}", repeat))
             started = process_time()
-            track = fly(localizer, whole if name == "paper" else seen, counted=counted)
+            flown = []
+            for rows in pieces:
+                localizer.reset()
+                frames = (whole if name == "paper" else seen)[rows]
+                flown.append((fly(localizer, frames, counted=counted), test.position[rows]))
             step_ms[name] = 1000 * (process_time() - started) / len(test)
-            runs.append(track.errors(test.position))
+            runs.append(np.concatenate([track.errors(truth) for track, truth in flown]))
+            held[name] = np.mean(np.concatenate([track.held(truth) for track, truth in flown]))
         errors[name] = 100 * np.concatenate(runs)
     for name, (regression, settings) in _regressions(parameters).items():
         predict, alpha = _chosen(regression, settings, field, stream(seed, "drawn"))
-        places = _smoothed(predict(seen), alpha)
+        places = np.concatenate([_smoothed(predict(seen[rows]), alpha) for rows in pieces])
         errors[name] = 100 * euclidean(places, test.position)
         started = process_time()
         for each in seen[:TIMED]:
@@ -125,6 +142,7 @@ def _direction(
             ),
             "median_cm": np.median(errors[name]),
             "p95_cm": np.percentile(errors[name], 95),
+            "held": held.get(name),
         }
         for name in LABELS
     }
@@ -140,7 +158,7 @@ def _regressions(parameters: Parameters) -> dict[str, tuple[Regression, list[Any
     return {
         "neighbors": (_neighbors, [(k, power) for k in (3, 5, 10, 20) for power in (1, 3)]),
         "gp": (_gaussian_processes, [(s, n) for s in (1.0, 2.0, 4.0) for n in (0.03, 0.1, 0.3)]),
-        "forest": (forest, [1, 5]),
+        "forest": (forest, [2]),
     }
 
 
@@ -150,8 +168,14 @@ def _chosen(
     """The regression of a whole training set, and the alpha of its filter, with the settings that
     have the least error over left-out stretches.
     """
-    embed, places, time = Hellinger().features, texton_map.positions, texton_map.time
-    rows = texton_map.histograms
+    places, time, rows = texton_map.positions, texton_map.time, texton_map.histograms
+    counted = is_counted(rows, texton_map.cells**2)
+    center, width = rows.mean(axis=0), rows.std(axis=0) + 1e-12
+
+    def embed(values: np.ndarray) -> np.ndarray:
+        """Roots of the bins of histograms; other values in units of their deviations."""
+        return Hellinger().features(values) if counted else (values - center) / width
+
     if texton_map.dictionary is not None:  # drawn as a flight sees them
         shares = rows / rows.sum(axis=1, keepdims=True)
         rows = rng.multinomial(400, shares) / 400 * rows.sum(axis=1, keepdims=True)
@@ -225,26 +249,22 @@ def _forest(
 
 def finding(record: Record) -> str:
     """What the experiment found, in a sentence or two."""
-    said = []
-    for where, values in _directions(record).items():
-        best, field = values[values["best"]], values["field"]
-        much = (
-            "is at least a tenth better than"
-            if values["ratio"] <= WORTH
-            else "does not clearly beat"
-        )
-        said.append(
-            f"{where} method field ({interval(field['mean_cm'], 'cm')}) {much} the best simple "
-            f"baseline, the {LABELS[values['best']].removeprefix('the ')} "
-            f"({interval(best['mean_cm'], 'cm')})."
-        )
-    return " ".join(said)
+    said = verdict(record.values)
+    if exchanged := record.values["exchanged"]:
+        said += f" With training and test exchanged: {verdict(exchanged)}"
+    return said
 
 
-def _directions(record: Record) -> dict[str, Any]:
-    exchanged = record.values["exchanged"]
-    found = {"On the test flight": record.values}
-    return found | ({"With training and test exchanged": exchanged} if exchanged else {})
+def verdict(values: Mapping[str, Any]) -> str:
+    """Whether the field is worth its lines beside the best of the simple methods."""
+    best, field = values[values["best"]], values["field"]
+    name = LABELS[values["best"]].removeprefix("the ")
+    figures = f"{interval(field['mean_cm'], 'cm')} against {interval(best['mean_cm'], 'cm')}"
+    if values["ratio"] <= WORTH:
+        return f"Method field beats the best simple baseline, the {name}: {figures}."
+    return (
+        f"Method field is not a tenth better than the best simple baseline, the {name}: {figures}."
+    )
 
 
 def table(record: Record) -> pd.DataFrame:

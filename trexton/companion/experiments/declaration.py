@@ -33,6 +33,10 @@ class Need(NamedTuple):
 
 NEEDS = {
     "images": Need(lambda flight: flight.has_images, "camera images", "has no images"),
+    "histograms": Need(
+        lambda flight: not flight.has_images, "histograms and no images",
+        "has images: the page of the real flight has it",
+    ),
     "positions": Need(
         lambda flight: flight.has_positions, "a position for every frame",
         "lacks positions in some frames",

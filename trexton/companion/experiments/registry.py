@@ -72,6 +72,7 @@ MODULES = {
     # Beyond the paper.
     "beyond": "trexton.companion.experiments.beyond",
     "baselines": "trexton.companion.experiments.baselines",
+    "senses": "trexton.companion.experiments.senses",
     "uncertainty": "trexton.companion.experiments.uncertainty",
     "fine": "trexton.companion.experiments.fine",
     "touchdown": "trexton.companion.experiments.touchdown",

@@ -26,6 +26,7 @@ IMPORTERS = {
     "photos": "trexton.flights.importers.photos",
     "csv": "trexton.flights.importers.listed:Table",
     "features": "trexton.flights.importers.listed:Features",
+    "signals": "trexton.flights.importers.signals",
 }
 
 

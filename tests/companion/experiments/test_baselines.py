@@ -1,0 +1,49 @@
+"""Baselines: each regression does what its name says, and the verdict follows the records."""
+
+import numpy as np
+import pytest
+from small_room import histogram_flight
+
+from trexton.companion.experiments import baselines
+from trexton.companion.experiments.baselines import (
+    _forest,
+    _gaussian_processes,
+    _neighbors,
+    _smoothed,
+)
+
+
+@pytest.mark.parametrize(
+    "regression, setting",
+    [(_neighbors, (3, 3)), (_gaussian_processes, (1.0, 0.03)), (lambda *a: _forest(20, 1, *a), 1)],
+)
+def test_a_regression_finds_places_by_features(regression, setting, rng):
+    places = rng.uniform(0, 1, (400, 2))
+
+    def look(at):
+        return np.column_stack([at, np.sin(3 * at), at[:, :1] * at[:, 1:]])
+
+    later = rng.uniform(0.1, 0.9, (50, 2))
+    found = regression(look(places), places, setting)(look(later))
+    assert np.hypot(*(found - later).T).mean() < 0.06
+
+
+def test_the_filter_follows_a_constant_velocity_without_lag():
+    truth = np.outer(np.arange(200.0), [0.3, -0.1])
+    noisy = truth + np.random.default_rng(1).normal(0, 1, truth.shape)
+    np.testing.assert_allclose(_smoothed(noisy, 1.0), noisy, atol=1e-12)
+    off = (_smoothed(noisy, 0.25) - truth)[50:]
+    assert np.abs(off.mean(axis=0)).max() < 0.25
+    assert off.std() < 0.6
+
+
+def test_the_verdict_names_the_better_and_both_directions():
+    train, test = histogram_flight("hall", frames=80), histogram_flight("hall", frames=40, noise=2)
+    record = baselines.run(train, test, baselines.Parameters(repeats=1, trees=5))
+    said = baselines.finding(record)
+    values = record.values
+    assert ("beats the best" in said) == (
+        values["ratio"] <= baselines.WORTH or values["exchanged"]["ratio"] <= baselines.WORTH
+    )
+    assert "With training and test exchanged" in said
+    assert len(baselines.table(record)) == len(baselines.LABELS)

@@ -1,0 +1,61 @@
+"""Logs of signals: bins of time, values that hold for a while, sources that are not heard."""
+
+import numpy as np
+import pytest
+
+from trexton.base.errors import FlightError
+from trexton.flights.importers.signals import Settings, read, read_ble
+from trexton.flights.importing import import_flight
+
+LOG = """stamp,source,value,x,y
+100.0,a,-60,1.0,2.0
+100.2,a,-62,1.2,2.0
+100.3,b,-80,1.1,2.0
+100.6,a,-64,1.5,2.0
+101.1,a,-66,2.0,2.0
+102.1,a,-70,3.0,2.0
+"""
+
+
+def test_a_frame_is_a_bin_and_a_value_holds_for_a_while(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text(LOG)
+    recording = read(log, Settings(bin=0.5, keep=1.0, floor=-90.0))
+    np.testing.assert_allclose(recording.time_ns / 1e9, [100.0, 100.5, 101.0, 102.0])
+    expected = [[-61, -80], [-64, -80], [-66, -80], [-70, -90]]
+    np.testing.assert_allclose(recording.histograms, expected)
+    np.testing.assert_allclose(recording.track.position[:, 0], [1.1, 1.5, 2.0, 3.0])
+
+
+def test_an_import_is_recognised_and_becomes_a_flight(tmp_path):
+    log = tmp_path / "log.csv"
+    log.write_text(LOG)
+    flight, _ = import_flight(log, tmp_path / "flight")
+    assert flight.features == "signals" and flight.histograms.shape == (4, 2)
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("time,source,value\n1,a,2\n", "no column 'stamp'"),
+        ("stamp,source,value\n1,a,loud\n", "loud"),
+        ("stamp,source,value\n1,a\n", "row 1 has less"),
+        ("stamp,source,value\n", "there is no row"),
+    ],
+)
+def test_what_is_no_log_is_named(tmp_path, text, said):
+    log = tmp_path / "log.csv"
+    log.write_text(text)
+    with pytest.raises(FlightError, match=said):
+        read(log, Settings())
+
+
+def test_the_public_walks_become_one_flight_with_splits(tmp_path):
+    files = [tmp_path / f"{name}.mbd" for name in ("straight", "rectangular")]
+    for number, file in enumerate(files):
+        rows = [f"{9 - number}{row}.0,r{row % 2},beacon,-{60 + row},{row},1,2" for row in range(4)]
+        file.write_text("\n".join(rows))
+    flight = read_ble(*files)
+    assert flight.split == {"train": (0, 3), "test": (4, 7)}
+    assert flight.histograms.shape == (8, 2)
+    assert np.diff(flight.time)[3] == 60

@@ -1,0 +1,150 @@
+"""Logs of signals: a row a reading with its stamp, source and value, and the position where it is
+known. Each source, a radio beacon say, is a feature; a frame is what was heard in a bin of time.
+"""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from trexton.base.errors import FlightError
+from trexton.base.files import read_text
+from trexton.base.options import Options, option
+from trexton.flights.flight import Flight, area_around
+from trexton.flights.importers.recording import NANO, PoseTrack, Recording
+
+__all__ = ["Settings", "read", "read_ble", "recognises"]
+
+PAUSE_S = 60.0  # between walks of the Bluetooth data, which were not recorded in this order
+
+
+@dataclass(frozen=True)
+class Settings(Options):
+    """What can be chosen."""
+
+    columns: str = option(
+        "stamp,source,value,x,y,z", "columns in order, where the log has no header"
+    )
+    bin: float = option(0.5, "seconds of a frame", low=0.001)
+    keep: float = option(3.0, "seconds for which the last value of a source holds", low=0)
+    floor: float = option(-100.0, "value of a source that is not heard")
+
+
+@dataclass(frozen=True, eq=False)
+class _Log:
+    """Readings: ``(R,)`` stamps in seconds, sources and values, ``(R, 3)`` positions or NaN."""
+
+    time: np.ndarray
+    source: np.ndarray
+    value: np.ndarray
+    position: np.ndarray
+
+    @classmethod
+    def of(cls, path: Path, columns: str) -> _Log:
+        rows = [row for row in csv.reader(read_text(path).splitlines()) if row]
+        names = columns.split(",")
+        if rows and not _is_number(rows[0][0]):
+            names, rows = [name.strip() for name in rows[0]], rows[1:]
+        if missing := [name for name in ("stamp", "source", "value") if name not in names]:
+            raise FlightError(
+                f"{path}: no column {missing[0]!r}: it has {', '.join(names)}: name them in order "
+                "with --columns stamp,source,value,x,y"
+            )
+        short = [number for number, row in enumerate(rows, 1) if len(row) < len(names)]
+        if short or not rows:
+            found = f"row {short[0]} has less" if short else "there is no row"
+            raise FlightError(f"{path}: expected {len(names)} columns, {found}")
+        cells = dict(
+            zip(names, zip(*(row[: len(names)] for row in rows), strict=True), strict=True)
+        )
+        nowhere = ("nan",) * len(rows)
+        try:
+            numbers = [
+                np.array([cell.strip() or "nan" for cell in cells.get(name, nowhere)], dtype=float)
+                for name in ("stamp", "value", "x", "y", "z")
+            ]
+        except ValueError as error:
+            raise FlightError(f"{path}: {error}: expected numbers") from None
+        time, value, *position = numbers
+        good = np.isfinite(time) & np.isfinite(value)
+        source = np.array([cell.strip() for cell in cells["source"]])
+        return cls(time[good], source[good], value[good], np.column_stack(position)[good])
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _frames(
+    log: _Log, sources: np.ndarray, settings: Settings
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of each bin with a reading: ``(N,)`` seconds, ``(N, K)`` values, ``(N, 3)`` positions."""
+    start = log.time.min()
+    index = np.floor((log.time - start) / settings.bin).astype(int)
+    size, columns = index.max() + 1, np.searchsorted(sources, log.source)
+    total, heard = np.zeros((2, size, len(sources)))
+    np.add.at(total, (index, columns), log.value)
+    np.add.at(heard, (index, columns), 1)
+    values = np.full(total.shape, settings.floor)
+    since = np.full(len(sources), np.inf)  # seconds
+    for row in range(size):
+        new = heard[row] > 0
+        since = np.where(new, 0.0, since + settings.bin)
+        values[row] = np.where(since <= settings.keep, values[row - 1], settings.floor)
+        values[row, new] = total[row, new] / heard[row, new]
+    used = np.unique(index)
+    places = np.array([log.position[index == row].mean(axis=0) for row in used])
+    return start + settings.bin * used, values[used], places
+
+
+def recognises(source: Path) -> bool:
+    if not (source.is_file() and source.suffix.lower() in (".csv", ".tsv", ".txt")):
+        return False
+    with open(source, encoding="utf-8", errors="replace") as stream:
+        return {"stamp", "source", "value"} <= {
+            name.strip() for name in stream.readline().split(",")
+        }
+
+
+def read(source: Path, settings: Settings) -> Recording:
+    """The recording of one log."""
+    log = _Log.of(source, settings.columns)
+    time, values, places = _frames(log, np.unique(log.source), settings)
+    stamps = np.rint(time * NANO).astype(np.int64)
+    track = PoseTrack(stamps, places) if np.isfinite(places[:, :2]).any() else None
+    said = [
+        f"{source}: {len(log.time)} readings of {values.shape[1]} sources in {len(time)} frames"
+    ]
+    return Recording(
+        stamps, track, histograms=values, features="signals", source=f"log {source.name}", said=said
+    )
+
+
+def read_ble(*files: Path) -> Flight:
+    """The public Bluetooth walks as one flight: those to train on, then the rectangular ones."""
+    settings = Settings(columns="stamp,source,beacon,value,x,y,z")
+    logs = [_Log.of(path, settings.columns) for path in files]
+    sources, clock, parts = np.unique(np.concatenate([log.source for log in logs])), 0.0, []
+    for log in logs:
+        time, values, places = _frames(log, sources, settings)
+        parts.append((time - time[0] + clock, values, places[:, :2]))
+        clock = parts[-1][0][-1] + PAUSE_S
+    time, values, places = (np.concatenate(column) for column in zip(*parts, strict=True))
+    tested = sum(
+        len(part[0]) for part, path in zip(parts, files, strict=True) if "rect" in path.name
+    )
+    last = len(time) - 1
+    return Flight(
+        name="ble", frame=np.arange(len(time)), time=time, position=places,
+        area=area_around(places), histograms=values, features="signals",
+        split={"train": (0, last - tested), "test": (last - tested + 1, last)},
+        source="https://github.com/philotuxo/Position-Annotated-BLE-RSSI-Dataset (F. S. Danis et "
+        "al., Pervasive and Mobile Computing 81, 2022)", licence="CC0-1.0",
+    )  # fmt: skip
