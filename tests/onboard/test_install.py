@@ -58,18 +58,23 @@ def test_a_flight_of_the_script_pulls_in_nothing_heavy_either(flight_folder, tmp
         f"words = ['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', "
         "'csv:/dev/null', '-q']\n"
         "status = main(words)\n"
-        f"print(status, [name for name in {(*NEVER, 'pymavlink', 'ivy')!r} if name in sys.modules])"
+        f"never = {(*NEVER, 'pymavlink', 'ivy', 'cflib')!r}\n"
+        "print(status, [name for name in never if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "0 []" and done.stderr == ""
 
 
-@pytest.mark.parametrize("extra", ["pymavlink", "ivy"])
+@pytest.mark.parametrize("extra", ["pymavlink", "ivy", "cflib"])
 def test_a_missing_extra_is_named(extra, flight_folder, tmp_path):
     path = save_map(
         train_map(small_flight(60), neighbors=3, rng=np.random.default_rng(1)), tmp_path / "map.npz"
     )
-    output = {"pymavlink": "udpout:127.0.0.1:14540", "ivy": "paparazzi:1"}[extra]
+    output = {
+        "pymavlink": "udpout:127.0.0.1:14540",
+        "ivy": "paparazzi:1",
+        "cflib": "crazyflie:radio://0/80",
+    }[extra]
     code = (
         f"import sys\nsys.modules[{extra!r}] = None\nfrom trexton.cli.main import main\n"
         f"words = ['onboard', {str(path)!r}, '--camera', {str(flight_folder)!r}, '--output', "
