@@ -138,7 +138,6 @@ def mocap_record(flight: str, value: float) -> Record:
         "filter": dict.fromkeys((*names, "axis_std_cm"), value),
         "knn": {"p95_cm": value},
         "drift_cm_per_min": value,
-        "estimators": {"map": value, "mean": value},
         "model": {"first_rank_std_cm": value, "last_rank_std_cm": value},
         "spread": {"within_two": value},
     }

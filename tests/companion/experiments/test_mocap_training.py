@@ -87,7 +87,7 @@ def test_figures_draw_the_records_numbers(cyberzoo):
     )
     plan = mocap_training.floor_plan(record).axes[0]
     drawn = {line.get_label(): line.get_xydata() for line in plan.lines}
-    np.testing.assert_array_equal(drawn["motion capture"], record.series["truth_m"])
+    np.testing.assert_array_equal(drawn["true track"], record.series["truth_m"])
     np.testing.assert_array_equal(
         drawn["estimate (every 5th frame)"], record.series["estimate_m"][::5]
     )

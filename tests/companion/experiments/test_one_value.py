@@ -15,7 +15,7 @@ from trexton.companion.experiments.printed import look_up
 # Of one method with its default settings over the test flight: a measure, and where it stands.
 SAME = {
     "paper, mean error": (
-        "mocap_training:filter.mean_cm", "mocap_training:estimators.map", "beyond:paper.mean_cm",
+        "mocap_training:filter.mean_cm", "beyond:paper.mean_cm",
         "choices:variants.paper.mean_cm", "trade_off:default.mean_cm",
     ),
     "paper, error an axis": (

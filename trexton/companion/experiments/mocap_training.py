@@ -14,7 +14,6 @@ from trexton.companion.experiments.declaration import POSITIONS, Experiment, Map
 from trexton.companion.experiments.evaluation import (
     RUNS,
     drift,
-    errors_of,
     evaluate,
     floor_picture,
     flown,
@@ -39,7 +38,6 @@ from trexton.evaluation.metrics import (
 from trexton.evaluation.runtime import of_frames
 from trexton.flights.flight import Flight
 from trexton.localization.localizer import TextonMap
-from trexton.localization.roles import ROLES
 
 LANDING_SPREAD_M = 0.6  # the paper's threshold: no landing where the particles spread wider
 
@@ -67,7 +65,6 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     process = texton_map.parts["motion"].growth(texton_map.period_s)
     values |= {
         "drift_cm_per_min": drift(runs, test, rng=stream(parameters.seed, "drift")),
-        "estimators": _estimators(texton_map, test, runs, parameters),
         "counts": {
             "train": len(texton_map.positions),
             "test": len(test),
@@ -114,29 +111,14 @@ def train_and_fly(
     if positions is None:
         runs = flown(train, test, parameters, repeats=parameters.repeats, texton_map=texton_map)
     else:
-        runs = _runs(texton_map, test, parameters)
+        runs = tracks(
+            texton_map, frames_of(test), repeats=parameters.repeats, seed=parameters.seed,
+            samples=parameters.samples, particles=parameters.particles,
+        )  # fmt: skip
     values, series = evaluate(
         runs, texton_map.positions, test, k=parameters.neighbors, seed=parameters.seed
     )
     return texton_map, runs, values, series
-
-
-def _runs(texton_map: TextonMap, test: Flight, parameters: Any, **options: Any) -> list[Track]:
-    options |= {"samples": parameters.samples, "particles": parameters.particles}
-    frames, seed = frames_of(test), parameters.seed
-    return tracks(texton_map, frames, repeats=parameters.repeats, seed=seed, **options)
-
-
-def _estimators(
-    texton_map: TextonMap, test: Flight, runs: list[Track], parameters: Parameters
-) -> dict[str, Any]:
-    """Mean Euclidean error in cm under each point estimate; particles are the same under all."""
-    result = {}
-    for name in ROLES["estimation"]:
-        if name != "map":  # the runs at hand
-            runs = _runs(texton_map, test, parameters, estimation=name)
-        result[name] = errors_of(runs, test, parameters.seed)["mean_cm"]
-    return result
 
 
 def _spread(
