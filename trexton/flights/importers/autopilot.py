@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from contextlib import redirect_stdout
-from io import StringIO
 from pathlib import Path
 from typing import Any
 
@@ -46,8 +44,7 @@ def read_log(path: Path) -> PoseTrack | None:
     if (read := _READERS.get(path.suffix.lower())) is None:
         return None
     try:
-        with redirect_stdout(StringIO()):  # every damaged byte is a line of pymavlink's
-            track = read(path)
+        track = read(path)
     except FlightError:
         raise
     except ImportError as error:
