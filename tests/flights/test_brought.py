@@ -516,7 +516,7 @@ def test_a_preview_writes_nothing(tmp_path, capsys):
     before = sorted(tmp_path.rglob("*"))
     assert cli.main(["import", str(source), "--dry-run"]) == 0
     said = capsys.readouterr().out
-    assert "kind       csv (guessed)" in said and "x 0.000 to 5.000 m" in said
+    assert "kind        csv (guessed)" in said and "x 0.00 to 5.00, y 1.00 to 1.00" in said
     assert sorted(tmp_path.rglob("*")) == before
     assert dict(preview_import(source, settings={"unit": "cm"}))["unit"] == "cm (as given)"
     assert cli.main(["import", str(source)]) == 1 and "--out" in capsys.readouterr().err

@@ -26,7 +26,7 @@ from trexton.flights.repair import count_of
 from trexton.flights.writing import write_flight
 from trexton.vision.images import read_image
 
-__all__ = ["Report", "check_flight", "repair_flight"]
+__all__ = ["Report", "check_flight", "facts", "repair_flight"]
 
 MOST_ROUNDS = 10  # a repair may uncover what another repairs
 
@@ -83,7 +83,10 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
     """
     reading = load_folder(Path(path))
     images = _Images.of(reading)
-    facts = [] if reading.flight is None else _facts(reading.flight, images.sizes)
+    found = [] if reading.flight is None else facts(reading.flight)
+    if reading.image_files:
+        counts = (f"{count} of {_size(size)}" for size, count in images.sizes.items())
+        found.append(("images", ", ".join(counts) or "none readable"))
     faults, warnings = reading.faults + list(images.unusable.values()), reading.warnings
     warnings += [images.doubt] * bool(images.doubt)
     if reading.flight is not None:
@@ -92,7 +95,7 @@ def check_flight(path: str | os.PathLike[str]) -> Report:
         except (FlightError, ImageError) as error:
             faults.append(str(error))
         warnings += [f"{path}: {said}" for said in plausibility.warnings(reading.flight)]
-    return Report(Path(path), facts, faults, warnings)
+    return Report(Path(path), found, faults, warnings)
 
 
 @dataclass
@@ -160,40 +163,46 @@ class _Images:
         return found
 
 
-def _facts(flight: Flight, sizes: Counter[tuple[int, int]]) -> list[tuple[str, str]]:
+def facts(flight: Flight) -> list[tuple[str, str]]:
+    """What a flight holds, as rows of a name and a text."""
     located, time = flight.located, flight.time
-    facts = {
+    rows = {
         "flight": flight.name,
         "frames": f"{len(flight)} ({flight.frame[0]} to {flight.frame[-1]})",
         "positions": f"{located.sum()} of {len(flight)}",
     }
     if len(flight) > 1:
         gaps = np.diff(time)
-        facts["duration"] = (
+        rows["duration"] = (
             f"{time[-1] - time[0]:.2f} s, {1 / np.median(gaps):.2f} frames a second, longest gap "
             f"{gaps.max():.2f} s"
         )
     if located.any():
-        low, high = flight.position[located].min(axis=0), flight.position[located].max(axis=0)
-        x_min, x_max, y_min, y_max = flight.area
-        facts["flown area"] = (
-            f"{high[0] - low[0]:.2f} m x {high[1] - low[1]:.2f} m, "
-            f"x {low[0]:.2f} to {high[0]:.2f}, y {low[1]:.2f} to {high[1]:.2f}"
-        )
-        facts["area"] = f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f} m"
-    if flight.has_images:
-        counts = (f"{count} of {_size(size)}" for size, count in sizes.items())
-        facts["images"] = ", ".join(counts) or "none readable"
+        width, depth = np.ptp(flight.position[located], axis=0)
+        (x, y), (x_min, x_max, y_min, y_max) = flight.position.T, flight.area
+        rows["flown area"] = f"{width:.2f} m x {depth:.2f} m, x {_span(x)}, y {_span(y)}"
+        rows["area"] = f"x {x_min:.2f} to {x_max:.2f}, y {y_min:.2f} to {y_max:.2f} m"
+    if flight.height is not None:
+        rows["height"] = f"{_span(flight.height)} m"
+    if flight.attitude is not None:
+        angles = zip(("roll", "pitch", "yaw"), flight.attitude.T, strict=True)
+        rows["attitude"] = ", ".join(f"{name} {_span(angle)}" for name, angle in angles) + " rad"
     if (histograms := flight.histograms) is not None:
         sums = histograms.sum(axis=1)
-        facts["histograms"] = (
+        rows["histograms"] = (
             f"{len(sums)} of {histograms.shape[1]} {flight.features}, sums {sums.min():.4f} to "
             f"{sums.max():.4f}"
         )
     for name, (first, last) in flight.split.items():
         count = int(((flight.frame >= first) & (flight.frame <= last)).sum())
-        facts[f"split {name}"] = f"{first} to {last} ({count_of(count, 'frame')})"
-    return [*facts.items(), *(("note", note) for note in flight.notes)]
+        rows[f"split {name}"] = f"{first} to {last} ({count_of(count, 'frame')})"
+    return [*rows.items(), *(("note", note) for note in flight.notes)]
+
+
+def _span(values: np.ndarray) -> str:
+    if not np.isfinite(values).any():
+        return "unknown"
+    return f"{np.nanmin(values):.2f} to {np.nanmax(values):.2f}"
 
 
 def _size(size: tuple[int, int]) -> str:

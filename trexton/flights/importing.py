@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -20,6 +20,7 @@ from trexton.base.files import (
     clean_leftovers,
 )
 from trexton.base.options import Options, option
+from trexton.flights.check import facts
 from trexton.flights.flight import Flight, area_around
 from trexton.flights.folder import load_folder, read_flight
 from trexton.flights.frames import ImageFiles, select_frames
@@ -177,29 +178,14 @@ def preview_import(
         for name, value in plan.options.items()
         if value not in ("", None)
     ]
-    first = recording.time_ns[0]
-    rows.append(("frames", f"{len(flight)} over {flight.time[-1]:.3f} s, from {first} ns on"))
     if (track := recording.track) is not None:
-        begin, end = (track.time_ns[[0, -1]] - first) / NANO
+        begin, end = (track.time_ns[[0, -1]] - recording.time_ns[0]) / NANO
         count = len(track.time_ns)
-        rows.append(("clock", f"{count} positions from {begin:.3f} to {end:.3f} s of it"))
-    for unit, columns in (
-        ("m", dict(zip("xyz", [*flight.position.T, flight.height], strict=True))),
-        ("rad", dict(zip(("roll", "pitch", "yaw"), _columns(flight.attitude), strict=True))),
-    ):
-        told = [
-            f"{axis} {np.nanmin(column):.3f} to {np.nanmax(column):.3f} {unit}"
-            for axis, column in columns.items()
-            if column is not None and np.isfinite(column).any()
-        ]
-        rows += [(" ".join(columns), ", ".join(told))] * bool(told)
+        rows.append(("clock", f"{count} positions from {begin:.3f} to {end:.3f} s of the frames'"))
+    rows += facts(flight)
     if plan.change is not None:
         rows.append(("images", "x".join(map(str, plan.change.rectification.size)) + " pixels"))
     return rows + [("told", line) for line in (*recording.said, *plan.matched)]
-
-
-def _columns(attitude: np.ndarray | None) -> Sequence[np.ndarray | None]:
-    return [None] * 3 if attitude is None else list(attitude.T)
 
 
 def _ordered(recording: Recording) -> Recording:

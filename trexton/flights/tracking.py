@@ -53,7 +53,9 @@ def lost_rows(time: np.ndarray, place: np.ndarray) -> list[Lost]:
         (jumped & ~zero, "where none can be flown to"),
     ):
         if chosen.any():
-            apart = np.hypot(*(position[chosen] - _between(time, position, flown, chosen)).T).max()
+            place = position @ (1, 1j)  # where it was between those it can have flown
+            between = np.interp(time[chosen], time[flown], place[flown])
+            apart = np.abs(place[chosen] - between).max()
             found.append((f"{how}, up to {apart:.4g} m from those before and after", rows[chosen]))
     if frozen.any():
         found.append(("at one place to the last digit while the vehicle flew on", rows[frozen]))
@@ -119,15 +121,6 @@ def _longest_chain(time: np.ndarray, position: np.ndarray, fastest: float) -> np
         chain.append(np.arange(first[piece], last[piece] + 1))
         piece = int(before[piece])
     return np.concatenate(chain[::-1])
-
-
-def _between(
-    time: np.ndarray, position: np.ndarray, flown: np.ndarray, chosen: np.ndarray
-) -> np.ndarray:
-    """Where the vehicle was at the chosen rows, between those it can have flown."""
-    return np.column_stack(
-        [np.interp(time[chosen], time[flown], position[flown, axis]) for axis in (0, 1)]
-    )
 
 
 def ranges(numbers: np.ndarray) -> str:
