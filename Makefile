@@ -14,7 +14,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book quick prose browser test check coverage test-slow fuzz bench verify full lab lock crate sbom audit clean
+.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench verify full lab lock crate sbom audit clean
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -68,6 +68,10 @@ test-slow: env  ## the tests that take minutes
 
 fuzz: env  ## damaged and hostile files for ten minutes; what breaks a reader is kept in tests/fuzz_corpus
 	@$(BIN)/python tests/fuzzing.py $(ARGS)
+
+mutation: env  ## faults put into five core modules: the share that a test notices, and those that none did
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --target .venv/mutation cosmic-ray==8.7.0 2>/dev/null
+	@$(BIN)/python tests/mutation.py $(ARGS)
 
 bench: env  ## speed of every stage, as ratios within one run
 	@$(BIN)/trexton bench $(ARGS)

@@ -12,7 +12,6 @@ import sys
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
-from importlib.metadata import entry_points
 from importlib.util import find_spec
 from typing import Any
 
@@ -25,6 +24,8 @@ PLUGINS = "TREXTON_PLUGINS"  # environment variable: modules to import first, wi
 
 @cache
 def _installed(kind: str) -> dict[str, str]:
+    from importlib.metadata import entry_points  # slow to load, and not asked for names of our own
+
     return {each.name: each.value for each in entry_points(group=f"trexton.{kind}")}
 
 
@@ -54,7 +55,7 @@ def resolve(kind: str, name: str, table: Mapping[str, str], *, imports: bool = T
         Nothing has that name, or its module is missing. What a module raises while it is imported
         is a bug of its own and passes.
     """
-    declared = addresses(kind, table).get(name)
+    declared = table.get(name) or addresses(kind, table).get(name)
     module, colon, attribute = (declared or name).partition(":")
     if not declared and not colon:
         offered = ", ".join(addresses(kind, table))

@@ -114,5 +114,6 @@ def make(role: str, name: str, **options: object) -> Part:
 def name_of(role: str, part: Part) -> str:
     """The name by which `make` finds the class of a part."""
     address = f"{type(part).__module__}:{type(part).__qualname__}"
-    named = {where: name for name, where in addresses(role, ROLES.get(role, {})).items()}
-    return named.get(address, address)
+    table = ROLES.get(role, {})
+    names = table if address in table.values() else addresses(role, table)
+    return {where: name for name, where in names.items()}.get(address, address)
