@@ -4,6 +4,7 @@ reconstruction (COLMAP, OpenSfM); local metres east and north.
 
 from __future__ import annotations
 
+import json
 import re
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -14,12 +15,13 @@ from typing import Any
 import numpy as np
 
 from trexton.base.errors import FlightError
+from trexton.base.files import read_text
 from trexton.base.options import Options, option
 from trexton.flights.frames import ImageFiles
 from trexton.flights.geodesy import local_metres
 from trexton.flights.importers.autopilot import read_log
+from trexton.flights.importers.axes import camera_attitude
 from trexton.flights.importers.exif import Shot, read_shot, time_of
-from trexton.flights.importers.reconstruction import read_reconstruction
 from trexton.flights.importers.recording import NANO, PoseTrack, Recording, beside
 from trexton.flights.tables import read_table
 from trexton.vision.images import natural_order
@@ -75,7 +77,7 @@ def read(source: Path, settings: Settings) -> Recording:
     if settings.positions and (log := read_log(path)) is not None:
         track, words = log.ordered(str(path))
         stamps = _stamps(files)
-    elif settings.positions and (posed := read_reconstruction(path)) is not None:
+    elif settings.positions and (posed := _read_reconstruction(path)) is not None:
         names, poses, words = posed
         rows = _by_name(path, names, files)
         known = list(rows)
@@ -225,3 +227,54 @@ def _spread(taken: list[int]) -> np.ndarray:
         same = np.flatnonzero(stamps == stamp)
         result[same] += np.arange(len(same)) * NANO // len(same)
     return result
+
+
+def _read_reconstruction(path: Path) -> tuple[list[str], PoseTrack, list[str]] | None:
+    """The names of the photographs, their poses (all at time 0), and what to know; None for others.
+
+    Raises
+    ------
+    FlightError
+        The file is one, but cannot be read.
+    """
+    from scipy.spatial.transform import Rotation
+
+    if path.suffix.lower() not in (".json", ".txt"):
+        return None
+    text, origin = read_text(path), None
+    try:
+        if path.suffix.lower() == ".json":
+            whole = json.loads(text)[0]
+            names, turns, shifts = _opensfm(whole)
+            told = whole.get("reference_lla")
+            origin = (float(told["latitude"]), float(told["longitude"])) if told else None
+        elif "IMAGE_ID" in text[:2000] or "QW" in text[:2000]:
+            names, turns, shifts = _colmap(text)
+        else:
+            return None
+        # Both tell how the world is turned and moved to the camera (right, down, ahead).
+        to_world = Rotation.from_quat(np.array(turns, dtype=float)).inv()
+        centres = -to_world.apply(np.array(shifts, dtype=float))
+    except (AttributeError, LookupError, RecursionError, TypeError, ValueError) as error:
+        raise FlightError(f"{path}: not a reconstruction that can be read ({error})") from None
+    attitude, said = camera_attitude(to_world.as_quat(), "camera")
+    scale = "" if origin else "; its unit and axes are its own, unless it was aligned"
+    said = [f"{path}: {len(names)} poses of a reconstruction{scale}", *said[1:]]
+    zero = np.zeros(len(names), dtype=np.int64)
+    return names, PoseTrack(zero, centres, attitude, origin), said
+
+
+def _colmap(text: str) -> tuple[list[str], list[Any], list[Any]]:
+    """Two lines an image: id, quaternion w, x, y, z, translation, camera, name; then its points."""
+    lines = [line for line in text.splitlines() if not line.startswith("#")]
+    rows = [line.split(maxsplit=9) for line in lines[::2] if line.strip()]
+    turns = [[float(row[place]) for place in (2, 3, 4, 1)] for row in rows]
+    return [row[9].strip() for row in rows], turns, [[float(x) for x in row[5:8]] for row in rows]
+
+
+def _opensfm(whole: dict[str, Any]) -> tuple[list[str], list[Any], list[Any]]:
+    from scipy.spatial.transform import Rotation
+
+    shots = whole["shots"]
+    turns = [Rotation.from_rotvec(shot["rotation"]).as_quat() for shot in shots.values()]
+    return list(shots), turns, [shot["translation"] for shot in shots.values()]
