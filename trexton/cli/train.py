@@ -134,7 +134,10 @@ def _verdict(assessment: Assessment | None) -> str:
     error, lost = 100 * assessment.error_m, assessment.lost_share
     words = f"{error:.0f} cm mean error on left-out parts of this flight"
     if assessment.coverage_90 is None or lost > MOST_LOST:
-        return f"{words}. LOST in {lost:.0%} of frames: record a longer, closer survey"
+        why = "frames look like several places, or like none"
+        if assessment.wide_share > 0.5:
+            why = "what it may claim at best is too wide for so small an area"
+        return f"{words}. LOST in {lost:.0%} of frames, {why}: record a longer, closer survey"
     words += f", lost in {lost:.0%} of frames.\nThe 90 % region held the true position "
     words += f"in {assessment.coverage_90:.0%} of the others: "
     honest = assessment.coverage_90 >= LEAST_COVERAGE

@@ -18,8 +18,9 @@ from trexton.base.defaults import SAMPLES
 from trexton.base.errors import MapError
 from trexton.flights.aiding import Aiding
 from trexton.flights.flight import Flight
+from trexton.localization.base import Area
 from trexton.localization.cross_validation import WARM_S
-from trexton.localization.estimate import Flown
+from trexton.localization.estimate import Estimate, Flown
 from trexton.localization.localizer import Localizer
 from trexton.localization.texton_map import TextonMap
 from trexton.localization.training import with_parts
@@ -48,12 +49,15 @@ class Assessment:
     coverage_90 : float or None
         Empirical coverage of the 90 % region: the share of the other frames whose true position lay
         in it; None where all were called lost.
+    wide_share : float
+        Of the lost frames, those whose claim alone is too wide for the area.
     """
 
     frames: int
     error_m: float
     lost_share: float
     coverage_90: float | None
+    wide_share: float = 0.0
 
     def as_dict(self) -> dict[str, Any]:
         """For the provenance of a map."""
@@ -88,7 +92,13 @@ def assess(
         float(np.mean([np.hypot(*each.error) for each in flown])),
         1 - len(trusted) / len(flown),
         float(np.mean(inside)) if trusted else None,
+        _wide_share([each.estimate for each in flown], texton_map.area),
     )
+
+
+def _wide_share(estimates: Sequence[Estimate], area: Area) -> float:
+    lost = [not each.lost for each in estimates if each.lost_in(area)]
+    return float(np.mean(lost)) if lost else 0.0
 
 
 def stretches(time: np.ndarray) -> list[np.ndarray]:

@@ -135,7 +135,8 @@ class ForwardFilter:
     def __init__(
         self, places: np.ndarray, rows: np.ndarray, distance: Distance, learned: HiddenMarkov
     ):
-        self._places, self._rows, self._distance, self._learned = places, rows, distance, learned
+        self._places, self._distance, self._learned = places, distance, learned
+        self._rows = distance.features(rows) if distance.embedded else rows
         self._transition = _transition(places, float(learned.reach))
         self.reset()
 
@@ -147,9 +148,15 @@ class ForwardFilter:
         """Advance one frame; None where nothing was observed: predict only."""
         self.belief = self._transition @ self.belief
         if observation is not None:
-            apart = self._distance.between(observation.histogram[None], self._rows)[0]
-            log_likelihood = -0.5 * np.square(apart / float(self._learned.emission))
+            squared = self._squared_distances(observation.histogram)
+            log_likelihood = -0.5 * squared / float(self._learned.emission) ** 2
             self.belief = _updated(self.belief, log_likelihood)
+
+    def _squared_distances(self, histogram: np.ndarray) -> np.ndarray:
+        if not self._distance.embedded:
+            return np.square(self._distance.between(histogram[None], self._rows)[0])
+        offset = self._rows - self._distance.features(histogram)
+        return np.einsum("nk,nk->n", offset, offset)
 
     def estimate(self) -> Estimate:
         """Mean and covariance of the belief, the latter widened as left-out stretches asked."""

@@ -254,3 +254,20 @@ def test_findings_keep_the_order_of_flights():
     rows = judge_all({"b": {}, "a": {}}, [claim("untestable", reason="r")])
     assert [finding.flight for finding in rows[0][1]] == ["a", "b"]
     assert isinstance(rows[0][1][0], Finding)
+
+
+def test_a_verdict_that_turns_when_parts_are_exchanged_says_so():
+    held = records(q=interval(50, 40, 61), exchanged={"q": interval(90, 80, 99)})
+    finding = judge(claim("value", printed=60), held)
+    assert finding.verdict == REPRODUCED
+    assert finding.reason == "with training and test exchanged: not reproduced (90 [80, 99])"
+    both = records(q=interval(50, 40, 61), exchanged={"q": interval(52, 40, 63)})
+    assert not judge(claim("value", printed=60), both).reason
+
+
+def test_too_few_groups_of_trials_test_nothing():
+    rate = interval(1.0, 0.4, 1.0) | {"clusters": 3}
+    finding = judge(claim("above", bound=0.9), records(q=rate))
+    assert finding.verdict == UNTESTABLE and "3 independent groups" in finding.reason
+    many = interval(1.0, 0.96, 1.0) | {"clusters": 100}
+    assert judge(claim("above", bound=0.9), records(q=many)).verdict == REPRODUCED

@@ -98,3 +98,12 @@ def test_a_method_that_is_lost_all_the_time_sends_nothing(monkeypatch, always):
     assert record.values["silent"] == always and "ekf2" not in record.values["field"]
     assert uncertainty.finding(record).endswith("It is always lost, and sends nothing to fuse.")
     assert len(uncertainty.truth_in_the_region(record).axes) == 2
+
+
+def test_the_error_of_all_frames_stands_at_full_availability(record):
+    lines = {line.get_label(): line for line in uncertainty.availability(record).axes[0].lines}
+    for name in record.values["order"]:
+        values, line = record.values[name], lines[uncertainty.METHODS[name]]
+        every = np.sqrt(2) * values["axis_cm"]
+        assert line.get_ydata()[-1] == pytest.approx(every, rel=0.05)
+        assert values["far_auc"] is None or 0 <= values["far_auc"] <= 1

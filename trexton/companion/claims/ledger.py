@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 from trexton.base.errors import ParameterError, TrextonError
@@ -15,6 +15,7 @@ from trexton.companion.claims.rules import Quantity
 from trexton.companion.experiments.declaration import NEEDS
 from trexton.companion.experiments.printed import look_up, paper_file, published
 from trexton.companion.experiments.registry import EXPERIMENTS
+from trexton.evaluation.metrics import wilson_interval
 
 __all__ = [
     "Claim", "Finding", "count_verdicts", "judge", "judge_all", "load_claims", "load_records",
@@ -172,17 +173,45 @@ def _quantity(claim: Claim, reference: str, records: Records) -> Quantity | None
     if value is None:
         return None
     low, high = (value if entry.get(end) is None else entry[end] for end in ("low", "high"))
-    return Quantity(float(value), float(low), float(high))
+    return Quantity(float(value), float(low), float(high), entry.get("clusters"))
 
 
 def judge(claim: Claim, records: Records, flight: str = "") -> Finding:
-    """The verdict of one flight's records on one claim."""
+    """The verdict of one flight's records on one claim.
+
+    Where training and test were exchanged as well, and that gives another verdict, it says so.
+    """
+    finding = _judge(claim, records, flight)
+    names = {reference.partition(":")[0] for reference in claim.references}
+    other = {
+        name: replace(record, values=record.values | exchanged)
+        for name, record in records.items()
+        if name in names and isinstance(exchanged := record.values.get("exchanged"), dict)
+    }
+    if not other or finding.verdict in (rules.UNTESTABLE, rules.CONSTRUCTED):
+        return finding
+    turned = _judge(claim, records | other, flight)
+    if turned.verdict == finding.verdict:
+        return finding
+    said = f"with training and test exchanged: {turned.verdict} ({turned.ours})"
+    return replace(finding, reason="; ".join(filter(None, [finding.reason, said])))
+
+
+def _judge(claim: Claim, records: Records, flight: str) -> Finding:
     quantities = [_quantity(claim, reference, records) for reference in claim.references]
     first, second = (quantities + [None, None])[:2]
     if claim.kind == "untestable":
         return Finding(flight, rules.UNTESTABLE, first, second, claim.reason)
     if first is None or (claim.kind == "order" and second is None):
         return Finding(flight, rules.UNTESTABLE, first, second, _absence(claim, records))
+    if claim.kind == "above" and first.clusters is not None:
+        best, _ = wilson_interval(first.clusters, first.clusters)
+        if best < claim.threshold:  # whatever happens
+            reason = (
+                f"{first.clusters} independent groups of trials are too few: if all succeeded, "
+            )
+            reason += f"the interval would begin at {best:.2g}"
+            return Finding(flight, rules.UNTESTABLE, first, second, reason)
     if claim.kind == "order":
         against: tuple[object, ...] = second, claim.at_most_times
     else:

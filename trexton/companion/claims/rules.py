@@ -33,6 +33,7 @@ class Quantity:
     value: float
     low: float
     high: float
+    clusters: int | None = None  # of trials that may be alike, of a rate
 
     def __contains__(self, value: float) -> bool:
         return self.low <= value <= self.high

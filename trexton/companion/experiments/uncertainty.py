@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from scipy.stats import binom, chi2
+from scipy.stats import binom, chi2, mannwhitneyu
 
 from trexton.base.records import Record
 from trexton.base.streams import stream
@@ -41,6 +41,7 @@ METHODS = {
 SETTLED_S = 2.0  # filters begin with no idea of the place
 FUSED_SETTLED_S = 4.0  # and receivers with none of the velocity
 WRONG = 16.0  # squared deviations: four
+FAR_M = 1.0  # an error that a claim should tell from smaller ones
 QUARTERS, GROUPS = 4, 10
 SENT = {"sent": "as it is sent", "plain": "as if each were news"}
 BAND = {"low": 0.8, "high": 0.97}  # of the truth in the fused 90 % region: that is honest
@@ -93,10 +94,8 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
                 values[name][receiver][sent] = _consistency(
                     fused, test, alike if sent == "sent" else 1.0, stream(seed, "intervals")
                 )
-    values["quarter_s"] = quarter_s
-    values["counts"] = {
-        "test": len(test), "repeats": parameters.repeats, "vehicles": parameters.vehicles
-    }  # fmt: skip
+    counts = {"repeats": parameters.repeats, "vehicles": parameters.vehicles}
+    values |= {"quarter_s": quarter_s, "counts": {"test": len(test)} | counts}
     return parameters.record(train, test, values=values, series=series)
 
 
@@ -142,7 +141,10 @@ def _claimed(
     claimed = np.sqrt(np.trace(covariance, axis1=2, axis2=3) / 2)  # deviation along an axis
     lost = np.array([run.lost[rows] for run in runs])
     held, wrong = squared < HELD, squared > WRONG
+    far = error > FAR_M
+    pairs = far.sum() * (~far).sum()
     values = {
+        "far_auc": mannwhitneyu(claimed[far], claimed[~far])[0] / pairs if pairs else None,
         "error_cm": 100 * error.mean(),
         "axis_cm": 100 * np.sqrt(np.square(error).mean() / 2),
         "claimed_cm": 100 * np.sqrt(np.square(claimed).mean()),
@@ -251,6 +253,20 @@ def error_against_claim(record: Record) -> Figure:
             ylabel="error along an axis (cm)", yscale="log",
         )  # fmt: skip
         plain_log_ticks(plot.xaxis, plot.yaxis)
+        legend_above(plot)
+    return figure
+
+
+def availability(record: Record) -> Figure:
+    """Error of the frames that are left where those with the widest claims are refused."""
+    with canvas(size=(5.6, 3.4)) as (figure, axes):
+        plot, kept = axes[0, 0], np.arange(1, GROUPS + 1)
+        for name in record.values["order"]:
+            axis = [group["error_cm"] for group in record.series[name]]
+            left = np.sqrt(2 * np.cumsum(np.square(axis)) / kept)
+            plot.plot(100 * kept / GROUPS, left, "o-", color=COLORS[name], label=METHODS[name])
+        plot.set(xlabel="frames kept (%)", ylabel="root mean square error (cm)", yscale="log")
+        plain_log_ticks(plot.yaxis)
         legend_above(plot)
     return figure
 
