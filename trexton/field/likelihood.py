@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Basis", "Table", "TileTables", "log_prior", "rbf_kernel", "tile_blocks"]
+__all__ = ["Basis", "Table", "TileTables", "better_half", "log_prior", "rbf_kernel", "tile_blocks"]
 
 DEGREES_OF_FREEDOM = 6.0  # of the Student distribution
 # Of the prior that does not expect the vehicle where the survey was: of histograms of a floor, and
@@ -113,18 +113,26 @@ class TileTables:
         return np.stack([table.log_likelihood(tile) for tile, table in self._tiles(features)])
 
     def squared_residual(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
-        """``(N,)`` squared deviations a feature of frames ``(N, d)``, each at its cell: the mean
-        over the better half of the tiles.
-        """
-        rows = [table.squared_residual(tile, cells) for tile, table in self._tiles(features)]
-        result: np.ndarray = np.sort(rows, axis=0)[: len(rows) // 2 + 1].mean(axis=0)
-        return result
+        """``(N,)`` squared deviations a feature of frames ``(N, d)``, each at its cell."""
+        return better_half(self.squared_residuals(features, cells))
+
+    def squared_residuals(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
+        """``(C, N)``: `squared_residual`, tile by tile."""
+        return np.stack(
+            [table.squared_residual(tile, cells) for tile, table in self._tiles(features)]
+        )
 
     def _tiles(self, features: np.ndarray) -> Iterator[tuple[np.ndarray, Table]]:
         """Features of each tile in its basis, and its table."""
         tiles = np.split(features, len(self.tables), axis=-1)
         for tile, basis, table in zip(tiles, self.bases, self.tables, strict=True):
             yield tile @ basis.whiten, table
+
+
+def better_half(residuals: np.ndarray) -> np.ndarray:
+    """Mean over the better half of the tiles, which come first in ``(C, ...)`` residuals."""
+    result: np.ndarray = np.sort(residuals, axis=0)[: len(residuals) // 2 + 1].mean(axis=0)
+    return result
 
 
 def rbf_kernel(centers: np.ndarray, places: np.ndarray, length: float) -> np.ndarray:

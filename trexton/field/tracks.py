@@ -45,7 +45,8 @@ BIRTH_MASS = 0.02  # share of a frame's likelihood that a place must hold for a 
 LOG_LIKELIHOOD_RANGE = 25.0  # cells this far below the best count as none
 LOST_PROBABILITY = 0.05  # of being elsewhere, from which the vehicle is lost
 LOST_FRAMES = 3  # that support no hypothesis, after which it is lost
-NOVELTY_THRESHOLD = 2.5  # normalized residual of frames of no place of the survey: lost
+NOVELTY_THRESHOLD = 1.0  # average normalized residual at the estimate from which on it is lost
+CONFIRMED_S = 1.0  # for which frames must support a track until it is taken for the vehicle's
 INFLATION_RESIDUAL = 0.8  # normalized residual from which the correlated error is inflated
 TEMPERING = 4.0  # power of a normalized residual above 1 that flattens the likelihood of tiles
 RESIDUAL_TIME_S = 1.0  # time constant of the average normalized residual
@@ -105,6 +106,7 @@ class TrackFilter:
         self._white = errors.white_sigma**2 * np.eye(2)
         self._rounding = cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         self._residual_gain = 1 - np.exp(-period_s / RESIDUAL_TIME_S)
+        self._confirming = int(np.ceil(CONFIRMED_S / period_s))
         self._independent_s = errors.independent_s(period_s)
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
@@ -114,6 +116,7 @@ class TrackFilter:
         """Forget where the vehicle was."""
         self.hypotheses.clear()
         self._unsupported = 0  # frames on end that did not support the best hypothesis
+        self._supported = 0  # frames that did, since it was last in doubt
         self._residual = 0.5  # average of the latest frames, see `Field.normalized_residual`
         self._bias: np.ndarray | None = None  # m/s
 
@@ -130,15 +133,15 @@ class TrackFilter:
         if observation is None:
             hypotheses.predict()
             return
-        log_posterior = self.measurement.log_posterior(observation)
+        by_frame = log_posterior = self.measurement.log_posterior(observation)
         residual = self.measurement.normalized_residual(observation, log_posterior)
+        before = self._predicted()
         if len(self.measurement.offsets) > 1:  # tiles that show a rug, say, place it nowhere
             log_posterior = log_posterior / max(1.0, residual) ** TEMPERING
         peak = log_posterior.max()
         kept = np.flatnonzero(log_posterior > peak - LOG_LIKELIHOOD_RANGE)
         cells, shares = self.measurement.centers[kept], np.exp(log_posterior[kept] - peak)
         shares /= shares.sum()
-        self._residual += (min(residual, RESIDUAL_LIMIT) - self._residual) * self._residual_gain
         measured = observation.aiding.velocity
         sigma = observation.aiding.velocity_sigma or self.options.velocity_sigma
         velocity = None if measured is None else self._gated(measured, sigma)
@@ -161,10 +164,42 @@ class TrackFilter:
             return
         if hypotheses.prune(log_weights) != 0:
             self._unsupported = 0
+        self._judge(observation, by_frame, before)
         if velocity is not None and hypotheses.biased[0]:
             self._bias = hypotheses.states[0, -2:].copy()
         elif measured is not None and velocity is None:
             self._bias = measured - hypotheses.states[0, 2:4]
+
+    def _predicted(self) -> np.ndarray | None:
+        """``(2,)`` where the best hypothesis expects the vehicle."""
+        if not len(self.hypotheses):
+            return None
+        best = self.hypotheses.states[0]
+        place: np.ndarray = best[:2] + self._period_s * best[2:4]
+        return place
+
+    def _judge(
+        self, observation: Observation, log_posterior: np.ndarray, before: np.ndarray | None
+    ) -> None:
+        """How well the frame fits at the estimate, and for how long frames have supported it."""
+        best = self.hypotheses.states[0, :2]
+        offset = self.measurement.centers - best
+        near = np.hypot(*offset.T) < self.hypotheses.radius
+        here = np.where(near, log_posterior, -np.inf) if near.any() else log_posterior
+        residual = min(self.measurement.normalized_residual(observation, here), RESIDUAL_LIMIT)
+        self._residual += (residual - self._residual) * self._residual_gain
+        jumped = before is None or np.hypot(*(best - before)) > 2 * self.hypotheses.radius
+        self._supported = 0 if jumped or self._doubtful() else self._supported + 1
+
+    def _doubtful(self) -> bool:
+        """Whether other hypotheses may be right, or the frames are unlike the survey there."""
+        states, weights = self.hypotheses.states, self.hypotheses.weights
+        elsewhere = np.hypot(*(states[:, :2] - states[0, :2]).T) > 2 * self.hypotheses.radius
+        return bool(
+            weights[elsewhere].sum() > LOST_PROBABILITY
+            or self._unsupported >= LOST_FRAMES
+            or self._residual > NOVELTY_THRESHOLD
+        )
 
     def _gated(self, measured: np.ndarray, sigma: float) -> np.ndarray | None:
         """A velocity that this vehicle may have, biased or not; None beyond the gate."""
@@ -265,12 +300,7 @@ class TrackFilter:
         unfamiliar = max(1.0, min(self._residual, NOVELTY_THRESHOLD) / INFLATION_RESIDUAL)
         inflation = self.measurement.correlated_inflation(states[:1, :2]) * unfamiliar**4
         joint[:2, :2] += (inflation - 1) * hypotheses.error_variance
-        elsewhere = np.hypot(offset[:, 0], offset[:, 1]) > 2 * hypotheses.radius
-        lost = bool(
-            weights[elsewhere].sum() > LOST_PROBABILITY
-            or self._unsupported >= LOST_FRAMES
-            or self._residual > NOVELTY_THRESHOLD
-        )
+        lost = self._doubtful() or self._supported < self._confirming
         position, velocity = states[0, :2].copy(), states[0, 2:].copy()
         return Estimate(
             position,

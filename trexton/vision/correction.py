@@ -1,0 +1,143 @@
+"""A frame as it would look under another light, from another heading and height: the correction, and
+how far a frame turned and scaled since the one before.
+
+A state has `STATES` numbers: log gains of brightness, warmth and tint, the heading in radians, the
+log of the height, each relative to what is wanted.
+"""
+
+from __future__ import annotations
+
+from math import isqrt
+
+import cv2
+import numpy as np
+
+from trexton.vision.patches import gather_patches, position_grid
+
+__all__ = ["HEADING", "HEIGHT", "STATES", "Turn", "corrected_frame", "corrected_patches"]
+
+HEADING, HEIGHT, STATES = 3, 4, 5  # in a state, after the gains; and how many numbers it has
+# Log gains of blue, green and red by brightness, warmth and tint.
+GAINS = np.array([[1.0, -1.0, -0.5], [1.0, 0.0, 1.0], [1.0, 1.0, -0.5]])
+CHROMA_OFFSET = np.array([0, 128, 128], np.float32)
+WIDTH = 160  # pixels of the small frames between which points are followed
+POINTS, MIN_POINTS = 60, 12  # of a frame; of those that must agree
+MIN_SHARE = 0.5  # of the points
+
+
+def _yuv_from_bgr() -> np.ndarray:
+    unit = cv2.cvtColor(np.eye(3, dtype=np.float32)[None], cv2.COLOR_BGR2YUV)[0]
+    return np.asarray(unit.T - [[0.0], [0.5], [0.5]], dtype=float)
+
+
+_YUV = _yuv_from_bgr()
+_BGR = np.linalg.inv(_YUV)
+
+
+def _colors(state: np.ndarray) -> np.ndarray:
+    """``(3, 3)`` matrix that takes the light's gains out of Y, U - 128, V - 128."""
+    return (_YUV * np.exp(-GAINS @ state[:3])) @ _BGR
+
+
+def _affine(shape: tuple[int, ...], state: np.ndarray) -> np.ndarray:
+    """``(2, 3)``: pixels (x, y) of the frame from those it would have as surveyed."""
+    cosine, sine = np.cos(state[HEADING]), np.sin(state[HEADING])
+    turn = np.exp(-state[HEIGHT]) * np.array([[cosine, -sine], [sine, cosine]])
+    middle = np.array([shape[1] - 1, shape[0] - 1]) / 2
+    return np.column_stack([turn, middle - turn @ middle])
+
+
+def _recolored(pixels: np.ndarray, state: np.ndarray) -> np.ndarray:
+    """``(..., 3) uint8`` pixels without the light of a state."""
+    if not state[:HEADING].any():
+        return pixels
+    matrix = _colors(state).astype(np.float32)
+    offset = CHROMA_OFFSET - matrix @ CHROMA_OFFSET
+    flat = cv2.transform(pixels.reshape(-1, 1, 3), np.column_stack([matrix, offset]))
+    return flat.reshape(pixels.shape)
+
+
+def _of_tile(state: np.ndarray, level: float) -> np.ndarray:
+    """The state of a tile that is so much brighter."""
+    return state + np.r_[level, np.zeros(STATES - 1)]
+
+
+def corrected_patches(
+    frame: np.ndarray, positions: np.ndarray, patch: int, state: np.ndarray, levels: np.ndarray
+) -> np.ndarray:
+    """``(N, P, P, 3) uint8`` patches at ``(N, 2)`` positions of the frame as it would look as
+    surveyed; what lies outside is mirrored at its border. The brightness of the tiles is given by
+    `levels` ``(C,)``, see `AppearanceFilter`.
+    """
+    if not state[HEADING:].any():
+        taken = gather_patches(frame, positions, patch)
+    else:
+        inside = np.indices((patch, patch)).reshape(2, -1).T
+        pixels = (positions[:, None] + inside)[..., ::-1].reshape(-1, 2)
+        matrix = _affine(frame.shape, state)
+        where = (pixels @ matrix[:, :2].T + matrix[:, 2]).astype(np.float32)
+        x, y = (np.ascontiguousarray(each).reshape(len(positions), -1) for each in where.T)
+        taken = cv2.remap(frame, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
+        taken = taken.reshape(len(positions), patch, patch, 3)
+    if not levels.any():
+        return _recolored(taken, state)
+    side = isqrt(len(levels))
+    row, column = (positions * side // position_grid(frame.shape, patch)).T
+    result = np.empty_like(taken)
+    for tile, level in enumerate(levels):
+        own = row * side + column == tile
+        result[own] = _recolored(taken[own], _of_tile(state, level))
+    return result
+
+
+def corrected_frame(frame: np.ndarray, state: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """``(H, W, 3) uint8``: the frame as it would look as surveyed; see `corrected_patches`."""
+    if state[HEADING:].any():
+        frame = cv2.warpAffine(
+            frame,
+            _affine(frame.shape, state),
+            frame.shape[1::-1],
+            flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
+            borderMode=cv2.BORDER_REFLECT,
+        )
+    if not levels.any():
+        return _recolored(frame, state)
+    side = isqrt(len(levels))
+    rows = [
+        np.hstack([_recolored(np.ascontiguousarray(part), _of_tile(state, level))
+                   for part, level in zip(np.array_split(band, side, axis=1), own, strict=True)])
+        for band, own in zip(np.array_split(frame, side), levels.reshape(side, side), strict=True)
+    ]  # fmt: skip
+    return np.vstack(rows)
+
+
+class Turn:
+    """How far each frame turned and grew since the one before, by points that are followed."""
+
+    def __init__(self) -> None:
+        self._last: np.ndarray | None = None
+
+    def step(self, frame: np.ndarray) -> np.ndarray:
+        """``(2,)``: radians and log of the height, which add to those of a state; zeros where the
+        frames do not show it.
+        """
+        scale = min(1.0, WIDTH / frame.shape[1])
+        size = round(frame.shape[1] * scale), round(frame.shape[0] * scale)
+        small = cv2.resize(np.ascontiguousarray(frame[..., 0]), size, interpolation=cv2.INTER_AREA)
+        last, self._last = self._last, small
+        if last is None:
+            return np.zeros(2)
+        points = cv2.goodFeaturesToTrack(last, POINTS, 0.01, 5)
+        if points is None or len(points) < MIN_POINTS:
+            return np.zeros(2)
+        seen, status, _ = cv2.calcOpticalFlowPyrLK(last, small, points, None)
+        kept = status.ravel() == 1
+        if kept.sum() < MIN_POINTS:
+            return np.zeros(2)
+        matrix, inliers = cv2.estimateAffinePartial2D(
+            points[kept], seen[kept], ransacReprojThreshold=1.0
+        )
+        if matrix is None or inliers.sum() < max(MIN_POINTS, MIN_SHARE * len(points)):
+            return np.zeros(2)
+        moved = complex(matrix[0, 0], matrix[1, 0])
+        return np.array([np.angle(moved), -np.log(abs(moved))])
