@@ -13,7 +13,8 @@ method (Discussion).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import isqrt
 from statistics import NormalDist
 from typing import Self
 
@@ -22,6 +23,7 @@ import numpy as np
 from trexton.base.options import option
 from trexton.field.field import Field
 from trexton.field.likelihood import TileTables, better_half
+from trexton.flights.aiding import Aiding
 from trexton.localization.base import Part, learned
 from trexton.localization.estimate import Estimate
 from trexton.localization.texton_map import TextonMap
@@ -30,7 +32,8 @@ from trexton.vision.correction import (
     HEADING,
     HEIGHT,
     STATES,
-    Turn,
+    FrameMotion,
+    affine,
     corrected_frame,
     corrected_patches,
 )
@@ -69,6 +72,7 @@ TILE_PENALTY = 12.0  # log evidence, of a tile that is in another light than the
 TILE_LEVELS, TILE_SIGMA = 12, 0.35  # brightnesses that are tried for tiles, and their deviation
 MIN_LEVEL = 0.12  # log gain of a tile
 FINER_LEVELS = np.array([-0.06, -0.03, 0.0, 0.03, 0.06])
+VELOCITY_SIGMA = 0.25  # m/s along an axis, of what the frames show
 HELD = 0.98  # mean resultant length of the yaw of a survey that held its heading
 LOCAL_SHARE = 0.7  # of the evidence that is sought near the last estimate
 LOST_SHARE = 0.3  # while it is lost
@@ -148,7 +152,7 @@ class AppearanceFilter:
     def reset(self) -> None:
         """As at the start: the floor is taken to look as surveyed, until frames fit no place."""
         self._choose(np.zeros(STATES))
-        self._turn = Turn()
+        self._motion, self._moved = FrameMotion(), np.zeros(4)
         self._near: np.ndarray | None = None
         self._bank: np.ndarray | None = None
         self._other = 0.0  # brightness, of the tiles that were in another light lately
@@ -181,9 +185,28 @@ class AppearanceFilter:
         needed = (GROUPS[self._factors > GATE]).any(axis=0)
         return np.where(needed & (np.abs(self.mean) >= DEADBAND), self.mean, 0)
 
+    def aid(self, frame: np.ndarray, aiding: Aiding | None) -> Aiding | None:
+        """What is known beside the next ``(H, W, 3) uint8`` frame, with the velocity that it shows
+        where no other is known.
+
+        How many metres the frame's sides are long is known by the footprints of its tiles.
+        """
+        moved = self._motion.step(frame)
+        self._moved = np.zeros(4) if moved is None else moved
+        known = Aiding() if aiding is None else aiding
+        offsets, side = self._field.offsets, isqrt(len(self._field.offsets))
+        if moved is None or side < 2 or known.velocity is not None or not self.settled:
+            return aiding
+        state = self._used
+        sides = side * np.array([offsets[1] - offsets[0], offsets[side] - offsets[0]])  # metres
+        shape = np.array(frame.shape[1::-1])
+        seen = np.linalg.solve(affine(frame.shape, state)[:, :2], moved[2:] * shape) / shape
+        velocity = -seen @ sides / self._map.period_s
+        return replace(known, velocity=velocity, velocity_sigma=VELOCITY_SIGMA)
+
     def update(self, frame: np.ndarray, yaw: float | None = None) -> None:
         """One ``(H, W, 3) uint8`` frame later; with a yaw, radians, the heading is known by it."""
-        walk, turn = WALK.copy(), self._turn.step(frame)[0] if self.options.turning else 0.0
+        walk, turn = WALK.copy(), self._moved[0] if self.options.turning else 0.0
         walk[HEADING] += TURN_SHARE * abs(turn)
         self.mean[HEADING] += turn
         covariance = self.covariance + np.diag(np.square(walk))

@@ -208,6 +208,8 @@ class Pipeline:
         self._check(frame)
         if self._odometry is not None and frame.ndim > 1:
             aiding = self._odometry.aid(frame, aiding, time)
+        if self._appearance is not None and frame.ndim > 1:
+            aiding = self._appearance.aid(self.view(frame, aiding=aiding), aiding)
         return Observation(
             None if frame.ndim == 1 else frame,
             aiding=aiding,

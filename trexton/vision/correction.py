@@ -14,7 +14,7 @@ import numpy as np
 
 from trexton.vision.patches import gather_patches, position_grid
 
-__all__ = ["HEADING", "HEIGHT", "STATES", "Turn", "corrected_frame", "corrected_patches"]
+__all__ = ["FrameMotion", "affine", "HEADING", "HEIGHT", "STATES", "corrected_frame", "corrected_patches"]
 
 HEADING, HEIGHT, STATES = 3, 4, 5  # in a state, after the gains; and how many numbers it has
 # Log gains of blue, green and red by brightness, warmth and tint.
@@ -39,7 +39,7 @@ def _colors(state: np.ndarray) -> np.ndarray:
     return (_YUV * np.exp(-GAINS @ state[:3])) @ _BGR
 
 
-def _affine(shape: tuple[int, ...], state: np.ndarray) -> np.ndarray:
+def affine(shape: tuple[int, ...], state: np.ndarray) -> np.ndarray:
     """``(2, 3)``: pixels (x, y) of the frame from those it would have as surveyed."""
     cosine, sine = np.cos(state[HEADING]), np.sin(state[HEADING])
     turn = np.exp(-state[HEIGHT]) * np.array([[cosine, -sine], [sine, cosine]])
@@ -74,7 +74,7 @@ def corrected_patches(
     else:
         inside = np.indices((patch, patch)).reshape(2, -1).T
         pixels = (positions[:, None] + inside)[..., ::-1].reshape(-1, 2)
-        matrix = _affine(frame.shape, state)
+        matrix = affine(frame.shape, state)
         where = (pixels @ matrix[:, :2].T + matrix[:, 2]).astype(np.float32)
         x, y = (np.ascontiguousarray(each).reshape(len(positions), -1) for each in where.T)
         taken = cv2.remap(frame, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REFLECT)
@@ -95,7 +95,7 @@ def corrected_frame(frame: np.ndarray, state: np.ndarray, levels: np.ndarray) ->
     if state[HEADING:].any():
         frame = cv2.warpAffine(
             frame,
-            _affine(frame.shape, state),
+            affine(frame.shape, state),
             frame.shape[1::-1],
             flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REFLECT,
@@ -111,14 +111,15 @@ def corrected_frame(frame: np.ndarray, state: np.ndarray, levels: np.ndarray) ->
     return np.vstack(rows)
 
 
-class Turn:
-    """How far each frame turned and grew since the one before, by points that are followed."""
+class FrameMotion:
+    """How each frame moved since the one before, by points that are followed."""
 
     def __init__(self) -> None:
         self._last: np.ndarray | None = None
 
-    def step(self, frame: np.ndarray) -> np.ndarray:
-        """``(2,)``: radians and log of the height, which add to those of a state; zeros where the
+    def step(self, frame: np.ndarray) -> np.ndarray | None:
+        """``(4,)``: radians and log of the height, which add to those of a state, and how far what
+        the middle shows moved to the right and down, as shares of the frame's sides; None where the
         frames do not show it.
         """
         scale = min(1.0, WIDTH / frame.shape[1])
@@ -126,18 +127,19 @@ class Turn:
         small = cv2.resize(np.ascontiguousarray(frame[..., 0]), size, interpolation=cv2.INTER_AREA)
         last, self._last = self._last, small
         if last is None:
-            return np.zeros(2)
+            return None
         points = cv2.goodFeaturesToTrack(last, POINTS, 0.01, 5)
         if points is None or len(points) < MIN_POINTS:
-            return np.zeros(2)
+            return None
         seen, status, _ = cv2.calcOpticalFlowPyrLK(last, small, points, None)
         kept = status.ravel() == 1
         if kept.sum() < MIN_POINTS:
-            return np.zeros(2)
+            return None
         matrix, inliers = cv2.estimateAffinePartial2D(
             points[kept], seen[kept], ransacReprojThreshold=1.0
         )
         if matrix is None or inliers.sum() < max(MIN_POINTS, MIN_SHARE * len(points)):
-            return np.zeros(2)
-        moved = complex(matrix[0, 0], matrix[1, 0])
-        return np.array([np.angle(moved), -np.log(abs(moved))])
+            return None
+        moved, middle = complex(matrix[0, 0], matrix[1, 0]), (np.array(size) - 1) / 2
+        shift = (matrix[:, :2] @ middle + matrix[:, 2] - middle) / size
+        return np.array([np.angle(moved), -np.log(abs(moved)), *shift])
