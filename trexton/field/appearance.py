@@ -62,11 +62,11 @@ SEARCH_FRAMES = 8  # over which the evidence of states from the prior is summed
 SEARCH_STATES = 192
 SEARCH_KEPT, SEARCH_CHILDREN = 12, 3  # states that go on from frame to frame, and beside each
 SEARCH_PENALTY = 10.0  # log evidence, of each group that is not as it was last
-MISFIT = 1.0  # average normalized residual of corrected frames from which on they fit no place
+MISFIT = 1.25  # average normalized residual of corrected frames from which on they fit no place
 RESIDUAL_GAIN = 0.3  # of that average, a frame
 SETTLED_EVERY = 3  # frames between updates while frames fit well
 UNFAMILIAR = 0.9  # average normalized residual up to which they do
-LOST_FRAMES = 40  # on end, after which all is searched anew
+LOST_FRAMES = 25  # on end, after which all is searched anew
 TILE_MISFIT = 1.8  # normalized residual of a tile from which on it may lie in another light
 TILE_PENALTY = 12.0  # log evidence, of a tile that is in another light than the frame
 TILE_LEVELS, TILE_SIGMA = 12, 0.35  # brightnesses that are tried for tiles, and their deviation
@@ -74,8 +74,7 @@ MIN_LEVEL = 0.12  # log gain of a tile
 FINER_LEVELS = np.array([-0.06, -0.03, 0.0, 0.03, 0.06])
 VELOCITY_SIGMA = 0.25  # m/s along an axis, of what the frames show
 HELD = 0.98  # mean resultant length of the yaw of a survey that held its heading
-LOCAL_SHARE = 0.7  # of the evidence that is sought near the last estimate
-LOST_SHARE = 0.3  # while it is lost
+LOCAL_SHARE = 0.5  # of the evidence that is sought near the last estimate
 LOCAL_SIGMA = 0.15  # metres that are added to its deviation
 
 
@@ -134,8 +133,6 @@ class AppearanceFilter:
         Brightness of each tile of the image beside that of the frame, a log gain.
     settled : bool
         Whether a state was chosen: while frames fit no place, none is.
-    jumped : bool
-        Whether places of earlier frames are worth nothing.
     """
 
     def __init__(self, options: Tracked, texton_map: TextonMap, rng: np.random.Generator):
@@ -156,7 +153,7 @@ class AppearanceFilter:
         self._near: np.ndarray | None = None
         self._bank: np.ndarray | None = None
         self._other = 0.0  # brightness, of the tiles that were in another light lately
-        self.jumped, self._lost = False, 0
+        self._lost = 0
 
     def locate(self, estimate: Estimate) -> None:
         """Tell where the last frame was taken: the next is sought there first."""
@@ -165,8 +162,7 @@ class AppearanceFilter:
         precision = np.linalg.inv(estimate.covariance + LOCAL_SIGMA**2 * np.eye(2))
         density = np.exp(-0.5 * np.einsum("ni,ij,nj->n", offset, precision, offset))
         share = density / max(float(density.mean()), 1e-300)
-        local = LOCAL_SHARE if not estimate.lost else LOST_SHARE
-        self._near = np.log(local * share + 1 - local)
+        self._near = np.log(LOCAL_SHARE * share + 1 - LOCAL_SHARE)
 
     @property
     def settled(self) -> bool:
@@ -212,7 +208,7 @@ class AppearanceFilter:
         covariance = self.covariance + np.diag(np.square(walk))
         wide = np.maximum(1, np.sqrt(np.diag(covariance)) / self._most)
         self.covariance = covariance / np.outer(wide, wide)
-        self.jumped, self._active = False, self._free
+        self._active = self._free
         if yaw is not None and self.options.turning and np.isfinite(self.options.survey_yaw):
             heading = np.arctan2(*(f(yaw - self.options.survey_yaw) for f in (np.sin, np.cos)))
             self.mean[HEADING], self._active = heading, np.delete(self._free, HEADING)
@@ -260,7 +256,7 @@ class AppearanceFilter:
         best = np.argsort(-self._scores, kind="stable")[:SEARCH_KEPT]
         residual = self._residual + RESIDUAL_GAIN * (float(residuals[best[0]].mean()) - self._residual)
         self._choose(bank[best[0]].copy())
-        self.jumped, self._residual = True, residual
+        self._residual = residual
         parents = np.tile(bank[best], (SEARCH_CHILDREN + 1, 1))
         children = self._rng.standard_normal(parents.shape) * START_SIGMA
         children[:SEARCH_KEPT] = 0
@@ -269,7 +265,7 @@ class AppearanceFilter:
         self._bank = parents + shrink * children
         self._scores = np.tile(self._scores[best], SEARCH_CHILDREN + 1)
         if not self._left:
-            if residual < UNFAMILIAR:
+            if residual < MISFIT:
                 self._bank = None
             else:
                 self._search()
@@ -351,9 +347,7 @@ class AppearanceFilter:
     @property
     def _prior(self) -> np.ndarray:
         """``(M,)`` log prior of the cells, near the last estimate while there is one."""
-        near = self._near is not None and self.settled
-        prior: np.ndarray = self._field.prior + self._near if near else self._field.prior
-        return prior
+        return self._field.prior if self._near is None else self._field.prior + self._near
 
     def _evidence(self, frame: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """``(S,)`` log evidence of the frame as each of the ``(S, 5)`` states corrects it, and the

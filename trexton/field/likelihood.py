@@ -12,6 +12,7 @@ import numpy as np
 __all__ = ["Basis", "Table", "TileTables", "better_half", "log_prior", "rbf_kernel", "tile_blocks"]
 
 DEGREES_OF_FREEDOM = 6.0  # of the Student distribution
+CLUTTER_SHARE = 0.02  # of tiles, that show what the survey did not
 # Of the prior that does not expect the vehicle where the survey was: of histograms of a floor, and
 # of other senses, such as radio, which change slowly over the area.
 UNIFORM_SHARE, WIDE_UNIFORM_SHARE = 0.1, 0.5
@@ -92,10 +93,13 @@ class TileTables:
     bases : sequence of Basis
         Of each tile's features.
     tables : sequence of Table
+    anywhere : sequence of Table
+        Of a place of which nothing is known.
     """
 
     bases: Sequence[Basis]
     tables: Sequence[Table]
+    anywhere: Sequence[Table]
 
     @classmethod
     def of(
@@ -106,11 +110,27 @@ class TileTables:
             Table.of(mean @ basis.whiten, variance, basis.strength)
             for mean, basis in zip(means, bases, strict=True)
         ]
-        return cls(bases, tables)
+        unknown = [
+            Table.of(np.zeros((1, len(basis.strength))), np.ones(1), basis.strength)
+            for basis in bases
+        ]
+        return cls(bases, tables, unknown)
 
     def log_likelihoods(self, features: np.ndarray) -> np.ndarray:
-        """``(C, ..., M)``, tile by tile, for features ``(..., d)``."""
-        return np.stack([table.log_likelihood(tile) for tile, table in self._tiles(features)])
+        """``(C, ..., M)``, tile by tile, for features ``(..., d)``.
+
+        A tile of several may show what was not there: a mixture at every cell.
+        """
+        known = [table.log_likelihood(tile) for tile, table in self._tiles(features)]
+        if len(known) == 1:
+            return np.stack(known)
+        mixed = [
+            np.logaddexp(log_likelihood, table.log_likelihood(tile) + np.log(CLUTTER_SHARE))
+            for log_likelihood, (tile, _), table in zip(
+                known, self._tiles(features), self.anywhere, strict=True
+            )
+        ]
+        return np.stack(mixed)
 
     def squared_residual(self, features: np.ndarray, cells: np.ndarray) -> np.ndarray:
         """``(N,)`` squared deviations a feature of frames ``(N, d)``, each at its cell."""

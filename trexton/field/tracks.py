@@ -136,7 +136,9 @@ class TrackFilter:
         by_frame = log_posterior = self.measurement.log_posterior(observation)
         residual = self.measurement.normalized_residual(observation, log_posterior)
         before = self._predicted()
-        if len(self.measurement.offsets) > 1:  # tiles that show a rug, say, place it nowhere
+        if not observation.familiar:
+            log_posterior = np.zeros_like(log_posterior)
+        elif len(self.measurement.offsets) > 1:  # tiles that show a rug, say, place it nowhere
             log_posterior = log_posterior / max(1.0, residual) ** TEMPERING
         peak = log_posterior.max()
         kept = np.flatnonzero(log_posterior > peak - LOG_LIKELIHOOD_RANGE)

@@ -44,6 +44,7 @@ class Observation:
         self.frame, self.time, self.samples = frame, time, samples
         self.aiding = Aiding() if aiding is None else aiding
         self._count, self._search = histogram, neighbors
+        self.familiar = True  # False: it fits no place as the floor looks now, and measures none
 
     @cached_property
     def histogram(self) -> np.ndarray:

@@ -171,6 +171,9 @@ class Pipeline:
         """As `step`, with an observation that was made by `observation`."""
         if observation is None and self._odometry is not None:
             self._odometry.missed()
+        if self._appearance is not None and observation is not None:
+            observation.histogram  # noqa: B018  the appearance looks at the frame first
+            observation.familiar = self._appearance.settled
         self.filter.step(observation)
         self._mark("filter")
         estimate = self.filter.estimate()
@@ -267,8 +270,6 @@ class Pipeline:
         if self._appearance is not None:
             yaw = None if aiding is None or "view" in self.parts else aiding.yaw
             self._appearance.update(frame, yaw)
-            if self._appearance.jumped:
-                self.filter.reset()
             frame = self._appearance.corrected(frame)
         if self.samples is None:
             histogram = texton_histogram(frame, dictionary, cells=cells)
