@@ -14,7 +14,7 @@ export TREXTON_DATA ?= $(abspath ../shared/data)
 endif
 
 .DEFAULT_GOAL := help
-.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench verify full lab lock crate sbom audit clean
+.PHONY: help env book quick prose browser test check coverage test-slow fuzz mutation bench verify full lab lock crate sbom audit clean rooms
 
 help:  ## this list
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -95,6 +95,12 @@ full: env  ## the long sweeps of data/sweeps, coarse to fine, landings, aiding a
 	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only density \
 	  --out results/full --set floors=10
 	cp results/full/sim-survey/density.json data/reference/density.json
+	$(MAKE) rooms
+
+rooms: env  ## every method in rooms that change, ten floors for a minute each, result to data/reference
+	$(BIN)/trexton run data/flights/sim-survey --test-flight data/flights/sim-waypoints --only rooms \
+	  --out results/full --set floors=10 survey=800 frames=750
+	cp results/full/sim-survey/rooms.json data/reference/rooms.json
 
 lab: env  ## open the notebooks in JupyterLab
 	@$(BIN)/jupyter lab notebooks

@@ -1,13 +1,17 @@
-"""A floor is divided into squares on which densities are held. Offers their centres (`grid_cells`)
-and values between them (`bilinear`)."""
+"""A floor is divided into squares on which densities are held. Offers their centres (`grid_cells`),
+values between them (`bilinear`), and where most of a likelihood lies (`peaks`)."""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from trexton.localization.base import Area
 
-__all__ = ["bilinear", "grid_cells"]
+__all__ = ["bilinear", "grid_cells", "peaks"]
+
+PEAKS, PEAK_MASS = 2, 0.02  # at most; and the share of a likelihood that one must hold
 
 
 def grid_cells(area: Area, cells: int) -> tuple[np.ndarray, tuple[int, int]]:
@@ -35,3 +39,23 @@ def bilinear(grid: np.ndarray, area: np.ndarray, places: np.ndarray) -> np.ndarr
     result: np.ndarray = (1 - u) * ((1 - v) * grid[i, j] + v * grid[i, j + 1])
     result += u * ((1 - v) * grid[i + 1, j] + v * grid[i + 1, j + 1])
     return result
+
+
+def peaks(
+    cells: np.ndarray, shares: np.ndarray, radius: float
+) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+    """Means ``(2,)``, covariances ``(2, 2)`` and shares of the likeliest places, of a likelihood
+    `shares` ``(M,)`` over `cells` ``(M, 2)``, each of what lies within `radius` metres.
+    """
+    left = shares.copy()
+    for _ in range(PEAKS):
+        best = int(left.argmax())
+        near = np.hypot(*(cells - cells[best]).T) < radius
+        mass = float(left[near].sum())
+        if mass < PEAK_MASS:
+            break
+        part = left[near] / mass
+        left[near] = 0
+        mean = part @ cells[near]
+        offset = cells[near] - mean
+        yield mean, (offset.T * part) @ offset, mass

@@ -14,7 +14,7 @@ some hypotheses estimate that bias.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -23,6 +23,7 @@ import numpy as np
 from trexton.base.errors import ParameterError
 from trexton.base.options import option
 from trexton.field.field import Field
+from trexton.field.grid import peaks
 from trexton.field.hypotheses import (
     BIAS_SIGMA,
     CLUTTER_PROBABILITY,
@@ -41,12 +42,13 @@ __all__ = ["TrackFilter", "Tracks"]
 OUTLIER_TIME_S = 0.2  # correlation time of outliers, with velocity aiding
 VELOCITY_GATE_SIGMA = 5.0  # innovation gate for velocity aiding
 BIRTH_PROBABILITY = 1e-3  # a frame, that the vehicle is where no hypothesis is
-BIRTH_MASS = 0.02  # share of a frame's likelihood that a place must hold for a birth
 LOG_LIKELIHOOD_RANGE = 25.0  # cells this far below the best count as none
 LOST_PROBABILITY = 0.05  # of being elsewhere, from which the vehicle is lost
 LOST_FRAMES = 3  # that support no hypothesis, after which it is lost
-NOVELTY_THRESHOLD = 1.0  # average normalized residual at the estimate from which on it is lost
-CONFIRMED_S = 1.0  # for which frames must support a track until it is taken for the vehicle's
+# Average normalized residual from which on it is lost: of whole images at their best place, of
+# tiles, which tell more, at the estimate.
+NOVELTY_THRESHOLD, TILE_NOVELTY_THRESHOLD = 2.5, 1.0
+CONFIRMED_S = 1.0  # for which tiles must support a track until it is taken for the vehicle's
 INFLATION_RESIDUAL = 0.8  # normalized residual from which the correlated error is inflated
 TEMPERING = 4.0  # power of a normalized residual above 1 that flattens the likelihood of tiles
 RESIDUAL_TIME_S = 1.0  # time constant of the average normalized residual
@@ -106,7 +108,9 @@ class TrackFilter:
         self._white = errors.white_sigma**2 * np.eye(2)
         self._rounding = cell**2 / 12 * np.eye(2)  # a cell is a square, not a point
         self._residual_gain = 1 - np.exp(-period_s / RESIDUAL_TIME_S)
-        self._confirming = int(np.ceil(CONFIRMED_S / period_s))
+        self._tiles = len(measurement.offsets) > 1
+        self._novelty = TILE_NOVELTY_THRESHOLD if self._tiles else NOVELTY_THRESHOLD
+        self._confirming = int(np.ceil(CONFIRMED_S / period_s)) if self._tiles else 0
         self._independent_s = errors.independent_s(period_s)
         x_min, x_max, y_min, y_max = area
         self._log_area = np.log((x_max - x_min) * (y_max - y_min))
@@ -138,7 +142,7 @@ class TrackFilter:
         before = self._predicted()
         if not observation.familiar:
             log_posterior = np.zeros_like(log_posterior)
-        elif len(self.measurement.offsets) > 1:  # tiles that show a rug, say, place it nowhere
+        elif self._tiles:  # tiles that show a rug, say, place it nowhere
             log_posterior = log_posterior / max(1.0, residual) ** TEMPERING
         peak = log_posterior.max()
         kept = np.flatnonzero(log_posterior > peak - LOG_LIKELIHOOD_RANGE)
@@ -156,7 +160,8 @@ class TrackFilter:
         evidence, supported = self._update_frame(cells, shares)
         log_weights = np.log(hypotheses.weights) + self._log_chance(evidence, velocity is not None)
         masses = []
-        for mean, covariance, mass in self._peaks(cells, shares):
+        for mean, covariance, mass in peaks(cells, shares, 2 * hypotheses.radius):
+            covariance = covariance + self._rounding + self._white
             far = np.hypot(*(supported - mean).T) >= hypotheses.radius
             if far.all():
                 hypotheses.give_birth(mean, covariance)
@@ -185,10 +190,11 @@ class TrackFilter:
     ) -> None:
         """How well the frame fits at the estimate, and for how long frames have supported it."""
         best = self.hypotheses.states[0, :2]
-        offset = self.measurement.centers - best
-        near = np.hypot(*offset.T) < self.hypotheses.radius
-        here = np.where(near, log_posterior, -np.inf) if near.any() else log_posterior
-        residual = min(self.measurement.normalized_residual(observation, here), RESIDUAL_LIMIT)
+        near = np.hypot(*(self.measurement.centers - best).T) < self.hypotheses.radius
+        if self._tiles and near.any():
+            log_posterior = np.where(near, log_posterior, -np.inf)
+        residual = self.measurement.normalized_residual(observation, log_posterior)
+        residual = min(residual, RESIDUAL_LIMIT)
         self._residual += (residual - self._residual) * self._residual_gain
         jumped = before is None or np.hypot(*(best - before)) > 2 * self.hypotheses.radius
         self._supported = 0 if jumped or self._doubtful() else self._supported + 1
@@ -200,7 +206,7 @@ class TrackFilter:
         return bool(
             weights[elsewhere].sum() > LOST_PROBABILITY
             or self._unsupported >= LOST_FRAMES
-            or self._residual > NOVELTY_THRESHOLD
+            or self._residual > self._novelty
         )
 
     def _gated(self, measured: np.ndarray, sigma: float) -> np.ndarray | None:
@@ -264,23 +270,6 @@ class TrackFilter:
         total = (1 - outlier) * evidence + as_outlier
         hypotheses.outliers = as_outlier / total
         return np.log(total)
-
-    def _peaks(
-        self, cells: np.ndarray, shares: np.ndarray
-    ) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
-        """Means, covariances and shares of the two likeliest places of the frame."""
-        left = shares.copy()
-        for _ in range(2):
-            best = int(left.argmax())
-            near = np.hypot(*(cells - cells[best]).T) < 2 * self.hypotheses.radius
-            mass = float(left[near].sum())
-            if mass < BIRTH_MASS:
-                break
-            part = left[near] / mass
-            left[near] = 0
-            mean = part @ cells[near]
-            offset = cells[near] - mean
-            yield mean, (offset.T * part) @ offset + self._rounding + self._white, mass
 
     def estimate(self) -> Estimate:
         """Position of the best hypothesis, and the covariance of all about it, inflated where the

@@ -1,5 +1,5 @@
-"""A frame as it would look under another light, from another heading and height: the correction, and
-how far a frame turned and scaled since the one before.
+"""A frame as it would look under another light, from another heading and height, and how far a
+frame moved since the one before.
 
 A state has `STATES` numbers: log gains of brightness, warmth and tint, the heading in radians, the
 log of the height, each relative to what is wanted.
@@ -14,7 +14,15 @@ import numpy as np
 
 from trexton.vision.patches import gather_patches, position_grid
 
-__all__ = ["FrameMotion", "affine", "HEADING", "HEIGHT", "STATES", "corrected_frame", "corrected_patches"]
+__all__ = [
+    "FrameMotion",
+    "affine",
+    "HEADING",
+    "HEIGHT",
+    "STATES",
+    "corrected_frame",
+    "corrected_patches",
+]
 
 HEADING, HEIGHT, STATES = 3, 4, 5  # in a state, after the gains; and how many numbers it has
 # Log gains of blue, green and red by brightness, warmth and tint.
@@ -131,7 +139,9 @@ class FrameMotion:
         points = cv2.goodFeaturesToTrack(last, POINTS, 0.01, 5)
         if points is None or len(points) < MIN_POINTS:
             return None
-        seen, status, _ = cv2.calcOpticalFlowPyrLK(last, small, points, None)
+        seen, status, _ = cv2.calcOpticalFlowPyrLK(  # type: ignore[call-overload]  # OpenCV makes the points
+            last, small, points, None
+        )
         kept = status.ravel() == 1
         if kept.sum() < MIN_POINTS:
             return None

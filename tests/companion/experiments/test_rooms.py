@@ -1,0 +1,59 @@
+"""Rooms that change: one path under every change, and a record whose numbers are those shown."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from onboard_tools import colourful_flight
+
+from trexton.base.errors import ParameterError
+from trexton.companion.experiments import rooms
+from trexton.companion.wording import distance
+from trexton.simulator import Floor
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    return colourful_flight(tmp_path_factory.mktemp("rooms") / "flight")
+
+
+@pytest.fixture(scope="module")
+def record(flight):
+    return rooms.run(flight, flight, rooms.Parameters(survey=120, frames=10))
+
+
+def test_every_change_is_flown_by_every_method(record):
+    changes = record.values["changes"]
+    assert set(changes) == set(rooms.CHANGES)
+    for found in changes.values():
+        assert set(found) == {*rooms.METHODS, rooms.NEIGHBORS}
+        for each in found.values():
+            assert 0 < each["error_cm"]["low"] <= each["error_cm"]["high"]
+            assert 0 <= each["wrong"] <= 1 - each["lost"] <= 1
+
+
+def test_finding_tables_and_figure_say_what_the_record_holds(record):
+    still = record.values["changes"]["none"]["field"]["error_cm"]
+    assert distance(still) in rooms.finding(record)
+    assert rooms.table(record)["field"][0] == distance(still)
+    assert len(rooms.honesty(record)) == len(rooms.CHANGES)
+    line = rooms.errors(record).axes[0].containers[list(rooms.STROKES).index("field")][0]
+    assert still["value"] in np.asarray(line.get_xdata(), float)
+
+
+def test_a_shadow_and_a_rug_change_their_part_of_the_floor_only():
+    floor = Floor.painted("hall", 3)
+    before = floor.picture.image.astype(int)
+    shaded = rooms.changed_floor(floor, rooms.CHANGES["shadow"]).picture.image
+    half = before.shape[1] // 2
+    np.testing.assert_array_equal(shaded[:, half:], before[:, half:])
+    np.testing.assert_allclose(shaded[:, :half], rooms.SHADE * before[:, :half], atol=1)
+    laid = (rooms.changed_floor(floor, rooms.CHANGES["rug"]).picture.image != before).any(axis=2)
+    assert laid.mean() == pytest.approx(rooms.RUG_SHARE, abs=0.01)
+
+
+def test_a_flight_without_a_floor_is_told_so(flight):
+    with pytest.raises(ParameterError, match="no picture of its floor or no camera"):
+        rooms.run(replace(flight, camera=None), flight, rooms.Parameters())

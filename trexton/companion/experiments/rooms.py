@@ -1,0 +1,309 @@
+"""Rooms that change: one path over a floor as it was surveyed, and as it looks later.
+
+The light is another, half of the floor lies in shadow, the vehicle turns, flies higher, sends fewer
+frames, or a rug was laid. Every method flies the same frames with a map of the same survey. What
+counts is the error, and whether a method that is wrong calls itself lost. The paper names light,
+heading and height as limits (Discussion).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from trexton.base.files import scratch_folder
+from trexton.base.records import Record
+from trexton.base.streams import stream
+from trexton.companion.experiments.declaration import SURVEYED, Experiment, option
+from trexton.companion.experiments.floors import FloorParameters, mean_over_floors
+from trexton.companion.experiments.style import (
+    COLORS,
+    canvas,
+    label_rows,
+    legend_above,
+    with_intervals,
+)
+from trexton.companion.experiments.track import Track, fly
+from trexton.companion.wording import distance, percent
+from trexton.evaluation.metrics import euclidean
+from trexton.flights.aiding import Aiding
+from trexton.flights.flight import Flight
+from trexton.localization.localizer import Localizer
+from trexton.localization.training import for_method, train_map
+from trexton.simulator import (
+    Effects,
+    Floor,
+    Light,
+    Plan,
+    Simulator,
+    random_waypoints,
+    record_flight,
+)
+from trexton.simulator.vehicle import VehicleState
+from trexton.vision.camera import Camera, MapImage
+
+FIRST_FLOOR = 1300  # seed of the first painted floor; no setting was chosen on these
+METHODS = ("paper", "guarded", "field", "fine")
+NEIGHBORS = "neighbours"  # the mean of the paper's neighbours, without its filter
+WRONG_M = 0.3
+SHADE, RUG_SHARE, RUG_TILE = 0.65, 0.1, 0.05  # gain, share of the floor, metres
+SPEED = 0.6  # metres a second
+
+
+class _Turning(Simulator):
+    """A vehicle that flies at another heading than the survey."""
+
+    heading = 0.0
+
+    @property
+    def state(self) -> VehicleState:
+        state = super().state
+        return replace(state, attitude=state.attitude + np.array([0.0, 0.0, self.heading]))
+
+
+@dataclass(frozen=True)
+class Change:
+    """What is other than at the survey."""
+
+    words: str
+    light: Light = field(default_factory=Light)
+    shadow: bool = False
+    rug: bool = False
+    turn_deg: float = 0.0  # over the whole flight
+    yaw: bool = False  # whether the heading comes with the frames
+    height: float = 1.0  # over that of the survey
+    rate: float = 1.0  # of frames, over that of the survey
+
+
+CHANGES = {
+    "none": Change("as surveyed"),
+    "dim": Change("10 % dimmer", Light(gain=0.9)),
+    "warm": Change("20 % dimmer and warmer", Light(gain=0.8, warmth=0.05)),
+    "cold": Change("20 % brighter and colder", Light(gain=1.2, warmth=-0.05)),
+    "shadow": Change("half of the floor in shadow", shadow=True),
+    "turn": Change("turned slowly by 90 degrees", turn_deg=90),
+    "yaw": Change("the same, its yaw given", turn_deg=90, yaw=True),
+    "high": Change("20 % higher", height=1.2),
+    "slow": Change("5 frames a second", rate=0.4),
+    "rug": Change("a rug over a tenth of the floor", rug=True),
+}
+
+
+@dataclass(frozen=True)
+class Parameters(FloorParameters):
+    """What can be chosen."""
+
+    survey: int = option(400, "frames of the survey", low=100)
+    frames: int = option(40, "of every flight", low=10)
+
+
+class _Flown(NamedTuple):
+    """Of each frame of one flight by one method: metres, whether it said that it was lost, and
+    whether the region that should hold 90 % held the truth.
+    """
+
+    errors: np.ndarray
+    lost: np.ndarray
+    held: np.ndarray
+
+
+def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
+    """Fly one path over each floor under one change after another.
+
+    Parameters
+    ----------
+    train, test : Flight
+        `train` lends its floor, camera and height, unless there are floors to paint. Of `test`
+        nothing is used.
+
+    Raises
+    ------
+    ParameterError
+        The flight has no floor or camera to lend.
+    """
+    floors = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
+    rng = stream(parameters.seed, "intervals")
+
+    def summary(change: str, method: str) -> dict[str, Any]:
+        flown = [over[change][method] for over in floors]
+        errors = np.stack([each.errors for each in flown])
+        lost = np.stack([each.lost for each in flown])
+        return {
+            "error_cm": mean_over_floors(100 * errors, rng),
+            "wrong": float(((errors > WRONG_M) & ~lost).mean()),
+            "lost": float(lost.mean()),
+            "held": float(np.mean([each.held for each in flown])),
+        }
+
+    changes = {
+        change: {method: summary(change, method) for method in floors[0][change]}
+        for change in CHANGES
+    }
+    values = {"changes": changes, "floors": len(floors), "frames": parameters.frames}
+    return parameters.record(train, values=values)
+
+
+def _over(
+    parameters: Parameters, seed: int, floor: Floor, camera: Camera, height: float
+) -> dict[str, dict[str, _Flown]]:
+    """By change and method, what was flown over one floor."""
+    with scratch_folder("rooms") as folder:
+        survey = record_flight(
+            folder / "survey", frames=parameters.survey, seed=seed, floor=floor, camera=camera,
+            height=height,
+        )  # fmt: skip
+        base = train_map(survey, rng=stream(seed, "map"))
+        maps = {
+            method: for_method(base, method, flight=survey, rng=stream(seed, f"map {method}"))
+            for method in METHODS
+        }
+    found: dict[str, dict[str, _Flown]] = {}
+    for name, change in CHANGES.items():
+        frames, truth, aiding = _flight(parameters.frames, seed, floor, camera, height, change)
+        found[name] = {}
+        for method, texton_map in maps.items():
+            localizer = Localizer(texton_map, rng=stream(seed, "flight"))
+            track = fly(localizer, frames, aiding=aiding)
+            found[name][method] = _of(track, truth)
+            if method == "paper":
+                nearest = euclidean(track.knn, truth)
+                never = np.zeros(len(truth), dtype=bool)
+                found[name][NEIGHBORS] = _Flown(nearest, never, never)
+    return found
+
+
+def _of(track: Track, truth: np.ndarray) -> _Flown:
+    return _Flown(track.errors(truth), track.lost, track.held(truth))
+
+
+def _flight(
+    count: int, seed: int, floor: Floor, camera: Camera, height: float, change: Change
+) -> tuple[list[np.ndarray], np.ndarray, list[Aiding]]:
+    """Frames, ``(N, 2)`` positions and aiding of the path that all changes of a floor share."""
+    plan_rng, simulator_rng = stream(seed, "later").spawn(2)
+    plan = Plan(random_waypoints(floor.area, plan_rng))
+    simulator = _Turning(
+        changed_floor(floor, change), camera=camera, effects=Effects().without("jpeg"),
+        light=change.light, start=plan.start, height=height * change.height, speed=SPEED,
+        rng=simulator_rng,
+    )  # fmt: skip
+    kept = np.unique((np.arange(count) / change.rate).astype(int))
+    frames, places, aiding = [], [], []
+    for number in range(kept[-1] + 1):
+        simulator.heading = np.radians(change.turn_deg) * number / kept[-1]
+        simulator.step(plan.goal(simulator.vehicle.state.position))
+        if number in kept:
+            frames.append(simulator.render())
+            places.append(simulator.state.position[:2])
+            yaw = float(simulator.state.attitude[2]) if change.yaw else None
+            aiding.append(Aiding(yaw=yaw))
+    return frames, np.array(places), aiding
+
+
+def changed_floor(floor: Floor, change: Change) -> Floor:
+    """The floor with a shadow over its left half, or with a rug of squares."""
+    picture, image = floor.picture, floor.picture.image.copy()
+    rows, columns = image.shape[:2]
+    if change.shadow:
+        image[:, : columns // 2] = (SHADE * image[:, : columns // 2]).astype(np.uint8)
+    if change.rug:
+        side = int(np.sqrt(RUG_SHARE * rows * columns))
+        metres = float(np.ptp(picture.corners[:, 0])) * side / columns
+        squares = max(2, round(metres / RUG_TILE))
+        drawn = np.random.default_rng(4).integers(0, 255, (squares, squares, 3)).astype(np.uint8)
+        top, left = rows // 3, 2 * columns // 5
+        rug = cv2.resize(drawn, (side, side), interpolation=cv2.INTER_NEAREST)
+        image[top : top + side, left : left + side] = rug[: rows - top, : columns - left]
+    return Floor(MapImage(image, picture.world_from_pixel, picture.mask))
+
+
+def worst(record: Record, method: str, key: str) -> tuple[str, float]:
+    """The change under which a share of a method is largest, and that share."""
+    shares = {name: each[method][key] for name, each in record.values["changes"].items()}
+    name = max(shares, key=lambda each: shares[each])
+    return name, shares[name]
+
+
+def finding(record: Record) -> str:
+    """What the experiment found, in three sentences."""
+    changes = record.values["changes"]
+
+    def ratio(name: str) -> float:
+        return float(
+            changes[name]["field"]["error_cm"]["value"]
+            / changes["none"]["field"]["error_cm"]["value"]
+        )
+
+    others = {name: ratio(name) for name in CHANGES if name != "none"}
+    name = max(others, key=lambda each: others[each])
+    still = changes["none"]["field"]["error_cm"]
+    wrong, share = worst(record, "field", "wrong")
+    return (
+        f"As surveyed the mean error of method field is {distance(still)}. "
+        f"It grows most with this change: {CHANGES[name].words}, to {others[name]:.1f} times. "
+        f"At most {percent(share)} of its frames are wrong by more than 30 cm and not called lost "
+        f"({CHANGES[wrong].words})."
+    )
+
+
+STROKES: Mapping[str, tuple[str, str]] = {
+    NEIGHBORS: ("o", COLORS["truth"]),
+    "paper": ("o", COLORS["paper"]),
+    "guarded": ("s", COLORS["paper"]),
+    "field": ("o", COLORS["field"]),
+    "fine": ("D", COLORS["field"]),
+}
+
+
+def errors(record: Record) -> Figure:
+    """Mean error of each method with its interval, a row for each change."""
+    with canvas(size=(7.2, 4.6)) as (figure, axes):
+        plot, rows = axes[0, 0], np.arange(len(CHANGES))
+        for place, (method, (mark, color)) in enumerate(STROKES.items()):
+            each = [record.values["changes"][name][method]["error_cm"] for name in CHANGES]
+            with_intervals(
+                plot, rows + 0.14 * (place - 2), each, across=True, fmt=mark, color=color,
+                markersize=4, label=method, markerfacecolor="white" if mark != "o" else color,
+            )  # fmt: skip
+        label_rows(plot, [change.words for change in CHANGES.values()], "mean error (cm)")
+        plot.set_xscale("log")
+        legend_above(plot, len(STROKES))
+    return figure
+
+
+def table(record: Record) -> pd.DataFrame:
+    """Mean error of each method with its interval, a row for each change."""
+    return pd.DataFrame(
+        [
+            {"change": CHANGES[name].words}
+            | {method: distance(each[method]["error_cm"]) for method in STROKES}
+            for name, each in record.values["changes"].items()
+        ]
+    )
+
+
+def honesty(record: Record) -> pd.DataFrame:
+    """Frames that are wrong and not called lost, lost ones, and what regions hold."""
+    keys = {"wrong": "wrong, not lost", "lost": "lost", "held": "90 % region holds"}
+    return pd.DataFrame(
+        [
+            {"change": CHANGES[name].words}
+            | {
+                f"{method}: {words}": percent(each[method][key])
+                for method in ("guarded", "field", "fine")
+                for key, words in keys.items()
+                if method != "guarded" or key != "held"
+            }
+            for name, each in record.values["changes"].items()
+        ]
+    )
+
+
+EXPERIMENT = Experiment("Rooms that change", Parameters, run, finding, needs=SURVEYED, cost_s=120)

@@ -1,0 +1,313 @@
+"""How the floor looks in flight: under another light, in shadow, from another heading or height
+than when it was surveyed. A filter follows this appearance and takes it out of each frame
+before it is counted.
+
+The state is small: log gains of the light (brightness, warmth, tint), the heading and the log of
+the height, relative to the survey's. A few states are tried on patches of the frame. Each is
+weighted by the evidence of the field: the likelihood of the corrected histogram, summed over the
+floor. Their moments are the next state (assumed density filtering by importance sampling). Tiles of
+the image that lie in a shadow have a brightness of their own. While frames fit no place, states
+from all over the prior compete for a few frames. The paper names light and heading as limits of its
+method (Discussion).
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import isqrt
+from statistics import NormalDist
+
+import numpy as np
+
+from trexton.field.evidence import FrameEvidence
+from trexton.field.likelihood import better_half
+from trexton.flights.aiding import Aiding
+from trexton.localization.estimate import Estimate
+from trexton.localization.texton_map import TextonMap
+from trexton.vision.correction import (
+    HEADING,
+    HEIGHT,
+    STATES,
+    FrameMotion,
+    affine,
+    corrected_frame,
+)
+
+__all__ = ["AppearanceFilter"]
+
+PRIOR_SIGMA = np.array([0.25, 0.04, 0.04, 0.0, 0.1])  # about the survey; of any heading
+START_SIGMA = np.array([0.08, 0.02, 0.02, 0.1, 0.04])  # about a state that was just chosen
+FOLLOW_SIGMA = np.array([0.03, 0.01, 0.01, 0.03, 0.02])  # at most, while it is followed
+MIN_SIGMA = np.array([0.006, 0.002, 0.002, 0.004, 0.004])  # what the patches of a frame can tell
+WALK = np.array([0.006, 0.002, 0.002, 0.003, 0.004])  # a frame; of the heading beyond what is seen
+TURN_SHARE = 0.1  # of a turn, by which that is seen too small or too large
+GROUPS = np.array([[1, 1, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1]], dtype=bool)
+GATE = np.array([20.0, 0.0, 30.0])  # log Bayes factors against the survey's, from which on each
+# group is taken out: a turn that is seen needs no other witness
+CHOSEN_FACTOR = 40.0  # of a state that was just chosen
+FACTOR_LIMITS = (-6.0, 120.0)
+GATE_MEMORY = 0.92  # of that factor, an update
+RETURN = np.array(
+    [0.8, 0.8, 0.8, 0.98, 0.8]
+)  # a step back to the survey of a group for which nothing speaks
+DEADBAND = np.array([0.04, 0.015, 0.015, 0.1, 0.06])  # below, a frame is taken as it is
+EVIDENCE_SHARE = 0.25  # of a frame: its neighbours err alike
+WIDENED = 1.3  # proposals, over the state's own deviation
+SEARCH_FRAMES = 8  # over which the evidence of states from the prior is summed
+SEARCH_STATES = 192
+SEARCH_KEPT, SEARCH_CHILDREN = 12, 3  # states that go on from frame to frame, and beside each
+SEARCH_PENALTY = 10.0  # log evidence, of each group that is not as it was last
+MISFIT = 1.25  # average normalized residual of corrected frames from which on they fit no place
+RESIDUAL_GAIN = 0.3  # of that average, a frame
+SETTLED_EVERY = 3  # frames between updates while frames fit well
+UNFAMILIAR = 0.9  # average normalized residual up to which they do
+LOST_FRAMES = 25  # on end, after which all is searched anew
+TILE_MISFIT = 1.8  # normalized residual of a tile from which on it may lie in another light
+TILE_PENALTY = 12.0  # log evidence, of a tile that is in another light than the frame
+TILE_LEVELS, TILE_SIGMA = 12, 0.35  # brightnesses that are tried for tiles, and their deviation
+MIN_LEVEL = 0.12  # log gain of a tile
+FINER_LEVELS = np.array([-0.06, -0.03, 0.0, 0.03, 0.06])
+VELOCITY_SIGMA = 0.25  # m/s along an axis, of what the frames show
+
+
+class AppearanceFilter:
+    """`Tracked` in flight.
+
+    Attributes
+    ----------
+    mean : (5,) array
+        Brightness, warmth, tint (log gains), heading (radians), log height.
+    covariance : (5, 5) array
+    levels : (C,) array
+        Brightness of each tile of the image beside that of the frame, a log gain.
+    settled : bool
+        Whether a state was chosen: while frames fit no place, none is.
+    """
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    levels: np.ndarray
+    _factors: np.ndarray  # log Bayes factors of the groups
+    _most: np.ndarray  # deviations at most
+    _wait: int  # frames until the next update
+
+    def __init__(
+        self,
+        texton_map: TextonMap,
+        rng: np.random.Generator,
+        trials: int,
+        patches: int,
+        *,
+        turning: bool,
+        yaw: float,
+    ):
+        self._turning, self._survey_yaw, self._rng = turning, yaw, rng
+        self._period_s = texton_map.period_s
+        self._evidence = FrameEvidence(texton_map, patches, rng)
+        self._offsets = texton_map.parts["measurement"].offsets
+        drawn = self._rng.standard_normal((trials, STATES))
+        drawn -= drawn.mean(axis=0)
+        root = np.linalg.cholesky(np.cov(drawn.T))
+        self._proposals = np.vstack([0 * drawn[:1], drawn @ np.linalg.inv(root).T])
+        self._free = np.arange(STATES if turning else HEADING)
+        self.reset()
+
+    def reset(self) -> None:
+        """As at the start: the floor is taken to look as surveyed, until frames fit no place."""
+        self._choose(np.zeros(STATES))
+        self._motion, self._moved = FrameMotion(), np.zeros(4)
+        self._evidence.near(None)
+        self._bank: np.ndarray | None = None
+        self._other = 0.0  # brightness, of the tiles that were in another light lately
+        self._lost = 0
+
+    def locate(self, estimate: Estimate) -> None:
+        """Tell where the last frame was taken: the next is sought there first."""
+        self._lost = self._lost + 1 if estimate.lost else 0
+        self._evidence.near(estimate)
+
+    @property
+    def settled(self) -> bool:
+        return self._bank is None
+
+    def corrected(self, frame: np.ndarray) -> np.ndarray:
+        """``(H, W, 3) uint8``: a frame as it would look as surveyed; itself where it does."""
+        state = self._used
+        if state.any() or self.levels.any():
+            return corrected_frame(frame, state, self.levels)
+        return frame
+
+    @property
+    def _used(self) -> np.ndarray:
+        """``(5,)``: the state, as surveyed where the evidence asks for nothing else."""
+        needed = (GROUPS[self._factors > GATE]).any(axis=0)
+        return np.where(needed & (np.abs(self.mean) >= DEADBAND), self.mean, 0)
+
+    def aid(self, frame: np.ndarray, aiding: Aiding | None) -> Aiding | None:
+        """What is known beside the next ``(H, W, 3) uint8`` frame, with the velocity that it shows
+        where no other is known.
+
+        How many metres the frame's sides are long is known by the footprints of its tiles.
+        """
+        moved = self._motion.step(frame)
+        self._moved = np.zeros(4) if moved is None else moved
+        known = Aiding() if aiding is None else aiding
+        offsets, side = self._offsets, isqrt(len(self._offsets))
+        if moved is None or side < 2 or known.velocity is not None or not self.settled:
+            return aiding
+        state = self._used
+        sides = side * np.array([offsets[1] - offsets[0], offsets[side] - offsets[0]])  # metres
+        shape = np.array(frame.shape[1::-1])
+        seen = np.linalg.solve(affine(frame.shape, state)[:, :2], moved[2:] * shape) / shape
+        velocity = -seen @ sides / self._period_s
+        return replace(known, velocity=velocity, velocity_sigma=VELOCITY_SIGMA)
+
+    def update(self, frame: np.ndarray, yaw: float | None = None) -> None:
+        """One ``(H, W, 3) uint8`` frame later; with a yaw, radians, the heading is known by it."""
+        walk, turn = WALK.copy(), self._moved[0] if self._turning else 0.0
+        walk[HEADING] += TURN_SHARE * abs(turn)
+        self.mean[HEADING] += turn
+        covariance = self.covariance + np.diag(np.square(walk))
+        wide = np.maximum(1, np.sqrt(np.diag(covariance)) / self._most)
+        self.covariance = covariance / np.outer(wide, wide)
+        self._active = self._free
+        if yaw is not None and np.isfinite(self._survey_yaw):
+            heading = np.arctan2(*(f(yaw - self._survey_yaw) for f in (np.sin, np.cos)))
+            self.mean[HEADING], self._active = heading, np.delete(self._free, HEADING)
+            self._factors[1] = np.inf
+            if self._bank is not None:
+                self._bank[:, HEADING] = heading
+        if self._bank is not None:
+            self._bank[:, HEADING] += turn
+            self._select(frame, self._bank)
+        elif self._wait:
+            self._wait -= 1
+        else:
+            self._follow(frame)
+
+    def _choose(self, state: np.ndarray) -> None:
+        self.mean, self.covariance = state, np.diag(np.square(START_SIGMA))
+        self.levels = np.zeros(len(self._offsets))
+        self._factors = np.where((GROUPS & (state != 0)).any(axis=1), CHOSEN_FACTOR, 0.0)
+        self._wait, self._residual = 0, 0.5
+        self._most = START_SIGMA
+
+    def _search(self) -> None:
+        """Begin anew with states of the prior, the last one and that of the survey among them."""
+        count = SEARCH_STATES
+        self._bank = bank = np.tile(self.mean, (count, 1))
+        drawn = self._rng.standard_normal((count, STATES)) * PRIOR_SIGMA
+        drawn[:, 0] = PRIOR_SIGMA[0] * _strata(count, self._rng)
+        kind = np.arange(count) % 4
+        bank[kind < 3, :HEADING] = drawn[kind < 3, :HEADING]
+        if self._turning:
+            around = np.pi * (2 * (np.arange(count) + self._rng.uniform()) / count - 1)
+            bank[:, HEADING] = np.where(kind > 1, self._rng.permutation(around), self.mean[HEADING])
+            bank[::5, HEIGHT] = drawn[::5, HEIGHT]
+        bank[0], bank[1] = self.mean, 0
+        self._scores = -SEARCH_PENALTY * (GROUPS @ (bank != self.mean).T).sum(axis=0)
+        self._scores[:2] = 0
+        self._left, self._lost = SEARCH_FRAMES, 0
+
+    def _select(self, frame: np.ndarray, bank: np.ndarray) -> None:
+        """Sum up the evidence of the states of a search, the best of which go on with some beside
+        them; the best of all is the state meanwhile.
+        """
+        evidence, residuals = self._evidence(frame, bank, self.levels)
+        self._scores += evidence
+        self._left -= 1
+        best = np.argsort(-self._scores, kind="stable")[:SEARCH_KEPT]
+        residual = self._residual + RESIDUAL_GAIN * (
+            float(residuals[best[0]].mean()) - self._residual
+        )
+        self._choose(bank[best[0]].copy())
+        self._residual = residual
+        parents = np.tile(bank[best], (SEARCH_CHILDREN + 1, 1))
+        children = self._rng.standard_normal(parents.shape) * START_SIGMA
+        children[:SEARCH_KEPT] = 0
+        children[:, HEADING:][parents[:, HEADING:] == 0] = 0  # those of the survey are kept exactly
+        shrink = (self._left + 1) / SEARCH_FRAMES
+        self._bank = parents + shrink * children
+        self._scores = np.tile(self._scores[best], SEARCH_CHILDREN + 1)
+        if not self._left:
+            if residual < MISFIT:
+                self._bank = None
+            else:
+                self._search()
+
+    def _follow(self, frame: np.ndarray) -> None:
+        """Moments of states about the last one, weighted by their evidence."""
+        active = self._active
+        root = np.linalg.cholesky(self.covariance[np.ix_(active, active)])
+        states = np.tile(self.mean, (len(self._proposals), 1))
+        states[:, active] += WIDENED * self._proposals[:, active] @ root.T
+        without = np.where(GROUPS, 0, self.mean)
+        evidence, residuals = self._evidence(frame, np.vstack([states, without]), self.levels)
+        gained = evidence[0] - evidence[len(states) :]
+        self._factors = np.clip(GATE_MEMORY * self._factors + gained, *FACTOR_LIMITS)
+        evidence, residuals = evidence[: len(states)], residuals[: len(states)]
+        tiles = residuals[evidence.argmax()]
+        if len(tiles) > 1 and tiles.max() > TILE_MISFIT:
+            self._set_levels(frame)
+        residual = float(better_half(tiles))
+        self._residual += RESIDUAL_GAIN * (residual - self._residual)
+        if self._lost >= LOST_FRAMES or self._residual > MISFIT:
+            self._search()
+        elif residual < 1:  # else it shows something new, a rug say, and nothing of the light
+            self._moments(states, evidence)
+            back = GROUPS[self._factors < 0].any(axis=0)
+            self.mean[back] *= RETURN[back]
+            self._most = FOLLOW_SIGMA
+            self._wait = SETTLED_EVERY - 1 if self._residual < UNFAMILIAR else 0
+
+    def _moments(self, states: np.ndarray, evidence: np.ndarray) -> None:
+        """Take the moments of `states` ``(S, 5)``, weighted by their log evidence ``(S,)``."""
+        squared = np.square(self._proposals[:, self._active]).sum(axis=1)
+        log_weights = EVIDENCE_SHARE * evidence - 0.5 * (WIDENED**2 - 1) * squared
+        weights = np.exp(log_weights - log_weights.max())
+        weights /= weights.sum()
+        self.mean = weights @ states
+        offset = states - self.mean
+        self.covariance = (offset * weights[:, None]).T @ offset + np.diag(np.square(MIN_SIGMA))
+        self.mean[HEADING] = (self.mean[HEADING] + np.pi) % (2 * np.pi) - np.pi
+
+    def _set_levels(self, frame: np.ndarray) -> None:
+        """The likeliest brightness of each tile, at the likeliest place near the last one.
+
+        Once most of the tiles are in another light, it is that of the frame.
+        """
+        drawn = TILE_SIGMA * _strata(TILE_LEVELS, self._rng) - self.mean[0]
+        usual = np.r_[0.0, self._other - self.mean[0], -self.mean[0], self.levels]
+        levels = np.r_[usual, drawn]
+        penalty = np.where(levels == 0, 0, TILE_PENALTY)
+        coarse = self._likeliest(frame, levels, np.tile(penalty, (len(self.levels), 1)))
+        for spacing in (1.0, 0.5):
+            finer = (coarse[:, None] + spacing * FINER_LEVELS).ravel()
+            own = np.repeat(np.eye(len(coarse), dtype=bool), len(FINER_LEVELS), axis=1)
+            coarse = self._likeliest(frame, finer, np.where(own, 0, np.inf))
+        coarse[np.abs(coarse) < MIN_LEVEL] = 0
+        middle = float(np.median(coarse))
+        if abs(middle) > MIN_LEVEL:
+            self._other = float(self.mean[0])
+            self.mean[0] += middle
+            coarse = coarse - middle
+            coarse[np.abs(coarse) < MIN_LEVEL] = 0
+            self._factors[0] = CHOSEN_FACTOR
+        elif coarse.any():
+            self._other = float(self.mean[0] + coarse[np.abs(coarse).argmax()])
+        self.levels = coarse
+
+    def _likeliest(
+        self, frame: np.ndarray, levels: np.ndarray, penalties: np.ndarray
+    ) -> np.ndarray:
+        """``(C,)``: of `levels` ``(S,)`` the one of each tile, given its ``(C, S)`` penalties."""
+        states = np.tile(self.mean, (len(levels), 1))
+        states[:, 0] += levels
+        chosen: np.ndarray = levels[self._evidence.best_of_tiles(frame, states, penalties)]
+        return chosen
+
+
+def _strata(count: int, rng: np.random.Generator) -> np.ndarray:
+    """``(count,)`` draws of a normal distribution, one from each part of equal probability."""
+    shares = (np.arange(count) + rng.uniform()) / max(count, 1)
+    return np.array([NormalDist().inv_cdf(each) for each in shares.clip(1e-3, 1 - 1e-3).tolist()])
