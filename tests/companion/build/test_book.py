@@ -338,8 +338,8 @@ def test_every_page_offers_the_notebooks_records_and_figures_of_its_experiments(
 
 def test_old_addresses_lead_to_the_pages_that_took_their_place(results, tmp_path):
     pairs, outcomes, folder = results
-    outcomes = [*outcomes, Outcome("small", "light", "ran")]
-    (folder / "small" / "light.ipynb").write_text(
+    outcomes = [*outcomes, Outcome("small", "rooms", "ran")]
+    (folder / "small" / "rooms.ipynb").write_text(
         (folder / "small" / "mocap_training.ipynb").read_text()
     )
     html = tmp_path / "html"
@@ -350,7 +350,7 @@ def test_old_addresses_lead_to_the_pages_that_took_their_place(results, tmp_path
     for old, new in (
         ("data", "your_flight.html"),
         ("sim-survey/mocap_training", "../mocap_training.html#mocap-training"),
-        ("cyberzoo/light", "../rooms.html#light"),
+        ("cyberzoo/light", "../rooms.html"),
     ):
         assert f'content="0; url={new}"' in (html / f"{old}.html").read_text()
     assert not (html / "cyberzoo" / "mosaic.html").exists()  # which this book has not

@@ -46,7 +46,7 @@ def test_a_notebook_that_is_no_text_is_named(tmp_path):
 
 def test_a_result_kept_with_the_code_that_a_notebook_shows_goes_into_it():
     notebooks = find_notebooks(None, EXPERIMENTS)
-    assert notebooks["heading"].kept.keys() == {"heading.json", "heading-60.json"}
+    assert notebooks["density"].kept.keys() == {"density.json"}
     assert notebooks["suitability"].kept.keys() == {"sweep-suitability.json"}
     assert not notebooks["mocap_training"].kept
     inputs = notebooks["fine"].inputs({}, {})
