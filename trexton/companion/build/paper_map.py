@@ -19,7 +19,7 @@ from trexton.flights.registry import flight_title
 __all__ = ["Item", "load_map", "map_table"]
 
 
-_PROSE = {"method": "The method", "ambiguities": "What is open", "run_again": "The data"}
+_PROSE = {"method": "The method", "ambiguities": "What is open", "run_again": "Run it again"}
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,8 @@ def _named(claim: Claim, value: str, several: bool) -> str:
     """A number, with the claim's name (and its words, to be pointed at) where others stand beside
     it.
     """
-    name = f'<abbr title="{escape(claim.text)}">{claim.id.replace("-", " ")}</abbr>'
+    words = claim.label or claim.id.replace("-", " ")
+    name = f'<abbr title="{escape(claim.text)}">{escape(words)}</abbr>'
     return f"{name} {value}" if several else value
 
 

@@ -50,6 +50,7 @@ class Claim(Options):
     needs: str = option("", "what a flight must have for the test; where it lacks that, the reason")
     by_construction: str = option("", "why it holds whatever was measured, where it does")
     reason: str = option("", "why it cannot be tested here, where it cannot")
+    label: str = option("", "what its number is, where its name does not say it")
 
     def __post_init__(self) -> None:
         try:
