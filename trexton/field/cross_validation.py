@@ -10,6 +10,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import cKDTree
 
+from trexton.base.progress import say
 from trexton.field.blocks import Block, blocks_in_space, blocks_in_time
 from trexton.field.error_model import ErrorModel, error_terms
 from trexton.field.features import Features
@@ -102,7 +103,11 @@ def select_features(
         whole = Tiles(np.zeros((1, 2)))
         return cross_validate(places, values - values.mean(axis=0), time, area, whole, False)[2]
 
-    return candidates[0] if len(candidates) == 1 else min(candidates, key=error)
+    if len(candidates) == 1:
+        return candidates[0]
+    best = min(candidates, key=error)
+    say(f"features are taken {'as they are' if best is candidates[0] else 'along principal axes'}")
+    return best
 
 
 @dataclass(frozen=True, eq=False)

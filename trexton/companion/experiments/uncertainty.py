@@ -102,9 +102,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
 def _runs(
     train: Flight, test: Flight, parameters: Parameters
 ) -> Iterator[tuple[str, TextonMap, list[Track]]]:
-    """Each method, its map and its runs over the test flight, all with the same histogram of each
-    frame.
-    """
+    """Each method, its map and its runs, all with the same histogram of each test frame."""
     for name, label in METHODS.items():
         method = method_map(train, parameters, name)
         histograms = drawn_histograms(test, method, parameters.samples, parameters.seed)
@@ -140,8 +138,7 @@ def _claimed(
     error = np.array([run.errors(test.position)[rows] for run in runs])
     claimed = np.sqrt(np.trace(covariance, axis1=2, axis2=3) / 2)  # deviation along an axis
     lost = np.array([run.lost[rows] for run in runs])
-    held, wrong = squared < HELD, squared > WRONG
-    far = error > FAR_M
+    held, wrong, far = squared < HELD, squared > WRONG, error > FAR_M
     pairs = far.sum() * (~far).sum()
     values = {
         "far_auc": mannwhitneyu(claimed[far], claimed[~far])[0] / pairs if pairs else None,
@@ -178,8 +175,8 @@ def _fuse(
         if row and receiver.begun:
             receiver.drive(pushes[row - 1], float(time - test.time[row - 1]))
         if not estimate.lost_in(test.area):
-            report = estimate.for_fusion(every_s)
-            ratios = receiver.fuse(float(time), report.position, np.diagonal(report.covariance))
+            sent = estimate.for_fusion(every_s)
+            ratios = receiver.fuse(float(time), sent.position, np.diagonal(sent.covariance))
             fused[3, row] = ratios.sum(axis=1)
         if receiver.begun:
             fused[0, row] = euclidean(receiver.position, test.position[row])
@@ -258,12 +255,12 @@ def error_against_claim(record: Record) -> Figure:
 
 
 def availability(record: Record) -> Figure:
-    """Error of the frames that are left where those with the widest claims are refused."""
+    """Error of the frames that are kept where those with the widest claims are refused."""
     with canvas(size=(5.6, 3.4)) as (figure, axes):
         plot, kept = axes[0, 0], np.arange(1, GROUPS + 1)
         for name in record.values["order"]:
-            axis = [group["error_cm"] for group in record.series[name]]
-            left = np.sqrt(2 * np.cumsum(np.square(axis)) / kept)
+            squared = np.square([group["error_cm"] for group in record.series[name]])
+            left = np.sqrt(2 * squared.cumsum() / kept)
             plot.plot(100 * kept / GROUPS, left, "o-", color=COLORS[name], label=METHODS[name])
         plot.set(xlabel="frames kept (%)", ylabel="root mean square error (cm)", yscale="log")
         plain_log_ticks(plot.yaxis)
