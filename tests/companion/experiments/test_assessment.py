@@ -43,6 +43,14 @@ def test_half_of_the_survey_says_whether_more_of_it_would_help(record):
         assert any("every other 5 s" in said and word in said for said in advice(other))
 
 
+def test_photographs_taken_seconds_apart_are_halved_by_longer_stretches():
+    train, test = (replace(flight, time=100 * flight.time) for flight in map(make_flight, (1, 2)))
+    slow = run(train, test, Parameters(methods="field"))
+    interval = float(np.median(np.diff(train.time)))
+    assert interval > 5 and slow.values["half"]["stretch_s"] == pytest.approx(3 * interval)
+    assert any(f"every other {3 * interval:.0f} s" in said for said in advice(slow))
+
+
 def test_a_survey_of_one_stretch_is_not_halved():
     short = run(make_flight(1, frames=60), make_flight(2), Parameters())
     assert "half" not in short.values

@@ -54,6 +54,11 @@ def limits(texton_map: TextonMap, train: Flight, test: Flight) -> dict[str, Any]
     return found
 
 
+def stretch_s(time: np.ndarray) -> float:
+    """Seconds of the stretches that halve a survey: of three frames or more."""
+    return max(STRETCH_S, 3 * float(np.median(np.diff(time))))
+
+
 def best_method(record: Record) -> tuple[str, dict[str, float]]:
     """The method of least mean error, and that error."""
     methods = record.parameters["methods"].split()
@@ -172,8 +177,8 @@ def what_next(record: Record, flight: str | None = None) -> Iterator[str]:
         whole = middle(values["errors"][half["method"]]["mean_cm"])
         helps = whole < HELPS * half["error_cm"]
         yield (
-            f"With every other {STRETCH_S:.0f} s of the survey the error of `{half['method']}` "
-            f"is {say(half['error_cm'])}, with all of it {say(whole)}: "
+            f"With every other {half.get('stretch_s', STRETCH_S):.0f} s of the survey the error of "
+            f"`{half['method']}` is {say(half['error_cm'])}, with all of it {say(whole)}: "
             f"{'lanes between these should help again' if helps else DENSE}."
         )
     if moving := values.get("odometry"):

@@ -17,11 +17,11 @@ from trexton.base.errors import ParameterError, TrextonError
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.advice import (
-    STRETCH_S,
     best_method,
     is_useful,
     lengths,
     limits,
+    stretch_s,
 )
 from trexton.companion.experiments.declaration import Experiment, MapParameters, option
 from trexton.companion.experiments.evaluation import (
@@ -83,8 +83,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     train, test : Flight
         With images, or with histograms; test frames without a position are flown and not judged.
     """
-    frames = frames_of(test)
-    known = test.located
+    frames, known = frames_of(test), test.located
     runs, timings, field_map, halves = {}, {}, None, []
     base = train_map(train, n_textons=parameters.textons, rng=stream(parameters.seed, "training"))
     located = train.select(train.located)
@@ -130,6 +129,7 @@ def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
             off = euclidean(np.array(halves)[:, known], test.position[known])
             error = 100 * float(off.mean())
             values["half"] = {"method": field_map.method, "error_cm": error}
+            values["half"]["stretch_s"] = stretch_s(field_map.time)
         if moving := _with_odometry(field_map, located, parameters):
             track = fly(moving, frames)
             timings["odometry"] = of_frames(track.step_s, "_s")
@@ -159,7 +159,7 @@ def _with_half(
     """Estimates of a map's method when trained on every other stretch of the survey, and on those
     between; none where a half is too short, or all alike.
     """
-    odd = (texton_map.time - texton_map.time[0]) // STRETCH_S % 2 == 1
+    odd = (texton_map.time - texton_map.time[0]) // stretch_s(texton_map.time) % 2 == 1
     if not FEWEST <= odd.sum() <= len(odd) - FEWEST:
         return []
     tracks = []
