@@ -270,7 +270,7 @@ def _digest(path: Path) -> str:
     except (ValueError, KeyError) as error:
         return f"damaged: {error}"
     if path.name == "times.csv":  # of a sweep: what no two runs share
-        return f"times of {data.count(b'\n')} rows"
+        return f"times of {len(data.splitlines())} rows"
     if path.suffix in (".html", ".svg"):  # may tell times and random names
         end = data.rstrip()[-7:]
         return f"{path.suffix} that ends" if end in (b"</html>", b"\n</svg>") else "cut"
