@@ -253,7 +253,7 @@ class Grave:
         }
 
 
-_HIDDEN = {".engine"}
+_HIDDEN = {".engine", ".book.stamp"}  # what was built last, times and all
 
 
 def _digest(path: Path) -> str:
