@@ -46,6 +46,9 @@ class TrainOptions(Options):
     neighbors: int | None = option(
         None, f"short for --set measurement.neighbors (default {NEIGHBORS})"
     )
+    update: str | None = option(
+        None, "a map to renew by the flight: old frames that it contradicts are replaced"
+    )
     seed: int = option(1, "of the random patches")
 
 
@@ -68,6 +71,8 @@ def run(arguments: argparse.Namespace) -> int:
     check_writable(arguments.output)
     flight = read_flight(arguments.flight).part_or_all("train")
     choices: dict[str, Any] = {**parse_choices(arguments.settings)}
+    if options.update is not None:
+        return _update(options.update, flight, options, choices, arguments.output)
     methods = [options.method] if options.method else _candidates(flight, options, choices)
     tried = []
     for method in methods:
@@ -87,6 +92,23 @@ def run(arguments: argparse.Namespace) -> int:
     ]
     why = "" if options.method else ", chosen for flying" + "".join(f" ({o})" for o in others)
     say(f"method {texton_map.method}{why}: {_verdict(assessment)}")
+    return 0
+
+
+def _update(
+    old: str, flight: Flight, options: TrainOptions, choices: dict[str, Any], output: str
+) -> int:
+    """Renew a map; its own textons, method and parts stay."""
+    from trexton.localization.map_files import load_map
+    from trexton.localization.renewal import renewed
+
+    own = TrainOptions(update=options.update, seed=options.seed)
+    if choices or options != own:
+        raise ParameterError("--update renews a map as it is: leave other options out, but --seed")
+    texton_map, replaced = renewed(load_map(old), flight, rng=stream(options.seed, "training"))
+    path = save_map(texton_map, output)
+    count = len(texton_map.positions)
+    say(f"{flight.name} replaced {replaced} frames of {old}: {count} frames became {path}")
     return 0
 
 

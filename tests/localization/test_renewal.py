@@ -1,0 +1,53 @@
+"""A map that a later flight renews."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from small_room import histogram_flight
+
+from trexton.base.errors import MapError, ParameterError
+from trexton.localization.localizer import Localizer
+from trexton.localization.renewal import renewed
+from trexton.localization.training import train_map
+
+
+def changed(flight):
+    """As if a rug lay on the left half: another texton is seen there."""
+    rug = np.where(flight.position[:, :1] < 2, np.roll(flight.histograms, 2, axis=1), 0)
+    return replace(flight, histograms=np.where(rug.any(axis=1)[:, None], rug, flight.histograms))
+
+
+@pytest.mark.parametrize("method", ["field", "paper"])
+def test_frames_of_a_changed_place_are_replaced_and_others_stay(method):
+    old = histogram_flight("old", frames=120)
+    rng = np.random.default_rng(0)
+    texton_map = train_map(old, method=method, rng=rng)
+    later = changed(histogram_flight("later", frames=120, noise=2))
+    new, replaced = renewed(texton_map, later, rng=rng)
+    kept = new.positions[: 120 - replaced]
+    assert replaced > 20 and len(new.positions) == 240 - replaced
+    assert np.mean(kept[:, 0] < 1.9) < 0.25 < np.mean(old.position[:, 0] < 1.9)
+    assert (np.diff(new.time) > 0).all()
+    test = changed(histogram_flight("test", frames=90, noise=3))
+
+    def error(which):
+        nearest = Localizer(which, rng=np.random.default_rng(1)).nearest
+        found = [nearest.query(each).position.mean(axis=0) for each in test.histograms]
+        return np.hypot(*(np.array(found) - test.position).T).mean()
+
+    assert error(new) < error(texton_map)
+
+
+def test_what_renews_nothing_is_told_so():
+    flight = histogram_flight("old")
+    texton_map = train_map(flight, rng=np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    with pytest.raises(MapError, match="no frame with a position"):
+        renewed(texton_map, replace(flight, position=np.full((60, 2), np.nan)), rng=rng)
+    with pytest.raises(MapError, match="histograms of 4 bins, the map of 5"):
+        renewed(texton_map, replace(flight, histograms=np.full((60, 4), 0.25)), rng=rng)
+    with pytest.raises(ParameterError, match="method fine holds pictures"):
+        renewed(replace(texton_map, method="fine"), flight, rng=rng)

@@ -1,0 +1,89 @@
+"""A map is renewed where a later flight saw the floor changed.
+
+Old frames whose place the flight covers, and which it contradicts, are replaced. The rest stays,
+and the parts of the method learn anew from what is left and what came.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from trexton.base.errors import MapError, ParameterError
+from trexton.flights.flight import Flight
+from trexton.localization.counting import full_histograms
+from trexton.localization.texton_map import TextonMap
+from trexton.localization.training import with_parts
+
+__all__ = ["renewed"]
+
+KEPT = ("view", "appearance", "odometry")  # roles that learned of the camera, not of the floor
+APART_S = 0.5  # between frames that are compared; nearer ones show nearly the same
+USUAL_SHARE = 0.95  # of frames of one place that differ by less than what contradicts
+GAP_S = 60.0  # by which the later flight follows the map's
+
+
+def renewed(
+    texton_map: TextonMap, flight: Flight, *, rng: np.random.Generator
+) -> tuple[TextonMap, int]:
+    """The map with the frames of a later flight, and how many old ones they replaced.
+
+    Raises
+    ------
+    ParameterError
+        The method keeps pictures of the floor, not histograms.
+    MapError
+        No frame of the flight has a position, or its histograms are others than the map's.
+    """
+    if texton_map.method == "fine":
+        raise ParameterError("a map of method fine holds pictures: train it again on both flights")
+    given = np.ma.filled(flight.position, np.nan)
+    known = np.isfinite(given).all(axis=1)
+    if not known.any():
+        raise MapError(f"flight {flight.name!r} has no frame with a position: it renews nothing")
+    later, places = flight.select(known), given[known]
+    view = texton_map.parts.get("view")
+    looked = later if view is None else view.flight(later)
+    histograms = full_histograms(looked, texton_map.dictionary, texton_map.cells)
+    if histograms.shape[1] != texton_map.histograms.shape[1]:
+        raise MapError(
+            f"flight {flight.name!r} has histograms of {histograms.shape[1]} bins, the map of "
+            f"{texton_map.histograms.shape[1]}: give a flight of the same kind"
+        )
+    old = ~contradicted(texton_map, histograms, places)
+    x, y = (
+        np.r_[ends, values]
+        for ends, values in zip(np.reshape(texton_map.area, (2, 2)), places.T, strict=True)
+    )
+    start = texton_map.time[-1] + GAP_S - later.time[0]
+    result = replace(
+        texton_map,
+        histograms=np.concatenate([texton_map.histograms[old], histograms]),
+        positions=np.concatenate([texton_map.positions[old], places]),
+        time=np.concatenate([texton_map.time[old], later.time + start]),
+        area=(float(x.min()), float(x.max()), float(y.min()), float(y.max())),
+        provenance=texton_map.provenance | {"renewed": [flight.name, flight.data_hash]},
+    )
+    parts = {role: part.untrained() for role, part in texton_map.parts.items() if role not in KEPT}
+    return with_parts(result, parts, rng=rng), int((~old).sum())
+
+
+def contradicted(texton_map: TextonMap, histograms: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """``(N,)`` whether the frame of a later flight that is nearest to each of the map's, and as
+    near as those are to each other, looks more unlike it than they do.
+    """
+    positions, time = texton_map.positions, texton_map.time
+    apart = np.hypot(*(positions[:, None] - positions).T)
+    apart[np.abs(time[:, None] - time) < APART_S] = np.inf
+    reach = float(np.median(apart.min(axis=1)))
+    own, later = (np.sqrt(np.maximum(each, 0)) for each in (texton_map.histograms, histograms))
+    unlike = cdist(own, own)
+    neighbor = apart.argmin(axis=1)
+    usual = np.quantile(unlike[np.arange(len(neighbor)), neighbor], USUAL_SHARE)
+    distance = np.hypot(*(positions[:, None] - places).transpose(2, 0, 1))
+    nearest, rows = distance.argmin(axis=1), np.arange(len(positions))
+    differs = np.linalg.norm(own - later[nearest], axis=1)
+    result: np.ndarray = (distance[rows, nearest] <= reach) & (differs > usual)
+    return result
