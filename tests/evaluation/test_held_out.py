@@ -69,7 +69,7 @@ class TestTrain:
             assert self.trained(tmp_path / "hall", tmp_path, *words).method == "paper"
 
     def test_images_and_a_camera_are_trained_for_what_errs_less(self, tmp_path, capsys):
-        colourful_flight(tmp_path / "room", frames=300)
+        colourful_flight(tmp_path / "room", frames=260)
         made = self.trained(tmp_path / "room", tmp_path)
         said = capsys.readouterr().err
         other = {"field": "fine", "fine": "field"}[made.method]

@@ -294,3 +294,13 @@ def test_states_that_bounds_leave_out_could_not_have_won(rng, width, informed, c
         assert motion.likeliest(scores, states, previous, weights) == np.argmax(scores + density)
         bounds = motion._upper_bounds(states, previous, weights)
         assert bounds is None or (bounds >= density).all()
+
+
+def test_weights_sum_to_one_and_the_mean_likelihood_is_that_of_the_particles():
+    particle_filter = make_filter([MEASUREMENT], seed=4, particles=50)
+    assert particle_filter.belief.weights.tolist() == [1 / 50] * 50
+    assert particle_filter.step(None).weights.tolist() == [1 / 50] * 50
+    belief = particle_filter.step(seen([[2.0, 2.0]]))
+    assert belief.weights.sum() == pytest.approx(1)
+    mean = np.log(np.exp(belief.log_likelihood).mean())
+    assert belief.log_mean_likelihood == pytest.approx(mean)

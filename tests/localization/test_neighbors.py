@@ -90,6 +90,8 @@ def test_bad_input_is_one_clear_error(rng):
         NearestHistograms(histograms, positions).query(np.ones(5) / 5)
     with pytest.raises(MapError, match="finite histogram"):
         NearestHistograms(histograms, positions).query(np.array([1, np.nan, 0, 0]))
+    with pytest.raises(MapError, match="finite histogram"):
+        NearestHistograms(histograms, positions).query(np.array([1, np.inf, 0, 0]))
 
 
 @pytest.mark.parametrize("excluded_s, nearest_allowed", [(0.0, 1), (0.1, 2), (0.25, 3)])

@@ -42,6 +42,15 @@ def _with_plain_steps(monkeypatch):
     yield
 
 
+def test_textons_move_on_a_grid_and_large_patches_are_summed_in_double(rng):
+    assert textons_module.GRAIN == 4096  # equal dictionaries on any machine hang on it
+    small, large = (
+        TextonDictionary(rng.integers(0, 256, (3, side, side, 3), dtype=np.uint8))
+        for side in (6, 12)
+    )
+    assert (small.weights.dtype, large.weights.dtype) == (np.float32, np.float64)
+
+
 def test_kohonen_finds_separated_clusters(rng):
     patches, which = clusters(rng)
     learned = learn_textons(patches, 4, rng=rng)

@@ -1,0 +1,97 @@
+"""The field's likelihood against its plain definitions."""
+
+import numpy as np
+import pytest
+
+from trexton.field.likelihood import (
+    DEGREES_OF_FREEDOM,
+    Basis,
+    Table,
+    TileTables,
+    log_prior,
+    rbf_kernel,
+    tile_blocks,
+)
+
+
+@pytest.fixture
+def spread(rng):
+    """Variances of a signal ``(3,)`` and covariance of its noise ``(3, 3)``."""
+    root = rng.normal(size=(3, 3))
+    return rng.uniform(0.5, 2, 3), 0.1 * root @ root.T + 0.05 * np.eye(3)
+
+
+@pytest.mark.parametrize("samples", [None, 100])
+def test_in_the_basis_noise_is_white_and_the_signal_diagonal(spread, samples):
+    signal, noise = spread
+    basis = Basis.of(signal, noise, samples)
+    counted = 0 if samples is None else 0.25 / samples
+    white = basis.whiten.T @ (noise + counted * np.eye(3)) @ basis.whiten
+    np.testing.assert_allclose(white, np.eye(3), atol=1e-9)
+    along = basis.whiten.T @ np.diag(signal) @ basis.whiten
+    np.testing.assert_allclose(along, np.diag(basis.strength), atol=1e-8)
+
+
+def test_a_noise_without_extent_is_divided_by_no_zero():
+    basis = Basis.of(np.ones(2), np.diag([1.0, 0.0]), None)
+    assert np.isfinite(basis.whiten).all() and (basis.strength >= 0).all()
+
+
+def plain(features, mean, variance, strength):
+    """Squared distance and log likelihood at every cell, one after the other."""
+    squared, found = [], []
+    for m, v in zip(mean, variance, strict=True):
+        total = 1 + v * strength
+        squared.append(sum((features - m) ** 2 / total))
+        half = (DEGREES_OF_FREEDOM + len(features)) / 2
+        bent = half * np.log(1 + squared[-1] / DEGREES_OF_FREEDOM)
+        found.append(-0.5 * np.log(total).sum() - bent)
+    return np.array(squared), np.array(found)
+
+
+def test_a_table_holds_students_distribution_at_every_cell(rng):
+    mean, variance, strength = rng.normal(size=(7, 4)), rng.uniform(0, 1, 7), rng.uniform(1, 9, 4)
+    table, features = Table.of(mean, variance, strength), rng.normal(size=(5, 4))
+    expected = [plain(each, mean, variance, strength) for each in features]
+    found = table.log_likelihood(features)
+    np.testing.assert_allclose(found, [log for _, log in expected], atol=1e-4)
+    np.testing.assert_allclose(table.log_likelihood(features[0]), found[0], atol=1e-6)
+    cells = np.array([0, 6, 3, 3, 1])
+    squared = [each[cell] / 4 for (each, _), cell in zip(expected, cells, strict=True)]
+    np.testing.assert_allclose(table.squared_residual(features, cells), squared, atol=1e-4)
+
+
+def test_tiles_have_a_distribution_each_and_the_better_half_says_what_is_familiar(rng, spread):
+    signal, noise = spread
+    bases = [Basis.of(signal * scale, noise, None) for scale in (1, 2, 3, 4)]
+    means, variance = [rng.normal(size=(6, 3)) for _ in bases], rng.uniform(0, 1, 6)
+    tables, features = TileTables.of(means, variance, bases), rng.normal(size=(2, 12))
+    found = tables.log_likelihoods(features)
+    assert found.shape == (4, 2, 6)
+    cells, squared = np.array([2, 5]), []
+    for tile, (mean, basis) in enumerate(zip(means, bases, strict=True)):
+        own = features[:, 3 * tile : 3 * tile + 3] @ basis.whiten
+        both = [plain(each, mean @ basis.whiten, variance, basis.strength) for each in own]
+        np.testing.assert_allclose(found[tile], [log for _, log in both], atol=1e-3)
+        squared.append([each[cell] / 3 for (each, _), cell in zip(both, cells, strict=True)])
+    expected = np.sort(squared, axis=0)[:3].mean(axis=0)
+    np.testing.assert_allclose(tables.squared_residual(features, cells), expected, rtol=1e-3)
+
+
+def test_radial_functions_are_a_third_of_the_length_wide():
+    kernel = rbf_kernel(np.array([[0.0, 0.0], [3.0, 4.0]]), np.array([[0.0, 0.0], [3.0, 3.0]]), 3.0)
+    np.testing.assert_allclose(kernel, np.exp([[0.0, -9.0], [-12.5, -0.5]]), rtol=1e-9)
+
+
+def test_a_tenth_of_the_prior_expects_nothing():
+    np.testing.assert_allclose(np.exp(log_prior(np.array([0.0, 1.0, 3.0]))), [0.1, 0.775, 2.125])
+    assert log_prior(np.zeros(3)).tolist() == [0, 0, 0]
+
+
+def test_the_blocks_of_tiles_lie_on_the_diagonal():
+    blocks = tile_blocks(np.arange(36).reshape(6, 6), 3)
+    assert [each.tolist() for each in blocks] == [
+        [[0, 1], [6, 7]],
+        [[14, 15], [20, 21]],
+        [[28, 29], [34, 35]],
+    ]
