@@ -26,7 +26,7 @@ CORE = {
     "evaluation/metrics": ["evaluation/test_metrics.py"],
     "localization/filters": ["localization/test_filters.py", "localization/test_recovery.py"],
     "localization/neighbors": ["localization/test_neighbors.py", "localization/test_localizer.py"],
-    "field/likelihood": ["field/test_tracks.py", "field/test_field.py"],
+    "field/likelihood": ["field/test_likelihood.py", "field/test_tracks.py"],
     "vision/textons": ["vision/test_textons.py", "vision/test_histograms.py"],
 }
 LIMIT_S = 600  # of one mutant: a loop that no longer ends counts as noticed

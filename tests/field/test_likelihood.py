@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from trexton.field.likelihood import (
+    CLUTTER_SHARE,
     DEGREES_OF_FREEDOM,
     Basis,
     Table,
@@ -72,7 +73,11 @@ def test_tiles_have_a_distribution_each_and_the_better_half_says_what_is_familia
     for tile, (mean, basis) in enumerate(zip(means, bases, strict=True)):
         own = features[:, 3 * tile : 3 * tile + 3] @ basis.whiten
         both = [plain(each, mean @ basis.whiten, variance, basis.strength) for each in own]
-        np.testing.assert_allclose(found[tile], [log for _, log in both], atol=1e-3)
+        # A mixture with what a tile shows of a place of which nothing is known.
+        new = [plain(each, np.zeros((1, 3)), [1.0], basis.strength)[1] for each in own]
+        known = [log for _, log in both]
+        mixed = np.log(np.exp(known) + CLUTTER_SHARE * np.exp(new))
+        np.testing.assert_allclose(found[tile], mixed, atol=1e-3)
         squared.append([each[cell] / 3 for (each, _), cell in zip(both, cells, strict=True)])
     expected = np.sort(squared, axis=0)[:3].mean(axis=0)
     np.testing.assert_allclose(tables.squared_residual(features, cells), expected, rtol=1e-3)
