@@ -16,9 +16,13 @@ from typing import Any
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
-from scipy.spatial.distance import cdist
+from scipy.spatial.distance import pdist
 from sklearn.ensemble import RandomForestRegressor
+from sklearn.gaussian_process import GaussianProcessRegressor
+from sklearn.gaussian_process.kernels import RBF
+from sklearn.neighbors import KNeighborsRegressor
 
+from trexton.base.defaults import SAMPLES
 from trexton.base.records import Record
 from trexton.base.streams import stream
 from trexton.companion.experiments.declaration import POSITIONS, Experiment, MapParameters, option
@@ -42,6 +46,7 @@ TIMED = 25  # frames that are timed one by one
 WORTH = 0.9  # times the error of the best baseline: at most so much is an advantage
 LABELS = {
     "paper": "the paper's filter",
+    "more": "the same, 500 particles",
     "neighbors": "weighted neighbours, smoothed",
     "gp": "Gaussian processes, smoothed",
     "forest": "random forest, smoothed",
@@ -71,18 +76,12 @@ class Parameters(MapParameters):
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
     """Train every baseline and the field on one flight, and locate the frames of another."""
-    values, errors, step_ms = compare(train, test, parameters)
+    values, _, step_ms = compare(train, test, parameters)
     values["exchanged"] = None
     if train.name == test.name:
         values["exchanged"] = compare(test, train, parameters)[0]
     values["frames"] = {"train": int(train.located.sum()), "test": len(test)}
-    return parameters.record(
-        train,
-        test,
-        values=values | {"worth": WORTH},
-        series={"errors_cm": {name: np.sort(each)[::3] for name, each in errors.items()}},
-        timings={"step_ms": step_ms},
-    )
+    return parameters.record(train, test, values=values, timings={"step_ms": step_ms})
 
 
 def compare(
@@ -113,15 +112,17 @@ def compare(
     pieces = np.split(np.arange(len(test)), gaps)
     counted = parameters.samples if test.has_images else None
     whole = seen.reshape(len(seen), field.cells**2, -1).sum(axis=1)
-    for name, texton_map in (("paper", base), ("hmm", hmm), ("field", field)):
+    maps = {"paper": base, "more": base, "hmm": hmm, "field": field}
+    for name, texton_map in maps.items():
         runs = []
-        for repeat in range(parameters.repeats if name == "paper" else 1):
-            localizer = Localizer(texton_map, rng=stream(seed, f"baselines {name}", repeat))
+        for repeat in range(parameters.repeats if texton_map is base else 1):
+            rng = stream(seed, f"baselines {name}", repeat)
+            localizer = Localizer(texton_map, particles=500 if name == "more" else None, rng=rng)
             started = process_time()
             flown = []
             for rows in pieces:
                 localizer.reset()
-                frames = (whole if name == "paper" else seen)[rows]
+                frames = (whole if texton_map is base else seen)[rows]
                 flown.append((fly(localizer, frames, counted=counted), test.position[rows]))
             step_ms[name] = 1000 * (process_time() - started) / len(test)
             runs.append(np.concatenate([track.errors(truth) for track, truth in flown]))
@@ -135,18 +136,11 @@ def compare(
         for each in seen[:TIMED]:
             predict(each[None])
         step_ms[name] = 1000 * (process_time() - started) / len(seen[:TIMED])
-    values: dict[str, Any] = {
-        name: {
-            "mean_cm": mean_with_interval(
-                errors[name].reshape(-1, len(test)), stream(seed, "intervals")
-            ),
-            "median_cm": np.median(errors[name]),
-            "p95_cm": np.percentile(errors[name], 95),
-            "held": held.get(name),
-        }
-        for name in LABELS
-    }
-    simple = [name for name in LABELS if name not in ("paper", "field")]
+    values: dict[str, Any] = {}
+    for name in LABELS:
+        mean = mean_with_interval(errors[name].reshape(-1, len(test)), stream(seed, "intervals"))
+        values[name] = {"mean_cm": mean, "held": held.get(name)}
+    simple = [name for name in LABELS if name not in ("paper", "more", "field")]
     best = min(simple, key=lambda name: middle(values[name]["mean_cm"]))
     ratio = middle(values["field"]["mean_cm"]) / middle(values[best]["mean_cm"])
     return values | {"best": best, "ratio": ratio}, errors, step_ms
@@ -178,7 +172,7 @@ def _chosen(
 
     if texton_map.dictionary is not None:  # drawn as a flight sees them
         shares = rows / rows.sum(axis=1, keepdims=True)
-        rows = rng.multinomial(400, shares) / 400 * rows.sum(axis=1, keepdims=True)
+        rows = rng.multinomial(SAMPLES, shares) / SAMPLES * rows.sum(axis=1, keepdims=True)
     features = embed(rows)
     folds = np.array_split(np.arange(len(places)), FOLDS)
     tried: list[tuple[float, int, Any, float]] = []
@@ -211,15 +205,8 @@ def _smoothed(measured: np.ndarray, alpha: float) -> np.ndarray:
 def _neighbors(features: np.ndarray, places: np.ndarray, setting: tuple[int, int]) -> Predictor:
     """The mean of the k nearest, weighted by a power of their closeness."""
     k, power = setting
-
-    def predict(seen: np.ndarray) -> np.ndarray:
-        apart = cdist(seen, features)
-        near = apart.argsort(axis=1, kind="stable")[:, :k]
-        weights = np.take_along_axis(apart, near, axis=1).clip(1e-9) ** -float(power)
-        weights /= weights.sum(axis=1, keepdims=True)
-        return np.einsum("mk,mki->mi", weights, places[near])
-
-    return predict
+    nearest = KNeighborsRegressor(k, weights=lambda apart: apart.clip(1e-9) ** -float(power))
+    return nearest.fit(features, places).predict
 
 
 def _gaussian_processes(
@@ -229,11 +216,9 @@ def _gaussian_processes(
     of features, and noise as a share of the signal variance.
     """
     scale, noise = setting
-    apart = cdist(features, features)
-    length, center = scale * np.median(apart), places.mean(axis=0)
-    kernel = np.exp(-0.5 * np.square(apart / length)) + noise * np.eye(len(features))
-    weights = np.linalg.solve(kernel, places - center)
-    return lambda seen: np.exp(-0.5 * (cdist(seen, features) / length) ** 2) @ weights + center
+    kernel = RBF(scale * np.median(pdist(features)))
+    process = GaussianProcessRegressor(kernel, alpha=noise, optimizer=None, normalize_y=True)
+    return process.fit(features, places).predict
 
 
 def _forest(
@@ -243,8 +228,7 @@ def _forest(
     forest = RandomForestRegressor(
         trees, min_samples_leaf=leaf, max_features=1 / 3, random_state=seed, n_jobs=1
     )
-    predict: Predictor = forest.fit(features, places).predict
-    return predict
+    return forest.fit(features, places).predict
 
 
 def finding(record: Record) -> str:
@@ -289,11 +273,13 @@ def frontier(record: Record) -> Figure:
         plot = axes[0, 0]
         edge: list[tuple[float, float]] = []
         for name, (cost, error) in sorted(points.items(), key=lambda each: each[1]):
-            own = COLORS[name] if name in ("paper", "field") else COLORS["zone"]
+            own = COLORS["paper" if name == "more" else name if name in COLORS else "zone"]
             plot.plot(cost, error, "o", color=own)
+            last = cost == max(points.values())[0]  # its name would leave the figure
             plot.annotate(
-                LABELS[name], (cost, error), xytext=(5, 4), textcoords="offset points", fontsize=8
-            )
+                LABELS[name], (cost, error), xytext=(-5 if last else 5, 5), fontsize=8,
+                textcoords="offset points", ha="right" if last else "left",
+            )  # fmt: skip
             if not edge or error < edge[-1][1]:
                 edge.append((cost, error))
         plot.step(*np.transpose(edge), where="post", color=COLORS["zone"], linewidth=0.8, zorder=0)
