@@ -84,5 +84,10 @@ def test_no_page_breaks_a_bound(page):
     assert not faults, "\n".join(faults)
 
 
+def test_a_release_has_at_most_fifteen_lines():
+    releases = (ROOT / "CHANGELOG.md").read_text().split("\n## ")[1:]
+    assert releases and max(text.count("\n- ") for text in releases) <= 15
+
+
 def test_the_book_is_not_too_long():
     assert sum(page.measures()["words"] for page in PAGES[2:]) <= BOOK and len(PAGES) <= 32
