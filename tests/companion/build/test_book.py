@@ -24,6 +24,7 @@ from trexton.companion.build.plan import sole_writer
 from trexton.companion.build.prepare_flights import prepare_flights
 from trexton.companion.build.prose import context, public_names, render
 from trexton.companion.build.sources import Contents, lead_from_old_addresses, stage
+from trexton.companion.experiments.registry import EXPERIMENTS
 from trexton.companion.wording import Tree
 from trexton.flights import read_flight, write_flight
 from trexton.localization.landing import TouchdownZone
@@ -133,6 +134,13 @@ def results(tmp_path):
         Outcome("small", "mosaic", "skipped", ("small has no images",)),
     ]
     return [FlightPair(str(flight))], outcomes, tmp_path / "results"
+
+
+def test_every_experiment_stands_on_one_page_of_thirty():
+    book = Contents(ROOT / "book", ROOT, ROOT, (), ())
+    assert sorted(book.named) == sorted({*EXPERIMENTS} - {"assessment"})  # of a flight of one's own
+    toc = yaml.safe_load((ROOT / "book" / "_toc.yml").read_text())
+    assert 1 + sum(len(part["chapters"]) for part in toc["parts"]) <= 30
 
 
 def test_the_contents_name_only_pages_that_are_there(results, tmp_path):
