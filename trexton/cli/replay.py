@@ -104,7 +104,8 @@ def _parsed(line: str) -> tuple[Any, str | None]:
     """The row of a line, and what keeps it from being one of a log."""
     try:
         row = json.loads(line)
-        numbers = [row.get("time_s") or 0.0]
+        time = row.get("time_s")
+        numbers = [0.0 if time is None else time, row.get("resets", 0)]
         if "event" not in row:
             if "told_m" in row:  # as logs of version 0.1.0 call it
                 row["measurement_m"] = row["told_m"]

@@ -17,6 +17,7 @@ import numpy as np
 
 from trexton.base.errors import FlightError
 from trexton.base.files import read_text
+from trexton.base.progress import shown
 
 __all__ = ["LENGTHS", "TIMES", "TextTable", "read_table"]
 
@@ -70,7 +71,8 @@ class TextTable:
         """A column as it is written; raises `FlightError` where there is none of that name."""
         if name not in self.cells:
             there = ", ".join(self.header)
-            raise FlightError(f"{self.path}: no column {name!r}: it has {there}: name it")
+            words = f"no column {name!r}: it has {shown(there, kept='')}: name it"
+            raise FlightError(f"{self.path}: {words}")
         return [cell.strip() for cell in self.cells[name]]
 
     def numbers(self, name: str, missing_allowed: bool = True) -> np.ndarray:
@@ -169,7 +171,7 @@ def read_table(path: Path, names: Sequence[str] = ()) -> TextTable:
                 hint += "; decimal commas must become points"
             raise FlightError(
                 f"{path}, row {number}: {len(row)} fields where {len(names)} are named "
-                f"({', '.join(names[:6])}): {hint}"
+                f"({shown(', '.join(names[:6]), kept='')}): {hint}"
             )
     cells = dict(
         zip(names, zip(*(row[: len(names)] for _, row in table), strict=True), strict=True)
