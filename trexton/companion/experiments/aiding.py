@@ -266,5 +266,5 @@ def table(record: Record) -> pd.DataFrame:
 
 
 EXPERIMENT = Experiment(
-    "What the autopilot knows", Parameters, run, finding, needs=SURVEYED, cost_s=40
+    "Aiding by the autopilot", Parameters, run, finding, needs=SURVEYED, cost_s=40
 )

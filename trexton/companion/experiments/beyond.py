@@ -231,6 +231,6 @@ def one_frame(record: Record) -> Figure:
 
 
 EXPERIMENT = Experiment(
-    "Beyond the paper: a field instead of neighbours", Parameters, run, finding,
+    "The field beside the paper's filter", Parameters, run, finding,
     needs=POSITIONS, after=("mocap_training",), cost_s=30,
 )  # fmt: skip

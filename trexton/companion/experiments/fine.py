@@ -255,6 +255,6 @@ def errors_over_floors(record: Record) -> Figure:
 
 
 EXPERIMENT = Experiment(
-    "Coarse to fine: the image says where exactly", Parameters, run, finding,
+    "Method fine: image registration", Parameters, run, finding,
     needs=SURVEYED, after=("mosaic",), cost_s=40,
 )  # fmt: skip

@@ -205,5 +205,5 @@ def measured_over_predicted(rows: Rows, kept: Rows) -> Figure:
 
 
 EXPERIMENT = Experiment(
-    "Which floors, from their pictures", Parameters, run, finding, needs=SURVEYED, cost_s=36
+    "Error predicted from a picture", Parameters, run, finding, needs=SURVEYED, cost_s=36
 )

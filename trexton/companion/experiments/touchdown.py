@@ -275,4 +275,4 @@ def table(record: Record) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-EXPERIMENT = Experiment("Landing that lands", Parameters, run, finding, needs=SURVEYED, cost_s=40)
+EXPERIMENT = Experiment("Predicted touchdown", Parameters, run, finding, needs=SURVEYED, cost_s=40)

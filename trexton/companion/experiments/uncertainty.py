@@ -294,6 +294,6 @@ def truth_in_the_region(record: Record) -> Figure:
 
 
 EXPERIMENT = Experiment(
-    "What the uncertainty is worth", Parameters, run, finding,
+    "Honest uncertainty", Parameters, run, finding,
     needs=POSITIONS, after=("mocap_training",), cost_s=40,
 )  # fmt: skip
