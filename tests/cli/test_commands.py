@@ -141,9 +141,10 @@ def test_report_refuses_methods_before_anything_is_touched(tmp_path, capsys, met
 def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkeypatch, capsys):
     train, test = make_flight(1), make_flight(2)
     write_flight(train, tmp_path / "loop")
+    write_flight(test, tmp_path / "other")
 
     def stand_in(pairs, out, *, only, **_):
-        assert pairs[0].test_flight == "other"
+        assert pairs[0].test_flight == str(tmp_path / "other")
         if only != ["assessment"]:
             assert "overview" in only and "assessment" not in only
             assert "always guessing the centre" in capsys.readouterr().out  # the verdict first
@@ -155,7 +156,7 @@ def test_report_makes_its_book_of_the_pages_that_were_asked_for(tmp_path, monkey
     monkeypatch.setattr(
         trexton.companion.build.make, "build_small_book", lambda *given: f"book of {given[2]}"
     )
-    words = ["report", str(tmp_path / "loop"), "--test-flight", "other"]
+    words = ["report", str(tmp_path / "loop"), "--test-flight", str(tmp_path / "other")]
     assert cli.main([*words, "--out", str(tmp_path / "out")]) == 0
     assert f"book of {tmp_path / 'out'}\n" in capsys.readouterr().out
 
