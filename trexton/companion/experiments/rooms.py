@@ -273,7 +273,9 @@ def errors(record: Record) -> Figure:
                 markersize=4, label=method, markerfacecolor="white" if mark != "o" else color,
             )  # fmt: skip
         label_rows(plot, [change.words for change in CHANGES.values()], "mean error (cm)")
-        plot.set_xscale("log")
+        least = min(line.get_xdata().min() for line in plot.lines)
+        plot.set(xscale="log", xlim=(least / 2, None))
+        plot.xaxis.set_major_formatter("{x:g}")
         legend_above(plot, len(STROKES))
     return figure
 
