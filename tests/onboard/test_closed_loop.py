@@ -167,7 +167,7 @@ def check_positions(autopilot: Autopilot, simulator) -> None:
     the room.
     """
     sent = autopilot.of("VISION_POSITION_ESTIMATE")
-    assert len(sent) > 20
+    assert len(sent) > 10  # each image once; a refusal may come within two seconds
     assert (np.diff([message.usec for message in sent]) > 0).all()
     place = np.array(
         [(message.y, message.x) for message in sent]
