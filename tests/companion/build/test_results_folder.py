@@ -65,3 +65,10 @@ def test_a_disk_that_fills_under_the_book_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr(subprocess, "run", lambda *_, **__: done)
     with pytest.raises(OSError, match=f"No space left on device: '{tmp_path}'"):
         make._jupyter_book(tmp_path / "work" / "source", tmp_path / "work")
+
+
+def test_a_single_notebook_has_every_core():
+    with workers(None, None, 1) as crew:
+        assert crew.jobs == 1 and crew.threads(alone=False) is None
+    with workers(None, 2) as crew:
+        assert crew.threads(alone=False) is not None and crew.threads(alone=True) is None

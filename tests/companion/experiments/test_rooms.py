@@ -54,6 +54,6 @@ def test_a_shadow_and_a_rug_change_their_part_of_the_floor_only():
     assert laid.mean() == pytest.approx(rooms.RUG_SHARE, abs=0.01)
 
 
-def test_a_flight_without_a_floor_is_told_so(flight):
+def test_a_flight_without_a_floor_is_refused(flight):
     with pytest.raises(ParameterError, match="no picture of its floor or no camera"):
         rooms.run(replace(flight, camera=None), flight, rooms.Parameters())

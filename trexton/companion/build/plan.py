@@ -86,7 +86,7 @@ def run_experiments(
     # What looks at every flight comes after all of them, also where one has failed.
     last = [_Page(notebook, experiments[notebook.name], None, {}) for notebook in everywhere]
     costs = {page.name: page.experiment.cost_s for page in on_flights + last}
-    with workers(cluster, jobs) as crew, sole_writer(out):
+    with workers(cluster, jobs, len(costs)) as crew, sole_writer(out):
         run = _Run(out, pairs, crew)
         with Display(len(costs), costs=costs, jobs=crew.jobs) as display:
             run.build(on_flights, display)

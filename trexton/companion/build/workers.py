@@ -46,8 +46,8 @@ class Workers:
     _call: Call | None = None
 
     def threads(self, alone: bool) -> int | None:
-        """The threads of a kernel: a share, or all where it is alone."""
-        return None if alone else max(1, usable_cores() // self.jobs)
+        """The threads of a kernel: a share, or all (None) where it is alone."""
+        return None if alone or self.jobs == 1 else max(1, usable_cores() // self.jobs)
 
     def run(self, job: Job, report: Callable[[int, int], None]) -> Done:
         """Execute a notebook; on a cluster its cells are counted where it runs."""
@@ -68,8 +68,9 @@ class Workers:
 
 
 @contextmanager
-def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
-    """This machine's (as many at once as it has processors and memory for), or the cluster's.
+def workers(cluster: str | None, jobs: int | None, most: int | None = None) -> Iterator[Workers]:
+    """This machine's (as many at once as it has processors and memory for, and no more than there
+    are steps, `most`), or the cluster's.
 
     Raises
     ------
@@ -84,7 +85,7 @@ def workers(cluster: str | None, jobs: int | None) -> Iterator[Workers]:
     _check_surroundings()
     if cluster is None:
         room = psutil.virtual_memory().available // _MEMORY_PER_JOB
-        yield Workers(jobs or max(1, min(usable_cores(), room)))
+        yield Workers(jobs or max(1, min(usable_cores(), room, most or room)))
         return
     client = connect(cluster)
 

@@ -115,18 +115,9 @@ class _Flown(NamedTuple):
 
 
 def run(train: Flight, test: Flight, parameters: Parameters) -> Record:
-    """Fly one path over each floor under one change after another.
+    """Fly one path over each floor, of `FloorParameters.over_each`, under one change after another.
 
-    Parameters
-    ----------
-    train, test : Flight
-        `train` lends its floor, camera and height, unless there are floors to paint. Of `test`
-        nothing is used.
-
-    Raises
-    ------
-    ParameterError
-        The flight has no floor or camera to lend.
+    Of `test` nothing is used.
     """
     floors = parameters.over_each(train, partial(_over, parameters), FIRST_FLOOR)
     rng = stream(parameters.seed, "intervals")
@@ -224,32 +215,20 @@ def changed_floor(floor: Floor, change: Change) -> Floor:
     return Floor(MapImage(image, picture.world_from_pixel, picture.mask))
 
 
-def worst(record: Record, method: str, key: str) -> tuple[str, float]:
-    """The change under which a share of a method is largest, and that share."""
-    shares = {name: each[method][key] for name, each in record.values["changes"].items()}
-    name = max(shares, key=lambda each: shares[each])
-    return name, shares[name]
-
-
 def finding(record: Record) -> str:
-    """What the experiment found, in three sentences."""
-    changes = record.values["changes"]
-
-    def ratio(name: str) -> float:
-        return float(
-            changes[name]["field"]["error_cm"]["value"]
-            / changes["none"]["field"]["error_cm"]["value"]
-        )
-
-    others = {name: ratio(name) for name in CHANGES if name != "none"}
-    name = max(others, key=lambda each: others[each])
-    still = changes["none"]["field"]["error_cm"]
-    wrong, share = worst(record, "field", "wrong")
+    """What the experiment found, in sentences."""
+    flown = {name: record.values["changes"][name]["field"] for name in CHANGES}
+    errors = {name: each["error_cm"]["value"] for name, each in flown.items()}
+    grown = max(errors, key=lambda name: errors[name])
+    wrong = max(flown, key=lambda name: flown[name]["wrong"])
+    lost = sorted(each["lost"] for each in flown.values())
     return (
-        f"As surveyed the mean error of method field is {distance(still)}. "
-        f"It grows most with this change: {CHANGES[name].words}, to {others[name]:.1f} times. "
-        f"At most {percent(share)} of its frames are wrong by more than 30 cm and not called lost "
-        f"({CHANGES[wrong].words})."
+        f"As surveyed the mean error of method field is {distance(flown['none']['error_cm'])}. "
+        f"It is largest with this change: {CHANGES[grown].words}, "
+        f"{errors[grown] / errors['none']:.1f} times as large. "
+        f"At most {percent(flown[wrong]['wrong'])} of the frames are wrong by more than 30 cm and "
+        f"not called lost ({CHANGES[wrong].words}). The price is that {percent(lost[0])} to "
+        f"{percent(lost[-1])} are called lost."
     )
 
 
@@ -284,9 +263,12 @@ def table(record: Record) -> pd.DataFrame:
     """Mean error of each method with its interval, a row for each change."""
     return pd.DataFrame(
         [
-            {"change": CHANGES[name].words}
-            | {method: distance(each[method]["error_cm"]) for method in STROKES}
-            for name, each in record.values["changes"].items()
+            {"change": change.words}
+            | {
+                method: distance(record.values["changes"][name][method]["error_cm"])
+                for method in STROKES
+            }
+            for name, change in CHANGES.items()
         ]
     )
 
@@ -296,14 +278,14 @@ def honesty(record: Record) -> pd.DataFrame:
     keys = {"wrong": "wrong, not lost", "lost": "lost", "held": "90 % region holds"}
     return pd.DataFrame(
         [
-            {"change": CHANGES[name].words}
+            {"change": change.words}
             | {
-                f"{method}: {words}": percent(each[method][key])
+                f"{method}: {words}": percent(record.values["changes"][name][method][key])
                 for method in ("guarded", "field", "fine")
                 for key, words in keys.items()
                 if method != "guarded" or key != "held"
             }
-            for name, each in record.values["changes"].items()
+            for name, change in CHANGES.items()
         ]
     )
 
